@@ -30,7 +30,7 @@ WEAKEST_FINS = 0.55  # times the strength that the vehicle file states
 STRONGEST_FINS = 1.8  # times the strength that the vehicle file states
 
 
-class Doubt(NamedTuple):
+class SanityWarning(NamedTuple):
     """A number of a vehicle that can hardly be.
 
     Attributes
@@ -50,7 +50,7 @@ class Doubt(NamedTuple):
         return f"{self.subject} is {self.value}; expected {self.expected}"
 
 
-def doubts(vehicle: VehicleSettings) -> list[Doubt]:
+def doubts(vehicle: VehicleSettings) -> list[SanityWarning]:
     """Return the doubtful values of a vehicle.
 
     Raises
@@ -70,24 +70,26 @@ def doubts(vehicle: VehicleSettings) -> list[Doubt]:
     ]
 
 
-def _added_mass(k: Mapping[str, float]) -> Iterator[Doubt]:
+def _added_mass(k: Mapping[str, float]) -> Iterator[SanityWarning]:
     for symbol in _ADDED_MASS:
         if k[symbol] > 0.0:
-            yield Doubt(symbol, f"{k[symbol]:+.4g} {_UNITS.get(symbol, 'kg')}", "0 or less: added mass counts as minus")
+            yield SanityWarning(
+                symbol, f"{k[symbol]:+.4g} {_UNITS.get(symbol, 'kg')}", "0 or less: added mass counts as minus"
+            )
 
 
-def _weight(k: Mapping[str, float]) -> Iterator[Doubt]:
+def _weight(k: Mapping[str, float]) -> Iterator[SanityWarning]:
     weight = k["m"] * GRAVITY
     if abs(k["W"] / weight - 1.0) > _LARGEST_WEIGHT_ERROR:
-        yield Doubt("W", f"{k['W']:.4g} N", f"m g = {weight:.4g} N of a mass m of {k['m']:.4g} kg")
+        yield SanityWarning("W", f"{k['W']:.4g} N", f"m g = {weight:.4g} N of a mass m of {k['m']:.4g} kg")
     if abs(k["B"] / k["W"] - 1.0) > _LARGEST_TRIM:
-        yield Doubt("B", f"{k['B']:.4g} N", f"about the weight W of {k['W']:.4g} N")
+        yield SanityWarning("B", f"{k['B']:.4g} N", f"about the weight W of {k['W']:.4g} N")
 
 
-def _displacement(k: Mapping[str, float], full: float) -> Iterator[Doubt]:
+def _displacement(k: Mapping[str, float], full: float) -> Iterator[SanityWarning]:
     if not _LEAST_SHARE * full <= k["B"] <= _LARGEST_SHARE * full:
         limits = f"{_LEAST_SHARE * full:.3g} to {_LARGEST_SHARE * full:.3g} N"
-        yield Doubt("B", f"{k['B']:.4g} N", f"{limits} of a hull of that length and diameter")
+        yield SanityWarning("B", f"{k['B']:.4g} N", f"{limits} of a hull of that length and diameter")
 
 
 def full_cylinder(mass: float, length: float, diameter: float) -> tuple[float, float]:
@@ -95,30 +97,32 @@ def full_cylinder(mass: float, length: float, diameter: float) -> tuple[float, f
     return mass * diameter**2 / 8.0, mass * (length**2 / 12.0 + diameter**2 / 16.0)
 
 
-def _inertia(k: Mapping[str, float], length: float, diameter: float) -> Iterator[Doubt]:
+def _inertia(k: Mapping[str, float], length: float, diameter: float) -> Iterator[SanityWarning]:
     across, along = full_cylinder(k["m"], length, diameter)
     central = central_inertia(k)
     for i, (symbol, full) in enumerate({"Ixx": across, "Iyy": along, "Izz": along}.items()):
         if not _LEAST_INERTIA * full <= central[i, i] <= _LARGEST_INERTIA * full:
             limits = f"{_LEAST_INERTIA * full:.2g} to {_LARGEST_INERTIA * full:.2g} kg m^2"
-            yield Doubt(symbol, f"{k[symbol]:.4g} kg m^2", f"{limits} of that mass, length and diameter")
+            yield SanityWarning(symbol, f"{k[symbol]:.4g} kg m^2", f"{limits} of that mass, length and diameter")
     small, middle, large = np.linalg.eigvalsh(central)
     # As exactly as vehicle files state them.
     if large > 1.001 * (small + middle):
         moments = ", ".join(f"{moment:.4g}" for moment in (small, middle, large))
-        yield Doubt("the inertia", f"{moments} kg m^2 about the centre of gravity", "none larger than the others' sum")
+        yield SanityWarning(
+            "the inertia", f"{moments} kg m^2 about the centre of gravity", "none larger than the others' sum"
+        )
 
 
-def _centres(k: Mapping[str, float], length: float, diameter: float) -> Iterator[Doubt]:
+def _centres(k: Mapping[str, float], length: float, diameter: float) -> Iterator[SanityWarning]:
     if k["zG"] <= k["zB"]:
-        yield Doubt("zG", f"{k['zG']:.4g} m", f"below the centre of buoyancy, more than zB = {k['zB']:.4g} m")
+        yield SanityWarning("zG", f"{k['zG']:.4g} m", f"below the centre of buoyancy, more than zB = {k['zB']:.4g} m")
     for axis, reach in {"x": length, "y": diameter, "z": diameter}.items():
         for centre in "GB":
             if abs(lever := k[f"{axis}{centre}"]) > reach:
-                yield Doubt(f"{axis}{centre}", f"{lever:.4g} m", f"within the hull, {reach:.4g} m")
+                yield SanityWarning(f"{axis}{centre}", f"{lever:.4g} m", f"within the hull, {reach:.4g} m")
 
 
-def _shape(vehicle: VehicleSettings) -> Iterator[Doubt]:
+def _shape(vehicle: VehicleSettings) -> Iterator[SanityWarning]:
     """Compare the geometry, where it is stated, with the rest of the file and with what its formulas are for."""
     shape = vehicle.shape()
     if shape is None:
@@ -129,13 +133,17 @@ def _shape(vehicle: VehicleSettings) -> Iterator[Doubt]:
         ("diameter", hull.diameter, size.diameter),
     ):
         if abs(drawn / stated - 1.0) > _LARGEST_SIZE_ERROR:
-            yield Doubt(f"the geometry's {what}", f"{drawn:.4g} m", f"size.{what}, {stated:.4g} m")
+            yield SanityWarning(f"the geometry's {what}", f"{drawn:.4g} m", f"size.{what}, {stated:.4g} m")
     displaced = size.density * GRAVITY * hull.volume
     if abs(displaced / buoyancy - 1.0) > _LARGEST_VOLUME_ERROR:
-        yield Doubt("the geometry's hull", f"{displaced:.4g} N of water", f"about the buoyancy B of {buoyancy:.4g} N")
+        yield SanityWarning(
+            "the geometry's hull", f"{displaced:.4g} N of water", f"about the buoyancy B of {buoyancy:.4g} N"
+        )
     if not LEAST_SLENDERNESS <= hull.slenderness <= LARGEST_SLENDERNESS:
         limits = f"{LEAST_SLENDERNESS:g} to {LARGEST_SLENDERNESS:g} diameters, for which its formulas are"
-        yield Doubt("the geometry's length", f"{hull.slenderness:.3g} diameters", limits)
+        yield SanityWarning("the geometry's length", f"{hull.slenderness:.3g} diameters", limits)
     if abs(shape.centre_of_buoyancy - hull.centre) > _LARGEST_OFFSET * hull.length:
         centre = f"near the centre of the hull's volume, {hull.centre:.4g} m"
-        yield Doubt("the geometry's centre_of_buoyancy", f"{shape.centre_of_buoyancy:.4g} m from the nose", centre)
+        yield SanityWarning(
+            "the geometry's centre_of_buoyancy", f"{shape.centre_of_buoyancy:.4g} m from the nose", centre
+        )

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import ERROR_STATES, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.moving_states import FURTHER_STATES
+from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.ballast import Ballast
@@ -112,35 +113,6 @@ class Course(EstimateChunk):
     filter: str
     state: tuple[str, ...]
     completed: bool
-
-
-class FaultTest(NamedTuple):
-    """What an estimate's data say of something that may be wrong with them or with the model: a score test.
-
-    Attributes
-    ----------
-    fault, unit : str
-        See `auvid_cli.identification.faults`; unit of its size, SI. Or another answer than that of all data, see
-        `auvid_cli.filters.other_answers`.
-    size, standard_deviation : float
-        How large it would be, if nothing else was wrong; of another answer how far off its coefficient is.
-    coefficient : str
-        The one that it moves most, or that is farthest off in another answer.
-    susceptibility : float
-        By how many of its standard deviations a fault of one of its own, which these data cannot show, moves that.
-    """
-
-    fault: str
-    unit: str
-    size: float
-    standard_deviation: float
-    coefficient: str
-    susceptibility: float
-
-    @property
-    def z(self) -> float:
-        """Return the size as a multiple of its standard deviation."""
-        return self.size / self.standard_deviation
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from pydantic import Field
 
 from auvid_cli.config.filter_name import JUDGE, FilterName
 from auvid_cli.config.load import dump_experiment, parse_run
-from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, FaultTest, Outcome
+from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Outcome
+from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.data.innovations import Innovations, Memory, Tally
 from auvid_cli.data.netcdf import append, new_file, write_dimension, write_growing, write_variable
 from auvid_cli.data.netcdf_reading import (
@@ -182,7 +183,8 @@ def _write_faults(group: h5py.Group, faults: tuple[FaultTest, ...]) -> None:
     def column(name: str, kind: type) -> NDArray:
         return np.array([getattr(fault, name) for fault in faults], dtype=kind)
 
-    write_dimension(group, "fault", column("fault", object), "what may be wrong with the data or the model")
+    texts = np.array([str(test.fault) for test in faults], dtype=object)
+    write_dimension(group, "fault", texts, "what may be wrong with the data or the model")
     for name, kind, meaning in _FAULT_COLUMNS:
         write_variable(group, name, column(name, kind), ("fault",), meaning)
 
@@ -193,7 +195,8 @@ def _read_faults(group: h5py.Group) -> tuple[FaultTest, ...]:
         for name, kind, _ in _FAULT_COLUMNS
     ]
     try:
-        return tuple(FaultTest(*row) for row in zip(read_names(group, "fault"), *columns, strict=True))
+        rows = zip(read_names(group, "fault"), *columns, strict=True)
+        return tuple(FaultTest(Fault.parse(text), *of_test) for text, *of_test in rows)
     except ValueError:
         raise ValueError("/faults has columns of different lengths") from None
 

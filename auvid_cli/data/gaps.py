@@ -27,6 +27,18 @@ def gap_limit(intervals: Array) -> float:
     return max(_LONGEST, _INTERVALS * float(np.median(intervals)))
 
 
+def longer_intervals(time: Array, longest: float) -> Array:
+    """Return begin and end, s, of the intervals between times that are longer than a limit, shape (n, 2)."""
+    long = np.flatnonzero(np.diff(time) > longest)
+    return np.stack([time[long], time[long + 1]], axis=1)
+
+
+def gaps(time: Array) -> Array:
+    """Return begin and end, s, of each gap between times of measurement, shape (n, 2); see `gap_limit`."""
+    intervals = np.diff(time)
+    return longer_intervals(time, gap_limit(intervals) if intervals.size else np.inf)
+
+
 def repeats(record: SensorRecord) -> Array:
     """Find first and last time, s, of every run of the same measurement, shape (n, 2); one alone is a run, too."""
     time, _, edges = _runs(record)
@@ -76,11 +88,3 @@ def _runs(record: SensorRecord) -> tuple[Array, Array, NDArray[np.int64]]:
     time, values = record.time[present], record.values[present]
     moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
     return time, values, np.concatenate([[0], moved, [len(values)]])
-
-
-def gaps(record: SensorRecord) -> Array:
-    """Find begin and end, s, of every time without a measurement, shape (n, 2)."""
-    time = record.time[np.isfinite(record.values).any(axis=1)]
-    intervals = np.diff(time)
-    long = np.flatnonzero(intervals > gap_limit(intervals)) if intervals.size else []
-    return np.stack([time[:-1][long], time[1:][long]], axis=1)

@@ -7,7 +7,8 @@ import numpy as np
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.data.dataset import VECTORS, Array, Dataset, SensorRecord, TruthRecord
-from auvid_cli.data.estimate import STATES, Estimate, FaultTest
+from auvid_cli.data.estimate import STATES, Estimate
+from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.coefficients import SYMBOLS, is_name_of_term
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS

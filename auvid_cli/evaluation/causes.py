@@ -1,16 +1,14 @@
 """What may be behind innovations that are no noise: the likeliest first, by what each would gain in log-likelihood."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from auvid_cli.data.estimate import Estimate, FaultTest
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.faults import Cause
 from auvid_cli.data.innovations import LAGS, Innovations
-from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
-from auvid_cli.identification.faults import remedy_of_fault
 
 Array = NDArray[np.float64]
 
@@ -23,27 +21,6 @@ _TUNE = "`auvid tune` finds how much"
 _TUNE_SENSORS = "`auvid tune --sensors` finds how much"
 
 
-class Cause(NamedTuple):
-    """Something that would explain innovations better than the noise that is stated.
-
-    Attributes
-    ----------
-    gain : float
-        In log-likelihood, if it were taken into account; comparable among the causes of one estimate.
-    name, remedy : str
-    lasts : bool
-        Whether it is an error of a sensor that lasts, or motion that nothing explains.
-    """
-
-    gain: float
-    name: str
-    remedy: str
-    lasts: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.name} (gains {self.gain:.0f} in log-likelihood): {self.remedy}"
-
-
 def likely_causes(estimate: Estimate) -> list[Cause]:
     """List what the innovations of an estimate look like, the likeliest first.
 
@@ -54,9 +31,9 @@ def likely_causes(estimate: Estimate) -> list[Cause]:
         that last: where the likeliest explains most of these, they are named with what they gain beyond it.
     """
     faults = [
-        Cause(0.5 * test.z**2, fault_with_size(test), remedy_of_fault(test.fault))
+        Cause(0.5 * test.z**2, str(test), test.fault.remedy)
         for test in estimate.faults
-        if not is_other_answer(test)
+        if not test.fault.is_alternative
     ]
     told = list(told_as_noise(estimate))
     noises = [noise_cause(*of_sensor) for of_sensor in told]
@@ -124,18 +101,6 @@ def _explained_by_the_past(correlation: Array) -> float:
         return 0.0
     weights = solve_toeplitz(np.append(1.0, correlation[:-1]), correlation)
     return float(np.clip(correlation @ weights, 0.0, 0.999))
-
-
-def is_other_answer(test: FaultTest) -> bool:
-    """Say whether it is no fault, but another answer of the same data or of a part of them."""
-    return test.fault.startswith((ANOTHER_MINIMUM, SEGMENT))
-
-
-def fault_with_size(test: FaultTest) -> str:
-    """Name a fault with its size."""
-    what = f"{test.fault} has another {test.coefficient}" if is_other_answer(test) else test.fault
-    unit = "" if test.unit == "1" else f" {test.unit}"
-    return f"{what} ({test.size:.3g} +- {test.standard_deviation:.2g}{unit}, {abs(test.z):.1f} sigma)"
 
 
 def is_from_ahrs(estimate: Estimate) -> bool:

@@ -8,6 +8,7 @@ from scipy.special import chdtri
 from auvid_cli.data.check import Check, Checks
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.faults import Cause
 from auvid_cli.evaluation.accuracy import (
     LARGEST_SHARE_OF_VALUE,
     normalised_estimation_error,
@@ -15,7 +16,7 @@ from auvid_cli.evaluation.accuracy import (
     shares_of_value,
 )
 from auvid_cli.evaluation.bounds import Bounds
-from auvid_cli.evaluation.causes import Cause, causes_text, likely_causes
+from auvid_cli.evaluation.causes import causes_text, likely_causes
 from auvid_cli.evaluation.geometry_check import near_its_geometry
 from auvid_cli.evaluation.innovation_checks import innovation_checks
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among

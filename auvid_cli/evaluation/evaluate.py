@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from auvid_cli.data.estimate import Estimate, FaultTest
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.accuracy import (
     CoefficientResult,
@@ -82,7 +83,8 @@ class Evaluation(NamedTuple):
             "consistency": NamedRows(SensorConsistency._fields, self.consistency),
             "sensor_errors": NamedRows(SensorErrorResult._fields, self.sensor_errors),
             "faults": NamedRows(
-                ("filter", *FaultTest._fields, "z"), [(name, *fault, fault.z) for name, fault in self.faults]
+                ("filter", *FaultTest._fields, "z"),
+                [(name, str(test.fault), *test[1:], test.z) for name, test in self.faults],
             ),
         }
 

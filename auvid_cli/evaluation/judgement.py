@@ -13,33 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.filter_name import JUDGE
-from auvid_cli.data.estimate import Estimate, FaultTest
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.faults import Cause, FaultKind
 from auvid_cli.data.innovations import LAGS, Innovations
-from auvid_cli.evaluation.causes import (
-    LARGEST_FAULT,
-    fault_with_size,
-    is_from_ahrs,
-    is_other_answer,
-    noise_cause,
-    told_as_noise,
-)
+from auvid_cli.evaluation.causes import LARGEST_FAULT, is_from_ahrs, noise_cause, told_as_noise
 from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_linearisation, remedy_of_nonlinearity
 from auvid_cli.evaluation.signs import out_of_proportion, pushing_drag, unlike_the_vehicle_file
-from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
-from auvid_cli.identification.faults import remedy_of_fault
 
 Array = NDArray[np.float64]
 
-# Standard deviations: of the sum of squares of a sensor's innovations and of their portmanteau statistic, beyond what
-# noise makes of them; of a coefficient, from the smoother's answer. As that of a fault's size chosen on simulations of
-# six manoeuvres with and without faults, see docs/studies.md.
-LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 4.0, 10.0, 2.25
-# And of the coefficient that another minimum, or one of several segments, puts farthest from the answer.
-FARTHEST_MINIMUM, FARTHEST_SEGMENT = 2.5, 4.0
-# Of a coefficient, from 0, for its sign to be no chance.
-_NO_CHANCE = 5.0
-# So many measurements say enough of correlations.
+# Limits in standard deviations, chosen on simulations of six manoeuvres with and without faults, see docs/studies.md.
+LARGEST_NIS = 4.0  # excess of the sum of squares of a sensor's innovations
+LARGEST_PORTMANTEAU = 10.0  # excess of the portmanteau statistic of a sensor's innovations
+FARTHEST = 2.25  # difference of a coefficient from the smoother's estimate
+FARTHEST_MINIMUM = 2.5  # largest difference of a coefficient in another minimum
+FARTHEST_SEGMENT = 4.0  # largest difference of a coefficient in one of several segments
+_LIMITS = {FaultKind.ANOTHER_MINIMUM: FARTHEST_MINIMUM, FaultKind.SEGMENT: FARTHEST_SEGMENT}
+_SIGNIFICANT = 5.0  # distance of a coefficient from 0
+# Measurements of a component from which its autocorrelation is used.
 _FEWEST = 200
 # Errors of an AHRS are no noise, and what a smoother makes of them may look like anything.
 _WITHOUT_AHRS = (
@@ -133,17 +125,13 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
 
 
 def _doubt_of_data(reference: Estimate) -> Judgement | None:
-    """Say what a smoother's innovations hold most against model or data, by what that would gain in log-likelihood."""
-    doubts = [*_doubts_of_faults(reference), *_doubts_of_noise(reference)]
-    return max(doubts, key=lambda doubt: doubt.gain).judgement if doubts else None
+    """Return the judgement by the most likely cause of a smoother's innovations; None if they are as expected."""
+    causes = [*_faults(reference), *_noises(reference)]
+    worst = max(causes, key=lambda cause: cause.gain, default=None)
+    return None if worst is None else Judgement(Grade.DOUBTFUL, worst.name, worst.remedy)
 
 
-class _Doubt(NamedTuple):
-    gain: float
-    judgement: Judgement
-
-
-def _doubts_of_noise(reference: Estimate) -> Iterator[_Doubt]:
+def _noises(reference: Estimate) -> Iterator[Cause]:
     for sensor, innovations in told_as_noise(reference):
         statistics, beyond = whiteness(innovations), ""
         if statistics.nis > LARGEST_NIS:
@@ -155,29 +143,23 @@ def _doubts_of_noise(reference: Estimate) -> Iterator[_Doubt]:
         if beyond:
             cause = noise_cause(sensor, innovations)
             remedy = f"they look like {cause.name}: {cause.remedy}"
-            yield _Doubt(cause.gain, Judgement(Grade.DOUBTFUL, f"innovations of {sensor} {beyond}", remedy))
+            yield Cause(cause.gain, f"innovations of {sensor} {beyond}", remedy)
 
 
-def _doubts_of_faults(reference: Estimate) -> Iterator[_Doubt]:
-    """Yield one of the fault that is likeliest, if there is one."""
-    beyond = sorted((test for test in reference.faults if abs(test.z) > _limit(test)), key=lambda test: -abs(test.z))
+def _faults(reference: Estimate) -> Iterator[Cause]:
+    """Yield the most significant fault, if there is one."""
+    significant = (test for test in reference.faults if abs(test.z) > _LIMITS.get(test.fault.kind, LARGEST_FAULT))
+    beyond = sorted(significant, key=lambda test: -abs(test.z))
     if not beyond:
         return
     worst = beyond[0]
-    reason, remedy = fault_with_size(worst), remedy_of_fault(worst.fault)
-    if not is_other_answer(worst):
+    reason, remedy = str(worst), worst.fault.remedy
+    if not worst.fault.is_alternative:
         # A model that does not hold for all segments looks like many a fault.
-        disagreeing = next((f", and {fault_with_size(test)}" for test in beyond if is_other_answer(test)), "")
+        disagreeing = next((f", and {test}" for test in beyond if test.fault.is_alternative), "")
         reason = f"{_ahrs_or(reference)}{reason}{disagreeing}"
         remedy = f"{_WITHOUT_AHRS if is_from_ahrs(reference) else ''}{remedy}"
-    yield _Doubt(0.5 * worst.z**2, Judgement(Grade.DOUBTFUL, reason, remedy))
-
-
-def _limit(test: FaultTest) -> float:
-    """Say how many standard deviations of it are too many."""
-    if test.fault.startswith(ANOTHER_MINIMUM):
-        return FARTHEST_MINIMUM
-    return FARTHEST_SEGMENT if test.fault.startswith(SEGMENT) else LARGEST_FAULT
+    yield Cause(0.5 * worst.z**2, reason, remedy)
 
 
 def _ahrs_or(reference: Estimate) -> str:
@@ -196,14 +178,14 @@ def _doubt_of_distance(estimate: Estimate, reference: Estimate) -> Judgement | N
 
 def _doubt_of_vehicle(estimate: Estimate) -> Judgement | None:
     """Say what no noise explains: data whose signs or units are others are as consistent as those that are right."""
-    if pushing := pushing_drag(estimate, _NO_CHANCE):
+    if pushing := pushing_drag(estimate, _SIGNIFICANT):
         reason = f"drag that pushes ({', '.join(pushing)})"
         return Judgement(Grade.DOUBTFUL, reason, "a sign is turned in the data, or the model lacks a term")
-    if turned := unlike_the_vehicle_file(estimate, _NO_CHANCE):
+    if turned := unlike_the_vehicle_file(estimate, _SIGNIFICANT):
         reason = f"{', '.join(turned)} have another sign than the vehicle file states"
         remedy = "turn the sign of that fin in the map (sign: -1), or in the vehicle file if its fins count so"
         return Judgement(Grade.DOUBTFUL, reason, remedy)
-    if far := out_of_proportion(estimate, _NO_CHANCE):
+    if far := out_of_proportion(estimate, _SIGNIFICANT):
         reason = f"{', '.join(f'{symbol} is {times:.2g} times' for symbol, times in far.items())} what the file states"
         remedy = "look at unit and scale of that fin in the map; if they are right, mend the vehicle file"
         return Judgement(Grade.DOUBTFUL, reason, remedy)

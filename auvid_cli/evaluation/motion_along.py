@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from auvid_cli.filters.descent import minimise
-from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
-from auvid_cli.filters.smoother import follow
+from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, gauss_newton
+from auvid_cli.filters.smoother import follow_measurements
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.prepared_data import PreparedData
 
@@ -68,7 +67,9 @@ def probable_motion(prepared: PreparedData, values: Mapping[str, float]) -> Prob
     factor[held] *= _HELD
     known = augmented.joint._replace(prior=prior._replace(mean=mean, factor=factor))
     # What a current does would else pass for slip, and noise that a trajectory follows would seem to move the vehicle.
-    if (start := follow(known)) is None or (found := minimise(LinearSmoothing(known), start, _PASSES)) is None:
+    if (start := follow_measurements(known)) is None or (
+        found := gauss_newton(LinearSmoothing(known), start, _PASSES)
+    ) is None:
         return None
     trajectory, smoothing = found[0].trajectory, LinearSmoothing(known._replace(prior=prior._replace(mean=mean)))
     parameters = trajectory.parameters.copy()

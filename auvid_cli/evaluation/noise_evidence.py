@@ -3,7 +3,8 @@
 import numpy as np
 
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.causes import LARGEST_FAULT, Cause, causes_text
+from auvid_cli.data.faults import Cause
+from auvid_cli.evaluation.causes import LARGEST_FAULT, causes_text
 from auvid_cli.evaluation.motion_along import probable_motion
 from auvid_cli.filters.noise_likelihood import noise_scores_about
 from auvid_cli.identification.noise_tuning import process_noises

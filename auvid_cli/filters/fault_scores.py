@@ -11,7 +11,7 @@ part of the state: what they can explain is not in s.
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numba import types
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import TIMELINE, FaultScores, Timeline
-from auvid_cli.filters.smoothing_forward import LINEARISED, TRACE, Linearised
+from auvid_cli.filters.smoothing_forward import FORWARD_PASS, LINEARISED, Linearised
 
 Array = NDArray[np.float64]
 
@@ -65,13 +65,8 @@ class Faults(Protocol):
     """What may be wrong with a model or its data."""
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Return the names of the faults."""
-        ...
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Return the SI unit of the size of each."""
+    def labels(self) -> tuple[Any, ...]:
+        """Return the identity of each fault."""
         ...
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
@@ -82,13 +77,13 @@ class Faults(Protocol):
 _EFFECTS = types.NamedUniTuple(_stack, 2, FaultEffects)
 
 
-@compiled(types.void(TIMELINE, LINEARISED, TRACE, _EFFECTS, _matrix, _matrix), reassociate=True)
-def carry_errors(timeline, about, trace, effects, error, moved):
+@compiled(types.void(TIMELINE, LINEARISED, FORWARD_PASS, _EFFECTS, _matrix, _matrix), reassociate=True)
+def carry_errors(timeline, about, forward_pass, effects, error, moved):
     """Carry the errors that faults make through a chunk of the data.
 
     Parameters
     ----------
-    timeline, about, trace
+    timeline, about, forward_pass
         Of the chunk.
     effects : FaultEffects
         What is added to measurements becomes what that and the errors before do to their innovations; zero where
@@ -128,9 +123,9 @@ def carry_errors(timeline, about, trace, effects, error, moved):
                 # Divided once, here: a quotient in the loop below would be divided at every turn.
                 by_variance = moved[0]
                 for f in range(n_faults):
-                    by_variance[f] = effect[f] / trace.total[k, c]
+                    by_variance[f] = effect[f] / forward_pass.total[k, c]
                 for j in range(n):
-                    gain = trace.gain[k, c, j]
+                    gain = forward_pass.gain[k, c, j]
                     for f in range(n_faults):
                         error[j, f] -= gain * by_variance[f]
 
@@ -154,16 +149,16 @@ def shown_faults(
     n_parameters, n_moving = filtered.trajectory.parameters.size, filtered.trajectory.initial[0].size
     error, moved = np.zeros((n_parameters + n_moving, n_faults)), np.zeros((n_moving, n_faults))
     started = -1
-    for segment, timeline, about, trace in smoothing.traced(filtered):
+    for segment, timeline, about, forward_pass in smoothing.forward_passes(filtered):
         if segment > started:
             # The motion begins anew, as far off as what it owes to the parameters.
             error[n_parameters:] = filtered.by_parameters[segment] @ error[:n_parameters]
             started = segment
         of_chunk = effects(segment, timeline, about)
-        carry_errors(timeline, about, trace, of_chunk, error, moved)
+        carry_errors(timeline, about, forward_pass, of_chunk, error, moved)
         there = ~np.isnan(about.residual)
-        deviation = np.sqrt(trace.total[there])
-        yield ShownFaults(of_chunk.added[there] / deviation[:, None], trace.error[there] / deviation, error)
+        deviation = np.sqrt(forward_pass.total[there])
+        yield ShownFaults(of_chunk.added[there] / deviation[:, None], forward_pass.error[there] / deviation, error)
 
 
 def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults) -> FaultScores:
@@ -176,11 +171,11 @@ def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults)
         About the most probable trajectory.
     faults : Faults
     """
-    n_faults, n_parameters = len(faults.names), filtered.trajectory.parameters.size
+    n_faults, n_parameters = len(faults.labels), filtered.trajectory.parameters.size
     score, information = np.zeros(n_faults), np.zeros((n_faults, n_faults))
     effect = np.zeros((n_parameters, n_faults))
     for shown, innovation, error in shown_faults(smoothing, filtered, n_faults, faults.effects):
         score += innovation @ shown
         information += shown.T @ shown
         effect = error[:n_parameters]
-    return FaultScores(faults.names, faults.units, score, information, effect)
+    return FaultScores(faults.labels, score, information, effect)

@@ -1,8 +1,9 @@
-"""Linear smoothing problems about trajectories: what a step of the smoother solves.
+"""Linear smoothing problems about trajectories, and Gauss-Newton iterations of them.
 
-Forward goes a filter of the deviations, see `auvid_cli.filters.smoothing_forward`, through all segments and chunks;
-backward its adjoint, see `auvid_cli.filters.smoothing_backward`. Segments share the parameters: the filter carries
-these from one to the next, the adjoint what later ones say of them back.
+The forward pass filters the deviations from the trajectory through all segments and chunks, see
+`auvid_cli.filters.smoothing_forward`; the backward pass is its adjoint, see `auvid_cli.filters.smoothing_backward`.
+Segments share the parameters: the filter passes these to the next segment, and the adjoint passes the information of
+later segments back.
 """
 
 from collections.abc import Iterator
@@ -18,9 +19,9 @@ from auvid_cli.filters.process_noise import noise_variance
 from auvid_cli.filters.segments import JointProblem, with_parameters
 from auvid_cli.filters.smoothing_backward import Adjoint, backward
 from auvid_cli.filters.smoothing_forward import (
+    ForwardPass,
     Linearised,
-    Trace,
-    Work,
+    SmootherWorkspace,
     forward,
     linearise_measurements,
     linearise_process,
@@ -30,8 +31,13 @@ from auvid_cli.filters.square_root_state import State
 
 Array = NDArray[np.float64]
 
-# Bytes of what the way forward leaves for the way back that are kept; what is more is filtered again.
+# Bytes of forward passes that are kept for the way back; beyond that, chunks are filtered again.
 _KEPT = 2**28
+# Possible decrease of the cost at which iterations stop, in squares of standard deviations: no parameter moves by more
+# than a tenth of its standard deviation in the last step, and less in any further one.
+_NEGLIGIBLE = 1e-2
+# Smallest fraction of a step in the line search.
+_SHORTEST = 2.0**-10
 
 
 @dataclass(frozen=True)
@@ -97,7 +103,7 @@ class Smoothed(NamedTuple):
     ----------
     segment : int
     timeline : Timeline
-    trace : Trace
+    forward_pass : ForwardPass
     step, variance : ndarray, shape (n_events, n_moving)
         Smoothed deviation of the moving states, and its variance if asked for.
     adjoint : ndarray, shape (n,)
@@ -106,7 +112,7 @@ class Smoothed(NamedTuple):
 
     segment: int
     timeline: Timeline
-    trace: Trace
+    forward_pass: ForwardPass
     step: Array
     variance: Array
     adjoint: Array
@@ -126,8 +132,8 @@ class LinearSmoothing:
         self._data = ModelData.of(process, sensors)
         self._n_parameters = problem.n_parameters
         self._n = problem.n_parameters + problem.n_moving
-        self._work = Work.of(process, self._n, sensors.matrix.shape[1])
-        self._kept, self._kept_of = dict[tuple[int, int], tuple[Linearised, Trace]](), None
+        self._work = SmootherWorkspace.of(process, self._n, sensors.matrix.shape[1])
+        self._kept, self._kept_of = dict[tuple[int, int], tuple[Linearised, ForwardPass]](), None
 
     def change_noise(self, process: Process, sensors: Sensors) -> None:
         """Go over to other process and measurement noise; all else is as before."""
@@ -147,13 +153,13 @@ class LinearSmoothing:
             before.append([])
             for chunk, timeline in enumerate(self._segments[segment]):
                 # Into the arrays of the last trajectory: fresh ones come page by page, and slowly.
-                former, trace = self._kept.pop((segment, chunk), (None, None))
+                former, forward_pass = self._kept.pop((segment, chunk), (None, None))
                 about = self._about(trajectory, segment, chunk, timeline, former)
                 before[-1].append(state.copy())
-                trace = Trace.of(about) if trace is None else trace
-                if (room := room - sum(array.nbytes for array in (*trace, about.rows, about.transition))) >= 0:
-                    self._kept[segment, chunk] = about, trace
-                good, *sums = self._forward(timeline, about, state, trace)
+                forward_pass = ForwardPass.of(about) if forward_pass is None else forward_pass
+                if (room := room - sum(array.nbytes for array in (*forward_pass, about.rows, about.transition))) >= 0:
+                    self._kept[segment, chunk] = about, forward_pass
+                good, *sums = self._forward(timeline, about, state, forward_pass)
                 cost, least, log_determinant = cost + sums[0], least + sums[1], log_determinant + sums[2]
                 if good < timeline.time.size:
                     return None
@@ -179,48 +185,48 @@ class LinearSmoothing:
 
         What the way back needs is large: a chunk of which it was not kept is filtered once more from where it began.
         """
-        adjoint = Adjoint.of_nothing(self._n, with_variance)
-        for segment, timeline, about, trace in self.traced_back(filtered, adjoint):
+        adjoint = Adjoint.zeros(self._n, with_variance)
+        for segment, timeline, about, forward_pass in self.forward_passes_back(filtered, adjoint):
             step, variance = (np.zeros(about.moving.shape) for _ in range(2))
-            backward(timeline, about, trace, adjoint, step, variance)
-            yield Smoothed(segment, timeline, trace, step, variance, adjoint.mean.copy())
+            backward(timeline, about, forward_pass, adjoint, step, variance)
+            yield Smoothed(segment, timeline, forward_pass, step, variance, adjoint.mean.copy())
 
-    def traced(self, filtered: Filtered) -> Iterator[tuple[int, Timeline, Linearised, Trace]]:
-        """Go through the chunks of each segment once more, from the first to the last."""
+    def forward_passes(self, filtered: Filtered) -> Iterator[tuple[int, Timeline, Linearised, ForwardPass]]:
+        """Yield segment, data, linearisation and forward pass of each chunk, from the first to the last."""
         for segment in range(len(self._segments)):
             for chunk, timeline in enumerate(self._segments[segment]):
-                yield segment, timeline, *self._traced(filtered, segment, chunk, timeline)
+                yield segment, timeline, *self._forward_pass(filtered, segment, chunk, timeline)
 
-    def linearised_segment(self, filtered: Filtered, segment: int) -> Iterator[tuple[Timeline, Linearised]]:
-        """Go through the chunks of one of them, without filtering them again."""
-        for chunk, timeline in enumerate(self._segments[segment]):
-            yield timeline, self._linearised(filtered, segment, chunk, timeline)
+    def linearised(
+        self, filtered: Filtered, segment: int, backwards: bool = False
+    ) -> Iterator[tuple[Timeline, Linearised]]:
+        """Yield the linearised chunks of a segment, from the first or from the last, without filtering them."""
+        chunks = enumerate(self._segments[segment])
+        for chunk, timeline in reversed([*chunks]) if backwards else chunks:
+            if self._is_kept(filtered, segment, chunk):
+                yield timeline, self._kept[segment, chunk][0]
+            else:
+                yield timeline, self._about(filtered.trajectory, segment, chunk, timeline)
 
-    def linearised_back(self, filtered: Filtered, segment: int) -> Iterator[tuple[Timeline, Linearised]]:
-        """Go through the same from the last to the first."""
-        for chunk, timeline in reversed([*enumerate(self._segments[segment])]):
-            yield timeline, self._linearised(filtered, segment, chunk, timeline)
-
-    def traced_back(self, filtered: Filtered, adjoint: Adjoint) -> Iterator[tuple[int, Timeline, Linearised, Trace]]:
-        """Go through them from the last to the first, with an adjoint that is to be carried back over each."""
+    def forward_passes_back(
+        self, filtered: Filtered, adjoint: Adjoint
+    ) -> Iterator[tuple[int, Timeline, Linearised, ForwardPass]]:
+        """Yield the same from the last to the first; the caller propagates the adjoint back over each chunk."""
         for segment in reversed(range(len(self._segments))):
             for chunk, timeline in reversed([*enumerate(self._segments[segment])]):
-                yield segment, timeline, *self._traced(filtered, segment, chunk, timeline)
-            adjoint.pass_on(np.vstack([np.eye(self._n_parameters), filtered.by_parameters[segment]]))
+                yield segment, timeline, *self._forward_pass(filtered, segment, chunk, timeline)
+            adjoint.to_previous_segment(np.vstack([np.eye(self._n_parameters), filtered.by_parameters[segment]]))
 
-    def _traced(self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline) -> tuple[Linearised, Trace]:
-        """Return what the way back needs of a chunk."""
+    def _forward_pass(
+        self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline
+    ) -> tuple[Linearised, ForwardPass]:
+        """Return a chunk with its forward pass, filtered again unless that was kept."""
         if self._is_kept(filtered, segment, chunk):
             return self._kept[segment, chunk]
         about = self._about(filtered.trajectory, segment, chunk, timeline)
-        trace = Trace.of(about)
-        self._forward(timeline, about, filtered.before[segment][chunk].copy(), trace)
-        return about, trace
-
-    def _linearised(self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline) -> Linearised:
-        if self._is_kept(filtered, segment, chunk):
-            return self._kept[segment, chunk][0]
-        return self._about(filtered.trajectory, segment, chunk, timeline)
+        forward_pass = ForwardPass.of(about)
+        self._forward(timeline, about, filtered.before[segment][chunk].copy(), forward_pass)
+        return about, forward_pass
 
     def _is_kept(self, filtered: Filtered, segment: int, chunk: int) -> bool:
         return filtered.trajectory is self._kept_of and (segment, chunk) in self._kept
@@ -260,12 +266,47 @@ class LinearSmoothing:
         return own._replace(mean=own.mean - nominal), owed, float(distance @ distance)
 
     def _forward(
-        self, timeline: Timeline, about: Linearised, state: State, trace: Trace
+        self, timeline: Timeline, about: Linearised, state: State, forward_pass: ForwardPass
     ) -> tuple[int, float, float, float]:
         noise = noise_variance(self._process, timeline)
-        return forward(self._data.sensors, noise, timeline, about, state, trace, self._work)
+        return forward(self._data.sensors, noise, timeline, about, state, forward_pass, self._work)
 
 
 def is_led_to(first: Timeline) -> bool:
     """Say whether anything leads to the first event of a segment."""
     return bool(first.substep_offset[1] > first.substep_offset[0])
+
+
+def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> tuple[Filtered, bool] | None:
+    """Find the most probable trajectory from another one, by Gauss-Newton steps with a line search.
+
+    Parameters
+    ----------
+    smoothing : LinearSmoothing
+    start : Trajectory
+    max_passes : int
+        Of the filter through the data.
+
+    Returns
+    -------
+    filtered : Filtered
+        About the last trajectory.
+    converged : bool
+        None in place of both if the cost of `start` is not finite.
+    """
+    here, passes = smoothing.filter(start), 1
+    if here is None:
+        return None
+    while here.cost - here.least > _NEGLIGIBLE:
+        step, share, lower = smoothing.step(here), 1.0, None
+        while lower is None and share >= _SHORTEST and passes < max_passes:
+            tried = smoothing.filter(here.trajectory.stepped(step, share))
+            if tried is not None and tried.cost < here.cost:
+                lower = tried
+            share, passes = share / 2.0, passes + 1
+        if lower is None:
+            return here, False
+        if here.cost - lower.cost < _NEGLIGIBLE:
+            return lower, True
+        here = lower
+    return here, True

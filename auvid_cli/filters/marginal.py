@@ -24,20 +24,19 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.decay import forgetting
-from auvid_cli.filters.descent import minimise
+from auvid_cli.filters.conditional_filter import ConditionalFilter
+from auvid_cli.filters.cost_gradients import apply_gradient, gradient_scores
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
-from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
-from auvid_cli.filters.motion_alone import MotionAlone
-from auvid_cli.filters.problem import TIMELINE, FaultScores, Gaussian, ModelData, Timeline, Unsettled
-from auvid_cli.filters.pulls import pulled, pulled_scores
+from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory, gauss_newton
+from auvid_cli.filters.problem import TIMELINE, ConvergenceStatus, FaultScores, Gaussian, ModelData, Timeline
+from auvid_cli.filters.process_noise import with_process_memory
 from auvid_cli.filters.segments import JointProblem
-from auvid_cli.filters.smoothing_backward import ADJOINT, Adjoint, back_in_time, take_in_event
+from auvid_cli.filters.smoothing_backward import ADJOINT, Adjoint, adjoint_predict, adjoint_update
 from auvid_cli.filters.smoothing_forward import (
+    FORWARD_PASS,
     LINEARISED,
-    TRACE,
     Linearised,
-    Work,
+    SmootherWorkspace,
     linearise_measurements,
     linearise_process,
 )
@@ -61,15 +60,15 @@ class MarginalAnswer(NamedTuple):
     Attributes
     ----------
     problem : JointProblem
-        Whose process noise is forgotten as fast as the motion is, see `auvid_cli.filters.decay`.
+        Whose process noise is forgotten as fast as the motion is, see `auvid_cli.filters.process_noise`.
     answer : Filtered
-    unsettled : Unsettled or None
+    convergence : ConvergenceStatus or None
         As of `without_motion`.
     """
 
     problem: JointProblem
     answer: Filtered
-    unsettled: Unsettled | None
+    convergence: ConvergenceStatus | None
 
 
 def marginal_answer(
@@ -91,7 +90,7 @@ def marginal_answer(
     MarginalAnswer or None
         None where the motion cannot follow the parameters.
     """
-    forgotten = forgetting(problem, joint.trajectory)
+    forgotten = with_process_memory(problem, joint.trajectory.parameters, joint.trajectory.moving)
     smoothing.change_noise(forgotten.process, forgotten.sensors)
     again = smoothing.filter(joint.trajectory)
     found = None if again is None else without_motion(forgotten, smoothing, again, max_steps)
@@ -100,7 +99,7 @@ def marginal_answer(
 
 def without_motion(
     problem: JointProblem, smoothing: LinearSmoothing, joint: Filtered, max_steps: int
-) -> tuple[Filtered, Unsettled | None] | None:
+) -> tuple[Filtered, ConvergenceStatus | None] | None:
     """Go from the joint answer to the most probable parameters; None where the motion cannot follow these.
 
     Parameters
@@ -116,53 +115,46 @@ def without_motion(
     -------
     answer : Filtered
         About the parameters, and the motion that is most probable with them: the answer is this trajectory itself.
-    unsettled : Unsettled or None
+    convergence : ConvergenceStatus or None
         Where `max_steps` are not enough.
     """
-    n, answer, unsettled = problem.n_parameters, joint, None
+    n, answer, convergence = problem.n_parameters, joint, None
     covariance = joint.final.covariance()[:n, :n]
     deviation = np.sqrt(np.diagonal(covariance))
     for _ in range(max_steps):
         # Back to the joint answer, as it seems from here, and on from there.
         step = answer.final.mean[:n] + marginal_step(problem, smoothing, answer)
-        followed = _follow(problem, answer, answer.trajectory.parameters + step)
-        filtered = None if followed is None else smoothing.filter(followed.trajectory)
-        if followed is None or filtered is None:
+        found = _most_probable_motion(problem, answer, answer.trajectory.parameters + step)
+        filtered = None if found is None else smoothing.filter(found[0])
+        if found is None or filtered is None:
             return None
         answer = filtered
-        if followed.is_there and (np.abs(step) <= _SMALL * deviation).all():
+        if found[1] and (np.abs(step) <= _SMALL * deviation).all():
             return answer, None
-        unsettled = Unsettled(float(step @ np.linalg.solve(covariance, step)), step / deviation)
-    return answer, unsettled
+        convergence = ConvergenceStatus(float(step @ np.linalg.solve(covariance, step)), step / deviation)
+    return answer, convergence
 
 
-class _Followed(NamedTuple):
-    """A motion that followed the parameters, and whether it is the most probable one with them."""
-
-    trajectory: Trajectory
-    is_there: bool
-
-
-def _follow(problem: JointProblem, answer: Filtered, parameters: Array) -> _Followed | None:
-    """Let the motion follow parameters that are held; None where its cost is not finite."""
+def _most_probable_motion(problem: JointProblem, answer: Filtered, parameters: Array) -> tuple[Trajectory, bool] | None:
+    """Return the motion given the parameters, and whether it converged; None where its cost is not finite."""
     n, mean, factor = problem.n_parameters, problem.prior.mean.copy(), problem.prior.factor.copy()
     for place, owed in zip(problem.places, answer.by_parameters, strict=True):
         mean[place[n:]] += owed @ (parameters - mean[:n])
     mean[:n] = parameters
     factor[:, :n] *= _HELD
     smoothing = LinearSmoothing(problem._replace(prior=Gaussian(mean, factor)))
-    found = minimise(smoothing, replace(answer.trajectory, parameters=parameters), _PASSES)
+    found = gauss_newton(smoothing, replace(answer.trajectory, parameters=parameters), _PASSES)
     if found is None:
         return None
-    filtered, is_there = found
+    filtered, converged = found
     moved = filtered.trajectory.stepped(smoothing.step(filtered), 1.0)
-    return _Followed(replace(moved, parameters=parameters), is_there)
+    return replace(moved, parameters=parameters), converged
 
 
 def marginal_step(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> Array:
     """Find the step from the joint answer to the most probable parameters, shape (n_parameters,)."""
     slopes, _ = _slopes(problem, smoothing, filtered, None)
-    return -0.5 * pulled(smoothing, filtered, slopes).parameters
+    return -0.5 * apply_gradient(smoothing, filtered, slopes).parameters
 
 
 def marginal_scores(problem: JointProblem, smoothing: LinearSmoothing, answer: Filtered, faults: Faults) -> FaultScores:
@@ -182,7 +174,7 @@ def marginal_scores(problem: JointProblem, smoothing: LinearSmoothing, answer: F
     """
     scores = score_faults(smoothing, answer, faults)
     slopes, by_faults = _slopes(problem, smoothing, answer, faults)
-    taken_up = pulled_scores(smoothing, answer, slopes, faults)
+    taken_up = gradient_scores(smoothing, answer, slopes, faults)
     return scores._replace(score=scores.score - 0.5 * (by_faults + taken_up))
 
 
@@ -192,9 +184,9 @@ def _slopes(
     """Return the derivatives of the sum of logarithms by parameters and motion, and by faults."""
     n, n_moving = problem.n_parameters, problem.n_moving
     n_states = n + n_moving
-    slopes = np.zeros(n_states + (0 if faults is None else len(faults.names)))
+    slopes = np.zeros(n_states + (0 if faults is None else len(faults.labels)))
     data = ModelData.of(problem.process, problem.sensors)
-    work = Work.of(problem.process, n_states, problem.sensors.matrix.shape[1])
+    work = SmootherWorkspace.of(problem.process, n_states, problem.sensors.matrix.shape[1])
     initial, moving, times = list[Array](), list[list[Array]](), 2.0 / _CHANGE
     for segment in range(len(problem.segments)):
 
@@ -205,15 +197,17 @@ def _slopes(
             pairs = zip((about.transition, about.rows), faults.effects(segment, timeline, about), strict=True)
             return FaultEffects(*(np.concatenate(pair, axis=-1) for pair in pairs))
 
-        adjoint = Adjoint.of_nothing(n_moving, with_variance=True)
+        adjoint = Adjoint.zeros(n_moving, with_variance=True)
         moving.append([])
         # By the state before the chunk that was looked at last: at an event of the chunk before, or where it all began.
         by_last = np.zeros(n_moving)
-        for timeline, about, motion, _, before, trace in MotionAlone(problem, smoothing, filtered, segment).backward():
+        for timeline, about, motion, _, before, forward_pass in ConditionalFilter(
+            problem, smoothing, filtered, segment
+        ).backward():
             by_transition, by_rows = np.zeros(motion.transition.shape), np.zeros(motion.rows.shape)
             scratch = np.zeros((n_moving + adjoint.root.shape[1], n_moving))
-            variance = problem.sensors.variance[timeline.measurement_sensor] / trace.weight
-            _look_back(timeline, motion, trace, adjoint, before, variance, by_transition, by_rows, scratch)
+            variance = problem.sensors.variance[timeline.measurement_sensor] / forward_pass.weight
+            _backward_pass(timeline, motion, forward_pass, adjoint, before, variance, by_transition, by_rows, scratch)
             here = columns(timeline, about)
             # A transition leads from the event before its own.
             seen_at = 1 + np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
@@ -234,7 +228,7 @@ def _slopes(
 
 
 def _beside(
-    problem: JointProblem, data: ModelData, timeline: Timeline, about: Linearised, state: int, work: Work
+    problem: JointProblem, data: ModelData, timeline: Timeline, about: Linearised, state: int, work: SmootherWorkspace
 ) -> Linearised:
     """Linearise a chunk about a trajectory of which one state is everywhere a little larger."""
     larger = np.zeros(problem.n_moving)
@@ -249,13 +243,15 @@ def _beside(
     return beside
 
 
-@compiled(types.void(TIMELINE, LINEARISED, TRACE, ADJOINT, _matrix, _matrix, _stack, _stack, _matrix), reassociate=True)
-def _look_back(timeline, motion, trace, adjoint, before, variance, by_transition, by_rows, scratch):
+@compiled(
+    types.void(TIMELINE, LINEARISED, FORWARD_PASS, ADJOINT, _matrix, _matrix, _stack, _stack, _matrix), reassociate=True
+)
+def _backward_pass(timeline, motion, forward_pass, adjoint, before, variance, by_transition, by_rows, scratch):
     """Carry the adjoint back over a chunk; write down how half the sum of logarithms depends on it.
 
     Parameters
     ----------
-    timeline, motion, trace
+    timeline, motion, forward_pass
         Of the motion alone.
     adjoint : Adjoint
         After the chunk, then before it.
@@ -273,7 +269,7 @@ def _look_back(timeline, motion, trace, adjoint, before, variance, by_transition
     for back in range(timeline.time.size):
         event = timeline.time.size - 1 - back
         n_columns = adjoint.n_columns[0]
-        covariance = trace.covariance[event]
+        covariance = forward_pass.covariance[event]
         for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
             for c in range(motion.residual.shape[1]):
                 if np.isnan(motion.residual[k, c]):
@@ -296,10 +292,13 @@ def _look_back(timeline, motion, trace, adjoint, before, variance, by_transition
                     for j in range(n):
                         total -= covariance[i, j] * owed[j]
                     told[i] = total / variance[k, c]
-        take_in_event(event, timeline, motion, trace, adjoint, variance[:0], variance[:0])
+        adjoint_update(event, timeline, motion, forward_pass, adjoint, variance[:0], variance[:0])
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
             n_columns = adjoint.n_columns[0]
-            transition, covariance = motion.transition[event], trace.covariance[event - 1] if event > 0 else before
+            transition, covariance = (
+                motion.transition[event],
+                forward_pass.covariance[event - 1] if event > 0 else before,
+            )
             for i in range(n):
                 for j in range(n):
                     moved[i, j] = 0.0
@@ -314,4 +313,4 @@ def _look_back(timeline, motion, trace, adjoint, before, variance, by_transition
                 for j in range(n):
                     for column in range(n_columns):
                         by_transition[event, i, j] += root[i, column] * said[column, j]
-            back_in_time(transition, 0, adjoint)
+            adjoint_predict(transition, 0, adjoint)

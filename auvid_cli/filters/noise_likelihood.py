@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.filters.decay import forgetting
-from auvid_cli.filters.descent import minimise
-from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
+from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory, gauss_newton
 from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores, with_time_constants
+from auvid_cli.filters.process_noise import with_process_memory
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import most_probable
 
@@ -101,12 +100,12 @@ class _Likelihood:
     def follow(self, trajectory: Trajectory, logarithms: Array, max_passes: int) -> Trajectory:
         """Return the most probable trajectory with other noise, from another one."""
         self._with(logarithms)
-        answer = minimise(self.smoothing, trajectory, max_passes)
+        answer = gauss_newton(self.smoothing, trajectory, max_passes)
         return trajectory if answer is None else answer[0].trajectory
 
     def forget_along(self, trajectory: Trajectory) -> None:
         """Let process noise be forgotten as fast as motion is along a trajectory."""
-        self._problem = forgetting(self._problem, trajectory)
+        self._problem = with_process_memory(self._problem, trajectory.parameters, trajectory.moving)
 
     def _with(self, logarithms: Array) -> None:
         self._present = scaled(self._problem, self._groups, np.exp(logarithms))

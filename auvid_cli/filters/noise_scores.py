@@ -30,10 +30,16 @@ from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoothing_backward import (
     ADJOINT,
     Adjoint,
-    back_in_time,
-    take_in_event,
+    adjoint_predict,
+    adjoint_update,
 )
-from auvid_cli.filters.smoothing_forward import LINEARISED, TRACE, Linearised, Work, linearise_process
+from auvid_cli.filters.smoothing_forward import (
+    FORWARD_PASS,
+    LINEARISED,
+    Linearised,
+    SmootherWorkspace,
+    linearise_process,
+)
 
 Array = NDArray[np.float64]
 
@@ -139,14 +145,16 @@ _FADING = types.NamedTuple((_indices, _stack, types.float64[::1], _matrix), _Fad
 
 
 @compiled(
-    types.void(types.int64, types.int64, _matrix, TRACE, ADJOINT, _TOLD, _FADING), reassociate=True, internal=True
+    types.void(types.int64, types.int64, _matrix, FORWARD_PASS, ADJOINT, _TOLD, _FADING),
+    reassociate=True,
+    internal=True,
 )
-def _look_at_fading(event, f, transition, trace, adjoint, told, fading):
+def _look_at_fading(event, f, transition, forward_pass, adjoint, told, fading):
     """Write down what the adjoint at an event says of how one state faded before it."""
     mean, root, row, change = adjoint.mean, adjoint.root, fading.rows[f], fading.change[event]
     n, n_moving, n_columns = mean.size, told.process.shape[1], adjoint.n_columns[0]
     n_parameters = n - n_moving
-    covariance = trace.covariance[event - 1, row] if event > 0 else fading.before[row]
+    covariance = forward_pass.covariance[event - 1, row] if event > 0 else fading.before[row]
     said, moved = 0.0, adjoint.work[0]
     for i in range(n):
         moved[i] = covariance[i]
@@ -169,8 +177,8 @@ def _look_at_fading(event, f, transition, trace, adjoint, told, fading):
     fading.remembered[f] = transition[row, n_parameters + row] * fading.remembered[f] + said
 
 
-@compiled(types.void(TIMELINE, LINEARISED, TRACE, ADJOINT, _TOLD, _FADING), reassociate=True)
-def _look_back(timeline, about, trace, adjoint, told, fading):
+@compiled(types.void(TIMELINE, LINEARISED, FORWARD_PASS, ADJOINT, _TOLD, _FADING), reassociate=True)
+def _backward_pass(timeline, about, forward_pass, adjoint, told, fading):
     """Carry the adjoint back over a chunk, and write down what it says of the noise."""
     mean, root, n_moving, n_fading = adjoint.mean, adjoint.root, told.process.shape[1], fading.rows.size
     n = mean.size
@@ -178,11 +186,11 @@ def _look_back(timeline, about, trace, adjoint, told, fading):
     for back in range(timeline.time.size):
         event = timeline.time.size - 1 - back
         for f in range(n_fading):
-            row, total = fading.rows[f], trace.filtered[event, n_parameters + fading.rows[f]]
+            row, total = fading.rows[f], forward_pass.filtered[event, n_parameters + fading.rows[f]]
             for j in range(n):
-                total += trace.covariance[event, row, j] * mean[j]
+                total += forward_pass.covariance[event, row, j] * mean[j]
             told.smoothed[event, f] = total
-        take_in_event(event, timeline, about, trace, adjoint, told.sensor, told.of_sensor)
+        adjoint_update(event, timeline, about, forward_pass, adjoint, told.sensor, told.of_sensor)
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
             for i in range(n_moving):
                 told.process[event, i] = mean[n_parameters + i]
@@ -191,8 +199,8 @@ def _look_back(timeline, about, trace, adjoint, told, fading):
                     square += root[n_parameters + i, column] * root[n_parameters + i, column]
                 told.of_process[event, i] = square
             for f in range(n_fading):
-                _look_at_fading(event, f, about.transition[event], trace, adjoint, told, fading)
-            back_in_time(about.transition[event], n_parameters, adjoint)
+                _look_at_fading(event, f, about.transition[event], forward_pass, adjoint, told, fading)
+            adjoint_predict(about.transition[event], n_parameters, adjoint)
 
 
 def noise_scores(
@@ -213,9 +221,9 @@ def noise_scores(
     n, n_moving = problem.n_parameters + problem.n_moving, problem.n_moving
     slope, probable = np.zeros(len(groups)), list[FaultEffects]()
     rows = np.array([row for group in groups for row in group.fading], dtype=np.int64)
-    adjoint, remembered, segment_before = Adjoint.of_nothing(n, with_variance=True), np.zeros(rows.size), -1
+    adjoint, remembered, segment_before = Adjoint.zeros(n, with_variance=True), np.zeros(rows.size), -1
     chunks = [len(before) for before in filtered.before]
-    for segment, timeline, about, trace in smoothing.traced_back(filtered, adjoint):
+    for segment, timeline, about, forward_pass in smoothing.forward_passes_back(filtered, adjoint):
         if segment != segment_before:
             remembered[:], segment_before = 0.0, segment
         chunks[segment] -= 1
@@ -224,7 +232,7 @@ def noise_scores(
         told = _Told(*(np.zeros(shape) for shape in shapes))
         covariance = before.covariance()[n - n_moving :]
         fading = _Fading(rows, _changes(problem, timeline, about, groups), remembered, covariance)
-        _look_back(timeline, about, trace, adjoint, told, fading)
+        _backward_pass(timeline, about, forward_pass, adjoint, told, fading)
         first = before.mean[n - n_moving : n][rows] + covariance[rows] @ adjoint.mean
         value = np.vstack([about.before[rows] + first, (about.moving[:, rows] + told.smoothed)[:-1]])
         probable.append(_add_chunk(slope, timeline, told, fading, value, problem, groups))
@@ -258,7 +266,7 @@ def _changes(problem: JointProblem, timeline: Timeline, about: Linearised, group
             process = with_time_constants(process, group, 1.0 + _CHANGE)
     beside = about._replace(defect=np.zeros_like(about.defect), transition=np.zeros_like(about.transition))
     n, n_components = about.rows.shape[2], about.residual.shape[1]
-    work = Work.of(process, n, n_components)
+    work = SmootherWorkspace.of(process, n, n_components)
     linearise_process(process.transition, ModelData.of(process, problem.sensors), timeline, beside, work)
     columns = [problem.n_parameters + row for row in rows]
     # Of each state only its own time constant moves what comes of it.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.filters.influences import corrected_free_motion
+from auvid_cli.filters.influence_functions import corrected_free_motion
 from auvid_cli.filters.information import Information
 from auvid_cli.filters.least_squares import LeastSquaresFit, fit_free_motion
 from auvid_cli.filters.point_sets import cubature
@@ -18,13 +18,13 @@ from auvid_cli.filters.problem import (
     NOT_CONVERGED,
     OK,
     PREDICTION,
+    AlternativeEstimate,
+    ConvergenceStatus,
     FilterOutcome,
     Gaussian,
     OnChunk,
-    OtherAnswer,
     Records,
     Timeline,
-    Unsettled,
 )
 from auvid_cli.filters.residuals import hand_over
 from auvid_cli.filters.segments import JointProblem, one_after_the_other
@@ -108,9 +108,9 @@ def run_output_error(
     outcome = _hand_over_segments(problem, sizes, best, on_chunk)
     deviation = best.deviation(problem.n_parameters)
     if outcome.failure == NOT_CONVERGED:
-        return outcome._replace(unsettled=_unsettled(best, deviation))
+        return outcome._replace(convergence=_convergence(best, deviation))
     rivals = (
-        OtherAnswer.of_minimum((other.state - best.state)[: deviation.size], deviation, other.cost - best.cost)
+        AlternativeEstimate.of_minimum((other.state - best.state)[: deviation.size], deviation, other.cost - best.cost)
         for other in others
         if other.converged
     )
@@ -160,11 +160,11 @@ def _starts(problem: JointProblem) -> Iterator[_Start]:
         yield _Start(np.concatenate([trajectory.parameters, *trajectory.initial]))
 
 
-def _unsettled(fit: LeastSquaresFit, deviation: Array) -> Unsettled:
+def _convergence(fit: LeastSquaresFit, deviation: Array) -> ConvergenceStatus:
     """Say how far from its end a fit was."""
     factor, projected, root = fit.information.factor, fit.information.projected, fit.information.uncertainty().root
     step = root @ (root.T @ (factor.T @ projected))
-    return Unsettled(float(projected @ projected), step[: deviation.size] / deviation, fit.share)
+    return ConvergenceStatus(float(projected @ projected), step[: deviation.size] / deviation, fit.share)
 
 
 def _fit_longer_and_longer(

@@ -243,8 +243,8 @@ class FaultScores(NamedTuple):
 
     Attributes
     ----------
-    names, units : tuple of str
-        Of each fault and of its size, SI.
+    labels : tuple
+        Identity of each fault, as the caller chose it.
     score : ndarray, shape (n_faults,)
     information : ndarray, shape (n_faults, n_faults)
         The data say that a fault by itself is as large as ``score / information``, by the diagonal, with variance
@@ -253,82 +253,79 @@ class FaultScores(NamedTuple):
         True parameters less those found, per unit of each.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
+    labels: tuple[Any, ...]
     score: Array
     information: Array
     effect: Array
 
-    def besides(self, found: Mapping[str, float]) -> "FaultScores":
-        """Return those of the other faults where some have been found, which take up what they can explain.
+    def conditional_on(self, found: Mapping[Any, float]) -> "FaultScores":
+        """Return the scores of the other faults where some are estimated, which take up what they can explain.
 
         Parameters
         ----------
         found : mapping of float
-            By name, the standard deviation of each before any data; at what was found nothing more speaks for it.
+            By label, the prior standard deviation of each estimated fault.
         """
-        along = np.array([name in found for name in self.names])
+        along = np.array([label in found for label in self.labels])
         if not along.any():
             return self
-        known = np.diag([found[name] ** -2 for name in self.names if name in found])
+        known = np.diag([found[label] ** -2 for label in self.labels if label in found])
         taken = np.linalg.solve(self.information[np.ix_(along, along)] + known, self.information[np.ix_(along, ~along)])
-        kept = np.flatnonzero(~along).tolist()
         return FaultScores(
-            tuple(self.names[place] for place in kept),
-            tuple(self.units[place] for place in kept),
+            tuple(label for label in self.labels if label not in found),
             self.score[~along],
             self.information[np.ix_(~along, ~along)] - self.information[np.ix_(~along, along)] @ taken,
             self.effect[:, ~along] - self.effect[:, along] @ taken,
         )
 
 
-ANOTHER_MINIMUM, SEGMENT = "another minimum", "the segment from"
-
-
-class OtherAnswer(NamedTuple):
-    """Parameters found in another way; see `auvid_cli.filters.other_answers`.
+class AlternativeEstimate(NamedTuple):
+    """Parameters of another minimum, or of one segment; see `auvid_cli.filters.smoother`.
 
     Attributes
     ----------
-    name : str
-        `ANOTHER_MINIMUM` and by how much its cost is higher, or `SEGMENT` and the time at which it begins.
     difference : ndarray, shape (n_parameters,)
-        From the answer.
+        From the estimate.
     deviation : ndarray, shape (n_parameters,)
-        What that would be by chance; infinite where there is nothing to compare.
+        Standard deviation of the difference; infinite where the two cannot be compared.
     moved : ndarray, shape (n_parameters,)
-        By how much such a difference moves the answer.
+        Change of the estimate by such a difference.
+    cost_increase : float
+        Cost of another minimum less that of the estimate.
+    begin : float or None
+        First time of the segment, s; None for another minimum.
     """
 
-    name: str
     difference: Array
     deviation: Array
     moved: Array
+    cost_increase: float = 0.0
+    begin: float | None = None
 
     @classmethod
-    def of_minimum(cls, difference: Array, deviation: Array, higher: float) -> "OtherAnswer | None":
-        """Tell of a minimum by how far away and by how much higher it is; None if it is the same."""
+    def of_minimum(cls, difference: Array, deviation: Array, cost_increase: float) -> "AlternativeEstimate | None":
+        """Return another minimum; None if it is the same."""
         if (np.abs(difference) <= deviation).all():
             return None
-        return cls(f"{ANOTHER_MINIMUM} (cost {higher:.3g} higher)", difference, deviation, deviation)
+        return cls(difference, deviation, deviation, cost_increase)
 
 
-class Unsettled(NamedTuple):
-    """How far from its end an iteration was, by the linear problem about where it had got to.
+class ConvergenceStatus(NamedTuple):
+    """Distance from convergence, by the linear problem about the last iterate.
 
     Attributes
     ----------
-    left : float
-        By how much the cost, in squares of standard deviations, may still fall.
-    moves : ndarray, shape (n_parameters,)
-        Standard deviations by which parameters would move in the next step.
-    share : float
-        Of the data that had been fitted at all.
+    cost_decrease : float
+        Predicted decrease of the cost, in squares of standard deviations.
+    step : ndarray, shape (n_parameters,)
+        Next step of the parameters, in standard deviations.
+    fraction : float
+        Fraction of the data that was fitted at all.
     """
 
-    left: float
-    moves: Array
-    share: float = 1.0
+    cost_decrease: float
+    step: Array
+    fraction: float = 1.0
 
 
 class FilterOutcome(NamedTuple):
@@ -345,19 +342,18 @@ class FilterOutcome(NamedTuple):
         measurement it was. `NOT_CONVERGED` if it went to the end with what an iteration had not finished.
     faults : FaultScores or None
         Of an estimator that tests for faults.
-    others : tuple of OtherAnswer
-        What an estimator found besides.
-    unsettled : Unsettled or None
-        Of an iteration that was not finished.
+    others : tuple of AlternativeEstimate
+    convergence : ConvergenceStatus or None
+        Of an iteration that did not converge.
     corrected : ndarray, shape (n_parameters,)
         Of a batch estimator: standard deviations that allow for the autocorrelation of what it leaves unexplained, see
-        `auvid_cli.filters.coloured`. Empty where there are none.
+        `auvid_cli.filters.autocorrelation`. Empty where there are none.
     """
 
     covariance: Array
     n_good: int
     failure: int
     faults: FaultScores | None = None
-    others: tuple[OtherAnswer, ...] = ()
-    unsettled: Unsettled | None = None
+    others: tuple[AlternativeEstimate, ...] = ()
+    convergence: ConvergenceStatus | None = None
     corrected: Array = np.zeros(0)

@@ -9,29 +9,27 @@ from the answer; this linearises anew where the data have led it.
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.filters.descent import minimise
 from auvid_cli.filters.fault_scores import Faults, score_faults
 from auvid_cli.filters.huber import SET_ASIDE
-from auvid_cli.filters.influences import corrected_smoothing
-from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Smoothed, Trajectory, is_led_to
-from auvid_cli.filters.other_answers import answers_of_segments, other_minimum
+from auvid_cli.filters.influence_functions import corrected_smoothing
+from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Smoothed, Trajectory, gauss_newton, is_led_to
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
     OK,
     PREDICTION,
+    AlternativeEstimate,
+    ConvergenceStatus,
     FilterOutcome,
     Gaussian,
     OnChunk,
     Records,
     Sensors,
     Timeline,
-    Unsettled,
     until,
 )
 from auvid_cli.filters.segments import JointProblem, one_after_the_other
@@ -39,14 +37,20 @@ from auvid_cli.filters.square_root import run_square_root_filter
 
 Array = NDArray[np.float64]
 
-# Standard deviations by which a filter's parameters may be off the answer that it led to, before that is doubted.
+# Largest distance of a filter's parameters from the estimate that it leads to, in standard deviations: if they are
+# farther, other starts are tried.
 _FAR = 1.0
-# Times the process noise, and the prior's spread of the parameters, for a start that only follows the measurements.
-_LOOSE, _HELD = 100.0, 1e-3
-# Times the process noise, one after the other, on the way to an answer that is not found at once.
-_EASED = _LOOSE, 10.0
+# Factors of the process noise, and of the prior's spread of the parameters, for a start along the measurements.
+_LOOSE = 100.0
+_HELD = 1e-3
+# Factors of the process noise, in this order, where an estimate is not found at once.
+_ANNEALING = _LOOSE, 10.0
 # Minima to be found from starts that are far from them.
 _MINIMA = 2
+# Cost by which another minimum may be higher: if it is less than 1 % as probable, it is ignored.
+_RIVAL = -2.0 * np.log(0.01)
+# Smallest variance of a difference, as a fraction of the segment's: below is rounding.
+_LEAST = 1e-6
 
 
 def run_smoother(
@@ -91,12 +95,12 @@ def run_smoother(
         outcome = _hand_over(smoothing, problem.sensors, best, on_chunk)
         n_parameters = problem.n_parameters
         deviation = np.sqrt(np.diagonal(outcome.covariance)[:n_parameters])
-        unsettled = Unsettled(best.cost - best.least, best.final.mean[:n_parameters] / deviation)
-        return outcome._replace(failure=NOT_CONVERGED, unsettled=unsettled)
+        convergence = ConvergenceStatus(best.cost - best.least, best.final.mean[:n_parameters] / deviation)
+        return outcome._replace(failure=NOT_CONVERGED, convergence=convergence)
     rivals = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]
     if len(problem.segments) > 1:
-        rivals += answers_of_segments(problem, best)
-    answer, unsettled, score = best, None, score_faults
+        rivals += _segment_estimates(problem, best)
+    answer, convergence, score = best, None, score_faults
     if marginal:
         # What it is compiled from serves no other answer.
         from auvid_cli.filters.marginal import marginal_answer, marginal_scores
@@ -104,16 +108,46 @@ def run_smoother(
         found = marginal_answer(problem, smoothing, best, max_passes)
         if found is None:
             return _failed(problem)
-        problem, answer, unsettled = found
+        problem, answer, convergence = found
         score = partial(marginal_scores, problem)
     outcome = _hand_over(smoothing, problem.sensors, answer, on_chunk, is_answer=marginal)
     if outcome.failure != OK:
         return outcome
-    if unsettled is not None:
-        return outcome._replace(failure=NOT_CONVERGED, unsettled=unsettled)
+    if convergence is not None:
+        return outcome._replace(failure=NOT_CONVERGED, convergence=convergence)
     scores = None if faults is None else score(smoothing, answer, faults)
     corrected = corrected_smoothing(problem, smoothing, answer)
     return outcome._replace(faults=scores, others=tuple(rivals), corrected=corrected)
+
+
+def _segment_estimates(problem: JointProblem, answer: Filtered) -> Iterator[AlternativeEstimate]:
+    """Yield the estimate of each segment by itself, about the estimate of all.
+
+    A segment alone, a of covariance C, and all together, b of covariance P, share the segment's data and the prior. If
+    one model holds for all, the covariance of a and b is P, and that of their difference ``C - P`` (Hausman,
+    Econometrica 46(6), 1978).
+    """
+    trajectory, n = answer.trajectory, answer.trajectory.parameters.size
+    together, variance = answer.final.mean[:n], np.diagonal(answer.final.covariance())[:n]
+    for alone, initial, moving in zip(problem.alone(), trajectory.initial, trajectory.moving, strict=True):
+        own = LinearSmoothing(alone).filter(Trajectory(trajectory.parameters, [initial], [moving]))
+        assert own is not None, "with the others its trajectory has a finite cost"
+        own_variance = np.diagonal(own.final.covariance())[:n]
+        more = own_variance - variance
+        comparable = more > _LEAST * own_variance
+        deviation = np.sqrt(np.where(comparable, more, np.inf))
+        begin = next(iter(alone.segments[0])).time[0]
+        moved = np.where(comparable, deviation, 0.0) * variance / own_variance
+        yield AlternativeEstimate(own.final.mean[:n] - together, deviation, moved, begin=begin)
+
+
+def other_minimum(answer: Filtered, other: Filtered) -> AlternativeEstimate | None:
+    """Return the estimate from another start; None if it is the same, or far less probable."""
+    n = answer.trajectory.parameters.size
+    deviation = np.sqrt(np.diagonal(answer.final.covariance())[:n])
+    here, there = (each.trajectory.parameters + each.final.mean[:n] for each in (answer, other))
+    higher = other.cost - answer.cost
+    return None if higher > _RIVAL else AlternativeEstimate.of_minimum(there - here, deviation, higher)
 
 
 def _failed(problem: JointProblem) -> FilterOutcome:
@@ -125,7 +159,7 @@ def most_probable(problem: JointProblem, smoothing: LinearSmoothing, max_passes:
     """Find the most probable trajectory from each start: where that ends, and whether at a minimum; the best first."""
     answers = []
     for start in _starts(problem, smoothing, max_passes):
-        if (answer := minimise(smoothing, start, max_passes)) is not None:
+        if (answer := gauss_newton(smoothing, start, max_passes)) is not None:
             answers.append(answer)
             if _is_near(start, answer[0]) or sum(converged for _, converged in answers) == _MINIMA:
                 break
@@ -136,22 +170,24 @@ def _starts(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) 
     """Yield trajectories to start from: as a CKF has it, along the measurements, and the answer to more noise."""
     if (filtered := _ckf(problem)) is not None:
         yield filtered
-    if (followed := follow(problem)) is not None:
+    if (followed := follow_measurements(problem)) is not None:
         yield followed
-        if (eased := _eased(problem, smoothing, followed, max_passes)) is not None:
+        if (eased := _anneal_process_noise(problem, smoothing, followed, max_passes)) is not None:
             yield eased
 
 
-def _eased(problem: JointProblem, smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> Trajectory | None:
-    """Go to the answers to less and less process noise; None if the cost of a start is not finite.
+def _anneal_process_noise(
+    problem: JointProblem, smoothing: LinearSmoothing, start: Trajectory, max_passes: int
+) -> Trajectory | None:
+    """Return the estimate with more, then less, process noise; None if the cost of a start is not finite.
 
-    Little process noise makes a step cost much wherever the motion bends away from its linearisation, so that only
-    ever shorter ones go down. With more of it parameters find their way first.
+    With little process noise a step costs much wherever the motion is nonlinear, so that only short steps reduce the
+    cost. With more of it the parameters converge first.
     """
     process, answer = problem.process, start
-    for times in _EASED:
+    for times in _ANNEALING:
         smoothing.change_noise(process._replace(noise_density=times * process.noise_density), problem.sensors)
-        found = minimise(smoothing, answer, max_passes)
+        found = gauss_newton(smoothing, answer, max_passes)
         if found is None:
             answer = None
             break
@@ -160,8 +196,8 @@ def _eased(problem: JointProblem, smoothing: LinearSmoothing, start: Trajectory,
     return answer
 
 
-def follow(problem: JointProblem) -> Trajectory | None:
-    """Keep the prior's parameters along the measurements; None if the filter fails."""
+def follow_measurements(problem: JointProblem) -> Trajectory | None:
+    """Return a trajectory along the measurements with the prior's parameters; None if the filter fails."""
     process, prior, n_parameters = problem.process, problem.prior, problem.n_parameters
     loose = process._replace(noise_density=_LOOSE * process.noise_density)
     held = prior.factor.copy()
@@ -211,55 +247,31 @@ def _hand_over(
     parameters = filtered.trajectory.parameters + share * filtered.final.mean[:n_parameters]
     deviation = np.sqrt(np.diagonal(covariance)[:n_parameters])
     nominal = [moving for segment in filtered.trajectory.moving for moving in segment]
-    chunks = [_answer(chunk, sensors) for chunk in smoothing.smooth(filtered, with_variance=True)]
+    chunks = [(chunk.timeline, _records(chunk, sensors)) for chunk in smoothing.smooth(filtered, with_variance=True)]
     n_good = 0
-    for moving, chunk in zip(nominal, reversed(chunks), strict=True):
-        lost = np.flatnonzero(~(chunk.variance > 0.0).all(axis=1))
+    for moving, (timeline, of_motion) in zip(nominal, reversed(chunks), strict=True):
+        step, variance = of_motion[:2]
+        lost = np.flatnonzero(~(variance > 0.0).all(axis=1))
         good = int(lost[0]) if lost.size else len(moving)
-        records = Records(
-            np.hstack([np.tile(parameters, (good, 1)), (moving + share * chunk.step)[:good]]),
-            np.hstack([np.tile(deviation, (good, 1)), np.sqrt(chunk.variance[:good])]),
-            chunk.innovation,
-            chunk.innovation_variance,
-            chunk.nis,
-            chunk.weight,
+        records = of_motion._replace(
+            mean=np.hstack([np.tile(parameters, (good, 1)), (moving + share * step)[:good]]),
+            standard_deviation=np.hstack([np.tile(deviation, (good, 1)), np.sqrt(variance[:good])]),
         )
-        n_measurements = int(chunk.timeline.measurement_offset[good])
-        on_chunk(chunk.timeline, until(records, good, n_measurements))
+        on_chunk(timeline, until(records, good, int(timeline.measurement_offset[good])))
         n_good += good
         if lost.size:
             return FilterOutcome(covariance, n_good, PREDICTION)
     return FilterOutcome(covariance, n_good, OK)
 
 
-class _Answer(NamedTuple):
-    """What is handed over of a chunk; the traces of all of them would be large.
-
-    Attributes
-    ----------
-    timeline : Timeline
-    step, variance : ndarray, shape (n_events, n_moving)
-    innovation, innovation_variance : ndarray, shape (n_measurements, c)
-    nis : ndarray, shape (n_measurements,)
-    weight : ndarray, shape (n_measurements, c), or None
-    """
-
-    timeline: Timeline
-    step: Array
-    variance: Array
-    innovation: Array
-    innovation_variance: Array
-    nis: Array
-    weight: Array | None
-
-
-def _answer(chunk: Smoothed, sensors: Sensors) -> _Answer:
-    trace, weights = chunk.trace, chunk.trace.weight
-    counted = ~np.isnan(trace.innovation) & (weights >= SET_ASIDE)
-    # What is judged is judged by the noise that is stated.
+def _records(chunk: Smoothed, sensors: Sensors) -> Records:
+    """Return step and variance of the motion of a chunk, and its innovations: all its forward passes would be large."""
+    forward_pass, weights = chunk.forward_pass, chunk.forward_pass.weight
+    counted = ~np.isnan(forward_pass.innovation) & (weights >= SET_ASIDE)
+    # Innovations are judged by the stated noise.
     by_weights = (1.0 / weights - 1.0) * sensors.variance[chunk.timeline.measurement_sensor]
-    squares = np.where(counted, trace.error**2 / (trace.total - by_weights), 0.0)
-    variance = np.where(counted, trace.variance - by_weights, np.nan)
-    told = None if np.isinf(sensors.threshold) else weights.copy()
-    of_measurements = trace.innovation, variance, squares.sum(axis=1), told
-    return _Answer(chunk.timeline, chunk.step, chunk.variance, *of_measurements)
+    squares = np.where(counted, forward_pass.error**2 / (forward_pass.total - by_weights), 0.0)
+    variance = np.where(counted, forward_pass.variance - by_weights, np.nan)
+    kept_weights = None if np.isinf(sensors.threshold) else weights.copy()
+    of_measurements = forward_pass.innovation, variance, squares.sum(axis=1), kept_weights
+    return Records(chunk.step, chunk.variance, *of_measurements)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import LEAST, SPARE_ROWS, orthogonalise
 from auvid_cli.filters.problem import TIMELINE
-from auvid_cli.filters.smoothing_forward import LINEARISED, TRACE
+from auvid_cli.filters.smoothing_forward import FORWARD_PASS, LINEARISED
 from auvid_cli.lanes import zeros_on_lines
 
 Array = NDArray[np.float64]
@@ -48,25 +48,25 @@ class Adjoint(NamedTuple):
     work: Array
 
     @classmethod
-    def of_nothing(cls, n: int, with_variance: bool) -> "Adjoint":
+    def zeros(cls, n: int, with_variance: bool) -> "Adjoint":
         """Say nothing yet of a deviation of n components."""
         shape = n + SPARE_ROWS, -(-(n + _MORE) // _WHOLE) * _WHOLE
         root = zeros_on_lines(*shape) if with_variance else np.zeros((0, 0))
         # The mean of a step needs some room as well.
         return cls(zeros_on_lines(n), root, np.zeros(1, dtype=np.int64), zeros_on_lines(*shape))
 
-    def pass_on(self, owed: Array) -> None:
-        """Go over to the motion before, which is another: what is known of this one says something of the parameters.
+    def to_previous_segment(self, gradient: Array) -> None:
+        """Move to the end of the previous segment, whose motion is another: only information on parameters remains.
 
         Parameters
         ----------
-        owed : ndarray, shape (n, n_parameters)
-            What the deviation owes to the parameters, themselves included.
+        gradient : ndarray, shape (n, n_parameters)
+            Derivative of the deviation by the parameters, themselves included.
         """
-        n, n_parameters = owed.shape
-        self.mean[:n_parameters], self.mean[n_parameters:] = owed.T @ self.mean, 0.0
+        n, n_parameters = gradient.shape
+        self.mean[:n_parameters], self.mean[n_parameters:] = gradient.T @ self.mean, 0.0
         if self.root.size:
-            self.root[:n_parameters], self.root[n_parameters:] = owed.T @ self.root[:n], 0.0
+            self.root[:n_parameters], self.root[n_parameters:] = gradient.T @ self.root[:n], 0.0
 
 
 ADJOINT = types.NamedTuple((_vector, _matrix, types.int64[::1], _matrix), Adjoint)
@@ -93,7 +93,7 @@ def _add_rows(weight, rows, n_columns, total):
 
 
 @compiled(types.float64(_vector, _vector, types.float64, types.float64, _vector), reassociate=True, internal=True)
-def _take_in(row, gain, error, total, adjoint):
+def _update_mean(row, gain, error, total, adjoint):
     """Carry the adjoint back over one component; returns what all data say of its noise, per variance of that."""
     known = 0.0
     for i in range(adjoint.size):
@@ -125,10 +125,10 @@ def _make_square(adjoint):
 
 
 @compiled(types.float64(_vector, _vector, types.float64, ADJOINT), reassociate=True, internal=True)
-def _take_in_covariance(row, gain, total, adjoint):
+def _update_root(row, gain, total, adjoint):
     """Carry the root back over one component: ``L' W`` with ``L = I - g h' / total``, and ``h / sqrt(total)``.
 
-    Returns the variance of what `_take_in` does.
+    Returns the variance of what `_update_mean` does.
     """
     n, root, product = row.size, adjoint.root, adjoint.work[0]
     if adjoint.n_columns[0] == root.shape[1]:
@@ -152,7 +152,7 @@ def _take_in_covariance(row, gain, total, adjoint):
 
 
 @compiled(types.void(_matrix, types.int64, ADJOINT), reassociate=True, internal=True)
-def back_in_time(transition, n_parameters, adjoint):
+def adjoint_predict(transition, n_parameters, adjoint):
     """Carry adjoint and root back over a transition: ``F' r`` and ``F' W``; of F the upper rows are the identity's."""
     mean, root, moving = adjoint.mean, adjoint.root, adjoint.work
     n = mean.size
@@ -175,14 +175,16 @@ def back_in_time(transition, n_parameters, adjoint):
 
 
 @compiled(
-    types.void(types.int64, TIMELINE, LINEARISED, TRACE, ADJOINT, _matrix, _matrix), reassociate=True, inline=True
+    types.void(types.int64, TIMELINE, LINEARISED, FORWARD_PASS, ADJOINT, _matrix, _matrix),
+    reassociate=True,
+    inline=True,
 )
-def take_in_event(event, timeline, about, trace, adjoint, told, variance):
+def adjoint_update(event, timeline, about, forward_pass, adjoint, told, variance):
     """Carry the adjoint back over the measurements of an event; write down what is said of their noise, if asked for.
 
     Parameters
     ----------
-    event, timeline, about, trace, adjoint
+    event, timeline, about, forward_pass, adjoint
         As of `backward`.
     told, variance : ndarray, shape (n_measurements, c)
         Filled in: what all data say of the noise of each component, per variance of it, and the variance of that. Of no
@@ -196,21 +198,21 @@ def take_in_event(event, timeline, about, trace, adjoint, told, variance):
             c = n_components - 1 - reverse
             if np.isnan(about.residual[k, c]):
                 continue
-            row, gain, total, its_variance = about.rows[k, c], trace.gain[k, c], trace.total[k, c], 0.0
+            row, gain, total, its_variance = about.rows[k, c], forward_pass.gain[k, c], forward_pass.total[k, c], 0.0
             if adjoint.root.shape[0] > 0:
-                its_variance = _take_in_covariance(row, gain, total, adjoint)
-            said = _take_in(row, gain, trace.error[k, c], total, adjoint.mean)
+                its_variance = _update_root(row, gain, total, adjoint)
+            said = _update_mean(row, gain, forward_pass.error[k, c], total, adjoint.mean)
             if told.shape[0] > 0:
                 told[k, c], variance[k, c] = said, its_variance
 
 
-@compiled(types.void(TIMELINE, LINEARISED, TRACE, ADJOINT, _matrix, _matrix), reassociate=True)
-def backward(timeline, about, trace, adjoint, step, variance):
+@compiled(types.void(TIMELINE, LINEARISED, FORWARD_PASS, ADJOINT, _matrix, _matrix), reassociate=True)
+def backward(timeline, about, forward_pass, adjoint, step, variance):
     """Smooth a chunk of the data.
 
     Parameters
     ----------
-    timeline, about, trace
+    timeline, about, forward_pass
         Of `forward`.
     adjoint : Adjoint
         After the last event; carried to before the first.
@@ -225,8 +227,8 @@ def backward(timeline, about, trace, adjoint, step, variance):
     for back in range(timeline.time.size):
         event = timeline.time.size - 1 - back
         for i in range(n_moving):
-            row = trace.covariance[event, i]
-            total = trace.filtered[event, n_parameters + i]
+            row = forward_pass.covariance[event, i]
+            total = forward_pass.filtered[event, n_parameters + i]
             for j in range(n):
                 total += row[j] * mean[j]
             step[event, i] = total
@@ -239,6 +241,6 @@ def backward(timeline, about, trace, adjoint, step, variance):
                 for k in range(n_columns):
                     square += projected[k] * projected[k]
                 variance[event, i] = row[n_parameters + i] - square
-        take_in_event(event, timeline, about, trace, adjoint, step[:0], step[:0])
+        adjoint_update(event, timeline, about, forward_pass, adjoint, step[:0], step[:0])
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
-            back_in_time(about.transition[event], n_parameters, adjoint)
+            adjoint_predict(about.transition[event], n_parameters, adjoint)

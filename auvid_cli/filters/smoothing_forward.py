@@ -67,7 +67,7 @@ class Linearised(NamedTuple):
     transition: Array
 
 
-class Trace(NamedTuple):
+class ForwardPass(NamedTuple):
     """What the way back needs of the way forward.
 
     Attributes
@@ -96,7 +96,7 @@ class Trace(NamedTuple):
     weight: Array
 
     @classmethod
-    def of(cls, about: Linearised) -> "Trace":
+    def of(cls, about: Linearised) -> "ForwardPass":
         """Make room for that of a chunk."""
         (n_events, n_moving), (n_measurements, n_components, n) = about.moving.shape, about.rows.shape
         return cls(
@@ -109,14 +109,14 @@ class Trace(NamedTuple):
         )
 
 
-class Work(NamedTuple):
+class SmootherWorkspace(NamedTuple):
     """Arrays that hold nothing from one use to the next.
 
     Attributes
     ----------
     point : ndarray, shape (n,)
     matrix : ndarray, shape (n, n)
-    turned : ndarray, shape (n_parts, width of the factor * _ROWS)
+    transposed : ndarray, shape (n_parts, width of the factor * _ROWS)
         Moving rows of a transition, or of the factor: their columns one after the other, `_ROWS` rows to a part; zero
         beyond.
     moved : ndarray, shape (n_parts, _ROWS)
@@ -135,7 +135,7 @@ class Work(NamedTuple):
 
     point: Array
     matrix: Array
-    turned: Array
+    transposed: Array
     moved: Array
     product: Array
     spread: Array
@@ -148,14 +148,14 @@ class Work(NamedTuple):
     process: Array
 
     @classmethod
-    def of(cls, process: Process, n: int, n_components: int) -> "Work":
+    def of(cls, process: Process, n: int, n_components: int) -> "SmootherWorkspace":
         """Make it for a state of n entries, and sensors of up to `n_components`."""
         n_moving = process.noise_density.size
         rows, width, n_parts = n_moving + SPARE_ROWS, padded(n), -(-n_moving // _ROWS)
         return cls(
             point=zeros_on_lines(n),
             matrix=np.eye(n),
-            turned=zeros_on_lines(n_parts, width * _ROWS),
+            transposed=zeros_on_lines(n_parts, width * _ROWS),
             moved=zeros_on_lines(n_parts, _ROWS),
             product=zeros_on_lines(n_parts, 4 * _ROWS),
             spread=zeros_on_lines(rows, padded(2 * n_moving)),
@@ -176,14 +176,14 @@ def new_state(gaussian: Gaussian) -> State:
 
 
 LINEARISED = types.NamedTuple((_vector, _vector, _matrix, _matrix, _stack, _matrix, _stack), Linearised)
-TRACE = types.NamedTuple((_matrix, _stack, _stack, *[_matrix] * 5), Trace)
-WORK = types.NamedTuple((_vector, *[_matrix] * 6, *[_vector] * 6), Work)
+FORWARD_PASS = types.NamedTuple((_matrix, _stack, _stack, *[_matrix] * 5), ForwardPass)
+SMOOTHER_WORKSPACE = types.NamedTuple((_vector, *[_matrix] * 6, *[_vector] * 6), SmootherWorkspace)
 
 
 _weight = compiled(types.float64(types.float64, types.float64), inline=True)(weight)
 
 
-@compiled(types.void(types.FunctionType(LINEARISATION_SIGNATURE), MODEL_DATA, TIMELINE, LINEARISED, WORK))
+@compiled(types.void(types.FunctionType(LINEARISATION_SIGNATURE), MODEL_DATA, TIMELINE, LINEARISED, SMOOTHER_WORKSPACE))
 def linearise_measurements(linearise, data, timeline, about, work):
     """Fill in residuals and derivatives."""
     sensors, constants, selection, predictions = data.sensors, data.constants, data.selection, work.predictions
@@ -208,7 +208,7 @@ def linearise_measurements(linearise, data, timeline, about, work):
                 about.residual[k, c] = wrapped(difference, sensors.angular[sensor, c])
 
 
-@compiled(types.void(types.FunctionType(TRANSITION_SIGNATURE), MODEL_DATA, TIMELINE, LINEARISED, WORK))
+@compiled(types.void(types.FunctionType(TRANSITION_SIGNATURE), MODEL_DATA, TIMELINE, LINEARISED, SMOOTHER_WORKSPACE))
 def linearise_process(transition, data, timeline, about, work):
     """Fill in transitions, and by how much they miss the trajectory."""
     n_moving, n_parameters, moved = about.moving.shape[1], about.parameters.size, work.point
@@ -231,30 +231,30 @@ def linearise_process(transition, data, timeline, about, work):
 _products = four_products(_ROWS)
 
 
-@compiled(types.void(_matrix, _vector, WORK), reassociate=True, internal=True)
-def _turn(transition, mean, work):
+@compiled(types.void(_matrix, _vector, SMOOTHER_WORKSPACE), reassociate=True, internal=True)
+def _transpose_tiles(transition, mean, work):
     """Turn the moving rows of a transition, and move the mean by them."""
     n_moving, n = transition.shape
-    for part in range(work.turned.shape[0]):
-        turned, moved, first = work.turned[part], work.moved[part], part * _ROWS
+    for part in range(work.transposed.shape[0]):
+        transposed, moved, first = work.transposed[part], work.moved[part], part * _ROWS
         for i in range(min(_ROWS, n_moving - first)):
             for k in range(n):
-                turned[k * _ROWS + i] = transition[first + i, k]
+                transposed[k * _ROWS + i] = transition[first + i, k]
         for i in range(_ROWS):
             moved[i] = 0.0
         for k in range(n):
             for i in range(_ROWS):
-                moved[i] += mean[k] * turned[k * _ROWS + i]
+                moved[i] += mean[k] * transposed[k * _ROWS + i]
 
 
-@compiled(types.boolean(_matrix, _vector, STATE, WORK), reassociate=True, internal=True)
+@compiled(types.boolean(_matrix, _vector, STATE, SMOOTHER_WORKSPACE), reassociate=True, internal=True)
 def _predict(transition, noise, state, work):
     """Move mean and factor of the deviation; False if there is no factor."""
     n, mean, columns, spread, product = state.n, state.mean, state.columns, work.spread, work.product
-    n_moving, width, n_parts = noise.size, columns.shape[1], work.turned.shape[0]
+    n_moving, width, n_parts = noise.size, columns.shape[1], work.transposed.shape[0]
     n_parameters = n - n_moving
     factor = columns.reshape(-1)
-    _turn(transition, mean, work)
+    _transpose_tiles(transition, mean, work)
     for i in range(n_moving):
         mean[n_parameters + i] = work.moved[i // _ROWS, i % _ROWS]
         for k in range(spread.shape[1]):
@@ -265,7 +265,9 @@ def _predict(transition, noise, state, work):
         edge = j // TILE * TILE
         first, n_terms = np.uint64(j * width + edge), np.uint64(n - edge)
         for part in range(n_parts):
-            _products(factor, first, np.uint64(width), _1, n_terms, work.turned[part, edge * _ROWS :], product[part])
+            _products(
+                factor, first, np.uint64(width), _1, n_terms, work.transposed[part, edge * _ROWS :], product[part]
+            )
         for r in range(min(4, n - j)):
             for i in range(n_moving):
                 moved = product[i // _ROWS, r * _ROWS + i % _ROWS]
@@ -282,7 +284,7 @@ def _predict(transition, noise, state, work):
 
 
 @compiled(types.void(_vector, STATE, _vector), reassociate=True, inline=True)
-def _gather(row, state, measured):
+def _project_row(row, state, measured):
     """Fill in a combination of the state's rows in the basis of the factor."""
     columns = state.columns
     for j in range(state.n):
@@ -295,35 +297,39 @@ def _gather(row, state, measured):
 
 
 @compiled(types.float64(_vector, _vector), reassociate=True, inline=True)
-def _combined(row, values):
+def _dot(row, values):
     total = 0.0
     for i in range(row.size):
         total += row[i] * values[i]
     return total
 
 
-@compiled(types.float64(types.int64, _matrix, _vector, LINEARISED, STATE, TRACE, WORK), reassociate=True, internal=True)
-def _update(k, rows, noise, about, state, trace, work):
+@compiled(
+    types.float64(types.int64, _matrix, _vector, LINEARISED, STATE, FORWARD_PASS, SMOOTHER_WORKSPACE),
+    reassociate=True,
+    internal=True,
+)
+def _update(k, rows, noise, about, state, forward_pass, work):
     """Condition on measurement k, component by component; returns the sum of their NIS."""
-    n, mean, columns, measured, error = state.n, state.mean, state.columns, work.measured, trace.error[k]
+    n, mean, columns, measured, error = state.n, state.mean, state.columns, work.measured, forward_pass.error[k]
     for c in range(rows.shape[0]):
-        trace.innovation[k, c] = np.nan
-        trace.variance[k, c] = np.nan
+        forward_pass.innovation[k, c] = np.nan
+        forward_pass.variance[k, c] = np.nan
         if np.isnan(about.residual[k, c]):
             continue
-        _gather(rows[c], state, measured)
-        total = noise[c] / trace.weight[k, c]
+        _project_row(rows[c], state, measured)
+        total = noise[c] / forward_pass.weight[k, c]
         for j in range(n):
             total += measured[j] * measured[j]
-        error[c] = about.residual[k, c] - _combined(rows[c], mean)
-        trace.innovation[k, c] = error[c]
-        trace.variance[k, c] = total
+        error[c] = about.residual[k, c] - _dot(rows[c], mean)
+        forward_pass.innovation[k, c] = error[c]
+        forward_pass.variance[k, c] = total
     nis = 0.0
     for c in range(rows.shape[0]):
         if np.isnan(about.residual[k, c]):
             continue
-        _gather(rows[c], state, measured)
-        variance = noise[c] / trace.weight[k, c]
+        _project_row(rows[c], state, measured)
+        variance = noise[c] / forward_pass.weight[k, c]
         total = carlson_update(columns, n, measured, variance, work.gain, work.ratio, work.share)
         step = error[c] / total
         nis += error[c] * step
@@ -331,23 +337,25 @@ def _update(k, rows, noise, about, state, trace, work):
             mean[i] += work.gain[i] * step
         # The innovations of the others are carried on.
         for other in range(c + 1, rows.shape[0]):
-            error[other] -= _combined(rows[other], work.gain) * step
-        trace.total[k, c] = total
+            error[other] -= _dot(rows[other], work.gain) * step
+        forward_pass.total[k, c] = total
         for i in range(n):
-            trace.gain[k, c, i] = work.gain[i]
+            forward_pass.gain[k, c, i] = work.gain[i]
     return nis
 
 
-@compiled(types.void(types.int64, STATE, types.int64, TRACE, WORK), reassociate=True, internal=True)
-def _write_down(event, state, n_parameters, trace, work):
+@compiled(
+    types.void(types.int64, STATE, types.int64, FORWARD_PASS, SMOOTHER_WORKSPACE), reassociate=True, internal=True
+)
+def _store_event(event, state, n_parameters, forward_pass, work):
     """Write down the mean, and the moving rows of the covariance, four columns of these at a time."""
-    n, columns, covariance = state.n, state.columns, trace.covariance[event]
+    n, columns, covariance = state.n, state.columns, forward_pass.covariance[event]
     width = columns.shape[1]
     factor = columns.reshape(-1)
     for i in range(n):
-        trace.filtered[event, i] = state.mean[i]
-    for part in range(work.turned.shape[0]):
-        first, moving, product = n_parameters + part * _ROWS, work.turned[part], work.product[part]
+        forward_pass.filtered[event, i] = state.mean[i]
+    for part in range(work.transposed.shape[0]):
+        first, moving, product = n_parameters + part * _ROWS, work.transposed[part], work.product[part]
         rows = min(_ROWS, n - first)
         for j in range(n):
             for i in range(rows):
@@ -362,11 +370,11 @@ def _write_down(event, state, n_parameters, trace, work):
 
 @compiled(
     types.Tuple((types.int64, types.float64, types.float64, types.float64))(
-        SENSORS_TYPE, _matrix, TIMELINE, LINEARISED, STATE, TRACE, WORK
+        SENSORS_TYPE, _matrix, TIMELINE, LINEARISED, STATE, FORWARD_PASS, SMOOTHER_WORKSPACE
     ),
     reassociate=True,
 )
-def forward(sensors, noise, timeline, about, state, trace, work):
+def forward(sensors, noise, timeline, about, state, forward_pass, work):
     """Filter the deviations from a trajectory through a chunk of the data.
 
     Parameters
@@ -378,9 +386,9 @@ def forward(sensors, noise, timeline, about, state, trace, work):
     about : Linearised
     state : State
         Deviation at the event before the chunk; moved to its last one.
-    trace : Trace
+    forward_pass : ForwardPass
         Filled in.
-    work : Work
+    work : SmootherWorkspace
 
     Returns
     -------
@@ -412,17 +420,17 @@ def forward(sensors, noise, timeline, about, state, trace, work):
                 if not np.isnan(residual):
                     square = residual * residual / sensors.variance[sensor, c]
                     weight = _weight(square, sensors.threshold)
-                    trace.weight[k, c] = weight
+                    forward_pass.weight[k, c] = weight
                     cost += weight * (2.0 - weight) * square
                     least += weight * (1.0 - weight) * square
-            nis = _update(k, about.rows[k], sensors.variance[sensor], about, state, trace, work)
+            nis = _update(k, about.rows[k], sensors.variance[sensor], about, state, forward_pass, work)
             if not nis >= 0.0:
                 return event, cost, least, log_determinant
             least += nis
             for c in range(about.residual.shape[1]):
                 if not np.isnan(about.residual[k, c]):
-                    log_determinant += np.log(trace.total[k, c] * trace.weight[k, c])
+                    log_determinant += np.log(forward_pass.total[k, c] * forward_pass.weight[k, c])
         if not cost < np.inf:
             return event, cost, least, log_determinant
-        _write_down(event, state, n_parameters, trace, work)
+        _store_event(event, state, n_parameters, forward_pass, work)
     return timeline.time.size, cost, least, log_determinant

@@ -11,7 +11,7 @@ from auvid_cli.filters.problem import Timeline
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import AugmentedProblem
 from auvid_cli.identification.faulted_vehicle import FaultedVehicle, Motion
-from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, Fault
+from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, FaultModel
 from auvid_cli.vehicle.dynamics import factors
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
@@ -34,12 +34,12 @@ class VehicleFaults:
     problem : AugmentedProblem
     sought : collection of str
         Symbols of delays that are estimated beside the filter: they come last.
-    tested : sequence of Fault
+    tested : sequence of FaultModel
         Those to test for, as far as no state stands for them.
     """
 
     def __init__(
-        self, problem: AugmentedProblem, sought: Collection[str] = (), tested: Sequence[Fault] = FAULTS
+        self, problem: AugmentedProblem, sought: Collection[str] = (), tested: Sequence[FaultModel] = FAULTS
     ) -> None:
         self._problem = problem
         present, modelled = ("", *problem.measuring), (*problem.layout.symbols, *sought)
@@ -60,14 +60,9 @@ class VehicleFaults:
         self._largest_small_rate = np.quantile(np.abs(rates), _SMALL, axis=0)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Return the names of the faults that no state stands for, of sensors that there are."""
-        return tuple(fault.name for fault in self._faults)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Return the SI unit of the size of each."""
-        return tuple(fault.unit for fault in self._faults)
+    def labels(self) -> tuple[FaultModel, ...]:
+        """Return the faults of the present sensors that no state represents."""
+        return self._faults
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
         """Say what they do to a chunk of a segment, along a trajectory."""

@@ -1,17 +1,17 @@
-"""What may be wrong with a vehicle's model or its data, fault by fault: what each does along a motion, per unit of it.
+"""Effect of each fault of a vehicle's model or data along a motion, per unit of its size.
 
-A fault is no state of the model; see `auvid_cli.filters.fault_scores` for what the data say of it. One that is, because
-settings ask for it to be estimated, is not tested.
+Names and remedies are in `auvid_cli.data.faults`, the tests in `auvid_cli.filters.fault_scores`. A fault that is a
+state, because settings ask for its estimate, is not tested.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.extra_states import DELAYS
-from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
+from auvid_cli.data.faults import Fault, FaultKind
 from auvid_cli.identification.faulted_vehicle import FaultedVehicle, Motion
 from auvid_cli.vehicle.ballast import N_BALLAST
 from auvid_cli.vehicle.coefficients import SIGNALS, Coefficient, Regressor
@@ -20,57 +20,56 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 from auvid_cli.vehicle.term_library import term
 
 Array = NDArray[np.float64]
+Effect = Callable[[FaultedVehicle, Motion], Array]
 
 _ROLL_MOMENT = INPUT_SYMBOLS.index("roll_moment")
-# s; before and after an instant, to find how fast what is felt there changes.
+# s; step of the difference quotient of the specific force.
 _SHORT = 1e-4
 
 
-class Fault(NamedTuple):
-    """Something that may be wrong.
+class FaultModel(NamedTuple):
+    """Effect of a fault on the data.
 
     Attributes
     ----------
-    name, unit : str
-        Unit of its size, SI.
-    remedy : str
-        What to do about it.
+    fault : Fault
+    unit : str
+        SI unit of its size.
     state : str
-        Symbol of the state, or of the delay, that stands for it where it is estimated; empty if none does.
+        Symbol of the state, or of the delay, that represents it where it is estimated; empty if there is none.
     sensor : str
-        Whose measurements it changes; empty if it acts on the motion.
+        Sensor whose measurements it changes; empty if it acts on the motion.
     effect : callable
-        ``effect(model, at)`` per unit: of a sensor's what is added, shape (n, c); of others by how much faster the
-        motion changes, shape (n, 9).
+        ``effect(model, at)`` per unit: the addition to the measurements of its sensor, shape (n, c); without a sensor
+        the addition to the rates of the motion, shape (n, 9).
     regressor : Regressor or None
-        Of a term that the model lacks.
+        Regressor of a missing term.
     is_drift : bool
-        Whether it is how what the state stands for changes with time: it is tested where that is one constant.
+        Whether it is the drift of its state: tested where that is one constant.
     answers : str
-        Symbol of the disturbance that a fin may answer before any sensor shows it: tested where that is estimated, and
-        beside a delay of the inputs.
+        Symbol of the disturbance to which a fin reacts before any sensor shows it: tested where that is estimated, in
+        addition to a delay of the inputs.
     """
 
-    name: str
+    fault: Fault
     unit: str
-    remedy: str
     state: str
     sensor: str
-    effect: Callable[[FaultedVehicle, Motion], Array]
+    effect: Effect
     regressor: Regressor | None = None
     is_drift: bool = False
     answers: str = ""
 
 
-def _constant(component: int) -> Callable[[FaultedVehicle, Motion], Array]:
+def _constant(component: int) -> Effect:
     return lambda model, at: np.tile(np.eye(3)[component], (len(at.motion), 1))
 
 
-def _lever(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
+def _lever(axis: int) -> Effect:
     return lambda model, at: np.asarray(np.cross(at.motion[:, 3:6], np.eye(3)[axis]), dtype=np.float64)
 
 
-def _force_at(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
+def _force_at(axis: int) -> Effect:
     def effect(model: FaultedVehicle, at: Motion) -> Array:
         arm, turning = np.eye(3)[axis], at.motion[:, 3:6]
         carried = np.cross(turning, np.cross(turning, arm))
@@ -79,19 +78,19 @@ def _force_at(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return effect
 
 
-def _current(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
+def _current(axis: int) -> Effect:
     return lambda model, at: at._replace(current=np.tile(np.eye(2)[axis], (len(at.motion), 1))).drift
 
 
-def _offset(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
+def _offset(given: int) -> Effect:
     return lambda model, at: model.by_inputs(at, np.eye(at.inputs.shape[1])[given])
 
 
-def _scaled(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
+def _scaled(given: int) -> Effect:
     return lambda model, at: model.by_inputs(at, at.inputs * np.eye(at.inputs.shape[1])[given])
 
 
-def _ballast(part: int) -> Callable[[FaultedVehicle, Motion], Array]:
+def _ballast(part: int) -> Effect:
     return lambda model, at: model.by_ballast(at, np.eye(N_BALLAST)[part])
 
 
@@ -108,8 +107,8 @@ def _late_field(model: FaultedVehicle, at: Motion) -> Array:
     return np.asarray(np.cross(at.motion[:, 3:6], model.magnetic_field(at.motion)), dtype=np.float64)
 
 
-def missing_term(term: Coefficient) -> Fault:
-    """Return as a fault that a model lacks a term of velocities and fins."""
+def missing_term(term: Coefficient) -> FaultModel:
+    """Return the fault that the model lacks a term of velocities and fins."""
 
     def effect(model: FaultedVehicle, at: Motion) -> Array:
         given = np.delete(at.inputs, _ROLL_MOMENT, axis=1)
@@ -118,14 +117,18 @@ def missing_term(term: Coefficient) -> Fault:
         values = [np.abs(signals[signal]) if modulus else signals[signal] for signal, modulus in pairs]
         return model.by_force(at, term.row, np.asarray(np.prod(values, axis=0), dtype=np.float64))
 
-    return Fault(term.symbol, term.unit, _TERM, "", "", effect, term.regressor)
+    return FaultModel(Fault(FaultKind.MISSING_TERM, term.symbol), term.unit, "", "", effect, term.regressor)
 
 
-def _answering(fin: str, given: int, turning: int, pushed: str) -> Fault:
-    """Return as a fault that a fin answers pushes before a sensor shows them: then the rate is what its moves tell.
+def _delay(sensor: str, effect: Effect) -> FaultModel:
+    component = "DVL" if sensor == "dvl" else sensor.replace("_", " ")
+    return FaultModel(Fault(FaultKind.SENSOR_DELAY, component), "s", DELAYS[sensor].symbol, sensor, effect)
 
-    That does not go by what a fin does to the rate: where its small moves are all there are, what is found of that may
-    be of either sign.
+
+def _anticipating(fin: str, given: int, turning: int, pushed: str) -> FaultModel:
+    """Return the fault that a fin reacts to disturbances before a sensor shows them: the rate follows its small moves.
+
+    The effectiveness of the fin is not used, because its sign is uncertain where all its moves are small.
     """
 
     def effect(model: FaultedVehicle, at: Motion) -> Array:
@@ -133,150 +136,88 @@ def _answering(fin: str, given: int, turning: int, pushed: str) -> Fault:
         rates[:, turning] = at.small_rate[:, given]
         return rates
 
-    return Fault(f"{fin} that answers pushes", "1/s", _ANSWERS, "", "", effect, answers=f"disturbance_{pushed}")
+    return FaultModel(Fault(FaultKind.ANTICIPATING_FIN, fin), "1/s", "", "", effect, answers=f"disturbance_{pushed}")
 
 
-def _drift_of(walk: str, fault: Fault) -> Fault:
-    """Return as a fault that something drifts which is estimated as a constant; `walk` is the setting that lets it."""
+def _drift(kind: FaultKind, of: FaultModel) -> FaultModel:
+    """Return the fault that a state drifts that is estimated as a constant."""
+    return of._replace(
+        fault=Fault(kind, of.fault.component),
+        unit=f"{of.unit}/s",
+        effect=lambda model, at: at.time[:, None] * of.effect(model, at),
+        is_drift=True,
+    )
 
-    def effect(model: FaultedVehicle, at: Motion) -> Array:
-        return at.time[:, None] * fault.effect(model, at)
 
-    name, remedy = f"drift of the {fault.name}", _WALKS.format(walk)
-    return Fault(name, f"{fault.unit}/s", remedy, fault.state, fault.sensor, effect, is_drift=True)
+def _components(
+    kind: FaultKind, components: str, unit: str, state: str, sensor: str, effect: Callable[[int], Effect]
+) -> Iterator[FaultModel]:
+    """Yield a fault for each component."""
+    for axis, component in enumerate(components.split()):
+        yield FaultModel(Fault(kind, component), unit, state.format(component), sensor, effect(axis))
 
 
-_GYRO = "estimate it (identification.estimate.biases: [gyro])"
-_FORCE = "estimate it (identification.estimate.biases: [accelerometer])"
-_IRON = "estimate the field of the vehicle (identification.estimate.biases: [magnetic_field])"
-_PLACE = "state where it sits (`position` in the sensor's settings or map)"
-_DVL = "estimate scale and mounting of the DVL (identification.estimate.biases: [dvl])"
-_CURRENT = "estimate the current (identification.estimate.biases: [current])"
-_LATE = (
-    "subtract it from the times of the {} where they are recorded or imported, or state it (identification.delays.{})"
+def _biases(kind: FaultKind, sensor: str) -> Iterator[FaultModel]:
+    symbols = " ".join(quantity.symbol for quantity in SENSORS[sensor])
+    return _components(kind, symbols, SENSORS[sensor][0].unit, "bias_{}", sensor, _constant)
+
+
+_CURRENT = tuple(_components(FaultKind.CURRENT, "north east", "m/s", "current_{}", "dvl", _current))
+_FIN_TRIM = tuple(_components(FaultKind.FIN_TRIM, "rudder elevator", "rad", "{}_trim", "", _offset))
+# As constants these look like other faults or like coefficients: only the drift of an estimated one is tested.
+_ONLY_DRIFT = tuple(
+    (kind, FaultModel(Fault(kind), unit, state, "", effect))
+    for kind, unit, state, effect in (
+        (FaultKind.THRUST_SCALE_DRIFT, "1", "thrust_scale", _scaled(2)),
+        (FaultKind.EXCESS_BUOYANCY_DRIFT, "N", "excess_buoyancy", _ballast(0)),
+        (FaultKind.TRIM_MOMENT_DRIFT, "N*m", "trim_moment", _ballast(1)),
+    )
 )
-_EARLY = (
-    "add it to the times of the inputs where they are recorded or imported, or state it (identification.delays.inputs);"
-    " fins that lag: vehicle.actuators.fins.time_constant"
-)
-_LEVER = "move what the DVL measured to the origin, or estimate its arm (identification.estimate.biases: [dvl_arm])"
-_TRIM = "add it to the recorded angle, or estimate it (identification.estimate.biases: [fin_trim])"
-_THRUST = "add it to the recorded thrust, or estimate its scale (identification.estimate.biases: [thrust])"
-_TERM = "the model lacks this term, and others make up for it: add it (vehicle.terms)"
-_CHECK = "check vehicle.parameters.{}"
-_ANSWERS = (
-    "an autopilot moves this fin by more than the log has, so that it seems to do less: log what it steers by (its "
-    "gyroscope), move fins by a plan, or hold the coefficients of this axis; or this fin alone is late"
-)
-_WALKS = (
-    "it is estimated as one constant: let it walk (identification.estimate.{}), or identify parts of the run one by "
-    "one (--use BEGIN:END)"
-)
-_BALLAST = f"{_CHECK}, or estimate {{}} (identification.estimate.biases: [ballast])"
-
-_MAY_DRIFT: tuple[tuple[str, Fault], ...] = (
-    ("current.walk", Fault("current, north", "m/s", _CURRENT, "current_north", "dvl", _current(0))),
-    ("current.walk", Fault("current, east", "m/s", _CURRENT, "current_east", "dvl", _current(1))),
-    ("fin_trim.walk", Fault("trim of the rudder", "rad", _TRIM, "rudder_trim", "", _offset(0))),
-    ("fin_trim.walk", Fault("trim of the elevator", "rad", _TRIM, "elevator_trim", "", _offset(1))),
-)
-# As constants these are what other faults, or coefficients, are: only of what is estimated a drift is tested for.
-_ONLY_DRIFT: tuple[tuple[str, Fault], ...] = (
-    ("thrust.walk", Fault("scale of the thrust", "1", "", "thrust_scale", "", _scaled(2))),
-    ("ballast.buoyancy_walk", Fault("excess buoyancy", "N", "", "excess_buoyancy", "", _ballast(0))),
-    ("ballast.moment_walk", Fault("moment of trim", "N*m", "", "trim_moment", "", _ballast(1))),
-)
-FAULTS: tuple[Fault, ...] = (
-    *(
-        Fault(f"bias of {quantity.symbol}", "rad/s", _GYRO, f"bias_{quantity.symbol}", "gyroscope", _constant(i))
-        for i, quantity in enumerate(SENSORS["gyroscope"])
-    ),
-    *(
-        Fault(f"bias of {quantity.symbol}", "m/s^2", _FORCE, f"bias_{quantity.symbol}", "accelerometer", _constant(i))
-        for i, quantity in enumerate(SENSORS["accelerometer"])
-    ),
-    *(
-        Fault(f"bias of {quantity.symbol}", "T", _IRON, f"bias_{quantity.symbol}", "magnetic_field", _constant(i))
-        for i, quantity in enumerate(SENSORS["magnetic_field"])
-    ),
-    *(
-        Fault(f"position of the accelerometer, {axis}", "m", _PLACE, "", "accelerometer", _force_at(i))
-        for i, axis in enumerate("xyz")
-    ),
-    Fault(
-        "delay of the gyroscope",
-        *("s", _LATE.format("gyroscope", "gyroscope"), DELAYS["gyroscope"].symbol, "gyroscope"),
-        lambda model, at: -at.rates[:, 3:6],
-    ),
-    Fault(
-        "delay of the DVL",
-        *("s", _LATE.format("DVL", "dvl"), DELAYS["dvl"].symbol, "dvl"),
-        lambda model, at: -at.over_ground_rate,
-    ),
-    Fault(
-        "delay of the inputs",
-        *("s", _EARLY, DELAYS["inputs"].symbol, ""),
+FAULTS: tuple[FaultModel, ...] = (
+    *_biases(FaultKind.GYROSCOPE_BIAS, "gyroscope"),
+    *_biases(FaultKind.ACCELEROMETER_BIAS, "accelerometer"),
+    *_biases(FaultKind.MAGNETIC_FIELD_BIAS, "magnetic_field"),
+    *_components(FaultKind.ACCELEROMETER_POSITION, "x y z", "m", "", "accelerometer", _force_at),
+    _delay("gyroscope", lambda model, at: -at.rates[:, 3:6]),
+    _delay("dvl", lambda model, at: -at.over_ground_rate),
+    FaultModel(
+        Fault(FaultKind.INPUT_DELAY),
+        *("s", DELAYS["inputs"].symbol, ""),
         lambda model, at: -model.by_inputs(at, at.input_rate),
     ),
-    Fault("scale of the DVL", "1", _DVL, "dvl_scale", "dvl", lambda model, at: at.over_ground),
-    Fault(
-        "mounting yaw of the DVL",
-        *("rad", _DVL, "dvl_yaw", "dvl"),
+    FaultModel(Fault(FaultKind.DVL_SCALE), "1", "dvl_scale", "dvl", lambda model, at: at.over_ground),
+    FaultModel(
+        Fault(FaultKind.DVL_YAW),
+        *("rad", "dvl_yaw", "dvl"),
         lambda model, at: at.over_ground[:, [1, 0, 2]] * [1.0, -1.0, 0.0],
     ),
-    *(Fault(f"lever arm of the DVL, {a}", "m", _LEVER, f"dvl_{a}", "dvl", _lever(i)) for i, a in enumerate("xyz")),
-    *(fault for _, fault in _MAY_DRIFT),
-    *(_drift_of(walk, fault) for walk, fault in (*_MAY_DRIFT, *_ONLY_DRIFT)),
-    Fault(
-        "constant thrust",
-        *("N", _THRUST, "", ""),
-        _offset(2),
+    *_components(FaultKind.DVL_LEVER_ARM, "x y z", "m", "dvl_{}", "dvl", _lever),
+    *_CURRENT,
+    *_FIN_TRIM,
+    *(_drift(FaultKind.CURRENT_DRIFT, model) for model in _CURRENT),
+    *(_drift(FaultKind.FIN_TRIM_DRIFT, model) for model in _FIN_TRIM),
+    *(_drift(kind, model) for kind, model in _ONLY_DRIFT),
+    FaultModel(Fault(FaultKind.THRUST_OFFSET), "N", "", "", _offset(2)),
+    FaultModel(Fault(FaultKind.MASS), "kg", "", "", lambda model, at: model.by_parameter(at, m=1.0)),
+    FaultModel(Fault(FaultKind.BUOYANCY), "N", "excess_buoyancy", "", lambda model, at: model.by_parameter(at, B=1.0)),
+    # A moment of trim is a part of its effect: where that moment is estimated, the rest is still tested.
+    FaultModel(
+        Fault(FaultKind.CENTRE_OF_GRAVITY), "m", "", "", lambda model, at: model.by_parameter(at, xG=1e-3) / 1e-3
     ),
-    Fault("mass", "kg", _CHECK.format("m"), "", "", lambda model, at: model.by_parameter(at, m=1.0)),
-    Fault(
-        "buoyancy",
-        *("N", _BALLAST.format("B", "the excess buoyancy"), "excess_buoyancy", ""),
-        lambda model, at: model.by_parameter(at, B=1.0),
-    ),
-    # Of which a moment of trim is no more than a part: where that is estimated, the rest is still tested for.
-    Fault(
-        "xG",
-        *("m", _BALLAST.format("xG", "the moment of trim"), "", ""),
-        lambda model, at: model.by_parameter(at, xG=1e-3) / 1e-3,
-    ),
-    _answering("rudder", 0, 5, "N"),
-    _answering("elevator", 1, 4, "M"),
+    _anticipating("rudder", 0, 5, "N"),
+    _anticipating("elevator", 1, 4, "M"),
     *(missing_term(term(row, ("|v|", "r"))) for row in (1, 5)),
 )
 
-# Delays that are looked for where settings ask for it; those of an angle or a depth are not tested for unasked, since
-# errors of an AHRS, which last, look like them, nor those of the sensors that an AHRS hears.
-DELAY_FAULTS: dict[str, Fault] = {fault.state: fault for fault in FAULTS if fault.unit == "s"} | {
-    DELAYS[sensor].symbol: Fault(
-        f"delay of the {sensor.replace('_', ' ')}", "s", "", DELAYS[sensor].symbol, sensor, effect
-    )
-    for sensor, effect in (
-        ("attitude", lambda model, at: -at.rates[:, 6:9]),
-        ("accelerometer", _late_force),
-        ("magnetometer", lambda model, at: -at.rates[:, 8:9]),
-        ("magnetic_field", _late_field),
-        ("depth", lambda model, at: -body_to_earth(at.motion[:, 6:9], at.motion[:, :3])[:, 2:]),
+# Delays that settings can estimate. Those of an angle, a depth, or a sensor that an AHRS reads are not tested unasked,
+# because the autocorrelated errors of an AHRS look like them.
+DELAY_FAULTS: dict[str, FaultModel] = {fault.state: fault for fault in FAULTS if fault.unit == "s"} | {
+    fault.state: fault
+    for fault in (
+        _delay("attitude", lambda model, at: -at.rates[:, 6:9]),
+        _delay("accelerometer", _late_force),
+        _delay("magnetometer", lambda model, at: -at.rates[:, 8:9]),
+        _delay("magnetic_field", _late_field),
+        _delay("depth", lambda model, at: -body_to_earth(at.motion[:, 6:9], at.motion[:, :3])[:, 2:]),
     )
 }
-
-ANSWERING = frozenset(fault.name for fault in FAULTS if fault.answers)
-"""Names of those that are tested beside a delay of the inputs, which they look like."""
-
-_REMEDIES = {fault.name: fault.remedy for fault in FAULTS}
-
-
-def remedy_of_fault(name: str) -> str:
-    """Say what to do about what a test of an estimate is named for."""
-    if name.startswith(ANOTHER_MINIMUM):
-        return "it is nearly as probable, so these data decide nothing: use more of them, or a narrower prior"
-    if name.startswith(SEGMENT):
-        return (
-            "one model does not hold for all: look at what changed (current, trim, load), and identify the segments "
-            "one by one (--use BEGIN:END)"
-        )
-    return _REMEDIES.get(name, "")

@@ -135,15 +135,15 @@ class FilterRun:
 
     def _seen(self, outcome: FilterOutcome, course: "_Course") -> str:
         """Say what was seen where an iteration had got to."""
-        unsettled = outcome.unsettled
-        assert unsettled is not None, "whoever does not converge says how far that is"
-        moves = np.abs(np.nan_to_num(unsettled.moves))
+        convergence = outcome.convergence
+        assert convergence is not None, "whoever does not converge says how far that is"
+        moves = np.abs(np.nan_to_num(convergence.step))
         largest = [row for row in np.argsort(-moves)[:_MOST_NAMED] if moves[row] >= _MOVES]
         moving = ", ".join(f"{self.header.state[row]} by {moves[row]:.2g}" for row in largest)
         seen = [
-            f"the first {unsettled.share:.0%} of the data were fitted" if unsettled.share < 1.0 else "",
+            f"the first {convergence.fraction:.0%} of the data were fitted" if convergence.fraction < 1.0 else "",
             f"NIS {course.mean_nis:.3g}",
-            f"the cost may still fall by {unsettled.left:.2g}",
+            f"the cost may still fall by {convergence.cost_decrease:.2g}",
             f"of their standard deviations the next step moves {moving}"
             if moving
             else f"the next step moves no parameter by {_MOVES:g} of its standard deviation",

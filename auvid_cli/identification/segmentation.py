@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.identification import Use
 from auvid_cli.data.dataset import Dataset, SensorRecord
+from auvid_cli.data.gaps import longer_intervals
 from auvid_cli.errors import DataError
 from auvid_cli.identification.timeline import measuring_sensors
 
@@ -82,10 +83,8 @@ def _without(spans: Iterable[Span], holes: Iterable[Span]) -> list[Span]:
 
 
 def _silences(record: SensorRecord, longest: float, everything: Span) -> list[Span]:
-    time = record.measured_times
-    ends = np.concatenate([everything[:1], time, everything[1:]])
-    long = np.flatnonzero(np.diff(ends) > longest)
-    return [(float(ends[i]), float(ends[i + 1])) for i in long]
+    ends = np.concatenate([everything[:1], record.measured_times, everything[1:]])
+    return [(begin, end) for begin, end in longer_intervals(ends, longest).tolist()]
 
 
 def _slow(dvl: SensorRecord, least: float) -> list[Span]:

@@ -9,10 +9,10 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.rate_of_change import rate_noise
 from auvid_cli.inspection.grid import Signals
 from auvid_cli.inspection.inspection import cannot_tell, judged
-from auvid_cli.inspection.kinematic_ties import attitude_rates, attitude_window, tied
+from auvid_cli.inspection.kinematic_relations import attitude_rates, attitude_window, regress_relation
 from auvid_cli.inspection.mistaken_units import mistaken_units
 from auvid_cli.inspection.regression import Regression
-from auvid_cli.inspection.responses import AXES, RotationAxis, answers, response_check, response_fits, slips
+from auvid_cli.inspection.responses import AXES, RotationAxis, answers, response_check, response_fits, sideslip
 from auvid_cli.inspection.single_sensor import ENOUGH_FOR_NOISE, continuous, noise_floor
 from auvid_cli.vehicle.parameters import SENSORS
 
@@ -41,10 +41,10 @@ def rotation_checks(signals: Signals, sensors: Mapping[str, SensorRecord], time_
     for axis in AXES:
         fits = response_fits(signals, axis, time_constant)
         for angle, subject in ((axis.angle, "attitude"), *([("heading", "magnetometer")] if axis.rate == "r" else [])):
-            tie = attitude_rates(signals, "heading" if angle == "heading" else "psi").get(axis.rate)
-            if tie is not None and signals.has(axis.rate):
+            relation = attitude_rates(signals, "heading" if angle == "heading" else "psi").get(axis.rate)
+            if relation is not None and signals.has(axis.rate):
                 window = signals.window(axis.rate, angle)
-                fitted = tied(signals.values[axis.rate], tie.main, tie.others, window)
+                fitted = regress_relation(signals.values[axis.rate], relation.main, relation.others, window)
                 noise = _noise_of_rate(signals, sensors, angle, window)
                 checks.append(_agreement(axis, angle, subject, fitted, noise, _votes(signals, axis, fits)))
             elif signals.has(axis.rate) or signals.has(angle):
@@ -80,7 +80,7 @@ def _votes(signals: Signals, axis: RotationAxis, fits: dict[str, Regression | No
     sideways = {"q": "w", "r": "v"}.get(axis.rate)
     told = [answers(axis, fits)]
     if sideways is not None and signals.has("u", sideways):
-        told.append({name: 1 if ahead > 0.0 else -1 for name, ahead in slips(signals, sideways).items()})
+        told.append({name: 1 if ahead > 0.0 else -1 for name, ahead in sideslip(signals, sideways).items()})
     return {name: tuple(signs[name] for signs in told if name in signs) for name in fits}
 
 

@@ -48,7 +48,7 @@ def screened(name: str, record: SensorRecord) -> Screened:
     jumps = clock_jumps(record)
     leaps = np.stack([time[jumps], time[jumps + 1]], axis=1).tolist()
     marks = [Mark(name, "clock", *times) for times in leaps]
-    marks += [Mark(name, "gap", *times) for times in gaps(record).tolist() if times not in leaps]
+    marks += [Mark(name, "gap", *times) for times in gaps(record.measured_times).tolist() if times not in leaps]
     marks += [Mark(name, "stuck", *times) for times in stuck.tolist()]
     marks += [Mark(name, "spike", at, at) for at in time[mask.any(axis=1)].tolist()]
     end = int(jumps[0]) + 1 if jumps.size else time.size

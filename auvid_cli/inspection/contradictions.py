@@ -64,7 +64,7 @@ _TURNS = (
 )
 
 
-def weighed(checks: Sequence[Check]) -> list[Check]:
+def weighted_evidence(checks: Sequence[Check]) -> list[Check]:
     """Return verdicts with nothing called true or false by a rate and an angle that disagree, nor advice to mirror."""
     verdicts = {(check.subject, check.check): check for check in checks}
     for turn in _TURNS:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals
 from auvid_cli.inspection.inspection import cannot_tell, judged
-from auvid_cli.inspection.kinematic_ties import rates_by_sensor, tied
+from auvid_cli.inspection.kinematic_relations import rates_by_sensor, regress_relation
 
 Array = NDArray[np.float64]
 
@@ -45,8 +45,8 @@ def drift(signals: Signals) -> Drift | None:
     window = signals.window("v", "u", "r", "psi", "heading")
     slip = next(iter(rates.values())) * signals.values["u"]
     north, east = directions
-    by_north = tied(signals.values["v"], north, (east, slip), window)
-    by_east = tied(signals.values["v"], east, (north, slip), window)
+    by_north = regress_relation(signals.values["v"], north, (east, slip), window)
+    by_east = regress_relation(signals.values["v"], east, (north, slip), window)
     if by_north is None or by_east is None:
         return None
     return Drift(by_north.gain, by_east.gain, float(np.hypot(by_north.error, by_east.error)))

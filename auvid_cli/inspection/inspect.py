@@ -16,7 +16,7 @@ from auvid_cli.inspection.agreement import rotation_checks
 from auvid_cli.inspection.alignment import aligned, alignment_checks, input_alignment
 from auvid_cli.inspection.allan import bias_instability
 from auvid_cli.inspection.clean_record import Screened, screened
-from auvid_cli.inspection.contradictions import weighed
+from auvid_cli.inspection.contradictions import weighted_evidence
 from auvid_cli.inspection.current import drift, is_current, through_water
 from auvid_cli.inspection.data_checks import data_checks
 from auvid_cli.inspection.excitation import excitation_checks, fitness_checks
@@ -25,9 +25,9 @@ from auvid_cli.inspection.fin_answers import motion_of, strength_checks
 from auvid_cli.inspection.forces import doubled_thrust_check, force_checks
 from auvid_cli.inspection.grid import Signals, signals_of, span_of
 from auvid_cli.inspection.inspection import Inspection, Mark, judged
-from auvid_cli.inspection.kinematic_ties import attitude_rates
+from auvid_cli.inspection.kinematic_relations import attitude_rates
 from auvid_cli.inspection.lasting_errors import biases_to_look_for, lasting_error_checks, lasting_errors
-from auvid_cli.inspection.likely_causes import causes_by_evidence, causes_check
+from auvid_cli.inspection.likely_causes import causes_check
 from auvid_cli.inspection.rudder_trim import rudder_trim, rudder_trim_checks
 from auvid_cli.inspection.sensor_delays import sensor_delay_checks
 from auvid_cli.inspection.single_sensor import measurement_checks
@@ -109,11 +109,9 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     every = slice(None, None, 1 + dataset.inputs.time.size // _MOST_INPUTS)
     inputs = InputRecord(dataset.inputs.time[every], dataset.inputs.values[every])
     presence = {name: _presence(record, span) for name, record in sensors.items()}
-    weighty = weighed(checks)
+    weighty = weighted_evidence(checks)
     current = found if found is not None and is_current(signals, found) else None
-    weighty.append(
-        causes_check(causes_by_evidence(alignment, current, trim, errors, biases_to_look_for(dataset)), weighty)
-    )
+    weighty.append(causes_check(alignment, current, trim, errors, biases_to_look_for(dataset), weighty))
     return Inspection(Checks(weighty), marks, inputs, presence, span)
 
 
@@ -192,9 +190,9 @@ def _angles(sensors: dict[str, SensorRecord]) -> Iterator[tuple[str, int, str]]:
 def _stability(signals: Signals) -> list[Check]:
     """State the bias instability of the rates, from what attitude does not explain: that of both together."""
     checks = []
-    for symbol, tie in attitude_rates(signals).items():
+    for symbol, relation in attitude_rates(signals).items():
         if signals.has(symbol):
-            unexplained = signals.values[symbol] - tie.total()
+            unexplained = signals.values[symbol] - relation.total()
             instability = bias_instability(unexplained[np.isfinite(unexplained)], signals.grid.step)
             if instability is not None:
                 checks.append(

@@ -3,7 +3,7 @@
 from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematic_ties import Tie, rates_by_sensor, swings
+from auvid_cli.inspection.kinematic_relations import Relation, lever_arm_acceleration, rates_by_sensor
 from auvid_cli.inspection.regression import fit
 
 # m
@@ -12,7 +12,7 @@ _SIGMAS = 3.0
 _SOURCES = (("v", "fy", "r"), ("w", "fz", "q"))
 
 
-def lever_arm_checks(signals: Signals, forces: dict[str, Tie], accelerometer_ahead: float = 0.0) -> list[Check]:
+def lever_arm_checks(signals: Signals, forces: dict[str, Relation], accelerometer_ahead: float = 0.0) -> list[Check]:
     """Judge the distance along the hull by v in yaw and by w in pitch, where either tells.
 
     A DVL that sits ahead by x measures ``v + x r`` and ``w - x q``, whose change contains what the accelerometer does
@@ -22,8 +22,8 @@ def lever_arm_checks(signals: Signals, forces: dict[str, Tie], accelerometer_ahe
     Parameters
     ----------
     signals : Signals
-    forces : dict of Tie
-        Of `kinematic_ties.measured_forces`.
+    forces : dict of Relation
+        Of `kinematic_relations.measured_forces`.
     accelerometer_ahead : float
         m, by which the accelerometer is stated to sit ahead of the origin.
     """
@@ -34,7 +34,8 @@ def lever_arm_checks(signals: Signals, forces: dict[str, Tie], accelerometer_ahe
         lacking = forces[symbol].total() - signals.values[force]
         # A scale of u that is wrong shows in u times the rate.
         lacking, swing, carried = (
-            smoothed(each, window) for each in (lacking, swings(signals)[symbol], signals.values["u"] * turning)
+            smoothed(each, window)
+            for each in (lacking, lever_arm_acceleration(signals)[symbol], signals.values["u"] * turning)
         )
         arm = fit(lacking, swing, [carried], window)
         if arm is not None and arm.error < _USUAL / _SIGMAS:

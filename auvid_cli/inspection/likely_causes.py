@@ -1,9 +1,9 @@
-"""What identification should be told of these data, the likeliest first: delay, current, trim, errors that last."""
+"""Likely causes of contradictions between signals, by evidence: delay, current, trim, autocorrelated errors."""
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence, Set
 
 from auvid_cli.data.check import Check
+from auvid_cli.data.faults import Cause, FaultKind
 from auvid_cli.inspection.alignment import Alignment
 from auvid_cli.inspection.current import Drift
 from auvid_cli.inspection.inspection import judged
@@ -13,28 +13,15 @@ from auvid_cli.inspection.rudder_trim import RudderTrim
 _SUBJECT, _NAME = "identification", "likely causes"
 
 
-class LikelyCause(NamedTuple):
-    """Something that would be taken for motion or noise if it were not told.
-
-    Attributes
-    ----------
-    gain : float
-        In log-likelihood, of the signals that show it, over those that would be without it.
-    name, remedy : str
-    shown_by : tuple of str
-        Verdicts, any of which says that it is there.
-    """
-
-    gain: float
-    name: str
-    remedy: str
-    shown_by: tuple[str, ...]
-
-
-def causes_by_evidence(
-    alignment: Alignment, drift: Drift | None, trim: RudderTrim | None, errors: Sequence[LastingError], biases: str
-) -> Iterator[LikelyCause]:
-    """Yield what the evidence speaks for.
+def causes_check(
+    alignment: Alignment,
+    drift: Drift | None,
+    trim: RudderTrim | None,
+    errors: Sequence[LastingError],
+    biases: str,
+    checks: Sequence[Check],
+) -> Check:
+    """Return the check that lists the likely causes in the order of their evidence.
 
     Parameters
     ----------
@@ -42,47 +29,48 @@ def causes_by_evidence(
     drift : Drift or None
         None where there is no current.
     trim : RudderTrim or None
-        None where nothing tells it.
+        None where it is unknown.
     errors : sequence of LastingError
     biases : str
-        Names of blocks that find these.
-    """
-    if alignment.is_delayed and alignment.delay is not None:
-        setting = f"its delay (`identification.delays={{inputs: {-alignment.delay:.2g} s}}`)"
-        yield LikelyCause(alignment.gain, "inputs at another time", setting, ("delay",))
-    if drift is not None:
-        remedy = "the current (`identification.estimate.biases: [current]`)"
-        yield LikelyCause(0.5 * (drift.size / drift.error) ** 2, "a current", remedy, ("current",))
-    if trim is not None and trim.is_off:
-        remedy = "the trim of the rudder (`identification.estimate.biases: [fin_trim]`)"
-        yield LikelyCause(0.5 * (trim.angle / trim.error) ** 2, "a rudder that is off its middle", remedy, ("trim",))
-    if beyond := [error for error in errors if error.is_beyond_noise]:
-        yield LikelyCause(
-            sum(error.gain for error in beyond),
-            "errors of the gyroscope that last",
-            f"the bias of the gyroscope (`identification.estimate.biases: [{biases}]`) or more process noise (`auvid "
-            "tune`)",
-            tuple(f"errors that last in {error.rate}" for error in beyond),
-        )
-
-
-def causes_check(causes: Iterator[LikelyCause], checks: Sequence[Check]) -> Check:
-    """Put those in order that no other verdict calls in doubt.
-
-    Parameters
-    ----------
-    causes : iterator of LikelyCause
+        Names of the blocks that estimate these.
     checks : sequence of Check
-        All verdicts, weighed.
+        All others, weighed; a cause whose own check passed, or could not be made, is left out.
     """
-    told = {check.check for check in checks if check.passed is not True and "cannot tell" not in check.statistic}
-    known = sorted((cause for cause in causes if told & {*cause.shown_by}), key=lambda cause: -cause.gain)
+    shown = {check.check for check in checks if check.passed is not True and "cannot tell" not in check.statistic}
+    known = sorted(_causes(alignment, drift, trim, errors, biases, shown), key=lambda cause: -cause.gain)
     return judged(
         _SUBJECT,
         _NAME,
-        statistic="; ".join(f"{cause.name} (gains {cause.gain:.0f} in log-likelihood)" for cause in known) or "none",
+        statistic="; ".join(cause.name_with_gain for cause in known) or "none",
         threshold="nothing that would pass for motion or noise",
         passed=None if known else True,
         advice="Identification should be told, the likeliest first: "
         f"{'; then '.join(cause.remedy for cause in known)}. What is left is process noise: more of it, not less.",
     )
+
+
+def _causes(
+    alignment: Alignment,
+    drift: Drift | None,
+    trim: RudderTrim | None,
+    errors: Sequence[LastingError],
+    biases: str,
+    shown: Set[str],
+) -> Iterator[Cause]:
+    """Yield the causes that the evidence and a check of this name show."""
+    if "delay" in shown and alignment.is_delayed and alignment.delay is not None:
+        setting = f"its delay (`identification.delays={{inputs: {-alignment.delay:.2g} s}}`)"
+        yield Cause(alignment.gain, "inputs at another time", setting)
+    if "current" in shown and drift is not None:
+        yield Cause(0.5 * (drift.size / drift.error) ** 2, "a current", f"the current (`{FaultKind.CURRENT.setting}`)")
+    if "trim" in shown and trim is not None and trim.is_off:
+        remedy = f"the trim of the rudder (`{FaultKind.FIN_TRIM.setting}`)"
+        yield Cause(0.5 * (trim.angle / trim.error) ** 2, "a rudder that is off its middle", remedy)
+    beyond = [error for error in errors if error.is_beyond_noise]
+    if any(f"errors that last in {error.rate}" in shown for error in beyond):
+        yield Cause(
+            sum(error.gain for error in beyond),
+            "errors of the gyroscope that last",
+            f"the bias of the gyroscope (`identification.estimate.biases: [{biases}]`) or more process noise (`auvid "
+            "tune`)",
+        )

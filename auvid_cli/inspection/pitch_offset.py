@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.check import Check
-from auvid_cli.inspection.grid import Signals, derivative, smoothed, without_mean
+from auvid_cli.inspection.grid import Signals, smoothed, without_mean
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematic_ties import Tie
+from auvid_cli.inspection.kinematic_relations import Relation, measured_depth_rate
 from auvid_cli.inspection.regression import Regression, fit
 from auvid_cli.vehicle.kinematics import GRAVITY
 
@@ -60,27 +60,29 @@ def ahead(signals: Signals) -> NDArray[np.bool_]:
     return u >= _AHEAD * np.nanquantile(u, 0.9)
 
 
-def offset_by_depth(signals: Signals, dive: Tie) -> PitchOffset | None:
+def offset_by_depth(signals: Signals, dive: Relation) -> PitchOffset | None:
     """Find it by the depth rate that pitch and speed do not explain; None if the vehicle hardly makes way."""
-    lacking = derivative(signals.values["down"], signals.grid.step) - dive.total()
+    lacking = measured_depth_rate(signals) - dive.total()
     return _offset(signals, np.where(ahead(signals), lacking, np.nan), signals.values["u"])
 
 
-def offset_by_gravity(signals: Signals, forward: Tie) -> PitchOffset | None:
+def offset_by_gravity(signals: Signals, forward: Relation) -> PitchOffset | None:
     """Find it by what the accelerometer feels forwards."""
     lacking = signals.values["fx"] - forward.total()
     return _offset(signals, lacking, np.full(lacking.size, -GRAVITY))
 
 
-def fit_over_seconds(signals: Signals, dive: Tie) -> Regression | None:
-    """Regress depth rate on pitch and surge as in `kinematics.tied`, of what changes within seconds only.
+def fit_over_seconds(signals: Signals, dive: Relation) -> Regression | None:
+    """Regress the depth rate on pitch and surge, both without what changes slower than within seconds.
 
     An offset that comes and goes spoils the gain over the whole run, and leaves this one alone.
     """
     window, interval = signals.window("down", "u", "theta"), round(_INTERVAL / signals.grid.step)
-    sinking = derivative(signals.values["down"], signals.grid.step)
     moving = np.where(ahead(signals), 0.0, np.nan)
-    within = [without_mean(smoothed(each, window), interval) for each in (sinking + moving, dive.main, *dive.others)]
+    within = [
+        without_mean(smoothed(each, window), interval)
+        for each in (measured_depth_rate(signals) + moving, dive.main, *dive.others)
+    ]
     return fit(within[0], within[1], within[2:], window)
 
 

@@ -9,7 +9,7 @@ from auvid_cli.data.check import Check
 from auvid_cli.inspection.current import carried_sideways
 from auvid_cli.inspection.grid import Signals, change, smoothed
 from auvid_cli.inspection.inspection import cannot_tell, judged
-from auvid_cli.inspection.kinematic_ties import attitude_window, rates_by_sensor, tied
+from auvid_cli.inspection.kinematic_relations import attitude_window, rates_by_sensor, regress_relation
 from auvid_cli.inspection.regression import Regression, fit
 
 Array = NDArray[np.float64]
@@ -160,7 +160,7 @@ def thrust_check(signals: Signals, time_constant: float | None) -> Check:
     )
 
 
-def slips(signals: Signals, symbol: str) -> dict[str, float]:
+def sideslip(signals: Signals, symbol: str) -> dict[str, float]:
     """Find how v or w goes with the turn, where that can be told, by the sensor that says the rate.
 
     A slender hull with its fins at the stern drifts outwards: v against r u, w with q u. What a current adds to v goes
@@ -176,7 +176,9 @@ def slips(signals: Signals, symbol: str) -> dict[str, float]:
     value = signals.values
     by_sensor, window = rates_by_sensor(signals, rate_symbol), signals.window(symbol, rate_symbol, "psi", "heading")
     beside = carried_sideways(signals) if symbol == "v" else ()
-    fits = {name: tied(value[symbol], rate * value["u"], beside, window) for name, rate in by_sensor.items()}
+    fits = {
+        name: regress_relation(value[symbol], rate * value["u"], beside, window) for name, rate in by_sensor.items()
+    }
     speed = float(np.nanmedian(value["u"]))
     return {name: outwards * fitted.gain * speed for name, fitted in fits.items() if fitted and known_sign(fitted)}
 

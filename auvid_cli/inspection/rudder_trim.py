@@ -9,7 +9,7 @@ from auvid_cli.data.rate_of_change import response_to_rates
 from auvid_cli.inspection.fin_answers import answer_by_steps, by_steps
 from auvid_cli.inspection.grid import Signals, change
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematic_ties import attitude_window, rates_by_sensor
+from auvid_cli.inspection.kinematic_relations import attitude_window, rates_by_sensor
 from auvid_cli.inspection.regression import fit
 from auvid_cli.inspection.responses import AXES, answer_window, moment
 from auvid_cli.inspection.small_motion import SmallMotion

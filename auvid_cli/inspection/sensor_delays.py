@@ -11,7 +11,7 @@ from auvid_cli.data.check import Check
 from auvid_cli.data.rate_of_change import rate_of_change, response_to_rates
 from auvid_cli.inspection.grid import Signals
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematic_ties import attitude_rates, attitude_window, diving_speed, measured_forces
+from auvid_cli.inspection.kinematic_relations import attitude_rates, attitude_window, diving_speed, measured_forces
 from auvid_cli.inspection.lags import likeliest_lag, shifted
 
 Array = NDArray[np.float64]
@@ -83,9 +83,9 @@ def sensor_delay_checks(signals: Signals, time_constant: float | None, contradic
 
 def _pairs(signals: Signals, half: int) -> Iterator[_Pair]:
     step, value = signals.grid.step, signals.values
-    for rate, tie in attitude_rates(signals).items():
+    for rate, relation in attitude_rates(signals).items():
         if signals.has(rate):
-            yield _Pair("gyroscope", "attitude", response_to_rates(value[rate], step, half), tie.total())
+            yield _Pair("gyroscope", "attitude", response_to_rates(value[rate], step, half), relation.total())
     dive = diving_speed(signals)
     if dive is not None and signals.has("down", "w"):
         measured = rate_of_change(value["down"], step, half)

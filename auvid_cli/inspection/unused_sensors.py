@@ -6,7 +6,7 @@ from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.inspection.clean_record import screened
 from auvid_cli.inspection.grid import signals_of, span_of
-from auvid_cli.inspection.kinematic_ties import measured_forces
+from auvid_cli.inspection.kinematic_relations import measured_forces
 from auvid_cli.inspection.velocity import against_force
 
 

@@ -5,9 +5,17 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.check import Check
 from auvid_cli.inspection.current import Drift, carried_sideways, current_check, drift, is_current
-from auvid_cli.inspection.grid import Signals, derivative
+from auvid_cli.inspection.grid import Signals
 from auvid_cli.inspection.inspection import cannot_tell, judged
-from auvid_cli.inspection.kinematic_ties import Tie, diving_speed, measured_forces, rates_by_sensor, swings, tied
+from auvid_cli.inspection.kinematic_relations import (
+    Relation,
+    diving_speed,
+    lever_arm_acceleration,
+    measured_depth_rate,
+    measured_forces,
+    rates_by_sensor,
+    regress_relation,
+)
 from auvid_cli.inspection.lever_arm import lever_arm_checks
 from auvid_cli.inspection.mistaken_units import mistaken_units
 from auvid_cli.inspection.pitch_offset import (
@@ -18,7 +26,7 @@ from auvid_cli.inspection.pitch_offset import (
     pitch_offset_check,
 )
 from auvid_cli.inspection.regression import Regression
-from auvid_cli.inspection.responses import known_sign, slips, thrust_check
+from auvid_cli.inspection.responses import known_sign, sideslip, thrust_check
 from auvid_cli.inspection.velocity_scale import scale_check
 
 Array = NDArray[np.float64]
@@ -115,14 +123,14 @@ def _speed(signals: Signals) -> Check:
     )
 
 
-def against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
+def against_force(signals: Signals, symbol: str, relation: Relation) -> Check:
     """Judge the change of a velocity, of symbol u, v or w, by the accelerometer: sign and order of size."""
     window = signals.window(symbol, f"f{'xyz'['uvw'.index(symbol)]}")
     force = signals.values[f"f{'xyz'['uvw'.index(symbol)]}"]
-    moved = tied(force, tie.main, tie.others, window)
+    moved = regress_relation(force, relation.main, relation.others, window)
     # Where the sensors do not sit together, what turning adds to one of them is no change of velocity.
-    apart = [swing for other, swing in swings(signals).items() if other == symbol]
-    fitted = tied(force, tie.main, (*tie.others, *apart), window)
+    apart = [swing for other, swing in lever_arm_acceleration(signals).items() if other == symbol]
+    fitted = regress_relation(force, relation.main, (*relation.others, *apart), window)
     name = f"{symbol} against accelerometer"
     threshold = f"gain {1.0 / _LARGEST_FACTOR:.2g} to {_LARGEST_FACTOR:g}"
     if fitted is None or moved is None or moved.spread < _LEAST_ACCELERATION or not known_sign(fitted):
@@ -142,13 +150,18 @@ def against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
 
 
 def _direction(
-    signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie | None, found: Drift | None, length: float
+    signals: Signals,
+    symbol: str,
+    forces: dict[str, Relation],
+    dive: Relation | None,
+    found: Drift | None,
+    length: float,
 ) -> Check:
     """Judge the sign of v or w by the best witness there is: depth, accelerometer, or the slip in a turn."""
     if symbol == "w" and dive is not None:
         window = signals.window("down", "w", "theta")
         by_heave, by_sway = dive.others
-        fitted = tied(_sinking(signals), by_heave, (dive.main, by_sway), window)
+        fitted = regress_relation(measured_depth_rate(signals), by_heave, (dive.main, by_sway), window)
         if fitted is not None and fitted.spread > _LEAST_SPEED and known_sign(fitted):
             return judged(
                 "dvl",
@@ -163,7 +176,7 @@ def _direction(
         if against.passed is not None:
             return against
     name, outwards = f"{symbol} in a turn", f"{symbol} points out of the turn"
-    pivots = slips(signals, symbol)
+    pivots = sideslip(signals, symbol)
     if not pivots:
         return _undetermined(symbol, name, outwards)
     ahead = max(pivots.values())
@@ -201,14 +214,10 @@ def _undetermined(symbol: str, name: str, threshold: str) -> Check:
     )
 
 
-def _sinking(signals: Signals) -> Array:
-    return derivative(signals.values["down"], signals.grid.step)
-
-
-def _depth_rate(signals: Signals, dive: Tie, offset: PitchOffset | None) -> Check:
+def _depth_rate(signals: Signals, dive: Relation, offset: PitchOffset | None) -> Check:
     """Judge depth rate against pitch and surge; an offset of pitch, which may come and go, is no fault."""
     window = signals.window("down", "u", "theta")
-    fitted: Regression | None = tied(_sinking(signals), dive.main, dive.others, window)
+    fitted: Regression | None = regress_relation(measured_depth_rate(signals), dive.main, dive.others, window)
     if fitted is None or fitted.spread < _LEAST_SPEED:
         return judged(
             "depth",
@@ -254,7 +263,7 @@ def _heading_offset(signals: Signals) -> Check:
     window, turning = signals.window("u", "v", "r", "psi"), next(iter(rates.values()))
     u, v = value["u"], value["v"]
     # A turn slows the vehicle down to either side, and may not slip as much to both.
-    fitted = tied(v, u, (turning * u, np.abs(turning) * u, *carried_sideways(signals)), window)
+    fitted = regress_relation(v, u, (turning * u, np.abs(turning) * u, *carried_sideways(signals)), window)
     tangent = 0.0 if fitted is None else fitted.gain
     is_observed = fitted is not None and fitted.error < 0.5 * np.tan(_USUAL_OFFSET)
     return judged(

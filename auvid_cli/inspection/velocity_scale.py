@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals, change, smoothed
 from auvid_cli.inspection.inspection import cannot_tell, judged
-from auvid_cli.inspection.kinematic_ties import Tie
+from auvid_cli.inspection.kinematic_relations import Relation
 from auvid_cli.inspection.regression import fit
 
 Array = NDArray[np.float64]
@@ -18,7 +18,7 @@ _FEWEST = 10
 _LARGEST, _LARGEST_ERROR, _SIGMAS = 0.01, 0.006, 2.0
 
 
-def scale_check(signals: Signals, dive: Tie) -> Check:
+def scale_check(signals: Signals, dive: Relation) -> Check:
     """Compare the depth that is gained with what pitch and velocities promise.
 
     What an offset of pitch adds, u cos(theta) times it, stands beside.
@@ -26,8 +26,8 @@ def scale_check(signals: Signals, dive: Tie) -> Check:
     Parameters
     ----------
     signals : Signals
-    dive : Tie
-        Of `kinematic_ties.diving_speed`.
+    dive : Relation
+        Of `kinematic_relations.diving_speed`.
     """
     name, threshold = "scale by depth", f"1 +- {_LARGEST:g}, where it is known to {_LARGEST_ERROR:g}"
     if max(signals.interval["down"], signals.interval["theta"]) > _SPAN / _FEWEST:

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.log_sensors import AccelerometerMap, DepthMap, DvlMap, MagneticFieldMap, SensorMap
 from auvid_cli.config.position import KeyPath
+from auvid_cli.config.spans import Spans
 from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.gaps import gaps
 from auvid_cli.data.noise import Noise, estimate_noise, is_smoothed
 from auvid_cli.logs.columns import ColumnReader
-from auvid_cli.logs.gaps import Gaps, TimeSpans, find_gaps
 from auvid_cli.logs.import_report import ImportSummary, summary_of
 from auvid_cli.logs.measurements import MeasuredRows, check_plausible, read_request, together, without_repeats
 from auvid_cli.logs.refusals import Refusals, RefusedError
@@ -89,9 +90,9 @@ def read_sensors(
     for name, sensor in maps.items():
         with refusals.collecting():
             records[name], noise = _finished(name, sensor, records[name], settings.use)
-            gaps = _gaps(records[name], settings.use, (*settings.exclude, *sensor.exclude))
+            silent = unintended_gaps(records[name].measured_times, settings.use, (*settings.exclude, *sensor.exclude))
             number, level = int(excluded[name].sum()), taken_as_level.get(name, "")
-            summaries.append(_summary(name, records[name], noise, rows[name], number, gaps, level))
+            summaries.append(_summary(name, records[name], noise, rows[name], number, silent, level))
     refusals.stop_if_any()
     return SensorRecords(records, origin, summaries)
 
@@ -110,7 +111,7 @@ def _read(
     return rows._replace(values={}), values
 
 
-def _within(time: Array, spans: TimeSpans) -> NDArray[np.bool_]:
+def _within(time: Array, spans: Spans) -> NDArray[np.bool_]:
     """Say which times are in one of the spans, their ends included."""
     inside = np.zeros(time.size, np.bool_)
     for begin, end in spans:
@@ -136,9 +137,7 @@ def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, positio
     return depth_at_origin(depth.values[:, 0], tilt[:, 0], tilt[:, 1], position)[:, None]
 
 
-def _finished(
-    name: str, sensor: SensorMap, record: SensorRecord, use: TimeSpans
-) -> tuple[SensorRecord, tuple[Noise, ...]]:
+def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) -> tuple[SensorRecord, tuple[Noise, ...]]:
     """Return what is used of a record, with its noise, and where that was estimated from each component."""
     time, values = record.time, record.values
     match sensor:
@@ -169,8 +168,14 @@ def _standard_deviation(name: str, values: Array, noise: tuple[Noise, ...]) -> A
     return np.where(measured, deviation, np.nanmax(deviation))
 
 
-def _gaps(record: SensorRecord, use: TimeSpans, exclude: TimeSpans) -> Gaps | None:
-    return find_gaps(record.measured_times, use, exclude)
+def unintended_gaps(time: Array, use: Spans, exclude: Spans) -> Spans:
+    """Return begin and end, s, of the gaps in the used spans (all if empty) that reach into no excluded one."""
+    return tuple(
+        (begin, end)
+        for begin, end in gaps(time).tolist()
+        if not any(first <= end and begin <= last for first, last in exclude)
+        and (not use or any(first <= begin and end <= last for first, last in use))
+    )
 
 
 def _summary(
@@ -179,7 +184,7 @@ def _summary(
     noise: tuple[Noise, ...],
     rows: MeasuredRows,
     excluded: int,
-    gaps: Gaps | None,
+    silent: Spans,
     taken_as_level: str,
 ) -> ImportSummary:
     unit = SENSORS[name][0].unit
@@ -221,9 +226,10 @@ def _summary(
     )
     missing = int(np.count_nonzero(np.isnan(record.values).all(axis=1)))
     remarks = [text for applies, text in treatment if applies]
-    if gaps is not None:
+    if silent:
+        longest, begin = max((end - begin, begin) for begin, end in silent)
         remarks.append(
-            f"{gaps.number} {'gap' if gaps.number == 1 else 'gaps'}, the longest of {gaps.longest:.4g} s from t = "
-            f"{gaps.begin:.4g} s: leave it out with auvid identify --use, or set identification.use.longest_gap"
+            f"{len(silent)} {'gap' if len(silent) == 1 else 'gaps'}, the longest of {longest:.4g} s from t = "
+            f"{begin:.4g} s: leave it out with auvid identify --use, or set identification.use.longest_gap"
         )
     return summary_of(name, record.time, missing, rows, tuple(remarks))

@@ -306,7 +306,7 @@ def consistency(evaluation: Evaluation) -> Table:
 def _faults(evaluation: Evaluation) -> Table:
     rows: list[list[Cell]] = [
         [
-            fault.fault if name == JUDGE else f"{filter_label(name)}: {fault.fault}",
+            str(fault.fault) if name == JUDGE else f"{filter_label(name)}: {fault.fault}",
             UnitCell(fault.unit),
             PlusMinus(fault.size, fault.standard_deviation),
             fault.z,

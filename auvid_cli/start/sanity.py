@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.config.plausibility import LARGEST_SLENDERNESS, LEAST_SLENDERNESS, Doubt, doubts, full_cylinder
+from auvid_cli.config.plausibility import LARGEST_SLENDERNESS, LEAST_SLENDERNESS, SanityWarning, doubts, full_cylinder
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.start.first_spiral import FirstSpiral
 from auvid_cli.vehicle.matrices import central_inertia
@@ -60,10 +60,12 @@ def sanity_notes(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[str]
     slenderness = vehicle.size.length / vehicle.size.diameter
     if vehicle.geometry is None and not LEAST_SLENDERNESS <= slenderness <= LARGEST_SLENDERNESS:
         usual = f"{LEAST_SLENDERNESS:g} to {LARGEST_SLENDERNESS:g}, as torpedo-shaped vehicles have"
-        yield str(Doubt("length", f"{slenderness:.3g} diameters", usual))
+        yield str(SanityWarning("length", f"{slenderness:.3g} diameters", usual))
     displaced, mass = _displaced(vehicle), vehicle.known_parameters()["m"]
     if displaced and abs(mass / displaced - 1.0) > _LARGEST_EXCESS:
-        yield str(Doubt("mass", f"{mass:.4g} kg", f"about the {displaced:.4g} kg of water that the hull displaces"))
+        yield str(
+            SanityWarning("mass", f"{mass:.4g} kg", f"about the {displaced:.4g} kg of water that the hull displaces")
+        )
     if spiral.vigour < 1.0:
         yield f"the spiral has {spiral.vigour:.0%} of the usual excitation; with more it rolls or pitches too far"
 

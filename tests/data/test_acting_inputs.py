@@ -152,6 +152,6 @@ def test_delays_that_are_stated_are_taken_back(simulated_with, with_settings):
     unsaid = identify(late, FilterName.SMOOTHER)
     said = identify(with_settings(late, "identification.delays={gyroscope: 4 ms, inputs: 20 ms}"), FilterName.SMOOTHER)
     names = "delay of the gyroscope", "delay of the inputs"
-    before, after = ({test.fault: test for test in e.faults if test.fault in names} for e in (unsaid, said))
+    before, after = ({test.fault: test for test in e.faults if str(test.fault) in names} for e in (unsaid, said))
     assert max(abs(test.z) for test in before.values()) > 10.0
     assert max(abs(test.z) for test in after.values()) < 4.0

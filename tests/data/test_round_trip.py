@@ -11,8 +11,8 @@ from auvid_cli import __version__
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data import estimate_file
 from auvid_cli.data.dataset_file import holds_data, read_dataset, write_dataset
-from auvid_cli.data.estimate import FaultTest
 from auvid_cli.data.estimate_file import read_estimate
+from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import ConfigError
 from auvid_cli.identification.identify import identify
@@ -197,8 +197,8 @@ def test_what_innovations_remember_is_of_neighbours_however_few_are_read(
 
 def test_faults_come_back_as_they_were_tested(estimate, write_estimate, tmp_path):
     faults = (
-        FaultTest("bias of r", "rad/s", 1e-4, 2e-5, "N_url", 0.5),
-        FaultTest("Y_|v|r", "kg/rad", -3.0, 1.0, "Y_url", 2.25),
+        FaultTest(Fault.parse("bias of r"), "rad/s", 1e-4, 2e-5, "N_url", 0.5),
+        FaultTest(Fault.parse("Y_|v|r"), "kg/rad", -3.0, 1.0, "Y_url", 2.25),
     )
     write_estimate(tmp_path / "estimate.h5", replace(estimate, faults=faults))
     back = read_estimate(tmp_path / "estimate.h5")

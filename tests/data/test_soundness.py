@@ -11,8 +11,9 @@ import pytest
 from auvid_cli.config.extra_states import AugmentedStates, BiasName
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset_file import read_dataset
-from auvid_cli.data.estimate import STATES, FaultTest
+from auvid_cli.data.estimate import STATES
 from auvid_cli.data.estimate_file import read_estimate
+from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.errors import AuvidError, FileError
 from auvid_cli.identification.identify import identify
 
@@ -213,8 +214,8 @@ def test_units_may_be_written_otherwise_or_left_out(unit, written, tmp_path):
 
 
 FAULTS = (
-    FaultTest("bias of r", "rad/s", 1e-4, 2e-5, "N_url", 0.5),
-    FaultTest("scale of the DVL", "1", -2e-3, 1e-3, "X_u|u|", 0.0),
+    FaultTest(Fault.parse("bias of r"), "rad/s", 1e-4, 2e-5, "N_url", 0.5),
+    FaultTest(Fault.parse("scale of the DVL"), "1", -2e-3, 1e-3, "X_u|u|", 0.0),
 )
 
 

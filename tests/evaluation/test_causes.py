@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.data.estimate import FaultTest
+from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.causes import likely_causes, noise_cause
 from auvid_cli.identification.identify import identify
@@ -76,7 +76,7 @@ def test_white_noise_of_the_stated_size_has_no_cause(rng, short_estimates):
 
 
 def test_causes_stand_in_the_order_of_their_gain(rng, short_estimates):
-    faults = [FaultTest("delay of the DVL", "s", size, 1.0, "X_u|u|", 1.0) for size in (40.0, 3.0, -5.0)]
+    faults = [FaultTest(Fault.parse("delay of the DVL"), "s", size, 1.0, "X_u|u|", 1.0) for size in (40.0, 3.0, -5.0)]
     noise = {"dvl": innovations_of(autoregressive(rng, 0.2, 4000))}
     causes = likely_causes(replace(short_estimates[FilterName.CKF], innovations=noise, faults=faults))
     assert [round(cause.gain) for cause in causes] == [800, pytest.approx(245, rel=0.25), 12]
@@ -85,7 +85,7 @@ def test_causes_stand_in_the_order_of_their_gain(rng, short_estimates):
 
 @pytest.mark.parametrize(("size", "first"), [(30.0, "delay of the inputs"), (8.0, "errors of dvl that last")])
 def test_a_fault_that_explains_most_of_what_lasts_stands_before_it(size, first, rng, short_estimates):
-    faults = [FaultTest("delay of the inputs", "s", size, 1.0, "N_uudr", 1.0)]
+    faults = [FaultTest(Fault.parse("delay of the inputs"), "s", size, 1.0, "N_uudr", 1.0)]
     noise = {"dvl": innovations_of(autoregressive(rng, 0.2, 10_000))}
     plain = likely_causes(replace(short_estimates[FilterName.CKF], innovations=noise, faults=[]))
     causes = likely_causes(replace(short_estimates[FilterName.CKF], innovations=noise, faults=faults))

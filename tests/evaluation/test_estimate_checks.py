@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.check import Checks
-from auvid_cli.data.estimate import FaultTest
+from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.causes import likely_causes
 from auvid_cli.evaluation.estimate_checks import check_estimate
@@ -79,7 +79,7 @@ def test_that_nobody_has_judged_is_worth_knowing_and_no_failure(long_enough):
 
 
 def test_an_estimate_that_is_not_sound_fails_and_says_what_would_help(long_enough, smoothed):
-    bias = FaultTest("bias of r", "rad/s", 1e-3, 1e-4, "N_url", 2.0)
+    bias = FaultTest(Fault.parse("bias of r"), "rad/s", 1e-3, 1e-4, "N_url", 2.0)
     checks, fails = verdicts(long_enough, reference=replace(smoothed, faults=(bias,)))
     assert fails == {("coefficients", "sound")}
     (sound,) = [check for check in checks if check.check == "sound"]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from auvid_cli.data.estimate import FaultTest
+from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.causes import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import (
@@ -35,7 +35,7 @@ def white(rng, scale=1.0, memory=0.0, n=N):
 
 
 def fault(size, name="delay of the gyroscope", unit="s"):
-    return FaultTest(name, unit, size, 1e-3, "N_url", 2.5)
+    return FaultTest(Fault.parse(name), unit, size, 1e-3, "N_url", 2.5)
 
 
 @pytest.fixture
@@ -117,7 +117,7 @@ def test_a_segment_that_disagrees_is_told_beside_the_fault_that_it_looks_like(sm
 
 def test_another_minimum_that_is_far_off_makes_all_doubtful(smoother):
     for sigmas, grade in ((0.99 * FARTHEST_MINIMUM, Grade.SOUND), (1.01 * FARTHEST_MINIMUM, Grade.DOUBTFUL)):
-        other = fault(1e-3 * sigmas, "another minimum", "kg*m/rad")
+        other = fault(1e-3 * sigmas, "another minimum (cost 1 higher)", "kg*m/rad")
         assert judge_one(replace(smoother, faults=(other,)), None).grade is grade
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.evaluation.causes import Cause
+from auvid_cli.data.faults import Cause
 from auvid_cli.evaluation.noise_evidence import far_from_bound, process_noise_score
 from auvid_cli.filters.linear_smoothing import LinearSmoothing
 from auvid_cli.filters.noise_likelihood import log_likelihood, noise_scores_about, scaled
-from auvid_cli.filters.smoother import follow
+from auvid_cli.filters.smoother import follow_measurements
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.noise_tuning import process_noises
@@ -53,7 +53,7 @@ def test_the_score_is_the_slope_of_the_likelihood(simulated_with):
     augmented = augmented_problem(prepared)
     groups = [each.group for each in process_noises(augmented, prepared.experiment.identification)]
     joint, step = augmented.joint, 1e-3
-    trajectory = follow(joint)
+    trajectory = follow_measurements(joint)
 
     def at(logarithm):
         problem = scaled(joint, groups, np.exp(logarithm * np.ones(len(groups))))

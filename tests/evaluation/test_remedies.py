@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.data.estimate import FaultTest
+from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.judgement import judge, judge_one
 
@@ -70,7 +70,7 @@ def test_innovations_that_belie_a_filter_have_many_causes(ended):
 
 
 def test_what_led_a_filter_astray_and_what_the_smoother_doubts_are_one_remedy(ended):
-    fault = FaultTest("bias of r", "rad/s", 1.0, 0.1, "Y_url", 2.5)
+    fault = FaultTest(Fault.parse("bias of r"), "rad/s", 1.0, 0.1, "Y_url", 2.5)
     smoother = replace(ended("smoother", DVL, status="completed"), faults=(fault,))
     both = judge([smoother, belied(ended("ckf", DVL))])["ckf"].remedy
     assert both.startswith("with dvl to be found")

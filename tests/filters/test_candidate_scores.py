@@ -30,7 +30,7 @@ def scores(regression):
     candidates_left, measured_left = left_of(known, candidates), left_of(known, measured)
     effect = np.linalg.lstsq(known, candidates, rcond=None)[0]
     names = tuple("abcdef")
-    return FaultScores(names, names, candidates_left.T @ measured_left, candidates_left.T @ candidates_left, effect)
+    return FaultScores(names, candidates_left.T @ measured_left, candidates_left.T @ candidates_left, effect)
 
 
 def squares_left(known, columns, measured):

@@ -13,13 +13,13 @@ from auvid_cli.filters.segments import JointProblem, joint_gaussian, places
 from auvid_cli.filters.smoother import run_smoother
 
 N_MOVING, N_FAULTS = 4, 3
-NAMES, UNITS = ("pushed", "measured", "both"), ("N", "1", "m")
+LABELS = "pushed", "measured", "both"
 
 
 class SomeFaults:
     """One that pushes, one that is measured, and one that is both, at random."""
 
-    names, units = NAMES, UNITS
+    labels = LABELS
 
     def __init__(self, timeline):
         rng = np.random.default_rng(11)
@@ -96,7 +96,7 @@ def scores_of(dense, faults):
 
 def test_scores_are_those_of_generalised_least_squares(dense):
     found = scores_of(dense, dense.faults)
-    assert (found.names, found.units) == (NAMES, UNITS)
+    assert found.labels == LABELS
     assert_allclose(found.information, dense.information, rtol=1e-8, atol=1e-8 * np.abs(dense.information).max())
     sigma = np.diagonal(dense.information) ** -0.5
     assert_allclose(found.score * sigma, dense.score * sigma, atol=1e-8)
@@ -124,10 +124,10 @@ def test_without_faults_to_test_for_nothing_is_said(dense):
 def test_what_is_found_along_takes_up_what_it_can_explain_of_others(dense):
     """Against the same least squares, of which the fault that was found is one unknown more with a prior of its own."""
     spread, found = 0.3, scores_of(dense, dense.faults)
-    besides = found.besides({NAMES[0]: spread})
-    assert besides.names == NAMES[1:]
-    known = dense.information + np.diag([spread**-2, *np.zeros(len(NAMES) - 1)])
-    assert_allclose(np.linalg.inv(besides.information), np.linalg.inv(known)[1:, 1:], rtol=1e-6)
+    others = found.conditional_on({LABELS[0]: spread})
+    assert others.labels == LABELS[1:]
+    known = dense.information + np.diag([spread**-2, *np.zeros(len(LABELS) - 1)])
+    assert_allclose(np.linalg.inv(others.information), np.linalg.inv(known)[1:, 1:], rtol=1e-6)
     one = np.linalg.solve(known[:1, :1], known[:1, 1:])
-    assert_allclose(besides.effect, dense.effect[:, 1:] - dense.effect[:, :1] @ one, rtol=1e-6, atol=1e-9)
-    assert found.besides({}) is found
+    assert_allclose(others.effect, dense.effect[:, 1:] - dense.effect[:, :1] @ one, rtol=1e-6, atol=1e-9)
+    assert found.conditional_on({}) is found

@@ -110,7 +110,7 @@ def minus_twice_log_posterior(parameters, measured, cut, left=1.0, fault=0.0):
 
 
 class ScaleOfThePlainSensor:
-    names, units = ("scale",), ("",)
+    labels = ("scale",)
 
     def effects(self, segment, timeline, about):
         added = np.zeros((*timeline.measurement.shape, 1))
@@ -156,10 +156,10 @@ def test_it_says_how_far_it_is_from_its_end_where_the_steps_are_too_few(rng):
     found, few = without_motion(problem, smoothing, joint, 50), without_motion(problem, smoothing, joint, 1)
     assert found is not None
     assert few is not None
-    (late, settled), (early, unsettled) = found, few
+    (late, settled), (early, convergence) = found, few
     assert settled is None
-    assert unsettled is not None
+    assert convergence is not None
     deviation = np.sqrt(np.diagonal(joint.final.covariance())[:2])
     to_go = late.trajectory.parameters - early.trajectory.parameters
     # What moved last says how far there is to go: less than that, for the steps become shorter.
-    assert (np.abs(to_go) < np.abs(unsettled.moves * deviation)).all()
+    assert (np.abs(to_go) < np.abs(convergence.step * deviation)).all()

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.other_answers import other_minimum
 from auvid_cli.filters.segments import JointProblem, joint_gaussian
-from auvid_cli.filters.smoother import run_smoother
+from auvid_cli.filters.smoother import other_minimum, run_smoother
 
 
 @pytest.fixture
@@ -36,7 +35,7 @@ def test_a_segment_says_by_itself_what_it_says_alone(two_segments):
     problem, halves, prior = two_segments
     n = problem.prior.mean.size - problem.process.noise_density.size
     together, variance, outcome = smoothed(problem, halves, prior, n)
-    assert [other.name for other in outcome.others] == [f"the segment from {half[0].time[0]:g} s" for half in halves]
+    assert [other.begin for other in outcome.others] == [half[0].time[0] for half in halves]
     for half, other in zip(halves, outcome.others, strict=True):
         alone, own_variance, _ = smoothed(problem, [half], problem.prior, n)
         deviation = np.sqrt(own_variance)

@@ -9,10 +9,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
-from auvid_cli.filters.decay import forgetting
-from auvid_cli.filters.linear_smoothing import Trajectory
 from auvid_cli.filters.problem import Process
-from auvid_cli.filters.process_noise import noise_variance
+from auvid_cli.filters.process_noise import noise_variance, with_process_memory
 from auvid_cli.filters.segments import JointProblem, joint_gaussian
 
 RATE = st.floats(-3.0, 20.0)
@@ -74,5 +72,5 @@ def test_rates_are_those_of_the_motion_in_the_mean_of_all_segments(linear_proble
         p.process._replace(transition=transition), p.sensors, segments, joint_gaussian([p.prior] * 2, 4)
     )
     moving = [[np.full((15, 4), 1.0)], [np.full((15, 4), 3.0)]]
-    found = forgetting(problem, Trajectory(np.zeros(2), [np.zeros(4)] * 2, moving)).process.decay
+    found = with_process_memory(problem, np.zeros(2), moving).process.decay
     assert_allclose(found, [2.0, 4.0, 6.0, 0.0], rtol=1e-8, atol=1e-8)

@@ -143,8 +143,8 @@ def test_a_turn_more_of_an_angle_changes_nothing(nonlinear_problem, run_whole):
 def test_a_variance_that_is_lost_to_rounding_is_no_zero(linear_problem, run_whole, monkeypatch):
     """Where the way back leaves nothing of it, the answer ends, and says so."""
 
-    def lossy(timeline, about, trace, adjoint, step, variance):
-        backward(timeline, about, trace, adjoint, step, variance)
+    def lossy(timeline, about, forward_pass, adjoint, step, variance):
+        backward(timeline, about, forward_pass, adjoint, step, variance)
         variance[12:, 1] = -1e-20
 
     monkeypatch.setattr("auvid_cli.filters.linear_smoothing.backward", lossy)

@@ -78,7 +78,7 @@ def test_without_them_the_estimate_is_wrong_and_says_so(late, prepared):
     assert rows["delay_inputs"].observed
     assert rows["delay_dvl"].estimate == pytest.approx(STAMPED, abs=0.01)
     # It is no fault any more that there may be one.
-    assert {"delay of the inputs", "delay of the DVL"}.isdisjoint(test.fault for test in seeing.faults)
+    assert {"delay of the inputs", "delay of the DVL"}.isdisjoint(str(test.fault) for test in seeing.faults)
 
 
 def test_an_unknown_delay_makes_coefficients_unsure(late, prepared, with_settings):

@@ -9,14 +9,14 @@ from scipy.spatial.transform import Rotation
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.vehicle import VehicleEntry
+from auvid_cli.data.faults import Fault, FaultKind
 from auvid_cli.evaluation.causes import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import FARTHEST_SEGMENT, judge
-from auvid_cli.filters.problem import SEGMENT
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fault_effects import VehicleFaults
 from auvid_cli.identification.faulted_vehicle import FaultedVehicle, Motion
-from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, remedy_of_fault
+from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
@@ -27,9 +27,13 @@ from auvid_cli.vehicle.kinematics import GRAVITY, dvl_axes, rotation_matrix
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import INERTIAL
 
-BY_NAME = {fault.name: fault for fault in FAULTS}
+BY_NAME = {str(fault.fault): fault for fault in FAULTS}
 N = 20
 DEGREE = np.pi / 180.0
+
+
+def names_of(faults):
+    return tuple(str(model.fault) for model in faults.labels)
 
 
 @pytest.fixture(scope="module")
@@ -244,7 +248,7 @@ def test_pushes_are_how_much_farther_the_process_goes(along):
         return moved(problem, timeline, about, problem.known, timeline.inputs + by * np.eye(4)[0])
 
     for name, function in (("mass", with_mass), ("trim of the rudder", with_trim)):
-        expected, f = by_step(function, 1e-3), faults.names.index(name)
+        expected, f = by_step(function, 1e-3), names_of(faults).index(name)
         assert_allclose(pushed[..., f], expected, atol=0.03 * np.abs(expected).max())
         assert not added[..., f].any()
 
@@ -255,7 +259,7 @@ def test_what_is_added_is_added_to_its_sensor_at_its_events(along):
     pushed, added = faults.effects(0, timeline, about)
     event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
     for name, sensor, columns in (("lever arm of the DVL, x", "dvl", 3), ("bias of q", "gyroscope", 3)):
-        f = faults.names.index(name)
+        f = names_of(faults).index(name)
         own = timeline.measurement_sensor == [*problem.measuring].index(sensor)
         at = Motion(
             about.moving[event[own]], *(np.zeros((own.sum(), k)) for k in (4, 4, 4, 9, 2, 2)), np.zeros(own.sum())
@@ -284,7 +288,7 @@ def test_a_vehicle_moves_by_the_thrust_and_the_ballast_that_were_found(walk, sim
     parameters = np.array([*values.values()]) / problem.layout.scale[:n]
     about = linearised(parameters, start, states, rows)
     faults = VehicleFaults(problem)
-    late = faults.effects(0, timeline, about).added[..., faults.names.index("delay of the DVL")]
+    late = faults.effects(0, timeline, about).added[..., names_of(faults).index("delay of the DVL")]
     (last,) = np.flatnonzero(timeline.measurement_sensor == [*problem.measuring].index("dvl"))[-1:]
     event = np.searchsorted(timeline.measurement_offset, last, side="right") - 1
     inputs = timeline.inputs[timeline.substep_input[timeline.substep_offset[event + 1] - 1]]
@@ -293,12 +297,22 @@ def test_a_vehicle_moves_by_the_thrust_and_the_ballast_that_were_found(walk, sim
 
 
 def names_with(dataset):
-    return VehicleFaults(augmented_problem(prepare(dataset))).names
+    return names_of(VehicleFaults(augmented_problem(prepare(dataset))))
+
+
+def test_each_fault_is_parsed_from_its_text():
+    for model in (*FAULTS, *DELAY_FAULTS.values()):
+        assert Fault.parse(str(model.fault)) == model.fault
+        assert model.fault.remedy
+    for text in ("the segment from 1e+03 s", "another minimum (cost 0.5 higher)", "a fault of an older version"):
+        assert str(Fault.parse(text)) == text
+    assert Fault.parse("the segment from 30 s") == Fault(FaultKind.SEGMENT, "30")
+    assert Fault.parse("a fault of an older version").remedy == ""
 
 
 def test_what_ballast_may_be_is_said_to_be_found_along():
     for name in ("buoyancy", "xG"):
-        assert "(identification.estimate.biases: [ballast])" in remedy_of_fault(name)
+        assert "(identification.estimate.biases: [ballast])" in BY_NAME[name].fault.remedy
 
 
 def test_what_is_estimated_or_not_measured_is_not_tested(short_run, with_settings):
@@ -365,7 +379,7 @@ def bow_heavy(data):
 def results_of(dataset):
     estimate = identify(dataset, FilterName.SMOOTHER)
     assert estimate.status == "completed"
-    return {fault.fault: fault for fault in estimate.faults}
+    return {str(fault.fault): fault for fault in estimate.faults}
 
 
 @pytest.mark.parametrize(
@@ -382,7 +396,7 @@ def results_of(dataset):
 def test_a_fault_in_the_data_is_found_with_its_size_and_named_as_the_worst(plant, name, size, clean):
     found = results_of(plant(clean))
     worst = max(found.values(), key=lambda fault: abs(fault.z))
-    assert (worst.fault, abs(worst.z) > LARGEST_FAULT) == (name, True), worst
+    assert (str(worst.fault), abs(worst.z) > LARGEST_FAULT) == (name, True), worst
     assert abs(worst.size - size) < 4.0 * worst.standard_deviation + 0.1 * size
 
 
@@ -415,7 +429,7 @@ def test_who_obeys_the_remedy_of_a_fault_is_rid_of_most_of_it(plant, name, obey,
         "delay of the inputs": "add it to the times",
         "trim of the rudder": "add it to the recorded angle",
     }
-    assert remedy_of_fault(name).startswith(said[name])
+    assert BY_NAME[name].fault.remedy.startswith(said[name])
     faulty = plant(clean)
     fault = results_of(faulty)[name]
     # Large ones are found to some percent only, for the test is linear.
@@ -440,8 +454,8 @@ def changing(data):
 def test_segments_of_one_model_agree_and_others_do_not(clean, with_settings):
     halves = with_settings(clean, "identification.use.spans=[[0, 30], [30, 60]]")
     for dataset, disagree in (halves, False), (changing(halves), True):
-        found = [test for test in results_of(dataset).values() if test.fault.startswith(SEGMENT)]
-        assert [test.fault for test in found] == [f"{SEGMENT} {begin:g} s" for begin in (0, 30)]
+        found = [test for test in results_of(dataset).values() if test.fault.kind is FaultKind.SEGMENT]
+        assert [test.fault.component for test in found] == ["0", "30"]
         assert [abs(test.z) > FARTHEST_SEGMENT for test in found] == [disagree] * 2
         assert all(test.unit == COEFFICIENTS.units[test.coefficient] for test in found)
 
@@ -493,7 +507,7 @@ def test_a_trim_that_drifts_by_less_than_a_tenth_of_a_degree_is_named(multisine_
     values[:, 0] -= rate * DEGREE * dataset.inputs.time
     moved = replace(dataset.without_truth(), inputs=replace(dataset.inputs, values=values))
     steady, drifting = (identify(data, FilterName.SMOOTHER) for data in (dataset, moved))
-    tests = [{test.fault: test for test in estimate.faults} for estimate in (steady, drifting)]
+    tests = [{str(test.fault): test for test in estimate.faults} for estimate in (steady, drifting)]
     before, found = (of["drift of the trim of the rudder"] for of in tests)
     assert abs(before.z) < 3.5 < found.z
     assert abs(found.size - rate * DEGREE) < 3.0 * found.standard_deviation
@@ -551,7 +565,7 @@ def test_thrust_and_ballast_that_drift_and_are_estimated_as_constants_are_named(
     dataset = multisine_with(f"identification.estimate.biases=[{bias}]")
     steady, drifting = (identify(data, FilterName.SMOOTHER) for data in (dataset, changed(dataset, rate)))
     before, found = (
-        {test.fault: test for test in estimate.faults}[f"drift of the {name}"] for estimate in (steady, drifting)
+        {str(test.fault): test for test in estimate.faults}[f"drift of the {name}"] for estimate in (steady, drifting)
     )
     assert abs(before.z) < LARGEST_FAULT < found.z
     assert abs(found.size - rate) < 3.0 * found.standard_deviation
@@ -593,5 +607,5 @@ def test_an_autopilot_that_steers_by_more_than_is_logged_is_named(simulated_with
     )
     estimate = identify(dataset.without_truth(), FilterName.SMOOTHER)
     worst = max(estimate.faults, key=lambda test: abs(test.z))
-    assert worst.fault == "elevator that answers pushes"
+    assert str(worst.fault) == "elevator that answers pushes"
     assert worst.z > LARGEST_FAULT

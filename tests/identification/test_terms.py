@@ -67,12 +67,12 @@ def test_with_them_the_fit_is_sound_and_without_it_is_not_and_says_why(clean, fo
         value, deviation = value_and_deviation(found, symbol)
         assert abs(value - true) < 3.0 * deviation
     # What is in the model is no fault any more.
-    assert CROSS_FLOW not in {test.fault for test in found.faults}
+    assert CROSS_FLOW not in {str(test.fault) for test in found.faults}
     lacking = identify(without_terms(clean, ROLLING), FilterName.SMOOTHER)
     judgement = judge_one(lacking, lacking)
     assert judgement.grade is Grade.INCONSISTENT
     worst = max(lacking.faults, key=lambda test: abs(test.z))
-    assert (worst.fault, worst.unit) == (CROSS_FLOW, "kg*m/rad")
+    assert (str(worst.fault), worst.unit) == (CROSS_FLOW, "kg*m/rad")
     assert "vehicle.terms" in judgement.remedy
 
 

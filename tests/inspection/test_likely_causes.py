@@ -12,7 +12,7 @@ from auvid_cli.inspection.grid import Grid, Signals
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.inspection import cannot_tell, judged
 from auvid_cli.inspection.lasting_errors import LastingError, lasting_errors
-from auvid_cli.inspection.likely_causes import causes_by_evidence, causes_check
+from auvid_cli.inspection.likely_causes import causes_check
 from auvid_cli.inspection.rudder_trim import RudderTrim
 
 DIRECT = "sensors.attitude={source: direct, rate: 20 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=20 Hz"
@@ -69,7 +69,7 @@ def test_causes_stand_in_the_order_of_their_evidence_and_doubtful_ones_are_left_
         judged("x", name, statistic="much", threshold="little", passed=None, advice="")
         for name in ("delay", "current", "trim", "errors that last in r")
     ]
-    check = causes_check(causes_by_evidence(late, flow, trim, errors, "gyro"), notes)
+    check = causes_check(late, flow, trim, errors, "gyro", notes)
     assert [part.partition(" (")[0] for part in check.statistic.split("; ")] == [
         "errors of the gyroscope that last",
         "a rudder that is off its middle",
@@ -85,7 +85,7 @@ def test_causes_stand_in_the_order_of_their_evidence_and_doubtful_ones_are_left_
         < check.advice.index("[current]")
     )
     doubted = [cannot_tell("x", "delay", "nothing turns", ""), *notes[1:]]
-    assert "inputs" not in causes_check(causes_by_evidence(late, flow, trim, errors, "gyro"), doubted).statistic
+    assert "inputs" not in causes_check(late, flow, trim, errors, "gyro", doubted).statistic
 
 
 @pytest.fixture

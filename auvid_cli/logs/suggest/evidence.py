@@ -30,8 +30,8 @@ _REVERSED, _UNEXPECTED = 4.0, 1.0
 _STRENGTHS = ((8.0, "strong"), (2.5, "fair"))
 
 
-class Verdict(NamedTuple):
-    """Signs that agree best.
+class LikelySigns(NamedTuple):
+    """The signs that agree best with the evidence.
 
     Attributes
     ----------
@@ -50,7 +50,9 @@ class Verdict(NamedTuple):
         return next((word for limit, word in _STRENGTHS if self.margins.get(symbol, 0.0) >= limit), "")
 
 
-def weigh(symbols: Sequence[str], ties: Sequence[Agreement], expected: Mapping[str, Mapping[str, float]]) -> Verdict:
+def weigh(
+    symbols: Sequence[str], ties: Sequence[Agreement], expected: Mapping[str, Mapping[str, float]]
+) -> LikelySigns:
     """Find the signs of all symbols that agree best with ties and expectations.
 
     Parameters
@@ -75,7 +77,7 @@ def weigh(symbols: Sequence[str], ties: Sequence[Agreement], expected: Mapping[s
         score += expected.get(symbol, {}).get("+", 0.0) * own
     best = int(score.argmax())
     margins = {symbol: float(score[best] - score[own != own[best]].max(initial=-np.inf)) for symbol, own in of.items()}
-    return Verdict({symbol: int(own[best]) for symbol, own in of.items()}, margins)
+    return LikelySigns({symbol: int(own[best]) for symbol, own in of.items()}, margins)
 
 
 def _likely_axes(present: Sequence[tuple[NDArray[np.int8], int]], expected: Mapping[str, float]) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.logs.sensor_motion import interpolate
-from auvid_cli.logs.suggest.evidence import TRIPLES, Verdict, weigh
+from auvid_cli.logs.suggest.evidence import TRIPLES, LikelySigns, weigh
 from auvid_cli.logs.suggest.ties import CROSSED, Agreement, Track, find_ties
 from auvid_cli.vehicle.parameters import SENSORS
 
@@ -46,7 +46,7 @@ class Evidence(NamedTuple):
     Attributes
     ----------
     ties : list of Agreement
-    verdict : Verdict
+    verdict : LikelySigns
     over_ground : str
         NED or ENU if the velocity of the DVL is over ground, else empty.
     exchanged : bool
@@ -58,7 +58,7 @@ class Evidence(NamedTuple):
     """
 
     ties: list[Agreement]
-    verdict: Verdict
+    verdict: LikelySigns
     over_ground: str
     exchanged: bool
     delays: dict[str, float]
@@ -174,7 +174,7 @@ def _along_the_bow(tracks: Mapping[str, Track]) -> dict[str, Track]:
     }
 
 
-def _over_ground(direction: int, verdict: Verdict) -> str:
+def _over_ground(direction: int, verdict: LikelySigns) -> str:
     """Name the axes of a velocity over ground that go with the sign of the heading."""
     if not direction:
         return ""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.influences import of_free_motion, of_smoothing
+from auvid_cli.filters.influence_functions import of_free_motion, of_smoothing
 from auvid_cli.filters.information import Information
 from auvid_cli.filters.least_squares import fit_free_motion
 from auvid_cli.filters.linear_smoothing import LinearSmoothing

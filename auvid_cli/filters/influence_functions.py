@@ -1,4 +1,4 @@
-"""How each measurement moves what a batch estimator finds, for `auvid_cli.filters.coloured`.
+"""How each measurement moves what a batch estimator finds, for `auvid_cli.filters.autocorrelation`.
 
 Of the output-error method the influence of a measurement on the parameters is the joint covariance times the whitened
 derivative of what is predicted. Of the smoother what is left of the motion is estimated as well as a filter can that
@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.filters.coloured import corrected_deviation
+from auvid_cli.filters.autocorrelation import corrected_deviation
+from auvid_cli.filters.conditional_filter import ConditionalFilter
 from auvid_cli.filters.fault_scores import carry_errors
-from auvid_cli.filters.influence import Influence
+from auvid_cli.filters.hac_windows import Influence
 from auvid_cli.filters.information import Uncertainty
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
-from auvid_cli.filters.motion_alone import MotionAlone
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.sensitivities import responses
@@ -103,9 +103,9 @@ class _Innovations:
         n, n_moving = self.problem.n_parameters, self.problem.n_moving
         covariance = self.filtered.final.covariance()[:n, :n]
         error, moved = self.filtered.by_parameters[self.segment].copy(), np.empty((n_moving, n))
-        chunks = MotionAlone(self.problem, self.smoothing, self.filtered, self.segment).forward()
-        for timeline, _, motion, by_parameters, _, trace in chunks:
-            carry_errors(timeline, motion, trace, by_parameters, error, moved)
-            deviation = np.sqrt(trace.total)
+        chunks = ConditionalFilter(self.problem, self.smoothing, self.filtered, self.segment).forward()
+        for timeline, _, motion, by_parameters, _, forward_pass in chunks:
+            carry_errors(timeline, motion, forward_pass, by_parameters, error, moved)
+            deviation = np.sqrt(forward_pass.total)
             rows = (by_parameters.added / deviation[..., None]) @ covariance
-            yield _influence(timeline, ~np.isnan(motion.residual), trace.error / deviation, rows)
+            yield _influence(timeline, ~np.isnan(motion.residual), forward_pass.error / deviation, rows)

@@ -36,7 +36,7 @@ def _transition(mean, inputs, substep_input, substep_duration, constants, select
 
 
 class Scale:
-    names, units = ("scale",), ("",)
+    labels = ("scale",)
 
     def effects(self, segment, timeline, about):
         return FaultEffects(np.zeros((*about.moving.shape, 1)), about.moving[:, None, :].copy())

@@ -6,7 +6,7 @@ the residual e_i by the standard deviation that it should have. Were the residua
 ``sum(v_i rho_ij v_j)`` with an autocovariance that is fitted to it (Morelli and Klein, J. Aircraft 34(2), 1997, whose
 own is not smoothed): white noise, and noise that fades exponentially, so that the sum is found recursively. Where
 something fades, the channel also has its scores ``v_i e_i`` as they come, over windows as long as that memory asks for
-(`auvid_cli.filters.score_windows`; Andrews, Econometrica 59(3), 1991): an error that is there for a part of the time
+(`auvid_cli.filters.hac_windows`; Andrews, Econometrica 59(3), 1991): an error that is there for a part of the time
 only is seen by no autocovariance. The larger of both counts, and sums over channels: a fit weighs the error of one
 against the others, so that scores of all together say less. Those too are looked at, for what channels owe to each
 other. No one of them is right in all cases, and the largest counts.
@@ -22,9 +22,8 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.influence import BIN, INFLUENCE, Influence, bin_at
+from auvid_cli.filters.hac_windows import BIN, INFLUENCE, Influence, ScoreWindows, bin_at
 from auvid_cli.filters.problem import Indices
-from auvid_cli.filters.score_windows import ScoreWindows
 
 Array = NDArray[np.float64]
 

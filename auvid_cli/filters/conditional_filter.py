@@ -1,4 +1,4 @@
-"""The motion of a smoother's answer, filtered by who knows the parameters."""
+"""Filter of the motion about the smoother's estimate, given the parameters."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import Gaussian, Timeline
 from auvid_cli.filters.process_noise import noise_variance
 from auvid_cli.filters.segments import JointProblem
-from auvid_cli.filters.smoothing_forward import Linearised, Trace, Work, forward, new_state
+from auvid_cli.filters.smoothing_forward import ForwardPass, Linearised, SmootherWorkspace, forward, new_state
 from auvid_cli.filters.square_root_state import State
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ class MotionChunk(NamedTuple):
         What these do to it.
     before : ndarray, shape (n_moving, n_moving)
         Covariance of the deviation before the chunk.
-    trace : Trace
+    forward_pass : ForwardPass
     """
 
     timeline: Timeline
@@ -39,11 +39,11 @@ class MotionChunk(NamedTuple):
     motion: Linearised
     by_parameters: FaultEffects
     before: Array
-    trace: Trace
+    forward_pass: ForwardPass
 
 
-class MotionAlone:
-    """The motion of a segment.
+class ConditionalFilter:
+    """Filter of the motion of a segment, given the parameters.
 
     Parameters
     ----------
@@ -58,31 +58,31 @@ class MotionAlone:
     def __init__(self, problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered, segment: int) -> None:
         self._problem, self._smoothing, self._filtered, self._segment = problem, smoothing, filtered, segment
         self._step = filtered.final.mean[: problem.n_parameters]
-        self._work = Work.of(problem.process, problem.n_moving, problem.sensors.matrix.shape[1])
+        self._work = SmootherWorkspace.of(problem.process, problem.n_moving, problem.sensors.matrix.shape[1])
         self._start = new_state(self._beginning())
 
     def forward(self) -> Iterator[MotionChunk]:
         """Filter chunk by chunk."""
         state = self._start.copy()
-        for timeline, about in self._smoothing.linearised_segment(self._filtered, self._segment):
+        for timeline, about in self._smoothing.linearised(self._filtered, self._segment):
             yield self._filter(timeline, about, state)
 
     def backward(self) -> Iterator[MotionChunk]:
         """Filter the same chunks, from the last to the first: what a whole segment leaves is large."""
         state, before = self._start.copy(), list[State]()
-        for timeline, about in self._smoothing.linearised_segment(self._filtered, self._segment):
+        for timeline, about in self._smoothing.linearised(self._filtered, self._segment):
             before.append(state.copy())
             self._filter(timeline, about, state)
-        for timeline, about in self._smoothing.linearised_back(self._filtered, self._segment):
+        for timeline, about in self._smoothing.linearised(self._filtered, self._segment, backwards=True):
             yield self._filter(timeline, about, before.pop())
 
     def _filter(self, timeline: Timeline, about: Linearised, state: State) -> MotionChunk:
         motion, by_parameters = _given_parameters(about, self._step)
-        trace, before = Trace.of(motion), state.covariance()
+        forward_pass, before = ForwardPass.of(motion), state.covariance()
         noise = noise_variance(self._problem.process, timeline)
-        good, *_ = forward(self._problem.sensors, noise, timeline, motion, state, trace, self._work)
+        good, *_ = forward(self._problem.sensors, noise, timeline, motion, state, forward_pass, self._work)
         assert good == timeline.time.size, "a filter that knows more goes as far"
-        return MotionChunk(timeline, about, motion, by_parameters, before, trace)
+        return MotionChunk(timeline, about, motion, by_parameters, before, forward_pass)
 
     def _beginning(self) -> Gaussian:
         """Find what is known of the deviation of the motion before the segment, given the parameters."""

@@ -1,4 +1,4 @@
-"""Sums of scores over windows of time: what errors that last do to an estimate, as they come.
+"""Influence of measurements on a batch estimate, and sums of its scores over windows of time (HAC covariance).
 
 Of an estimate that errs by ``sum(s_i)`` the mean square of the sums over all windows of length L is
 ``sum_ij max(0, 1 - |t_i - t_j| / L) s_i s_j``, Bartlett's window of their products (Newey and West, Econometrica 55(3),
@@ -12,7 +12,6 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.influence import INFLUENCE, Influence, bin_at
 from auvid_cli.filters.problem import Indices
 
 Array = NDArray[np.float64]
@@ -20,6 +19,42 @@ Array = NDArray[np.float64]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 _indices = types.int64[::1]
+
+
+BIN = 0.1
+"""s, over which residuals are averaged, and scores summed, before they are correlated."""
+
+
+class Influence(NamedTuple):
+    """Influence of consecutive scalar measurements on a batch estimate.
+
+    Attributes
+    ----------
+    time : ndarray, shape (m,)
+        s, in order.
+    channel : ndarray of int, shape (m,)
+        Which component of which sensor it is.
+    residual : ndarray, shape (m,)
+        By the standard deviation that it should have.
+    rows : ndarray, shape (m, n)
+        By how much each parameter moves for each unit of it.
+    """
+
+    time: Array
+    channel: Indices
+    residual: Array
+    rows: Array
+
+
+INFLUENCE = types.NamedTuple(
+    (types.float64[::1], types.int64[::1], types.float64[::1], types.float64[:, ::1]), Influence
+)
+
+
+@compiled(types.int64(types.float64, types.float64), inline=True)
+def bin_at(time, start):
+    """Return in which bin of a segment a time lies; what comes regularly is in its middle, safe from rounding."""
+    return int((time - start) / BIN + 0.5)
 
 
 class _Windows(NamedTuple):

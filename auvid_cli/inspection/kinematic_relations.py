@@ -1,4 +1,4 @@
-"""Signals that a right-handed, forward-starboard-down body and a north-east-down attitude tie to each other."""
+"""Kinematic relations between signals of a forward-starboard-down body with a north-east-down attitude."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,8 +14,8 @@ from auvid_cli.vehicle.kinematics import GRAVITY
 Array = NDArray[np.float64]
 
 
-class Tie(NamedTuple):
-    """A signal that should equal `main` plus `others`."""
+class Relation(NamedTuple):
+    """Terms whose sum a signal equals: `main` plus `others`."""
 
     main: Array
     others: tuple[Array, ...]
@@ -25,7 +25,7 @@ class Tie(NamedTuple):
         return sum(self.others, self.main)
 
 
-def attitude_rates(signals: Signals, heading: str = "psi") -> dict[str, Tie]:
+def attitude_rates(signals: Signals, heading: str = "psi") -> dict[str, Relation]:
     """Return body rates by the change of attitude, Fossen (2011), eq. (2.26) inverted; by symbol.
 
     What stands first contains the angle about the same axis. Only rates about whose axis an angle is measured; another
@@ -35,12 +35,12 @@ def attitude_rates(signals: Signals, heading: str = "psi") -> dict[str, Tie]:
     level, half = np.zeros(signals.grid.cells), attitude_window(signals, heading) // 2
     phi, theta, psi = (value.get(symbol, level) for symbol in ("phi", "theta", heading))
     phi_dot, theta_dot, psi_dot = (rate_of_change(angle, step, half) for angle in (phi, theta, psi))
-    ties = {
-        ("p", "phi"): Tie(phi_dot, (-psi_dot * np.sin(theta),)),
-        ("q", "theta"): Tie(theta_dot * np.cos(phi), (psi_dot * np.cos(theta) * np.sin(phi),)),
-        ("r", heading): Tie(psi_dot * np.cos(theta) * np.cos(phi), (-theta_dot * np.sin(phi),)),
+    relations = {
+        ("p", "phi"): Relation(phi_dot, (-psi_dot * np.sin(theta),)),
+        ("q", "theta"): Relation(theta_dot * np.cos(phi), (psi_dot * np.cos(theta) * np.sin(phi),)),
+        ("r", heading): Relation(psi_dot * np.cos(theta) * np.cos(phi), (-theta_dot * np.sin(phi),)),
     }
-    return {rate: tie for (rate, angle), tie in ties.items() if signals.has(angle)}
+    return {rate: relation for (rate, angle), relation in relations.items() if signals.has(angle)}
 
 
 def attitude_window(signals: Signals, heading: str = "psi") -> int:
@@ -58,7 +58,7 @@ def rates_by_sensor(signals: Signals, symbol: str) -> dict[str, Array]:
     return by_sensor
 
 
-def measured_forces(signals: Signals) -> dict[str, Tie]:
+def measured_forces(signals: Signals) -> dict[str, Relation]:
     """Return specific force by the symbol of the velocity whose change it contains; needs attitude and DVL."""
     if not signals.has("phi", "theta", "psi", "u", "v", "w", "fx", "fy", "fz"):
         return {}
@@ -68,32 +68,37 @@ def measured_forces(signals: Signals) -> dict[str, Tie]:
     u, v, w, phi, theta = (value[symbol] for symbol in ("u", "v", "w", "phi", "theta"))
     u_dot, v_dot, w_dot = (derivative(each, signals.grid.step) for each in (u, v, w))
     return {
-        "u": Tie(u_dot, (q * w, -r * v, GRAVITY * np.sin(theta))),
-        "v": Tie(v_dot, (r * u, -p * w, -GRAVITY * np.cos(theta) * np.sin(phi))),
-        "w": Tie(w_dot, (p * v, -q * u, -GRAVITY * np.cos(theta) * np.cos(phi))),
+        "u": Relation(u_dot, (q * w, -r * v, GRAVITY * np.sin(theta))),
+        "v": Relation(v_dot, (r * u, -p * w, -GRAVITY * np.cos(theta) * np.sin(phi))),
+        "w": Relation(w_dot, (p * v, -q * u, -GRAVITY * np.cos(theta) * np.cos(phi))),
     }
 
 
-def diving_speed(signals: Signals) -> Tie | None:
+def measured_depth_rate(signals: Signals) -> Array:
+    """Return the change of the measured depth, m/s."""
+    return derivative(signals.values["down"], signals.grid.step)
+
+
+def diving_speed(signals: Signals) -> Relation | None:
     """Return the depth rate by pitch and surge, and by heave and sway as far as they and roll are measured."""
     if not signals.has("u", "theta"):
         return None
     value, level = signals.values, np.zeros(signals.grid.cells)
     phi, theta = value.get("phi", level), value["theta"]
     v, w = value.get("v", level), value.get("w", level)
-    return Tie(-value["u"] * np.sin(theta), (w * np.cos(theta) * np.cos(phi), v * np.cos(theta) * np.sin(phi)))
+    return Relation(-value["u"] * np.sin(theta), (w * np.cos(theta) * np.cos(phi), v * np.cos(theta) * np.sin(phi)))
 
 
-def tied(values: Array, main: Array, others: Sequence[Array], window: int) -> Regression | None:
-    """Regress the averages of signals over a window, the signals beside the main one with gains of their own."""
+def regress_relation(values: Array, main: Array, others: Sequence[Array], window: int) -> Regression | None:
+    """Regress averages over a window on the main term of a relation; the others have gains of their own."""
     # Of the others only the signs and scales of what is looked at elsewhere could be wrong.
     return fit(smoothed(values, window), smoothed(main, window), [smoothed(each, window) for each in others], window)
 
 
-def swings(signals: Signals) -> dict[str, Array]:
-    """Return the acceleration, by the velocity there, of a place per metre that it lies ahead of another.
+def lever_arm_acceleration(signals: Signals) -> dict[str, Array]:
+    """Return the acceleration that turning adds per metre of lever arm along the hull, by the symbol of the velocity.
 
-    What turning adds to a rigid body's acceleration. Needs attitude.
+    Empty without attitude.
     """
     rates = attitude_rates(signals)
     if len(rates) < 3:

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from auvid_cli.filters import coloured
-from auvid_cli.filters.coloured import corrected_deviation
-from auvid_cli.filters.influence import Influence
+from auvid_cli.filters.autocorrelation import corrected_deviation
+from auvid_cli.filters.hac_windows import Influence
 
 SPACING, EVENTS, CHANNELS = 0.1, 2000, 2
 
@@ -69,7 +68,7 @@ class Counted:
 def test_influences_are_found_once_where_there_is_room_to_keep_them(regression, monkeypatch, room, times):
     influences = regression.influences(regression.noise(np.random.default_rng(2), 0.5, 1.0), (300, 1000))
     kept = corrected_deviation(regression.nominal, [influences], CHANNELS)
-    monkeypatch.setattr(coloured, "_ROOM", room)
+    monkeypatch.setattr("auvid_cli.filters.autocorrelation._ROOM", room)
     counted = Counted(influences)
     np.testing.assert_array_equal(corrected_deviation(regression.nominal, [counted], CHANNELS), kept)
     assert counted.times == times
