@@ -54,14 +54,14 @@ def validate(
         from auvid_cli.api.files import read_dataset, read_estimate
         from auvid_cli.data.estimate_file import read_reference
         from auvid_cli.data.files import keep_apart
+        from auvid_cli.data.hdf5 import scan
         from auvid_cli.data.replacement import put_copy, refuse_other_page
         from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
-        from auvid_cli.data.screening import screen
 
         terminal = Terminal(quiet, verbose)
         for path in dataset_files:
             refuse_log(path)
-        screen([estimate_file, *dataset_files])
+        scan([estimate_file, *dataset_files])
         estimate = read_estimate(estimate_file)
         datasets = [read_dataset(path, *overrides(None, use=use)) for path in dataset_files]
         with terminal.compiling():

@@ -16,10 +16,10 @@ from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import holds_data, write_dataset
 from auvid_cli.data.files import keep_apart, replacing
+from auvid_cli.data.hdf5 import scan
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.netcdf_reading import FileAttributes, open_file, read_attributes
 from auvid_cli.data.results_folder import dataset_in, estimates_in, is_page, products, remove, tables_and_figures
-from auvid_cli.data.screening import begin
 from auvid_cli.errors import AuvidError, FileError
 from auvid_cli.printable import one_line
 
@@ -145,7 +145,7 @@ def other_estimates(
         Of these the settings that are theirs alone count as well.
     """
     others, estimates = {}, estimates_in(folder)
-    begin(estimates.values())
+    scan(estimates.values())
     for name, path in estimates.items():
         if why := _difference(path, "estimate", experiment, name if name in filters else None, sha256):
             others[path] = why
