@@ -83,7 +83,7 @@ class WorkerPool(ProcessPoolExecutor):
 
 
 def _prepare_worker() -> None:
-    # What is loaded by now stays: looking for garbage in it is wasted time.
+    # Modules stay loaded: looking for garbage among them is wasted time.
     gc.freeze()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()

@@ -1,4 +1,4 @@
-"""Writing files so that nothing half-written ever stands under a final name, and nothing is lost that was read."""
+"""Write files: complete under their final name or not at all, and never over an input."""
 
 import hashlib
 import os
@@ -55,7 +55,7 @@ def remove_abandoned(folder: Path) -> None:
 
 def _is_running(process: int) -> bool:
     if os.name != "posix":
-        # Asking is not possible without ending it.
+        # On Windows the signal 0 would interrupt it.
         return True
     try:
         os.kill(process, 0)
@@ -75,14 +75,14 @@ def _remove(path: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path` that takes its name when the block ends well.
+    """Yield a temporary path in the folder of `path`, which gets its name when the block ends without an error.
 
     Where `path` is a link, the file that it leads to is replaced, and the link stays.
 
     Raises
     ------
     FileError
-        If the folder or the file cannot be written, or something that is no file has that name; the temporary file is
+        If the folder or the file cannot be written, or a pipe, device or folder has that name; the temporary file is
         removed, and an earlier file of that name stays as it was.
     """
     try:
@@ -131,7 +131,7 @@ def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
     Raises
     ------
     FileError
-        If it cannot be written, is not empty, or is no folder.
+        If it cannot be written, is not empty, or is a file.
     """
     refuse_filled(folder)
     is_there = folder.exists()
@@ -142,7 +142,7 @@ def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
             for name, text in texts.items():
                 (temporary / name).write_text(text, encoding="utf-8")
             if is_there:
-                # Somebody may be working in it: it stays the same folder.
+                # It may be the working folder of a shell: keep it.
                 for name in texts:
                     (temporary / name).rename(folder / name)
             else:
@@ -152,12 +152,12 @@ def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
 
 
 def refuse_filled(folder: Path) -> None:
-    """Refuse a new folder where something stands already.
+    """Refuse a new folder whose name is taken.
 
     Raises
     ------
     FileError
-        If it is no folder, is not empty, or cannot be looked at.
+        If it is a file, is not empty, or cannot be read.
     """
     try:
         if not folder.is_dir() and os.path.lexists(folder):

@@ -14,7 +14,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from math import ceil, prod
 from pathlib import Path
-from typing import NamedTuple
 
 import h5py
 
@@ -38,19 +37,8 @@ _BLOCK = 1 << 22  # bytes
 _MATLAB_CLASS = "MATLAB_class"
 
 
-class _Version(NamedTuple):
-    """A file as it was when it was scanned."""
-
-    foreign: bool
-    device: int
-    inode: int
-    size: int
-    modified: int
-    changed: int
-
-
 # Reason to refuse each file that was scanned; empty for a sound one.
-_flaws: dict[_Version, str] = {}
+_flaws: dict[tuple[int, ...], str] = {}
 _scanning = threading.Lock()
 
 
@@ -68,7 +56,7 @@ def open_hdf5(path: Path, foreign: bool = False) -> Iterator[h5py.File]:
     Raises
     ------
     ValueError
-        If it is no regular file or is refused; the message has the reason, without the path.
+        If it is a pipe, device or folder, or is refused; the message has the reason, without the path.
     """
     check_regular(path)
     scan([path], foreign)
@@ -102,22 +90,13 @@ def begin_scan(paths: Iterable[Path]) -> None:
     threading.Thread(target=scan, args=([*paths],), daemon=True).start()
 
 
-def _version(path: Path, foreign: bool) -> _Version:
+def _version(path: Path, foreign: bool) -> tuple[int, ...]:
     status = path.stat()
-    return _Version(foreign, status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+    return foreign, status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
 def scan_in_child(paths: list[Path], foreign: bool = False, seconds: int = SCAN_TIME) -> list[str]:
-    """Return the flaw of each file, in order, up to the first that ended the child.
-
-    Parameters
-    ----------
-    paths : list of pathlib.Path
-    foreign : bool
-        As of `open_hdf5`.
-    seconds : int
-        Time for small files, s; every 20 MB add a second.
-    """
+    """Return the flaw of each file, in order, up to the first that ended the child; `seconds` are for small files."""
     seconds += ceil(sum(path.stat().st_size for path in paths) / _SCAN_RATE)
     arguments = "-m", "auvid_cli.data.hdf5", str(seconds), str(int(foreign)), *map(str, paths)
     with start_python(*arguments, stdout=subprocess.PIPE) as process:
@@ -191,8 +170,9 @@ def _read_attributes(item: h5py.HLObject, foreign: bool) -> None:
             continue
         attribute = item.attrs.get_id(name)
         size = prod(attribute.shape or ()) * attribute.dtype.itemsize
-        value = item.attrs[name] if size <= _MAX_ATTRIBUTE else ""
-        if max(size, len(value) if isinstance(value, str) else 0) > _MAX_ATTRIBUTE:
+        if size <= _MAX_ATTRIBUTE and isinstance(value := item.attrs[name], str):
+            size = len(value)
+        if size > _MAX_ATTRIBUTE:
             raise ValueError(f"attribute {name} of {item.name} is larger than {_MAX_ATTRIBUTE / 1e6:g} MB")
 
 
@@ -200,19 +180,19 @@ def _read_values(data: h5py.Dataset, foreign: bool, most: int) -> int:
     """Read a variable block by block and return its size, bytes."""
     if data.is_virtual or data.external:
         raise ValueError(f"{data.name} has its values in another file")
-    if not numbers_in(data) and (foreign or h5py.check_string_dtype(data.dtype) is None):
-        if foreign:
-            return 0
+    if foreign and not numbers_in(data):
+        return 0
+    if not numbers_in(data) and h5py.check_string_dtype(data.dtype) is None:
         raise ValueError(f"{data.name} holds neither real numbers nor text")
     if data.shape is None:
         return 0
+    if not data.shape:
+        data[()]
+        return data.dtype.itemsize
     width, row = data.dtype.itemsize, data.dtype.itemsize * prod(data.shape[1:])
     size = width * prod(data.shape)
     if max(size, width * prod(data.chunks or ())) > most or (row > _MAX_ROW and not foreign):
         raise ValueError(f"{data.name} claims to be larger than its file can hold")
-    if not data.shape:
-        data[()]
-        return size
     # Whole chunks, so that none is unpacked twice.
     unit = data.chunks[0] if data.chunks else 1
     rows = max(_BLOCK // max(row, 1) // unit, 1) * unit
