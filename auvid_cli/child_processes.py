@@ -61,10 +61,10 @@ def _blocked_sigint() -> Iterator[None]:
 
 def start_python(*arguments: str, environment: Mapping[str, str] | None = None, **options: Any) -> subprocess.Popen:
     """Start a Python process that finds this package and no module of the working folder; silent unless asked."""
-    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    quiet: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with starting_children():
         path = os.pathsep.join(filter(None, [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")]))
-        variables = os.environ | {"PYTHONPATH": path} | (environment or {})
+        variables = os.environ | {"PYTHONPATH": path} | dict(environment or {})
         return subprocess.Popen([sys.executable, "-P", *arguments], env=variables, **(quiet | options))
 
 

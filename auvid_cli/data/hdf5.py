@@ -156,7 +156,7 @@ def _items(file: h5py.File, foreign: bool) -> Iterator[h5py.HLObject]:
         seen.add(item)
         yield item
         if isinstance(item, h5py.Group):
-            for name in item:
+            for name in map(str, item):
                 if foreign and item.name == "/" and name.startswith("#"):
                     continue
                 if not isinstance(item.get(name, getlink=True), h5py.HardLink):
