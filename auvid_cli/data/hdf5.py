@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from math import ceil, prod
 from pathlib import Path
+from typing import TypeGuard
 
 import h5py
 
@@ -66,7 +67,7 @@ def open_hdf5(path: Path, foreign: bool = False) -> Iterator[h5py.File]:
         yield file
 
 
-def numbers_in(item: object) -> bool:
+def numbers_in(item: object) -> TypeGuard[h5py.Dataset]:
     """Whether an item of a file is a variable of real numbers."""
     return isinstance(item, h5py.Dataset) and item.dtype.kind in "iufb" and item.dtype.itemsize <= 8
 
