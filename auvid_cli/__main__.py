@@ -16,10 +16,10 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 gc.set_threshold(50_000)
 
 if "__mp_main__" in sys.modules:
-    # A worker of a campaign begins by loading this program again, long before anything that looks after it is loaded.
-    from auvid_cli.children import watch_parent
+    # A worker process loads this program again first.
+    from auvid_cli.child_processes import end_with_parent
 
-    watch_parent()
+    end_with_parent()
 
 
 def main() -> None:

@@ -1,11 +1,8 @@
 """Ahead-of-use compilation of the numerical core, kept on disk from one session to the next."""
 
-import os
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from numba import njit, types
@@ -13,18 +10,16 @@ from numba.core.event import Event, Listener, install_listener
 from numba.core.typeinfer import register_dispatcher
 from numba.extending import intrinsic
 
-from auvid_cli.children import parentage
+from auvid_cli.child_processes import start_python
 from auvid_cli.code_cache import DAMAGED, CodeCache, cache_folder
 from auvid_cli.code_library import ApartCompiler, CompilerFlags, PartCompiler, WholeCompiler, stay_apart
 from auvid_cli.lanes import LINE
 
-# An interrupt at the terminal ends it at once; the process that started it says so.
 _IMPORT_ALL = """
-import gc, importlib, signal, sys
-from auvid_cli.children import end_with_parent
+import gc, importlib, sys
+from auvid_cli.child_processes import end_with_parent
 end_with_parent()
 gc.set_threshold(50_000)
-signal.signal(signal.SIGINT, signal.SIG_DFL)
 for module in sys.argv[1:]:
     importlib.import_module(module)
 """
@@ -175,10 +170,4 @@ def compile_elsewhere(*modules: str) -> subprocess.Popen:
 
     Where that fails this process finds nothing there, compiles for itself, and says what is wrong.
     """
-    command = [sys.executable, "-P", "-c", _IMPORT_ALL, *modules]
-    # This very package, wherever it was found.
-    path = os.pathsep.join(filter(None, [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")]))
-    cache = str(cache_folder().parent)
-    environment = os.environ | {"NUMBA_CACHE_DIR": cache, "PYTHONPATH": path} | parentage()
-    quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, env=environment)
+    return start_python("-c", _IMPORT_ALL, *modules, environment={"NUMBA_CACHE_DIR": str(cache_folder().parent)})

@@ -7,13 +7,12 @@ import signal
 # Before NumPy is loaded: its own threads wait for work by turning, beside the workers of the tests a third of the time.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import hypothesis
 import numpy as np
@@ -34,11 +33,10 @@ from auvid_cli.api import validation
 from auvid_cli.config.experiment import Experiment, FilterName
 from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment, parse_experiment
 from auvid_cli.config.shipped import shipped_configs
-from auvid_cli.data import screening
+from auvid_cli.data import hdf5
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.files import write_text
-from auvid_cli.data.walk import flaw_of
 from auvid_cli.identification.identify import identify
 from auvid_cli.report.figures import draw, workers
 from auvid_cli.simulation.simulate import simulate
@@ -206,19 +204,10 @@ def without_figures(monkeypatch, leave_figures_out) -> None:
     leave_figures_out(monkeypatch)
 
 
-class _Walk(NamedTuple):
-    """Goes through files in this process, which takes less time than one of its own."""
-
-    versions: Mapping[Path, Any]
-
-    def flaws(self) -> list[str]:
-        return [flaw_of(path) for path in self.versions]
-
-
 @pytest.fixture
 def walked_here(monkeypatch) -> None:
-    """Files are gone through in this process."""
-    monkeypatch.setattr(screening, "_Walk", _Walk)
+    """Files are scanned in this process, which takes less time than a child."""
+    monkeypatch.setattr(hdf5, "scan_in_child", lambda paths, foreign: [hdf5.flaw_of(path, foreign) for path in paths])
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ from distributed import Client, Future, LocalCluster, as_completed
 from auvid_cli import __version__
 from auvid_cli.campaign.perform import Performed, perform
 from auvid_cli.campaign.plan import RunGroup
+from auvid_cli.child_processes import SAFE_PATH, starting_children
 from auvid_cli.errors import ClusterError
-from auvid_cli.interrupts import block_sigint
 
 # Groups that wait at the scheduler for each thread: no worker is ever idle, and no more is handed out than that.
 _AHEAD = 3
@@ -25,7 +25,9 @@ _UNDISTURBED = {
     "distributed.worker.memory.monitor-interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.admin.tick.interval": "1s",
-    "distributed.nanny.pre-spawn-environ": {"OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1},
+    # Also of a worker that takes the place of one that was killed.
+    "distributed.nanny.pre-spawn-environ": SAFE_PATH
+    | {"OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1},
 }
 _GONE = "the scheduler is gone; what was done is kept, and the same command goes on once there is one again"
 
@@ -73,7 +75,7 @@ def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Clien
 
 def _local_cluster(workers: int | None) -> LocalCluster:
     try:
-        with block_sigint():
+        with starting_children():
             return LocalCluster(
                 n_workers=workers or os.cpu_count(),
                 threads_per_worker=1,

@@ -2,8 +2,8 @@
 
 import csv
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,7 +12,6 @@ from uuid import uuid4
 import pyarrow as pa
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
-from filelock import FileLock, Timeout
 
 from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.measures import Measure
@@ -39,27 +38,6 @@ class Failure(NamedTuple):
     seed: int
     settings: str
     reason: str
-
-
-@contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Keep others from working on the same results; whoever is killed leaves no lock behind.
-
-    Raises
-    ------
-    FileError
-        If somebody else does, or the folder cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        held = FileLock(folder / ".lock", timeout=0).acquire()
-    except Timeout:
-        raise FileError(f"{folder}: another campaign is at work here; wait for it, or give --output") from None
-    except OSError as error:
-        raise FileError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    # What fails from here on is not the folder's fault.
-    with held:
-        yield
 
 
 class Store:

@@ -11,7 +11,7 @@ from auvid_cli.campaign.engine import cluster_client, n_threads, perform_groups
 from auvid_cli.campaign.findings import find, in_order
 from auvid_cli.campaign.perform import perform, shortened_group
 from auvid_cli.campaign.plan import CampaignPlan
-from auvid_cli.campaign.store import Store, locked
+from auvid_cli.campaign.store import Store
 from auvid_cli.cli.browser import open_page
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
@@ -20,7 +20,7 @@ from auvid_cli.config.figure_format import FigureFormat
 from auvid_cli.config.load import find_campaign
 from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.data.replacement import refuse_other_page
-from auvid_cli.data.results_folder import dataset_in, folder_of_run, page_in
+from auvid_cli.data.results_folder import dataset_in, folder_of_run, locked, page_in
 from auvid_cli.errors import FileError
 from auvid_cli.report.campaign_tables import print_findings, write_findings
 from auvid_cli.report.figures.draw import drawing

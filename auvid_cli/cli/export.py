@@ -51,15 +51,15 @@ def export(
     with reporting_errors():
         from auvid_cli.data.estimate_file import read_estimate
         from auvid_cli.data.files import keep_apart
+        from auvid_cli.data.hdf5 import scan
         from auvid_cli.data.replacement import refuse_unless
         from auvid_cli.data.results_folder import exported_from
-        from auvid_cli.data.screening import screen
 
         terminal = Terminal(quiet, verbose)
         home = path.parent.parent if path.parent.name == "estimates" else path.parent
         dataset_file = dataset or home / "dataset.h5"
         refuse_log(dataset_file)
-        screen([path, dataset_file])
+        scan([path, dataset_file])
         estimate = read_estimate(path)
         data = _dataset_of(path, estimate.dataset_sha256, dataset_file)
         if target.is_of_a_run:

@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.files import keep_apart
 from auvid_cli.data.replacement import put_copy
-from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
+from auvid_cli.data.results_folder import folder_of_dataset, locked, tables_and_figures
 
 
 class Search(NamedTuple):
@@ -22,11 +23,15 @@ class Search(NamedTuple):
     file: Path
 
 
-def begin_search(path: Path, changes: tuple[str, ...], output: Path | None, overwrite: bool, name: str) -> Search:
+def begin_search(
+    command: ExitStack, path: Path, changes: tuple[str, ...], output: Path | None, overwrite: bool, name: str
+) -> Search:
     """Read a dataset and put it beside what will be found; refuse what would be written over files that are read.
 
     Parameters
     ----------
+    command : contextlib.ExitStack
+        At whose end others may write into the results folder again.
     path : pathlib.Path
     changes : tuple of str
         Of its settings.
@@ -45,6 +50,7 @@ def begin_search(path: Path, changes: tuple[str, ...], output: Path | None, over
     refuse_log(path)
     dataset, folder = read_dataset(path, changes), output or folder_of_dataset(path)
     files, file = [path, *dataset.experiment.data_files()], folder / name
+    command.enter_context(locked(folder))
     put_copy(path, dataset, folder, files, overwrite)
     keep_apart([file, *tables_and_figures(folder)], files)
     return Search(dataset, folder, file)

@@ -51,25 +51,27 @@ def identifiability(
     An experiment is simulated for it, a dataset file taken as it is. The bounds hold at the true coefficients of a
     simulation, else at those of the vehicle file.
     """
-    with reporting_errors():
+    with reporting_errors() as command:
         from auvid_cli.api.files import read_dataset
         from auvid_cli.cli import pipeline
         from auvid_cli.config.load import find_experiment, load_with_files
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy
-        from auvid_cli.data.results_folder import folder_of_dataset, folder_of_run, tables_and_figures
+        from auvid_cli.data.results_folder import folder_of_dataset, folder_of_run, locked, tables_and_figures
 
         terminal = Terminal(quiet, verbose)
         changes, path = overrides(settings, seed, use), dataset_path(data)
         earlier = [] if at is None else [at]
         if path:
             dataset, folder = read_dataset(path, *changes), output or folder_of_dataset(path)
+            command.enter_context(locked(folder))
             page = _page_in(folder)
             files = [path, *dataset.experiment.data_files(), *earlier]
             put_copy(path, dataset, folder, files, overwrite)
         else:
             experiment, files = load_with_files(find_experiment(data), changes)
             folder, files = output or folder_of_run(experiment.name), [*files, *earlier]
+            command.enter_context(locked(folder))
             page = _page_in(folder)
             dataset = pipeline.simulate_to(folder, experiment, terminal, files, overwrite)
         keep_apart(tables_and_figures(folder), files)

@@ -31,14 +31,14 @@ def identify(
     dry_run: DryRunOption = False,
 ) -> None:
     """Estimate coefficients from a dataset into results/NAME/estimates/FILTER.h5."""
-    with reporting_errors():
+    with reporting_errors() as command:
         from auvid_cli.api.files import read_dataset
         from auvid_cli.cli import pipeline
         from auvid_cli.config.load import dump_experiment, find_experiment, load_with_files
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy
         from auvid_cli.data.results import read_simulated
-        from auvid_cli.data.results_folder import folder_of_dataset, folder_of_run, products
+        from auvid_cli.data.results_folder import folder_of_dataset, folder_of_run, locked, products
 
         changes = overrides(settings, use=use)
         path = dataset_path(source)
@@ -51,6 +51,7 @@ def identify(
             print(dump_experiment(experiment), end="")
             return
         folder = output or (folder_of_dataset(path) if path else folder_of_run(experiment.name))
+        command.enter_context(locked(folder))
         keep_apart(products(folder), files)
         if path and dataset:
             put_copy(path, dataset, folder, files, overwrite)

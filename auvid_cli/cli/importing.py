@@ -1,6 +1,7 @@
 """The steps of importing logs."""
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 from auvid_cli.api.logs import MappedLogs, suggest_map
@@ -8,7 +9,7 @@ from auvid_cli.cli.pipeline import say_doubts
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.replacement import other_run, put_dataset
-from auvid_cli.data.results_folder import dataset_in, folder_of_run
+from auvid_cli.data.results_folder import dataset_in, folder_of_run, locked
 from auvid_cli.errors import FileError
 from auvid_cli.report.import_report import print_import_report
 
@@ -29,11 +30,15 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overw
     say_doubts(logs.settings.vehicle, terminal)
     with terminal.stage("read the logs"):
         dataset, report = logs.convert()
-    with terminal.stage("write the dataset"):
+    with terminal.stage("write the dataset"), _locked_around(path):
         put_dataset(path, dataset, inputs, overwrite, other_run(path, dataset.experiment))
     print_import_report(terminal.out, report.summaries, report.remarks)
     terminal.tell(f"{path}: t = 0 is {report.origin:.6f} s by the log's clock")
     terminal.say(f"next: auvid inspect {path}")
+
+
+def _locked_around(path: Path) -> AbstractContextManager[None]:
+    return locked(path.parent) if path == dataset_in(path.parent) else nullcontext()
 
 
 def suggest_to(files: Sequence[Path], output: Path | None, terminal: Terminal) -> None:

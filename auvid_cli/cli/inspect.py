@@ -47,14 +47,14 @@ def inspect(
     knowing. The results folder gets all verdicts (tables/inspection.csv), what was recorded when (figures/timeline),
     and both on a page (inspection.html).
     """
-    with reporting_errors():
+    with reporting_errors() as command:
         from auvid_cli.api import inspection as api
         from auvid_cli.api.files import read_dataset
         from auvid_cli.cli.browser import open_page
         from auvid_cli.cli.tables import write_and_draw
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy, refuse_other_page
-        from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
+        from auvid_cli.data.results_folder import folder_of_dataset, locked, tables_and_figures
         from auvid_cli.data.time_window import within
         from auvid_cli.report.page.inspection_page import inspection_page
         from auvid_cli.report.screen import print_checks
@@ -70,6 +70,7 @@ def inspect(
             read = within(read, *read.experiment.identification.use.spans[0])
         files = [dataset, *read.experiment.data_files()]
         page = folder / "inspection.html"
+        command.enter_context(locked(folder))
         refuse_other_page(page)
         put_copy(dataset, read, folder, files, overwrite)
         keep_apart(tables_and_figures(folder), files)

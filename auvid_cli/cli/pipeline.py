@@ -17,10 +17,10 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.files import keep_apart, write_text
+from auvid_cli.data.hdf5 import begin_scan
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.replacement import other_estimates, other_run, put_dataset, refuse_unless
 from auvid_cli.data.results_folder import dataset_in, estimates_in, page_in, products, remove, remove_former
-from auvid_cli.data.screening import begin
 
 if TYPE_CHECKING:
     from auvid_cli.api.evaluation import Evaluator
@@ -59,8 +59,8 @@ def simulate_to(
         If results of another run stand in the folder, and `overwrite` is not said.
     """
     path = dataset_in(folder)
-    # What stands there is gone through by another process, while this one loads what it needs anyway.
-    begin([path, *estimates_in(folder).values()])
+    # While this process loads what it needs.
+    begin_scan([path, *estimates_in(folder).values()])
     with terminal.compiling():
         from auvid_cli.api.simulation import simulate
     objection = other_run(path, experiment)

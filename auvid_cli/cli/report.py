@@ -16,17 +16,19 @@ def report(
     verbose: VerboseOption = False,
 ) -> None:
     """Write the page (report.html), tables and figures of a results folder, and print a summary."""
-    with reporting_errors():
+    with reporting_errors() as command:
         from auvid_cli.report.figures.workers import load_ahead
 
         load_ahead()
         from auvid_cli.cli import pipeline
         from auvid_cli.data.replacement import refuse_other_page
         from auvid_cli.data.results import read_results
-        from auvid_cli.data.results_folder import page_in
+        from auvid_cli.data.results_folder import locked, page_in
         from auvid_cli.report.figures.draw import drawing
 
         terminal = Terminal(quiet, verbose)
+        if results.is_dir():
+            command.enter_context(locked(results))
         refuse_other_page(page_in(results))
         dataset, estimates = read_results(results)
         with terminal.compiling():

@@ -34,7 +34,7 @@ def run(
     dry_run: DryRunOption = False,
 ) -> None:
     """Simulate an experiment, identify with every filter named there, report: report.html, tables, figures."""
-    with reporting_errors():
+    with reporting_errors() as command:
         if not dry_run:
             from auvid_cli.report.figures.workers import load_ahead
 
@@ -44,7 +44,7 @@ def run(
         from auvid_cli.config.load import dump_experiment, find_experiment, load_with_files
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import refuse_other_page
-        from auvid_cli.data.results_folder import folder_of_run, page_in, products
+        from auvid_cli.data.results_folder import folder_of_run, locked, page_in, products
         from auvid_cli.report.figures.draw import drawing
 
         refuse_log(experiment)
@@ -56,6 +56,7 @@ def run(
         loaded.identification.check_filters(chosen)
         terminal = Terminal(quiet, verbose)
         folder = output or folder_of_run(loaded.name)
+        command.enter_context(locked(folder))
         refuse_other_page(page_in(folder))
         keep_apart(products(folder), files)
         with drawing(folder, figure_format) as figures:

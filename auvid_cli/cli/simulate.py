@@ -38,10 +38,10 @@ def simulate(
     dry_run: DryRunOption = False,
 ) -> None:
     """Simulate an experiment's vehicle and sensors into results/NAME/dataset.h5."""
-    with reporting_errors():
+    with reporting_errors() as command:
         from auvid_cli.cli import pipeline
         from auvid_cli.config.load import dump_experiment, find_experiment, load_with_files
-        from auvid_cli.data.results_folder import folder_of_run
+        from auvid_cli.data.results_folder import folder_of_run, locked
 
         refuse_log(experiment)
         loaded, files = load_with_files(find_experiment(experiment), overrides(settings, seed))
@@ -49,6 +49,7 @@ def simulate(
             print(dump_experiment(loaded), end="")
             return
         folder = output or folder_of_run(loaded.name)
+        command.enter_context(locked(folder))
         if as_log:
             pipeline.simulate_log_to(folder, loaded, Terminal(quiet, verbose), files, overwrite)
             return

@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from time import perf_counter
 from types import FrameType
 from typing import Protocol
@@ -21,8 +21,8 @@ _INDENT = 2
 
 
 @contextmanager
-def reporting_errors() -> Iterator[None]:
-    """Turn errors that are the user's to mend into one clear message and exit code 2."""
+def reporting_errors() -> Iterator[ExitStack]:
+    """Turn errors of the user into one clear message and exit code 2; contexts entered meanwhile end before it."""
     from auvid_cli.errors import AuvidError
 
     # Ended from outside as by Ctrl-C: whoever is writing takes away what is half written. Python, while it compiles a
@@ -35,7 +35,8 @@ def reporting_errors() -> Iterator[None]:
 
     before = signal.signal(signal.SIGTERM, end)
     try:
-        yield
+        with ExitStack() as command:
+            yield command
     except AuvidError as error:
         complain(str(error))
         raise typer.Exit(WRONG_INPUT) from None

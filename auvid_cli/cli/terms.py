@@ -38,12 +38,12 @@ def terms(
     only if it makes the last third likelier; then come the next. What is found stands in terms.yaml, which `auvid
     identify` takes behind --set.
     """
-    with reporting_errors():
+    with reporting_errors() as command:
         from auvid_cli.cli import found_settings
         from auvid_cli.data.files import write_text
 
         terminal, changes = Terminal(quiet, verbose), overrides(settings, use=use)
-        search = found_settings.begin_search(dataset, changes, output, overwrite, "terms.yaml")
+        search = found_settings.begin_search(command, dataset, changes, output, overwrite, "terms.yaml")
         with terminal.compiling():
             from auvid_cli.api import core
             from auvid_cli.api.terms import find_terms

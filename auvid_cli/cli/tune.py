@@ -41,12 +41,12 @@ def tune(
     Process noise is what the model leaves out. The smoother follows the data again and again, with more noise
     and with less. What it finds is in tuned.yaml, which `auvid identify` takes behind --set.
     """
-    with reporting_errors():
+    with reporting_errors() as command:
         from auvid_cli.cli import found_settings
         from auvid_cli.data.files import write_text
 
         terminal, changes = Terminal(quiet, verbose), (*overrides(settings, use=use), "identification.noise=stated")
-        search = found_settings.begin_search(dataset, changes, output, overwrite, "tuned.yaml")
+        search = found_settings.begin_search(command, dataset, changes, output, overwrite, "tuned.yaml")
         read = search.dataset
         with terminal.compiling():
             from auvid_cli.api import core

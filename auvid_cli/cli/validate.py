@@ -50,18 +50,18 @@ def validate(
     beside what the stated uncertainties amount to. Several datasets, and all segments of each (--use, of all of them),
     are judged together; the results stand beside the first.
     """
-    with reporting_errors():
+    with reporting_errors() as command:
         from auvid_cli.api.files import read_dataset, read_estimate
         from auvid_cli.data.estimate_file import read_reference
         from auvid_cli.data.files import keep_apart
+        from auvid_cli.data.hdf5 import scan
         from auvid_cli.data.replacement import put_copy, refuse_other_page
-        from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
-        from auvid_cli.data.screening import screen
+        from auvid_cli.data.results_folder import folder_of_dataset, locked, tables_and_figures
 
         terminal = Terminal(quiet, verbose)
         for path in dataset_files:
             refuse_log(path)
-        screen([estimate_file, *dataset_files])
+        scan([estimate_file, *dataset_files])
         estimate = read_estimate(estimate_file)
         datasets = [read_dataset(path, *overrides(None, use=use)) for path in dataset_files]
         with terminal.compiling():
@@ -78,6 +78,7 @@ def validate(
             segments = [part for dataset in datasets for part in unseen_segments(dataset, estimate, training)]
         folder, inputs = output or folder_of_dataset(dataset_files[0]), [estimate_file, *dataset_files]
         page = folder / "validation.html"
+        command.enter_context(locked(folder))
         refuse_other_page(page)
         put_copy(dataset_files[0], datasets[0], folder, inputs, overwrite)
         keep_apart(tables_and_figures(folder), inputs)

@@ -25,6 +25,8 @@ from auvid_cli.data.netcdf_reading import (
     subgroups,
 )
 from auvid_cli.data.soundness import check_dataset
+from auvid_cli.errors import FileError
+from auvid_cli.printable import one_line
 from auvid_cli.vehicle.parameters import ALL_INPUTS, DISTURBANCE, INPUTS, MOTION, POSITION, PROPULSION, SENSORS
 
 # Of more than so many samples of the true motion, every so many are read: enough to compare and to draw.
@@ -37,8 +39,12 @@ def write_dataset(path: Path, dataset: Dataset) -> None:
     Raises
     ------
     FileError
-        If the file cannot be written.
+        If the file cannot be written, or `read_dataset` would refuse it.
     """
+    try:
+        check_dataset(dataset)
+    except ValueError as error:
+        raise FileError(f"{path}: not written: {one_line(str(error))}") from None
     experiment = dataset.experiment
     with new_file(path, "dataset", dump_experiment(experiment), experiment.seed) as file:
         inputs = file.create_group("inputs")

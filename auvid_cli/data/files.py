@@ -1,12 +1,16 @@
-"""Writing files so that nothing half-written ever stands under a final name, and nothing is lost that was read."""
+"""Write files: complete under their final name or not at all, and never over an input."""
 
+import hashlib
 import os
+import platform
+import re
+import shutil
 import stat
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from secrets import token_hex
 
-from auvid_cli.data.temporaries import remove_abandoned, temporary_folder_in, temporary_in
 from auvid_cli.errors import FileError
 
 _KINDS = {
@@ -17,17 +21,68 @@ _KINDS = {
     stat.S_IFSOCK: "a socket",
 }
 
+# A temporary name holds the machine and the process that writes it.
+_PREFIX = f".auvid-{hashlib.sha256(platform.node().encode()).hexdigest()[:8]}-"
+_TEMPORARY = re.compile(rf"{re.escape(_PREFIX)}(\d+)-[0-9a-f]{{16}}")
+
+
+@contextmanager
+def temporary_in(folder: Path, is_folder: bool = False) -> Iterator[Path]:
+    """Make a new file or folder in a folder, removed at the end of the block unless it has been moved.
+
+    Those that killed processes of this machine left there are removed first.
+    """
+    remove_abandoned(folder)
+    path = folder / f"{_PREFIX}{os.getpid()}-{token_hex(8)}"
+    if is_folder:
+        path.mkdir()
+    else:
+        path.touch(exist_ok=False)
+    try:
+        yield path
+    finally:
+        _remove(path)
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove temporary files and folders of processes that have ended without removing them."""
+    for path in folder.glob(f"{_PREFIX}*"):
+        match = _TEMPORARY.fullmatch(path.name)
+        if match and not _is_running(int(match[1])):
+            with suppress(OSError):
+                _remove(path)
+
+
+def _is_running(process: int) -> bool:
+    if os.name != "posix":
+        # On Windows the signal 0 would interrupt it.
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path` that takes its name when the block ends well.
+    """Yield a temporary path in the folder of `path`, which gets its name when the block ends without an error.
 
     Where `path` is a link, the file that it leads to is replaced, and the link stays.
 
     Raises
     ------
     FileError
-        If the folder or the file cannot be written, or something that is no file has that name; the temporary file is
+        If the folder or the file cannot be written, or a pipe, device or folder has that name; the temporary file is
         removed, and an earlier file of that name stays as it was.
     """
     try:
@@ -76,18 +131,18 @@ def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
     Raises
     ------
     FileError
-        If it cannot be written, is not empty, or is no folder.
+        If it cannot be written, is not empty, or is a file.
     """
     refuse_filled(folder)
     is_there = folder.exists()
     place = folder if is_there else folder.parent
     try:
         place.mkdir(parents=True, exist_ok=True)
-        with temporary_folder_in(place) as temporary:
+        with temporary_in(place, is_folder=True) as temporary:
             for name, text in texts.items():
                 (temporary / name).write_text(text, encoding="utf-8")
             if is_there:
-                # Somebody may be working in it: it stays the same folder.
+                # It may be the working folder of a shell: keep it.
                 for name in texts:
                     (temporary / name).rename(folder / name)
             else:
@@ -97,12 +152,12 @@ def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
 
 
 def refuse_filled(folder: Path) -> None:
-    """Refuse a new folder where something stands already.
+    """Refuse a new folder whose name is taken.
 
     Raises
     ------
     FileError
-        If it is no folder, is not empty, or cannot be looked at.
+        If it is a file, is not empty, or cannot be read.
     """
     try:
         if not folder.is_dir() and os.path.lexists(folder):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from auvid_cli import __version__
 from auvid_cli.data.files import replacing
-from auvid_cli.data.screening import trust
+from auvid_cli.data.hdf5 import trust
 
 SCHEMA_VERSION = 2
 _CHUNK_ROWS = 8192

@@ -12,9 +12,8 @@ from pydantic import Field, ValidationError
 
 from auvid_cli.config.quantity import parse_quantity
 from auvid_cli.config.settings import Settings
+from auvid_cli.data.hdf5 import DAMAGE, open_hdf5
 from auvid_cli.data.netcdf import SCHEMA_VERSION
-from auvid_cli.data.screening import screen
-from auvid_cli.data.walk import DAMAGE
 from auvid_cli.errors import FileError
 from auvid_cli.printable import one_line, shortened
 from auvid_cli.vehicle.parameters import Quantity
@@ -43,9 +42,8 @@ def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
     """
     if not path.is_file():
         raise FileError(f"{path}: no such {kind} file")
-    screen([path])
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path) as file:
             attribute = file.attrs.get("kind")
             kind_of_file = one_line(attribute) if isinstance(attribute, str) else ""
             if kind_of_file != f"auvid {kind}":

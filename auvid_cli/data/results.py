@@ -9,9 +9,9 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.estimate_file import read_estimate
+from auvid_cli.data.hdf5 import scan
 from auvid_cli.data.replacement import other_estimates
 from auvid_cli.data.results_folder import dataset_in, estimates_in
-from auvid_cli.data.screening import screen
 from auvid_cli.errors import FileError
 
 
@@ -45,7 +45,7 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
         If something is missing or an estimate belongs to another dataset.
     """
     paths = estimates_in(folder)
-    screen([dataset_in(folder), *paths.values()])
+    scan([dataset_in(folder), *paths.values()])
     dataset, estimates = read_dataset(dataset_in(folder)), [read_estimate(path) for path in paths.values()]
     if not estimates:
         raise FileError(f"{folder / 'estimates'}: no estimates; make them with `auvid identify`")

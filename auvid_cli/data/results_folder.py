@@ -1,12 +1,15 @@
 """A results folder: what auvid writes there, and nothing that a user put there."""
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from auvid_cli.config.figure_format import FigureFormat
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.errors import FileError
 
+_LOCK_PATIENCE = 1.0  # s
 _REPORT_FIGURES = ("path", "convergence", "motion_errors", "free_runs", "innovations")
 _OTHER_FIGURES = (
     *("identifiability_bounds", "identifiability_correlation", "timeline"),
@@ -25,6 +28,34 @@ _EXPORTS = (".yaml", ".json", ".py", ".m", ".sdf", ".mcap")
 _LONGEST_EXPORT = 10_000_000
 # As it stands in the heading of an exported model, in its JSON, or at the beginning of a run's MCAP.
 _EXPORTED_FROM = re.compile(r'dataset(?: with SHA-256 |_sha256": ")([0-9a-f]{64})\b')
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other commands from writing into a results folder; the operating system ends the lock of a killed one.
+
+    Raises
+    ------
+    FileError
+        If another command still writes there after a moment, or the folder cannot be made.
+    """
+    from filelock import FileLock, Timeout
+
+    # A group of users may share the folder.
+    lock = FileLock(folder / ".lock", timeout=_LOCK_PATIENCE, mode=0o666)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        # Some network disks have no locks.
+        with suppress(NotImplementedError):
+            lock.acquire()
+    except Timeout:
+        raise FileError(f"{folder}: another auvid command is writing here; wait for it, or give --output") from None
+    except OSError as error:
+        raise FileError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def folder_of_run(name: str) -> Path:

@@ -46,6 +46,8 @@ def check_dataset(dataset: Dataset) -> None:
 
 
 def _check_sensor(name: str, record: SensorRecord) -> None:
+    if name not in SENSORS:
+        raise ValueError(f"unknown sensor {name!r}; auvid knows {', '.join(SENSORS)}")
     where, n, width = f"/sensors/{name}", record.time.size, len(SENSORS[name])
     _check_times(where, record.time, increasing=True)
     _check_shapes(where, (record.values, (n, width)), (record.standard_deviation, (width,)))

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.perform import Performed
 from auvid_cli.campaign.plan import CampaignRun
-from auvid_cli.campaign.store import Store, _read, locked
+from auvid_cli.campaign.store import Store, _read
+from auvid_cli.data.results_folder import locked
 from auvid_cli.errors import FileError
 
 COLUMNS = {"factor": True, "rate": False}
@@ -167,7 +168,7 @@ def test_a_failed_run_is_labelled_as_those_that_are_finished(tmp_path):
 
 
 def test_two_campaigns_do_not_share_a_folder(tmp_path):
-    with locked(tmp_path), pytest.raises(FileError, match="another campaign is at work here"), locked(tmp_path):
+    with locked(tmp_path), pytest.raises(FileError, match="another auvid command"), locked(tmp_path):
         pass
     with locked(tmp_path):
         pass

@@ -37,6 +37,10 @@ def looped(file):
     file["inputs"] = h5py.SoftLink("/inputs")
 
 
+def files(folder):
+    return sorted(path for path in folder.rglob("*") if path.name != ".lock")
+
+
 ESTIMATE, DATASET = "estimates/tukf.h5", "dataset.h5"
 
 
@@ -57,11 +61,11 @@ def test_a_file_that_cannot_be_is_one_line(command, harmed, harm, results, tmp_p
     folder = shutil.copytree(results, tmp_path / "a/b/c/results")
     with h5py.File(folder / harmed, "a") as file:
         harm(file)
-    before = sorted(tmp_path.rglob("*"))
+    before = files(tmp_path)
     monkeypatch.chdir(folder)
     result = CliRunner().invoke(app, command)
     assert result.exit_code == 2
     assert result.stderr.startswith("auvid: ")
     assert result.stderr.count("\n") == 1
     assert harmed in result.stderr
-    assert sorted(tmp_path.rglob("*")) == before
+    assert files(tmp_path) == before

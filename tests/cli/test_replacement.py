@@ -25,8 +25,12 @@ def done(*arguments):
 
 def state(folder=Path()) -> dict[str, str]:
     """All files and what is in them."""
-    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
-    return {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    return {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in files(folder)}
+
+
+def files(folder) -> list[Path]:
+    """Files of a folder, without the lock."""
+    return [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != ".lock"]
 
 
 def assert_refused(*arguments, words=()):
@@ -68,8 +72,7 @@ def here(made, tmp_path, monkeypatch, without_figures):
 
 def test_all_that_auvid_writes_into_a_folder_is_known(here):
     for folder in (HOME, Path("results/other")):
-        written = {path for path in folder.rglob("*") if path.is_file()}
-        assert written == {dataset_in(folder), *products(folder)}
+        assert {*files(folder)} == {dataset_in(folder), *products(folder)}
 
 
 @pytest.mark.parametrize(
@@ -168,10 +171,7 @@ def test_a_simulation_that_fails_loses_nothing(here, monkeypatch):
 
 def test_identifying_over_other_settings_leaves_only_what_goes_together(here):
     done("identify", dataset_in(HOME), "-f", "ukf", "--use", "1:5", "--overwrite")
-    assert {str(path) for path in HOME.rglob("*") if path.is_file()} == {
-        str(dataset_in(HOME)),
-        str(HOME / "estimates/ukf.h5"),
-    }
+    assert {*files(HOME)} == {dataset_in(HOME), HOME / "estimates/ukf.h5"}
 
 
 def test_what_concerns_one_filter_alone_may_differ(here):

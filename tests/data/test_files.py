@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from auvid_cli.data.files import keep_apart, replacing, write_folder, write_text
-from auvid_cli.data.temporaries import temporary_folder_in
+from auvid_cli.data.files import keep_apart, remove_abandoned, replacing, temporary_in, write_folder, write_text
 from auvid_cli.errors import FileError
 
 KILLED = """
@@ -25,8 +24,8 @@ with replacing(Path(sys.argv[1])) as temporary:
 KILLED_WITH_A_FOLDER = """
 import os, signal, sys
 from pathlib import Path
-from auvid_cli.data.temporaries import temporary_folder_in
-with temporary_folder_in(Path(sys.argv[1])) as temporary:
+from auvid_cli.data.files import temporary_in
+with temporary_in(Path(sys.argv[1]), is_folder=True) as temporary:
     (temporary / "half").write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -162,7 +161,7 @@ def test_what_is_left_of_a_folder_by_a_killed_writer_is_no_hindrance(tmp_path):
 
 
 def test_a_folder_that_is_being_written_is_left_to_its_writer(tmp_path):
-    with temporary_folder_in(tmp_path) as other:
+    with temporary_in(tmp_path, is_folder=True) as other:
         write_folder(tmp_path / "a", {"x.txt": "1"})
         write_text(tmp_path / "b.txt", "b")
         assert other.is_dir()
@@ -176,3 +175,20 @@ def test_of_a_folder_that_cannot_be_written_nothing_is_left(tmp_path):
     assert names(tmp_path) == set()
     with pytest.raises(FileError, match=r"cannot be (written|looked at): File name too long"):
         write_folder(tmp_path / ("a" * 300), {"x.txt": "1"})
+
+
+def test_temporary_of_another_machine_stays(tmp_path):
+    left = tmp_path / f".auvid-00000000-{2**22 + 1}-0123456789abcdef"
+    left.write_text("half")
+    write_text(tmp_path / "a.txt", "a")
+    assert left.exists()
+
+
+def test_temporary_stays_where_processes_cannot_be_asked_for(tmp_path, monkeypatch):
+    """As on Windows, where the signal 0 would end the process."""
+    subprocess.run([sys.executable, "-c", KILLED, tmp_path / "a.txt"], check=False)
+    (left,) = names(tmp_path)
+    monkeypatch.setattr(os, "name", "nt")
+    monkeypatch.setattr(os, "kill", None)
+    remove_abandoned(tmp_path)
+    assert names(tmp_path) == {left}

@@ -10,7 +10,7 @@ import pytest
 
 from auvid_cli.config.extra_states import AugmentedStates, BiasName
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.data.dataset_file import read_dataset
+from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate import STATES
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.data.faults import Fault, FaultTest
@@ -258,3 +258,24 @@ def test_corrected_standard_deviations_are_no_less_than_the_nominal(name, change
         del file["corrected"][name]
         file["corrected"][name] = values
     refused(read_estimate, path)
+
+
+def with_times(change):
+    return lambda dataset: replace(dataset, inputs=replace(dataset.inputs, time=change(dataset.inputs.time)))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        with_times(lambda time: time[::-1]),
+        with_times(lambda time: time + 1e9),
+        with_times(lambda time: np.where(time == time[-1], 0.0, time)),
+        with_times(lambda time: time[1:]),
+        lambda dataset: replace(dataset, inputs=replace(dataset.inputs, values=dataset.inputs.values * np.nan)),
+        lambda dataset: replace(dataset, sensors={"sonar": next(iter(dataset.sensors.values()))}),
+    ],
+)
+def test_dataset_that_could_not_be_read_is_not_written(change, dataset, tmp_path):
+    with pytest.raises(FileError, match=r"dataset\.h5: not written: "):
+        write_dataset(tmp_path / "dataset.h5", change(dataset))
+    assert not list(tmp_path.iterdir())

@@ -6,10 +6,8 @@ that is called as the struct is; where lengths differ, each length is a table ca
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager
 from functools import cached_property
-from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import h5py
@@ -18,7 +16,9 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 from scipy.io.matlab import mat_struct
 
+from auvid_cli.child_processes import WorkerPool
 from auvid_cli.data.damage import refusing_damage
+from auvid_cli.data.hdf5 import numbers_in, open_hdf5
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import ColumnValues, Log, LogColumn
 from auvid_cli.logs.formats.lookup import look_up
@@ -121,26 +121,26 @@ class MatlabLog(ArrayLog):
     @cached_property
     def _content(self) -> dict[str, Any]:
         # A damaged file may bring down the process that reads it.
-        with self._refusing_damage(), ProcessPoolExecutor(1, get_context("spawn")) as apart:
-            return apart.submit(loadmat, self.path, struct_as_record=False, squeeze_me=True).result()
+        with self._refusing_damage(), WorkerPool(1, "spawn") as worker:
+            return worker.submit(loadmat, self.path, struct_as_record=False, squeeze_me=True).result()
 
 
 class MatlabHdf5Log(ArrayLog):
     """A MATLAB file of version 7.3: its arrays of numbers and structs of such."""
 
     def _variables(self) -> Sequence[str]:
-        with self._refusing_damage(), h5py.File(self.path, "r") as file:
+        with self._refusing_damage(), open_hdf5(self.path, foreign=True) as file:
             return [str(name) for name in file if not str(name).startswith("#")]
 
     def _arrays(self, variable: str) -> Iterator[tuple[_Path, NDArray[Any]]]:
-        with self._refusing_damage(), h5py.File(self.path, "r") as file:
+        with self._refusing_damage(), open_hdf5(self.path, foreign=True) as file:
             item = file[variable]
             datasets = {(variable,): item}
             if isinstance(item, h5py.Group):
                 names: list[str] = []
                 item.visit(names.append)
                 datasets = {(variable, *name.split("/")): item[name] for name in names}
-            arrays = {path: _values(dataset) for path, dataset in datasets.items() if isinstance(dataset, h5py.Dataset)}
+            arrays = {path: _values(dataset) for path, dataset in datasets.items() if numbers_in(dataset)}
         for path, array in arrays.items():
             yield from _if_usable(path, array)
 

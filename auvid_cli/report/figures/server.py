@@ -1,9 +1,13 @@
-"""Loaded into the server of figure processes before all else, which takes seconds to load: it ends with its command."""
+"""First module that the fork server of the figure workers loads: it ends with its command, and lets others go first."""
 
 import gc
+import os
 
-from auvid_cli.children import end_with_parent
+from auvid_cli.child_processes import end_with_parent
 
 end_with_parent()
-# Nothing of what it loads goes.
+if hasattr(os, "nice"):
+    # The compiler and the filters are needed before the figures.
+    os.nice(10)
+# Modules stay loaded: looking for garbage among them is wasted time.
 gc.set_threshold(50_000)

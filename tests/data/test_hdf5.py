@@ -10,17 +10,19 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from auvid_cli.data import screening
+from auvid_cli.child_processes import start_python
+from auvid_cli.data import hdf5
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import read_estimate
-from auvid_cli.data.walk import flaw_of
 from auvid_cli.errors import AuvidError, FileError
+from auvid_cli.logs.formats.open_log import open_log
 
 READ = {"dataset": read_dataset, "estimate": read_estimate}
 
@@ -44,23 +46,29 @@ def refused(kind, path):
     return message
 
 
-def test_a_file_that_libhdf5_never_finishes_is_refused(dataset, tmp_path, monkeypatch):
-    monkeypatch.setattr(screening, "_SECONDS", 0)
+@pytest.fixture
+def at_once(monkeypatch):
+    """A scan has no time beyond that for its size."""
+    monkeypatch.setattr(hdf5, "scan_in_child", partial(hdf5.scan_in_child, seconds=0))
+
+
+def test_endless_file_is_refused(dataset, tmp_path, at_once):
     assert "does not end" in refused("dataset", endless(tmp_path / "dataset.h5", dataset))
 
 
-def test_the_others_are_told_from_the_one_that_does_not_end(dataset, written, tmp_path, monkeypatch):
-    monkeypatch.setattr(screening, "_SECONDS", 0)
+def test_scan_of_several_files_names_the_endless_one(dataset, written, tmp_path, at_once):
     sound = shutil.copy(written["dataset"], tmp_path / "sound.h5")
     bad = endless(tmp_path / "endless.h5", dataset)
-    with pytest.raises(FileError, match=r"endless\.h5"):
-        screening.screen([sound, bad, written["estimate"]])
+    hdf5.scan([sound, bad, written["estimate"]])
+    assert "does not end" in refused("dataset", bad)
+    read_dataset(sound)
+    read_estimate(written["estimate"])
 
 
-def test_a_file_that_crashes_libhdf5_is_refused(written, tmp_path, monkeypatch):
-    crashing = tmp_path / "walk.py"
-    crashing.write_text("import os\nos.abort()\n")
-    monkeypatch.setattr(screening, "_WALK", crashing)
+def test_crash_of_the_scan_refuses_the_file(written, tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        hdf5, "start_python", lambda *arguments, **more: start_python("-c", "import os; os.abort()", **more)
+    )
     assert "crash" in refused("dataset", shutil.copy(written["dataset"], tmp_path / "dataset.h5"))
 
 
@@ -82,7 +90,7 @@ def test_an_interrupt_ends_the_wait_at_once_and_the_process_with_it(dataset, tmp
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends after its time, not at once")
 def test_the_process_ends_with_the_one_that_started_it(dataset, tmp_path):
     path = endless(tmp_path / "dataset.h5", dataset)
-    code = f"from auvid_cli.data.screening import screen; from pathlib import Path; screen([Path({str(path)!r})])"
+    code = f"from auvid_cli.data.hdf5 import scan; from pathlib import Path; scan([Path({str(path)!r})])"
     with subprocess.Popen([sys.executable, "-c", code]) as parent:
         children = []
         while not children:
@@ -109,7 +117,7 @@ def parent_of(pid):
 
 def test_what_was_written_here_is_not_gone_through_and_what_changed_is(dataset, tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr(screening, "_flaws", lambda paths: asked.extend(paths) or [""] * len(paths))
+    monkeypatch.setattr(hdf5, "scan_in_child", lambda paths, foreign: asked.extend(paths) or [""] * len(paths))
     path = tmp_path / "dataset.h5"
     write_dataset(path, dataset)
     read_dataset(path)
@@ -124,7 +132,6 @@ def test_what_was_written_here_is_not_gone_through_and_what_changed_is(dataset, 
 # Benchmarks do the same thousands of times.
 @pytest.mark.parametrize(("kind", "files"), [("dataset", 40), ("estimate", 10)])
 def test_flipped_bytes_end_in_data_or_in_one_line(kind, files, written, tmp_path, monkeypatch):
-    monkeypatch.setattr(screening, "_SECONDS", 0)
     content, rng, paths = written[kind].read_bytes(), random.Random(1), []
     # Where names stand there is more to harm than among numbers.
     marks = [found.start() for found in re.finditer(rb"[A-Za-z_]{4,}", content)]
@@ -137,10 +144,10 @@ def test_flipped_bytes_end_in_data_or_in_one_line(kind, files, written, tmp_path
         paths[-1].write_bytes(harmed)
     rest = list(paths)
     while rest:
-        flaws = screening._flaws(dict.fromkeys(rest, ()))
+        flaws = hdf5.scan_in_child(rest, seconds=0)
         for path, flaw in zip(rest, flaws, strict=False):
             if not flaw:
-                screening.trust(path)
+                hdf5.trust(path)
                 with suppress(AuvidError):
                     READ[kind](path)
         rest = rest[len(flaws) :]
@@ -184,4 +191,65 @@ def test_structure_that_auvid_does_not_write_is_refused(what, written, tmp_path)
 
 def test_groups_within_themselves_are_gone_through_once(written, tmp_path):
     path = tampered("dataset", written, tmp_path, lambda file: file.__setitem__("inputs/again", file["/"]))
-    assert flaw_of(path) == ""
+    assert hdf5.flaw_of(path) == ""
+
+
+def matlab(path, change):
+    """Write a MATLAB 7.3 file with one vector and more."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["t"] = np.arange(5.0)[None]
+        change(file)
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file")
+    return open_log(path)
+
+
+@pytest.mark.parametrize(
+    "what", ["a soft link", "a link to another file", "values in another file", "values of another variable"]
+)
+def test_matlab_file_that_refers_to_another_is_refused(what, tmp_path):
+    log = matlab(tmp_path / "log.mat", STRUCTURE[what] if what != "a soft link" else link_in_root)
+    with pytest.raises(FileError, match=r"log\.mat: .*(link|another file)"):
+        log.tables()
+
+
+def link_in_root(file):
+    file["more"] = h5py.SoftLink("/t")
+
+
+def test_matlab_cells_and_complex_numbers_are_left_out(tmp_path):
+    def change(file):
+        file["#refs#/a"] = h5py.SoftLink("/t")
+        file.create_dataset("cells", (3,), h5py.ref_dtype)
+        file["z"] = np.arange(5) + 1j
+
+    assert [column.name for column in matlab(tmp_path / "log.mat", change).tables()[""]] == ["t"]
+
+
+def test_matlab_file_of_holes_is_refused(tmp_path):
+    def change(file):
+        file.create_dataset("u", (10**8,), "f8").id.get_offset()
+        file["u"][-1] = 1.0
+
+    with pytest.raises(FileError, match=r"log\.mat: .*larger than its file"):
+        matlab(tmp_path / "log.mat", change).tables()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes")
+def test_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "log.mat")
+    with pytest.raises(ValueError, match="pipe"), hdf5.open_hdf5(tmp_path / "log.mat"):
+        pass
+
+
+@pytest.mark.usefixtures("walked_here")
+def test_scan_needs_neither_alarms_nor_holes(written, tmp_path, monkeypatch):
+    """As on Windows."""
+    monkeypatch.delattr(os, "SEEK_DATA")
+    assert hdf5.flaw_of(written["dataset"]) == ""
+    read_dataset(shutil.copy(written["dataset"], tmp_path / "dataset.h5"))
+
+
+def test_attribute_of_many_megabytes_is_refused(written, tmp_path):
+    path = tampered("dataset", written, tmp_path, lambda file: file.attrs.__setitem__("settings", "a" * 10**7))
+    assert "settings" in hdf5.flaw_of(path)

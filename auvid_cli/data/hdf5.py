@@ -1,0 +1,217 @@
+"""The one door for HDF5 files of others: `open_hdf5` opens only files that a child process could read to the end.
+
+On a damaged file libhdf5 may crash or never return, and an HDF5 file can refer to any other file. Run as
+``python -m auvid_cli.data.hdf5 SECONDS FOREIGN FILE ...`` this module is that child: it prints one line for each file,
+the reason to refuse it or nothing.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from math import ceil, prod
+from pathlib import Path
+from typing import TypeGuard
+
+import h5py
+
+from auvid_cli.child_processes import end_with_parent, start_python
+from auvid_cli.printable import one_line
+from auvid_cli.regular import check_regular
+
+# Errors that h5py raises on damaged files.
+DAMAGE = OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError
+SCAN_TIME = 10  # s
+_SCAN_RATE = 20e6  # bytes/s
+# A busy machine may need this to start Python and load h5py.
+_START_TIME = 60  # s
+# DEFLATE packs at most this many bytes into one.
+_MAX_COMPRESSION = 1032
+# Any file may unpack to this.
+_ALWAYS_ALLOWED = 1 << 28  # bytes
+_MAX_ROW = 1 << 20  # bytes
+_MAX_ATTRIBUTE = 4_000_000  # bytes
+_BLOCK = 1 << 22  # bytes
+_MATLAB_CLASS = "MATLAB_class"
+
+
+# Reason to refuse each file that was scanned; empty for a sound one.
+_flaws: dict[tuple[int, ...], str] = {}
+_scanning = threading.Lock()
+
+
+@contextmanager
+def open_hdf5(path: Path, foreign: bool = False) -> Iterator[h5py.File]:
+    """Open a file of any origin for reading, after it has been scanned.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    foreign : bool
+        Whether another program wrote it: only variables of `numbers_in` may be read, and none in a group of the
+        root whose name begins with ``#``. In a file of auvid's everything must be numbers or text.
+
+    Raises
+    ------
+    ValueError
+        If it is a pipe, device or folder, or is refused; the message has the reason, without the path.
+    """
+    check_regular(path)
+    scan([path], foreign)
+    if flaw := _flaws.get(_version(path, foreign), "it changes while it is read"):
+        raise ValueError(flaw)
+    with h5py.File(path, "r") as file:
+        yield file
+
+
+def numbers_in(item: object) -> TypeGuard[h5py.Dataset]:
+    """Whether an item of a file is a variable of real numbers."""
+    return isinstance(item, h5py.Dataset) and item.dtype.kind in "iufb" and item.dtype.itemsize <= 8
+
+
+def trust(path: Path) -> None:
+    """Regard a file as sound that this process has just written."""
+    _flaws[_version(path, False)] = ""
+
+
+def scan(paths: Iterable[Path], foreign: bool = False) -> None:
+    """Scan files in one child process, each once; missing ones are left out."""
+    with _scanning:
+        versions = {_version(path, foreign): path for path in paths if path.is_file()}
+        if new := {version: path for version, path in versions.items() if version not in _flaws}:
+            # Files behind one that ended the child have no result, and are scanned when they are opened.
+            _flaws.update(zip(new, scan_in_child(list(new.values()), foreign), strict=False))
+
+
+def begin_scan(paths: Iterable[Path]) -> None:
+    """Scan files while this process goes on; `scan` and `open_hdf5` wait for the result."""
+    threading.Thread(target=scan, args=([*paths],), daemon=True).start()
+
+
+def _version(path: Path, foreign: bool) -> tuple[int, ...]:
+    status = path.stat()
+    return foreign, status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+
+
+def scan_in_child(paths: list[Path], foreign: bool = False, seconds: int = SCAN_TIME) -> list[str]:
+    """Return the flaw of each file, in order, up to the first that ended the child; `seconds` are for small files."""
+    seconds += ceil(sum(path.stat().st_size for path in paths) / _SCAN_RATE)
+    arguments = "-m", "auvid_cli.data.hdf5", str(seconds), str(int(foreign)), *map(str, paths)
+    with start_python(*arguments, stdout=subprocess.PIPE) as process:
+        try:
+            output, _ = process.communicate(timeout=_START_TIME + seconds)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            output, _ = process.communicate()
+        finally:
+            process.kill()
+    flaws = output.decode("ascii").split("\n")[:-1]
+    if len(flaws) < len(paths):
+        stopped = process.returncode in (-getattr(signal, "SIGALRM", 0), -getattr(signal, "SIGKILL", 0))
+        flaws.append("reading it does not end" if stopped else "reading it ends in a crash of the HDF5 library")
+    return flaws
+
+
+def flaw_of(path: Path, foreign: bool = False) -> str:
+    """Return the reason to refuse a file, in one line; empty if all of it can be read."""
+    try:
+        with h5py.File(path, "r") as file:
+            left = max(_ALWAYS_ALLOWED, _MAX_COMPRESSION * _stored_bytes(path))
+            for item in _items(file, foreign):
+                _read_attributes(item, foreign)
+                if isinstance(item, h5py.Dataset):
+                    left -= _read_values(item, foreign, left)
+    except DAMAGE as error:
+        return one_line(str(error)) or type(error).__name__
+    return ""
+
+
+def _stored_bytes(path: Path) -> int:
+    """Return the length of a file without its holes."""
+    size = path.stat().st_size
+    if not hasattr(os, "SEEK_DATA"):
+        return size
+    stored, end = 0, 0
+    with path.open("rb", buffering=0) as file:
+        while end < size:
+            try:
+                start = file.seek(end, os.SEEK_DATA)
+            except OSError:
+                # Only a hole is left.
+                break
+            end = file.seek(start, os.SEEK_HOLE)
+            stored += end - start
+    return stored
+
+
+def _items(file: h5py.File, foreign: bool) -> Iterator[h5py.HLObject]:
+    """Yield groups and variables, each once; refuse links that are not hard."""
+    seen, ahead = set(), [file["/"]]
+    while ahead:
+        item = ahead.pop()
+        if item in seen:
+            continue
+        seen.add(item)
+        yield item
+        if isinstance(item, h5py.Group):
+            for name in map(str, item):
+                if foreign and item.name == "/" and name.startswith("#"):
+                    continue
+                if not isinstance(item.get(name, getlink=True), h5py.HardLink):
+                    raise ValueError(f"{name} in {item.name} is a link, not a part of the file")
+                ahead.append(item[name])
+
+
+def _read_attributes(item: h5py.HLObject, foreign: bool) -> None:
+    for name in item.attrs:
+        if foreign and name != _MATLAB_CLASS:
+            continue
+        attribute = item.attrs.get_id(name)
+        size = prod(attribute.shape or ()) * attribute.dtype.itemsize
+        if size <= _MAX_ATTRIBUTE and isinstance(value := item.attrs[name], str):
+            size = len(value)
+        if size > _MAX_ATTRIBUTE:
+            raise ValueError(f"attribute {name} of {item.name} is larger than {_MAX_ATTRIBUTE / 1e6:g} MB")
+
+
+def _read_values(data: h5py.Dataset, foreign: bool, most: int) -> int:
+    """Read a variable block by block and return its size, bytes."""
+    if data.is_virtual or data.external:
+        raise ValueError(f"{data.name} has its values in another file")
+    if foreign and not numbers_in(data):
+        return 0
+    if not numbers_in(data) and h5py.check_string_dtype(data.dtype) is None:
+        raise ValueError(f"{data.name} holds neither real numbers nor text")
+    if data.shape is None:
+        return 0
+    if not data.shape:
+        data[()]
+        return data.dtype.itemsize
+    width, row = data.dtype.itemsize, data.dtype.itemsize * prod(data.shape[1:])
+    size = width * prod(data.shape)
+    if max(size, width * prod(data.chunks or ())) > most or (row > _MAX_ROW and not foreign):
+        raise ValueError(f"{data.name} claims to be larger than its file can hold")
+    # Whole chunks, so that none is unpacked twice.
+    unit = data.chunks[0] if data.chunks else 1
+    rows = max(_BLOCK // max(row, 1) // unit, 1) * unit
+    for first in range(0, data.shape[0], rows):
+        data[first : first + rows]
+    return size
+
+
+def main() -> None:
+    """Scan the files of the command line."""
+    end_with_parent()
+    seconds, foreign, *paths = sys.argv[1:]
+    if hasattr(signal, "alarm"):
+        # Its default action ends the process also inside libhdf5.
+        signal.alarm(int(seconds))
+    for path in paths:
+        print(flaw_of(Path(path), bool(int(foreign))).encode("ascii", "backslashreplace").decode(), flush=True)
+
+
+if __name__ == "__main__":
+    main()

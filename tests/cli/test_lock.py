@@ -1,0 +1,76 @@
+"""Two commands never write into one results folder at the same time."""
+
+import subprocess
+import sys
+import time
+
+from auvid_cli.data.dataset_file import read_dataset
+from auvid_cli.data.results import read_results
+from auvid_cli.data.results_folder import locked
+
+from .conftest import assert_one_clear_complaint, auvid
+
+RUN = "run", "--set=manoeuvre.duration=6 s", "--set=identification.judge=false", "--filter=ckf", "-o", "out"
+
+
+def start(folder, seed):
+    command = [sys.executable, "-m", "auvid_cli", *RUN, "--seed", str(seed)]
+    return subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+
+def test_second_of_two_runs_into_one_folder_is_refused(tmp_path):
+    first = start(tmp_path, 1)
+    while not (tmp_path / "out/.lock").exists():
+        assert first.poll() is None, first.stderr.read()
+        time.sleep(0.01)
+    second = start(tmp_path, 2)
+    (_, first_said), (_, second_said) = first.communicate(), second.communicate()
+    assert first.returncode in (0, 1), first_said
+    assert second.returncode == 2
+    assert second_said.startswith("auvid: out")
+    assert second_said.count("\n") == 1
+    dataset, _ = read_results(tmp_path / "out")
+    assert dataset.experiment.seed == 1
+
+
+def test_command_waits_a_moment_for_another_to_end(tmp_path):
+    code = """
+import sys, time
+from pathlib import Path
+from auvid_cli.data.results_folder import locked
+with locked(Path(sys.argv[1])):
+    print(flush=True)
+    time.sleep(0.3)
+"""
+    with subprocess.Popen([sys.executable, "-c", code, tmp_path / "out"], stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        other.stdout.readline()
+        result = auvid("simulate", "--set", "manoeuvre.duration=6 s", "-o", "out", cwd=tmp_path)
+    assert result.exit_code == 0, result.output
+
+
+def test_lock_of_a_killed_command_does_not_stay(tmp_path):
+    code = """
+import os, signal, sys
+from pathlib import Path
+from auvid_cli.data.results_folder import locked
+with locked(Path(sys.argv[1])):
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", code, tmp_path], check=False)
+    with locked(tmp_path):
+        pass
+
+
+def test_every_command_that_writes_results_waits_for_its_folder(tmp_path):
+    path = tmp_path / "out/dataset.h5"
+    assert auvid("simulate", "--set", "manoeuvre.duration=6 s", "-o", "out", cwd=tmp_path).exit_code == 0
+    before = read_dataset(path).sha256
+    with locked(tmp_path / "out"):
+        for command in ("inspect", "identify", "identifiability", "tune", "terms"):
+            assert_one_clear_complaint(auvid(command, "out/dataset.h5", cwd=tmp_path), "another auvid command")
+        assert_one_clear_complaint(auvid("report", "out", cwd=tmp_path), "another auvid command")
+        assert_one_clear_complaint(
+            auvid("simulate", "--seed", "7", "--overwrite", "-o", "out", cwd=tmp_path), "another"
+        )
+    assert read_dataset(path).sha256 == before

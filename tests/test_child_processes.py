@@ -1,0 +1,68 @@
+"""Child processes, with and without what only POSIX and only Linux offer."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from auvid_cli.child_processes import WorkerPool, start_python
+from auvid_cli.data import hdf5
+
+KILLED_PARENT = """
+import os, signal, subprocess, sys, time
+from auvid_cli.child_processes import start_python
+with start_python("-c", sys.argv[1], stdin=subprocess.PIPE, stdout=None) as child:
+    time.sleep(0.5)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+CHILD = """
+import sys, time
+sys.platform = {platform!r}
+from auvid_cli.child_processes import end_with_parent
+end_with_parent()
+time.sleep(60)
+"""
+
+
+def output_of(*arguments: str) -> str:
+    with start_python(*arguments, stdout=subprocess.PIPE) as process:
+        return process.communicate()[0].decode().strip()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills")
+@pytest.mark.parametrize("platform", [sys.platform, "another"])
+def test_child_ends_with_killed_parent(platform):
+    # Its output ends when the last process that has it has ended.
+    command = [sys.executable, "-c", KILLED_PARENT, CHILD.format(platform=platform)]
+    assert subprocess.run(command, stdout=subprocess.PIPE, timeout=30, check=False).returncode == -signal.SIGKILL
+
+
+@pytest.mark.parametrize("can_block", [True, False])
+def test_ctrl_c_is_blocked_where_that_is_possible(can_block, monkeypatch):
+    if not can_block:
+        monkeypatch.delattr(signal, "pthread_sigmask", raising=False)
+    code = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))"
+    assert output_of("-c", code) == str(can_block)
+
+
+def test_worker_has_a_safe_path_and_the_environment_stays_as_it_was(monkeypatch):
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    before = dict(os.environ)
+    with WorkerPool(1, "spawn") as pool:
+        assert pool.submit(os.getenv, "PYTHONSAFEPATH").result() == "1"
+        assert pool.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
+        assert dict(os.environ) == before
+
+
+def test_figure_server_loads_without_priorities():
+    code = "import os; vars(os).pop('nice', None); import auvid_cli.report.figures.server; print('loaded')"
+    assert output_of("-c", code) == "loaded"
+
+
+def test_scan_works_without_alarms(tmp_path):
+    (tmp_path / "a.h5").write_text("no HDF5")
+    code = "import signal; vars(signal).pop('alarm', None); from auvid_cli.data.hdf5 import main; main()"
+    assert output_of("-c", code, "10", "0", str(tmp_path / "a.h5"))
+    assert hdf5.scan_in_child([tmp_path / "a.h5"]) == [output_of("-c", code, "10", "0", str(tmp_path / "a.h5"))]
