@@ -37,6 +37,11 @@ def folder_of_dataset(path: Path) -> Path:
     return path.parent if path.name == "dataset.h5" else folder_of_run(path.stem)
 
 
+def folder_of_estimate(path: Path) -> Path:
+    """Return the results folder of an estimate file."""
+    return path.parent.parent if path.parent.name == "estimates" else path.parent
+
+
 def dataset_in(folder: Path) -> Path:
     """Return the path of a folder's dataset."""
     return folder / "dataset.h5"
