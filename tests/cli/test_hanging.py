@@ -32,9 +32,8 @@ def test_a_word_that_is_longer_than_the_terminal_stays_whole(monkeypatch):
 def test_no_number_of_a_sentence_is_broken_on_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     monkeypatch.setattr("auvid_cli.cli.streams.get_terminal_size", lambda: os.terminal_size((40, 20)))
-    Terminal(quiet=False, verbose=False).print_wrapped(
-        "dataset.h5: samples: accelerometer 30001, attitude 30001, dvl 2101"
-    )
+    sentence = "dataset.h5: samples: accelerometer 30001, attitude 30001, dvl 2101"
+    Terminal(quiet=False, verbose=False).print_wrapped(sentence)
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) > 1
     assert all(len(line) <= 40 for line in lines)
