@@ -84,7 +84,7 @@ class CampaignResult(NamedTuple):
 
 
 def plan_campaign(name: str, overrides: Sequence[str], output: Path | None) -> tuple[CampaignPlan, Path]:
-    """Return a campaign's runs, and where its results go.
+    """Return the runs of a campaign, and its results folder.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def plan_campaign(name: str, overrides: Sequence[str], output: Path | None) -> t
 
 
 def forecast(plan: CampaignPlan, folder: Path, options: CampaignOptions, progress: Progress) -> None:
-    """Say how many runs there are, and about how long those take that are to be done."""
+    """Report the number of runs, and an estimate of the time for those that are left."""
     store = Store(folder, plan.columns)
     done, failed = _done_and_failed(store, plan.labels()) if store.finished() or store.failures else (set(), set())
     progress.message(
@@ -106,7 +106,7 @@ def forecast(plan: CampaignPlan, folder: Path, options: CampaignOptions, progres
     )
     left = plan.n_runs - len(_skipped(done, failed, options))
     if not left:
-        progress.message("0 left to do; --retry tries again what failed, --again does all anew")
+        progress.message("0 left to do; --retry tries again what failed, --again repeats all")
         return
     threads = options.workers.processes
     if options.workers.scheduler is not None:
@@ -126,12 +126,12 @@ def forecast(plan: CampaignPlan, folder: Path, options: CampaignOptions, progres
 
 
 def _seconds_of_a_run(plan: CampaignPlan) -> tuple[float | None, str]:
-    """Measure what a run takes, by some that are cut short; if those fail, return None, and why."""
+    """Return the time of a run, s, measured on shortened ones; if those fail, None and the reason."""
     taken, failure, begin = [], "", perf_counter()
     for example in plan.examples(N_PROBES):
         group, share = shortened_group(example, PROBE_DURATION)
         if not taken:
-            # What is loaded once is no part of it.
+            # Not timed: the first run also loads modules.
             perform(group)
         start = perf_counter()
         performed = perform(group)
@@ -179,11 +179,11 @@ def _run(plan: CampaignPlan, folder: Path, options: CampaignOptions, progress: P
         finally:
             store.merge()
     if options.again:
-        # What was not done again, or failed this time, comes back.
+        # Restore runs that were not repeated, or failed this time.
         n_failed = len(store.failures)
         store.conform(labels)
         if standing := n_failed - len(store.failures):
-            progress.message(f"{standing} runs failed when they were done again: what they came to before stands")
+            progress.message(f"{standing} runs failed when they were repeated: their earlier results are kept")
     return _report(plan, folder, store, labels, options, progress)
 
 

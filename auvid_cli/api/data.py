@@ -72,7 +72,7 @@ def import_logs(map_file: str | Path, *logs: str | Path) -> Dataset:
     map_file : str or pathlib.Path
         YAML file that says what is what in the logs; ``auvid import --suggest`` writes a first one.
     *logs : str or pathlib.Path
-        Files in the order of the map's ``logs``, or ``NAME=FILE``. Default: those that the map names.
+        Files in the order of the map's ``logs``, or ``NAME=FILE``. Default: those in the map.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def import_into(
 
 
 def suggest_map(logs: Sequence[Path], folder: Path) -> str:
-    """Suggest a map of logs, as the text of a file in a folder, to be looked at and filled in.
+    """Suggest a map of logs, to be checked and filled in; paths in its text are relative to `folder`.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def suggest_into(file: Path | None, logs: Sequence[Path], progress: Progress) ->
 
 @checked
 def inspect(dataset: Dataset, use: tuple[float, float] | None = None) -> Inspection:
-    """Judge recorded data before anybody identifies from them: clocks, gaps, spikes, signs, units, excitation.
+    """Check recorded data before identification: clocks, gaps, spikes, signs, units, excitation.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def inspect_into(
     Returns
     -------
     dataset : Dataset
-        What was inspected.
+        The part that was inspected.
     inspection : Inspection
     files : list of pathlib.Path
     page : pathlib.Path
@@ -251,7 +251,7 @@ def compare_results(
     Raises
     ------
     FileError
-        If one has no tables, or a file is no such table.
+        If a folder has no tables, or a file is another table.
     """
     tolerance = Tolerance(relative, by_column, DEVIATIONS if deviations is None else deviations)
     names = first.resolve().name, second.resolve().name

@@ -108,13 +108,13 @@ def _information(
 
 
 class Mission(NamedTuple):
-    """What a crew gets.
+    """Files for a crew.
 
     Attributes
     ----------
     band : Band
     texts : dict of str
-        Of files, by name.
+        Texts of the files, by name.
     """
 
     band: Band
@@ -171,7 +171,7 @@ def search_until(
     ----------
     task : Task
     limits : SearchLimits
-        Of this search together with an earlier one that it continues.
+        Limits of this search together with an earlier one that it continues.
     file : pathlib.Path
         State of the search, written after each generation; the search continues from one that is there.
     key : str

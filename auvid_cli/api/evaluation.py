@@ -22,12 +22,12 @@ from auvid_cli.validation.validate import validate as predict
 
 
 def prepare_checked(dataset: Dataset, *estimates: Estimate) -> PreparedData:
-    """Prepare a dataset to evaluate estimates, after a look at whether they were made from it.
+    """Prepare a dataset for the evaluation of estimates that were made from it.
 
     Raises
     ------
     DataError
-        If the dataset of an estimate is another, or nothing of the data can be used.
+        If an estimate was made from another dataset, or no sensor can be used.
     """
     refuse_estimates_of_others(dataset, estimates)
     return prepare(dataset)
@@ -73,7 +73,7 @@ def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
     dataset : Dataset
         From which the estimates were made.
     *estimates : Estimate
-        Those of filters are judged by that of the smoother, if it is among them; otherwise nobody judges them, and no
+        The smoother judges the other filters, if its estimate is among them. Without it no filter is judged, and no
         coefficient counts as identified.
 
     Returns
@@ -85,7 +85,7 @@ def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
     Raises
     ------
     DataError
-        If an estimate was made from another dataset, as far as files tell: of what was in no file nobody can.
+        If an estimate was made from another dataset. Only data that come from a file are recognised.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
 
 @checked
 def check(dataset: Dataset, *estimates: Estimate) -> Checks:
-    """List verdicts on estimates: each a statistic, what it may be, and what to do where it is not.
+    """Return verdicts on estimates: each a statistic, its threshold, and advice where it fails.
 
     Parameters
     ----------
@@ -110,12 +110,12 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
     Returns
     -------
     Checks
-        A list of `Check`; ``passed`` is None of what is only worth knowing. ``to_pandas()`` makes a table.
+        A list of `Check`; ``passed`` is None of a mere note. ``to_pandas()`` makes a table.
 
     Raises
     ------
     DataError
-        If an estimate was made from another dataset, as far as files tell: of what was in no file nobody can.
+        If an estimate was made from another dataset. Only data that come from a file are recognised.
 
     Examples
     --------
@@ -133,7 +133,7 @@ def judge(*estimates: Estimate) -> dict[str, Judgement]:
 
 @checked
 def identifiability(dataset: Dataset, at: Mapping[str, float] | None = None) -> Identifiability:
-    """Say what data can tell of each coefficient at best, before any filter runs.
+    """Return the best accuracy that data allow for each coefficient, before any filter runs.
 
     Parameters
     ----------
@@ -166,26 +166,25 @@ def identifiability(dataset: Dataset, at: Mapping[str, float] | None = None) -> 
 def validate(
     data: Dataset | Sequence[Dataset], estimate: Estimate, training: Dataset | None = None, *, anew: bool = False
 ) -> Validation:
-    """Say how well an identified model predicts data that it has not seen, and whether its uncertainty is honest.
+    """Return how well an identified model predicts data that it has not seen, and how honest its uncertainty is.
 
     Parameters
     ----------
     data : Dataset or sequence of Dataset
-        Of other runs than the estimate was made from; several, and all segments that are used of each, are judged
-        together.
+        Other runs than the estimate was made from. Several datasets, and all segments of each, are judged together.
     estimate : Estimate
     training : Dataset, optional
-        That the estimate was made from: a copy of it, or of a part, is then refused as well. Data that were in no file
-        are recognised in no other way. And by how much predictions of them are worse than stated is part of the bands.
+        Dataset that the estimate was made from. Copies of it, or of a part, are then refused as `data`; data in memory
+        are recognised in no other way. The bands then include how much worse than stated it is predicted.
     anew : bool
-        Whether thrust, fin trims and ballast, as far as they are estimated, are found anew in each run, also where the
-        estimate has them as constants: a trim of one day is seldom that of another.
+        Whether thrust, fin trims and ballast, if they are estimated, are estimated again in each run, even where they
+        are constants of the estimate: a trim may differ between days.
 
     Returns
     -------
     Validation
-        Predictions by signal and horizon beside the prior and an unchanged motion, numbers of manoeuvres, verdicts,
-        which ``to_pandas()`` makes tables of; ``run`` is the free run of the longest segment, with ``to_xarray()``.
+        Predictions by signal and horizon, next to the prior and an unchanged motion; numbers of manoeuvres; verdicts;
+        ``to_pandas()`` makes tables of these; ``run`` is the free run of the longest segment, with ``to_xarray()``.
 
     Raises
     ------

@@ -42,14 +42,14 @@ class Export:
     estimate : Estimate
     target : FormatName
     source : pathlib.Path or None
-        File of the estimate, if it is from one: the model names it, and the smoother's beside it judges.
+        File of the estimate: the model names it, and the smoother's file next to it judges it. None: in memory.
 
     Attributes
     ----------
     file_name : str
         By vehicle and filter, with the suffix of the form.
     remarks : list of str
-        What speaks against the model, and what the form cannot hold of it.
+        Caveats about the model, and features that the form does not support.
 
     Raises
     ------
@@ -70,7 +70,7 @@ class Export:
         self.remarks = [*reservations(self._model), *loss_lines(self._losses)]
 
     def write(self, file: Path) -> None:
-        """Write the file; one that stands there is replaced.
+        """Write the file; an existing one is replaced.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class Export:
 
 @checked
 def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str, file: str | Path | None = None) -> str:
-    """Turn an estimate into a model that other programs read; its heading says what they cannot hold of it.
+    """Return an estimate as a model for other programs; its heading lists what the form does not support.
 
     Parameters
     ----------
@@ -103,12 +103,12 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
         From which the estimate was made.
     estimate : Estimate, str or pathlib.Path
         One in memory, or a file, whose SHA-256 the model then names. A coefficient counts as identified if the estimate
-        is sound; one of a filter is judged by the smoother's, in the file ``smoother.h5`` beside it.
+        is sound; that of a filter is judged by the smoother's, in ``smoother.h5`` next to it.
     target : str
         ``"yaml"`` (a vehicle file), ``"json"``, ``"python"`` (needs only NumPy), ``"matlab"``, ``"sdf"`` (Gazebo),
         ``"holoocean"``, ``"simulator"`` (Python Vehicle Simulator) or ``"mss"`` (Marine Systems Simulator).
     file : str or pathlib.Path, optional
-        To write the model to; one that stands there is replaced. Default: nothing is written.
+        To write the model to; an existing file is replaced. Default: nothing is written.
 
     Returns
     -------
@@ -151,14 +151,14 @@ class RunExport:
         From which the estimate was made.
     estimate : Estimate
     source : pathlib.Path or None
-        File of the estimate, if it is from one: the smoother's beside it judges.
+        File of the estimate: the smoother's file next to it judges it. None: in memory.
 
     Attributes
     ----------
     file_name : str
         By vehicle and filter.
     remarks : list of str
-        What speaks against the estimate, and what the file does not hold.
+        Caveats about the estimate, and data that the file does not hold.
 
     Raises
     ------
@@ -181,7 +181,7 @@ class RunExport:
         self.remarks = [*doubts_of(judge_one(estimate, reference)), *RECORDING_LOSSES]
 
     def write(self, file: Path) -> None:
-        """Write the file; one that stands there is replaced.
+        """Write the file; an existing one is replaced.
 
         Raises
         ------
@@ -199,8 +199,8 @@ def export_run(dataset: Dataset, estimate: Estimate | str | Path, file: str | Pa
 
     ``/pose``, ``/velocity``, ``/path`` and ``/tf`` are the estimated motion, dead reckoned from its first place, in the
     axes of ROS: east, north, up, and forward, port, up (REP 103). ``/states`` has the coefficients and all else that
-    was estimated, ``/innovations/SENSOR`` what each measurement said beyond its prediction, both with standard
-    deviations, SI; ``/truth`` the true motion, where the dataset knows it. It needs the extra ``ros``.
+    was estimated, ``/innovations/SENSOR`` each measurement minus its prediction, both with standard
+    deviations, SI; ``/truth`` is the true motion, where the dataset has it. It needs the extra ``ros``.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def export_run(dataset: Dataset, estimate: Estimate | str | Path, file: str | Pa
     estimate : Estimate, str or pathlib.Path
         One in memory, or a file. It may have diverged.
     file : str or pathlib.Path
-        To write to; one that stands there is replaced.
+        To write to; an existing file is replaced.
 
     Returns
     -------

@@ -49,7 +49,7 @@ def load_experiment(source: str | Path | None = None, *overrides: str) -> Experi
 
 @checked
 def read_dataset(path: str | Path, *overrides: str) -> Dataset:
-    """Read a dataset file, whoever wrote it.
+    """Read a dataset file.
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ def read_dataset(path: str | Path, *overrides: str) -> Dataset:
     Raises
     ------
     FileError
-        If it is missing, damaged, foreign, of a newer schema, or holds what no vehicle can have recorded.
+        If it is missing, damaged, foreign, of a newer schema, or has impossible values.
     ConfigError
-        If the settings inside, with the overrides, are not valid, or an override concerns what is recorded already.
+        If the settings inside, with the overrides, are not valid, or an override changes recorded data.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def read_dataset(path: str | Path, *overrides: str) -> Dataset:
 
 @checked
 def write_dataset(path: str | Path, dataset: Dataset) -> Dataset:
-    """Write a dataset, whole or not at all; a file that stands there is replaced.
+    """Write a dataset, whole or not at all; an existing file is replaced.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def read_estimate(path: str | Path) -> Estimate:
     Raises
     ------
     FileError
-        If it is missing, damaged, foreign, of a newer schema, or holds what no filter can have found.
+        If it is missing, damaged, foreign, of a newer schema, or has impossible values.
 
     Examples
     --------
@@ -145,19 +145,19 @@ def read_estimate(path: str | Path) -> Estimate:
 
 
 def estimate_and_file(estimate: Estimate | str | Path) -> tuple[Estimate, Path | None]:
-    """Return an estimate in memory as it is, or that of a file, and the file."""
+    """Return an estimate, read if it is a file, and its file if there is one."""
     if isinstance(estimate, Estimate):
         return estimate, None
     return read_estimate(Path(estimate)), Path(estimate)
 
 
 def refuse_estimates_of_others(dataset: Dataset, estimates: Iterable[Estimate]) -> None:
-    """Refuse estimates of other data, as far as files tell: what was in no file may be of any.
+    """Refuse estimates that were made from the file of another dataset.
 
     Raises
     ------
     DataError
-        If the dataset of an estimate is another.
+        If an estimate was made from another dataset.
     """
     for estimate in estimates:
         if estimate.dataset_sha256 and dataset.sha256 and estimate.dataset_sha256 != dataset.sha256:
@@ -165,7 +165,7 @@ def refuse_estimates_of_others(dataset: Dataset, estimates: Iterable[Estimate]) 
 
 
 def refuse_to_replace(dataset: Dataset, file: Path) -> None:
-    """Refuse to write where the dataset stands: what was recorded cannot be made again.
+    """Refuse to replace the dataset: recorded data are lost for good.
 
     Raises
     ------

@@ -42,8 +42,8 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     filter_name : str
         ``"ekf"``, ``"ckf"``, ``"tukf"``, ``"ukf"``, ``"smoother"`` or ``"output_error"``.
     file : str or pathlib.Path, optional
-        To write the estimate to as it comes, which hours of data need; one that stands there is replaced. It is then as
-        `read_estimate` reads it.
+        To write the estimate to as it is made, for hours of data; an existing file is replaced. The estimate is then
+        the one that `read_estimate` reads.
 
     Returns
     -------
@@ -114,13 +114,13 @@ class SideBySide:
         with ThreadPoolExecutor(os.cpu_count()) as threads:
             try:
                 jobs = zip(self._runs, paths, bars, strict=True)
-                # What goes through all data again and again takes longest, and begins first.
+                # Batch estimators take longest, and begin first.
                 by_length = sorted(jobs, key=lambda job: not job[0].estimator.in_one_batch)
                 futures = {job[1]: threads.submit(_record, *job) for job in by_length}
                 for future in as_completed(futures.values()):
                     on_estimate(future.result())
             finally:
-                # Whatever went wrong, an interrupt included, ends the others at their next chunk.
+                # After an error or an interrupt the other filters end at their next chunk.
                 self._stopping.set()
         return [futures[path].result() for path in paths]
 
@@ -130,7 +130,7 @@ class SideBySide:
 
 
 class _StoppedError(Exception):
-    """The end of a filter because another failed, or the user has had enough."""
+    """End of a filter because another one failed, or the user interrupted."""
 
 
 def _record(filter_run: FilterRun, path: Path, advance: Advance) -> Estimate:
@@ -231,11 +231,11 @@ class IdentifiedData(NamedTuple):
     judgements : dict of Judgement
         By filter.
     contradictions : list of Check
-        Of sensors that are not used with those that are.
+        Failed comparisons of an unused sensor with used ones.
     folder : pathlib.Path
         Results folder.
     files : list of pathlib.Path
-        Of the estimates.
+        Estimate files.
     """
 
     estimates: list[Estimate]

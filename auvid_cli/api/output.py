@@ -22,7 +22,7 @@ class Advance(Protocol):
 
 
 class Progress:
-    """Callbacks of long work; these do nothing. Override those that you want to hear of."""
+    """Callbacks of long work, which do nothing; a subclass overrides those that it needs."""
 
     def message(self, sentence: str) -> None:
         """Take a sentence about what has been found or written."""

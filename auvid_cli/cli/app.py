@@ -1,4 +1,4 @@
-"""The commands together, by what one wants to do and in the order of use."""
+"""All commands, grouped by task and in the order of use."""
 
 from collections.abc import Callable
 from typing import Annotated, NamedTuple
@@ -17,7 +17,7 @@ from auvid_cli.cli.tuning import terms, tune
 
 
 class Entry(NamedTuple):
-    """A command, what one types to get it, and examples that stand below its help: each fits in 80 columns."""
+    """A command: its name, its function, and examples below its help, of at most 80 columns each."""
 
     name: str
     function: Callable[..., None]

@@ -86,7 +86,7 @@ UseOption = Annotated[
 
 
 def _as_folder(path: Path | None) -> Path | None:
-    """Refuse a name of a dataset for that of a folder, which would be made under it."""
+    """Refuse the name of a dataset file as that of a folder."""
     if path is not None and path.suffix in (".h5", ".hdf5"):
         raise typer.BadParameter(f"{path} is called like a file; expected a results folder, such as {path.stem}")
     return path
@@ -188,7 +188,7 @@ def dataset_or_experiment(source: str | None, changes: tuple[str, ...]) -> "Path
     Raises
     ------
     ConfigError
-        If it is called like a log, or the settings of the experiment have mistakes.
+        If its name is that of a log, or the settings of the experiment have mistakes.
     """
     from auvid_cli.config.load import find_experiment, load_with_files
 
@@ -257,7 +257,7 @@ _LOGS = (".csv", ".csv.gz", ".npz", ".mat", ".bag", ".mcap", ".db3", ".bin", ".t
 
 
 def refuse_log(source: str | Path | None) -> None:
-    """Refuse what is called like a log where a dataset or an experiment is meant; None is no log.
+    """Refuse a log where a dataset or an experiment is expected.
 
     Raises
     ------
@@ -268,12 +268,12 @@ def refuse_log(source: str | Path | None) -> None:
 
 
 def dataset_path(source: str | None) -> Path | None:
-    """Return the path of a dataset file, or None where an experiment is meant.
+    """Return the path of a dataset file, or None for an experiment.
 
     Raises
     ------
     ConfigError
-        If it is called like a log.
+        If its name is that of a log.
     """
     refuse_log(source)
     return Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
@@ -285,19 +285,19 @@ def overrides(settings: list[str] | None, seed: int | None = None, use: list[str
     Raises
     ------
     ConfigError
-        If a span is no pair.
+        If a span is invalid.
     """
     seeds = () if seed is None else (f"seed={seed}",)
     return (*(settings or ()), *seeds, *((f"identification.use.spans={spans(use)}",) if use else ()))
 
 
 def spans(texts: list[str]) -> str:
-    """Write spans, given as `--use` takes them, as a list in YAML; null where one has no beginning or no end.
+    """Return the spans of `--use` as a list in YAML, with null for an open end.
 
     Raises
     ------
     ConfigError
-        If one is no pair of times.
+        If a span is not BEGIN:END with BEGIN earlier than END.
     """
     from auvid_cli.config.quantity import parse_quantity
 
