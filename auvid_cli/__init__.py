@@ -10,20 +10,14 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from auvid_cli.api.checks import check
-    from auvid_cli.api.evaluation import evaluate
+    from auvid_cli.api.data import import_logs, inspect
+    from auvid_cli.api.evaluation import check, evaluate, identifiability, validate
+    from auvid_cli.api.export import export_model, export_run
     from auvid_cli.api.files import load_experiment, read_dataset, read_estimate, write_dataset
-    from auvid_cli.api.geometry import vehicle_from_geometry
-    from auvid_cli.api.identifiability import identifiability
     from auvid_cli.api.identification import identify
-    from auvid_cli.api.inspection import inspect
-    from auvid_cli.api.logs import import_logs
-    from auvid_cli.api.models import export_model
-    from auvid_cli.api.recordings import export_run
-    from auvid_cli.api.simulation import simulate
-    from auvid_cli.api.terms import find_terms
-    from auvid_cli.api.tuning import tune
-    from auvid_cli.api.validation import validate
+    from auvid_cli.api.results import run
+    from auvid_cli.api.simulation import simulate, vehicle_from_geometry
+    from auvid_cli.api.tuning import find_terms, tune
     from auvid_cli.data.dataset import Dataset
     from auvid_cli.data.estimate import Estimate
 
@@ -42,6 +36,7 @@ __all__ = [
     "load_experiment",
     "read_dataset",
     "read_estimate",
+    "run",
     "simulate",
     "tune",
     "validate",
@@ -49,20 +44,14 @@ __all__ = [
     "write_dataset",
 ]
 _MODULES = {
-    "auvid_cli.api.checks": ("check",),
-    "auvid_cli.api.evaluation": ("evaluate",),
+    "auvid_cli.api.data": ("import_logs", "inspect"),
+    "auvid_cli.api.evaluation": ("check", "evaluate", "identifiability", "validate"),
+    "auvid_cli.api.export": ("export_model", "export_run"),
     "auvid_cli.api.files": ("load_experiment", "read_dataset", "read_estimate", "write_dataset"),
-    "auvid_cli.api.geometry": ("vehicle_from_geometry",),
-    "auvid_cli.api.identifiability": ("identifiability",),
     "auvid_cli.api.identification": ("identify",),
-    "auvid_cli.api.inspection": ("inspect",),
-    "auvid_cli.api.logs": ("import_logs",),
-    "auvid_cli.api.models": ("export_model",),
-    "auvid_cli.api.recordings": ("export_run",),
-    "auvid_cli.api.simulation": ("simulate",),
-    "auvid_cli.api.terms": ("find_terms",),
-    "auvid_cli.api.tuning": ("tune",),
-    "auvid_cli.api.validation": ("validate",),
+    "auvid_cli.api.results": ("run",),
+    "auvid_cli.api.simulation": ("simulate", "vehicle_from_geometry"),
+    "auvid_cli.api.tuning": ("find_terms", "tune"),
     "auvid_cli.data.dataset": ("Dataset",),
     "auvid_cli.data.estimate": ("Estimate",),
 }

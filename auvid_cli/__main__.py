@@ -4,8 +4,7 @@ import gc
 import os
 import sys
 
-from auvid_cli.cli.exit_codes import INTERRUPTED, WRONG_INPUT
-from auvid_cli.cli.streams import complain_of, finish, prepare_streams
+from auvid_cli.cli.streams import INTERRUPTED, WRONG_INPUT, finish, prepare_streams, print_os_error
 
 # Before NumPy is loaded, here and in processes that this one starts: estimators and figures stand side by side already,
 # and beside them threads of linear algebra turned idly between short products, for a tenth of the processor time.
@@ -39,7 +38,7 @@ def main() -> None:
         code = INTERRUPTED
     except OSError as error:
         # Of the help, for example: no command has begun that would say so itself.
-        complain_of(error)
+        print_os_error(error)
         code = WRONG_INPUT
     finally:
         # Going through all that lives once more before the process ends would take half a second.

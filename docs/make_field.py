@@ -18,8 +18,8 @@ import numpy as np
 import pandas as pd
 
 import auvid_cli as auvid
-from auvid_cli.api.judgement import judge
-from auvid_cli.api.logs import suggest_map
+from auvid_cli.api.data import suggest_map
+from auvid_cli.api.evaluation import judge
 from auvid_cli.api.simulation import simulate_log
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.load import dump_experiment, parse_run

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 import auvid_cli as auvid
-from auvid_cli.api.judgement import judge
+from auvid_cli.api.evaluation import judge
 from auvid_cli.config.load import dump_experiment, parse_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 import auvid_cli as auvid
 from auvid_cli.angles import wrap
-from auvid_cli.api.judgement import judge
-from auvid_cli.api.logs import suggest_map
+from auvid_cli.api.data import suggest_map
+from auvid_cli.api.evaluation import judge
 from auvid_cli.config.load import dump_experiment, parse_run, shipped_configs
 from auvid_cli.data.csv_text import csv_text
 from auvid_cli.data.dataset import Dataset

@@ -29,7 +29,7 @@ if not is_compiled(core.FILTERS[0]):
     core.load_vehicles()
     _partner.wait()
 
-from auvid_cli.api import validation
+from auvid_cli.api import evaluation, results
 from auvid_cli.config.experiment import Experiment, FilterName
 from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment, parse_experiment
 from auvid_cli.config.shipped import shipped_configs
@@ -213,7 +213,9 @@ def walked_here(monkeypatch) -> None:
 @pytest.fixture
 def fewer_starts(monkeypatch) -> None:
     """Validations predict ahead from a fifth of their starts, where it does not matter how well."""
-    monkeypatch.setattr(validation, "predict", partial(validation.predict, starts=STARTS // 5))
+    quick = partial(evaluation.predict, starts=STARTS // 5)
+    for module in (evaluation, results):
+        monkeypatch.setattr(module, "predict", quick)
 
 
 @pytest.fixture

@@ -170,29 +170,30 @@ def test_an_argument_of_a_wrong_type_is_one_clear_error(name):
         p for p in signature(function).parameters.values() if p.default is p.empty and p.kind is not p.VAR_POSITIONAL
     ]
     given = [object() for _ in needed] or [object()]
-    with pytest.raises(TypeError, match=rf"^{name}: \w+ must be [\w| \[\]]+, not object$"):
+    with pytest.raises(TypeError, match=rf"^{name}: \w+: .*must be .*; got object$"):
         function(*given)
 
 
 @pytest.mark.parametrize(
-    ("call", "complaint"),
+    ("call", "words"),
     [
-        (lambda dataset: auvid.simulate("spiral"), r"simulate: experiment must be .*'spiral'; load_experiment makes"),
-        (lambda dataset: auvid.check(dataset, "tukf.h5"), r"check: estimates must be .*'tukf.h5'; read_estimate makes"),
-        (lambda dataset: auvid.identify(dataset, 3), "identify: filter_name must be str, not int"),
-        (lambda dataset: auvid.tune(dataset, sensors="yes"), "tune: sensors must be bool, not str"),
-        (lambda dataset: auvid.inspect(dataset, use=(0.0,)), "inspect: use must be .*float, float.*, not tuple"),
-        (lambda dataset: auvid.inspect(dataset, use=("0", "80")), "inspect: use must be"),
-        (lambda dataset: auvid.identifiability(dataset, {"X_u|u|": "5"}), "identifiability: at must be Mapping"),
-        (lambda dataset: auvid.validate([dataset, 3], 3), "validate: data must be Dataset | Sequence"),
-        (lambda dataset: auvid.read_dataset("dataset.h5", 7), "read_dataset: overrides must be str, not int"),
-        (lambda dataset: auvid.check(), "dataset"),
+        (lambda dataset: auvid.simulate("spiral"), ("simulate: experiment: ", "'spiral', see load_experiment")),
+        (lambda dataset: auvid.check(dataset, "tukf.h5"), ("check: estimates: ", "'tukf.h5', see read_estimate")),
+        (lambda dataset: auvid.identify(dataset, 3), ("identify: filter_name: ", "string", "int")),
+        (lambda dataset: auvid.tune(dataset, sensors="yes"), ("tune: sensors: ", "boolean", "str")),
+        (lambda dataset: auvid.inspect(dataset, use=(0.0,)), ("inspect: use: ", "tuple")),
+        (lambda dataset: auvid.inspect(dataset, use=("0", "80")), ("inspect: use: ", "number")),
+        (lambda dataset: auvid.identifiability(dataset, {"X_u|u|": "5"}), ("identifiability: at: ", "number")),
+        (lambda dataset: auvid.validate([dataset, 3], 3), ("validate: data: ", "Dataset")),
+        (lambda dataset: auvid.read_dataset("dataset.h5", 7), ("read_dataset: overrides: ", "string", "int")),
+        (lambda dataset: auvid.check(), ("check: dataset: ",)),
     ],
 )
-def test_a_wrong_type_is_named_with_what_would_be_right(call, complaint, short_run):
-    with pytest.raises(TypeError, match=complaint) as caught:
+def test_wrong_type_names_argument_and_expected_type(call, words, short_run):
+    with pytest.raises(TypeError) as caught:
         call(short_run)
     assert "\n" not in str(caught.value)
+    assert all(word in str(caught.value) for word in words)
 
 
 def test_a_setting_in_place_of_an_experiment_is_sent_to_where_it_belongs():

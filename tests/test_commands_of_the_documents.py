@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from auvid_cli.cli import campaigning
+from auvid_cli.api import campaign
 from auvid_cli.cli.app import app
 from auvid_cli.config import load, shipped
 from auvid_cli.simulation.simulate import simulate
@@ -51,7 +51,7 @@ def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
         text = re.sub("(, smoother)?, output_error]", "]", text).replace("  filters: [", "  judge: false\n  filters: [")
         path.write_text(text.replace("duration: 300 s", "duration: 120 s"), encoding="utf-8")
     monkeypatch.setattr(shipped, "PACKAGE", configs.parent)
-    monkeypatch.setattr(campaigning, "_PROBES", 1)
+    monkeypatch.setattr(campaign, "N_PROBES", 1)
     monkeypatch.setattr(first_spiral, "_SHORTEST", 120.0)
 
 

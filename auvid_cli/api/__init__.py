@@ -1,4 +1,4 @@
-"""What `import auvid_cli` offers: each step of the work as a function, without a terminal, without files unless asked.
+"""Python interface: each step of the work as a function, without a terminal, and without files unless asked.
 
-`auvid_cli` itself hands on the names of these modules, and loads each only when one of its names is asked for.
+`auvid_cli` itself offers the names of these modules, and loads each when one of its names is first used.
 """

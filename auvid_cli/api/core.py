@@ -12,15 +12,8 @@ FILTERS = (
 
 
 def load_vehicles() -> None:
-    """Load, and compile where it has to be, what has to do with vehicles."""
+    """Import the compiled modules that concern vehicles; where they must be compiled first, this takes seconds."""
     import auvid_cli.identification.faults
     import auvid_cli.identification.free_motion
-    import auvid_cli.identification.process  # noqa: F401
-
-
-def load_sensors() -> None:
-    """Load what nonlinear sensors measure, which is else compiled when data first need it.
-
-    For commands that would need it while they compute, where the compiler swallows an interrupt and nobody says so.
-    """
-    import auvid_cli.identification.observation  # noqa: F401
+    import auvid_cli.identification.process
+    import auvid_cli.simulation.simulate  # noqa: F401

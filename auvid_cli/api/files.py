@@ -1,9 +1,10 @@
 """Experiments, datasets and estimates from files."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from auvid_cli.api.argument_types import typed
+from auvid_cli.api.arguments import checked
 from auvid_cli.config import load
 from auvid_cli.config.assemble import Override
 from auvid_cli.config.experiment import Experiment
@@ -12,10 +13,10 @@ from auvid_cli.data import dataset_file, estimate_file
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.netcdf import digest
-from auvid_cli.errors import ConfigError
+from auvid_cli.errors import ConfigError, DataError, FileError
 
 
-@typed
+@checked
 def load_experiment(source: str | Path | None = None, *overrides: str) -> Experiment:
     """Read the settings of an experiment.
 
@@ -46,9 +47,9 @@ def load_experiment(source: str | Path | None = None, *overrides: str) -> Experi
     return load.load_experiment(find_experiment(None if source is None else str(source)), overrides)
 
 
-@typed
+@checked
 def read_dataset(path: str | Path, *overrides: str) -> Dataset:
-    """Read a dataset file, whoever wrote it.
+    """Read a dataset file.
 
     Parameters
     ----------
@@ -65,9 +66,9 @@ def read_dataset(path: str | Path, *overrides: str) -> Dataset:
     Raises
     ------
     FileError
-        If it is missing, damaged, foreign, of a newer schema, or holds what no vehicle can have recorded.
+        If it is missing, damaged, foreign, of a newer schema, or has impossible values.
     ConfigError
-        If the settings inside, with the overrides, are not valid, or an override concerns what is recorded already.
+        If the settings inside, with the overrides, are not valid, or an override changes recorded data.
 
     Examples
     --------
@@ -86,9 +87,9 @@ def read_dataset(path: str | Path, *overrides: str) -> Dataset:
     return dataset_file.read_dataset(Path(path), overrides)
 
 
-@typed
+@checked
 def write_dataset(path: str | Path, dataset: Dataset) -> Dataset:
-    """Write a dataset, whole or not at all; a file that stands there is replaced.
+    """Write a dataset, whole or not at all; an existing file is replaced.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ def write_dataset(path: str | Path, dataset: Dataset) -> Dataset:
     return replace(dataset, sha256=digest(Path(path)))
 
 
-@typed
+@checked
 def read_estimate(path: str | Path) -> Estimate:
     """Read an estimate file; of a very long one evenly spaced events, as many as an evaluation needs.
 
@@ -132,7 +133,7 @@ def read_estimate(path: str | Path) -> Estimate:
     Raises
     ------
     FileError
-        If it is missing, damaged, foreign, of a newer schema, or holds what no filter can have found.
+        If it is missing, damaged, foreign, of a newer schema, or has impossible values.
 
     Examples
     --------
@@ -141,3 +142,35 @@ def read_estimate(path: str | Path) -> Estimate:
     ('tukf', True)
     """
     return estimate_file.read_estimate(Path(path))
+
+
+def estimate_and_file(estimate: Estimate | str | Path) -> tuple[Estimate, Path | None]:
+    """Return an estimate, read if it is a file, and its file if there is one."""
+    if isinstance(estimate, Estimate):
+        return estimate, None
+    return read_estimate(Path(estimate)), Path(estimate)
+
+
+def refuse_estimates_of_others(dataset: Dataset, estimates: Iterable[Estimate]) -> None:
+    """Refuse estimates that were made from the file of another dataset.
+
+    Raises
+    ------
+    DataError
+        If an estimate was made from another dataset.
+    """
+    for estimate in estimates:
+        if estimate.dataset_sha256 and dataset.sha256 and estimate.dataset_sha256 != dataset.sha256:
+            raise DataError(f"the estimate of {estimate.filter} was made from another dataset than this one")
+
+
+def refuse_to_replace(dataset: Dataset, file: Path) -> None:
+    """Refuse to replace the dataset: recorded data are lost for good.
+
+    Raises
+    ------
+    FileError
+        If the file is that of the dataset.
+    """
+    if dataset.sha256 and file.is_file() and digest(file) == dataset.sha256:
+        raise FileError(f"{file}: is the dataset itself, and would be lost; name another file")

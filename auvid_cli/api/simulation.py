@@ -1,13 +1,32 @@
-"""Simulation."""
+"""Simulation of an experiment, and vehicles and folders to begin with."""
 
-from auvid_cli.api.argument_types import typed
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from auvid_cli.api.arguments import checked
+from auvid_cli.api.output import Progress
 from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.load import parse_drawing
+from auvid_cli.config.outline import outline_of_options
+from auvid_cli.config.quantity import parse_quantity
 from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.dataset_file import read_dataset
+from auvid_cli.data.files import keep_apart, write_folder, write_text
+from auvid_cli.data.hdf5 import begin_scan
+from auvid_cli.data.netcdf import digest
+from auvid_cli.data.replacement import other_estimates, other_run, put_dataset, refuse_unless
+from auvid_cli.data.results_folder import dataset_in, estimates_in, locked
+from auvid_cli.errors import ConfigError
+from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
 from auvid_cli.simulation import simulate as simulation
 from auvid_cli.simulation.field_log import field_log
+from auvid_cli.start.first_folder import FirstFolder, folder_like, folder_of_outline
+from auvid_cli.start.sanity import SanityRow, sanity_notes, sanity_rows
 
 
-@typed
+@checked
 def simulate(experiment: Experiment) -> Dataset:
     """Simulate the vehicle and the sensors of an experiment.
 
@@ -37,6 +56,168 @@ def simulate(experiment: Experiment) -> Dataset:
     return simulation.simulate(experiment)
 
 
+def simulate_into(
+    folder: Path,
+    experiment: Experiment,
+    inputs: Sequence[Path],
+    overwrite: bool,
+    progress: Progress,
+    filters: Collection[FilterName] = (),
+) -> Dataset:
+    """Simulate an experiment into ``folder/dataset.h5`` and read it back, as any later step would.
+
+    The same settings give the same data, and then the file and all that was made from it stay as they are.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+    experiment : Experiment
+    inputs : sequence of pathlib.Path
+        Files that the experiment was read from.
+    overwrite : bool
+        Whether results of another run may be replaced, as soon as the new data are written.
+    progress : Progress
+    filters : collection of FilterName
+        Filters that will be run on the data.
+
+    Raises
+    ------
+    FileError
+        If the folder has results of another run, and `overwrite` is false.
+    """
+    path = dataset_in(folder)
+    # Another process checks the files that are there, while this one needs the first of them.
+    begin_scan([path, *estimates_in(folder).values()])
+    with locked(folder):
+        objection = other_run(path, experiment)
+        if not objection and filters and path.exists():
+            objection = next(iter(other_estimates(folder, experiment, digest(path), filters).values()), "")
+        refuse_unless(overwrite, objection)
+        with progress.stage("simulate"):
+            simulated = simulation.simulate(experiment)
+        put_dataset(path, simulated, inputs, overwrite, objection)
+        # Hours of data fill much of the memory.
+        del simulated
+        with progress.stage("read the dataset"):
+            dataset = read_dataset(path)
+        sensors = ", ".join(f"{name} {record.time.size}" for name, record in dataset.sensors.items())
+        progress.message(f"{path}: {dataset.inputs.time[-1]:g} s of {experiment.manoeuvre.type}; samples: {sensors}")
+        return dataset
+
+
 def simulate_log(experiment: Experiment) -> dict[str, str]:
-    """Simulate an experiment, and write it as files that a vehicle of somebody else would have logged, by name."""
+    """Simulate an experiment, and return the texts of the files that another vehicle would have logged, by name."""
     return field_log(simulation.simulate(experiment))
+
+
+def simulate_log_into(
+    folder: Path, experiment: Experiment, inputs: Sequence[Path], overwrite: bool, progress: Progress
+) -> list[Path]:
+    """Write the files of `simulate_log` into a folder, and return them.
+
+    Raises
+    ------
+    FileError
+        If one of them exists, and `overwrite` is false.
+    """
+    with locked(folder):
+        with progress.stage("simulate"):
+            texts = {folder / name: text for name, text in simulate_log(experiment).items()}
+        refuse_unless(overwrite, next((f"{path}: exists already" for path in texts if path.exists()), ""))
+        keep_apart(texts, inputs)
+        for path, text in texts.items():
+            write_text(path, text)
+        return [*texts]
+
+
+def new_folder(folder: Path, options: Mapping[str, str | int], like: str | None) -> FirstFolder:
+    """Write a folder to begin with.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        New or empty.
+    options : mapping
+        Keys of an outline; with `like` none but ``speed``.
+    like : str or None
+        Name of the shipped vehicle to start at.
+
+    Raises
+    ------
+    ConfigError
+        If the options are wrong, no such vehicle ships, or it survives no spiral.
+    FileError
+        If the folder is not empty or cannot be written.
+    """
+    if like is None:
+        first = folder_of_outline(folder, outline_of_options(options))
+    else:
+        first = folder_like(folder, like, _speed(options))
+    write_folder(folder, first.texts)
+    return first
+
+
+def _speed(options: Mapping[str, str | int]) -> float | None:
+    """Return the speed among the options, m/s."""
+    try:
+        speed = parse_quantity(options["speed"], "m/s") if "speed" in options else None
+    except ValueError as error:
+        raise ConfigError(f"--speed: {error}") from None
+    if speed is not None and not 0.05 <= speed <= 50.0:
+        raise ConfigError(f"--speed: must be from 0.05 to 50 m/s, got {options['speed']!r}")
+    return speed
+
+
+def sanity(first: FirstFolder) -> tuple[list[SanityRow], list[str]]:
+    """Return the vehicle's properties next to usual ones, and notes on doubtful ones."""
+    return [*sanity_rows(first.vehicle, first.spiral)], [*sanity_notes(first.vehicle, first.spiral)]
+
+
+@checked
+def vehicle_from_geometry(
+    name: str,
+    mass: float | str,
+    size: Mapping[str, Any],
+    geometry: Mapping[str, Any],
+    file: str | Path | None = None,
+) -> str:
+    """Make a vehicle file of what a drawing says: inertia, added mass and the 22 coefficients, with how sure each is.
+
+    Parameters
+    ----------
+    name : str
+    mass : float or str
+        With all water inside, kg or with a unit.
+    size : mapping
+        Keys of `vehicle.size`: ``length``, ``diameter``, perhaps ``density``; m and kg/m^3, or with units.
+    geometry : mapping
+        Keys of `vehicle.geometry`.
+    file : str or pathlib.Path, optional
+        To write it to; one that stands there is replaced. Default: nothing is written.
+
+    Returns
+    -------
+    str
+        A vehicle file. Each value that is derived has its standard deviation, the formula's number in the theory, and
+        a source.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake at once.
+    FileError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> hull = {"type": "nose_cylinder_tail", "nose": "0.25 m", "tail": "0.5 m"}
+    >>> fins = {"position": "1.9 m", "span": "0.1 m", "area": "80 cm^2"}
+    >>> size = {"length": "2 m", "diameter": "0.2 m"}
+    >>> text = auvid.vehicle_from_geometry("mine", "53 kg", size, {"hull": hull, "fins": fins}, "mine.yaml")
+    >>> auvid.load_experiment("spiral", "vehicle=mine.yaml", "identification.prior=geometry").vehicle.name
+    'mine'
+    """
+    text = derived_vehicle_yaml(parse_drawing({"name": name, "mass": mass, "size": size, "geometry": geometry}))
+    if file is not None:
+        write_text(Path(file), text)
+    return text

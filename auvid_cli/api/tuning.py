@@ -1,16 +1,32 @@
-"""Noise from the data."""
+"""Noise levels and model terms found from the data."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
 
-from auvid_cli.api.argument_types import typed
+import auvid_cli.identification.observation  # noqa: F401  compiled at import, not while the smoother runs
+from auvid_cli.api.arguments import checked
+from auvid_cli.api.files import read_dataset
+from auvid_cli.api.output import Progress
+from auvid_cli.config.filter_name import JUDGE
 from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.files import keep_apart, write_text
+from auvid_cli.data.replacement import put_copy
+from auvid_cli.data.results_folder import folder_of_dataset, locked, tables_and_figures
+from auvid_cli.data.term_findings import TermFindings
 from auvid_cli.data.tuning import Tuning
+from auvid_cli.evaluation.judgement import Judgement, judge_one
 from auvid_cli.identification.delays import settle_delays
+from auvid_cli.identification.identify import identify
 from auvid_cli.identification.noise_tuning import choose_disturbance, tune_noise
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.term_search import search_terms
+from auvid_cli.report.csv_tables import write_csv_tables
 
 
-@typed
+@checked
 def tune(
     dataset: Dataset, sensors: bool = False, on_pass: Callable[[], None] | None = None, disturbance: bool = False
 ) -> Tuning:
@@ -52,3 +68,133 @@ def tune(
     """
     find = choose_disturbance if disturbance else tune_noise
     return find(settle_delays(prepare(dataset)), sensors, on_pass or (lambda: None))
+
+
+@checked
+def find_terms(
+    dataset: Dataset,
+    any_symmetry: bool = False,
+    most: int = 4,
+    say: Callable[[str], None] | None = None,
+) -> TermFindings:
+    """Find terms of the equations of motion that the model of a dataset lacks.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its truth is not looked at. The last third is held out.
+    any_symmetry : bool, default False
+        Whether terms are looked for, too, that a vehicle has only if port and starboard differ.
+    most : int, default 4
+        How many terms are tried, each in a model of its own.
+    say : callable, optional
+        Called with what is being done; what it raises ends the search.
+
+    Returns
+    -------
+    TermFindings
+        ``found``, the terms that make held-out data likelier; ``experiment``, with these to be estimated;
+        ``to_pandas()`` makes a table of all that were looked at.
+
+    Raises
+    ------
+    ConfigError
+        If a coefficient that is to be held has no value.
+    DataError
+        If no sensor can be used, or the smoother does not settle.
+
+    Examples
+    --------
+    >>> findings = auvid.find_terms(dataset, most=1)
+    >>> len(findings.found)
+    0
+    """
+    return search_terms(prepare(dataset), any_symmetry, most, say or (lambda text: None))
+
+
+class TunedResults(NamedTuple):
+    """Results of `tune_into`.
+
+    Attributes
+    ----------
+    tuning : Tuning
+    fits : list of (Estimate, Judgement)
+        The smoother with the stated noise, and with the tuned noise.
+    files : list of pathlib.Path
+        Tables that were written.
+    settings : pathlib.Path
+        File of settings for `identify`.
+    """
+
+    tuning: Tuning
+    fits: list[tuple[Estimate, Judgement]]
+    files: list[Path]
+    settings: Path
+
+
+class FoundTerms(NamedTuple):
+    """Results of `find_terms_into`: findings, tables, and the file of settings for `identify` if a term was found."""
+
+    findings: TermFindings
+    files: list[Path]
+    settings: Path | None
+
+
+def tune_into(
+    output: Path | None,
+    path: Path,
+    overrides: Sequence[str],
+    overwrite: bool,
+    progress: Progress,
+    sensors: bool,
+    disturbance: bool,
+) -> TunedResults:
+    """Tune the noise of a dataset file, and write tuned.yaml and a table into its results folder."""
+    changes = (*overrides, "identification.noise=stated")
+    dataset, folder = read_dataset(path, *changes), output or folder_of_dataset(path)
+    with locked(folder):
+        _prepare(folder, path, dataset, overwrite, "tuned.yaml")
+        with progress.stage("fit with the stated noise") as label:
+            before, passes = identify(dataset, JUDGE), 0
+
+            def count() -> None:
+                nonlocal passes
+                passes += 1
+                label(f"tune: pass {passes} through the data")
+
+            tuning = tune(dataset, sensors, count, disturbance)
+            label("fit with the tuned noise")
+            after = identify(replace(dataset, experiment=tuning.experiment), JUDGE)
+        files = write_csv_tables({"tuning": tuning.rows()}, folder / "tables")
+        write_text(folder / "tuned.yaml", tuning.settings())
+        fits = [(estimate, judge_one(estimate, None)) for estimate in (before, after)]
+        return TunedResults(tuning, fits, files, folder / "tuned.yaml")
+
+
+def find_terms_into(
+    output: Path | None,
+    path: Path,
+    overrides: Sequence[str],
+    overwrite: bool,
+    progress: Progress,
+    any_symmetry: bool,
+    most: int,
+) -> FoundTerms:
+    """Find terms that the model of a dataset file lacks, and write terms.yaml and a table into its results folder."""
+    dataset, folder = read_dataset(path, *overrides), output or folder_of_dataset(path)
+    with locked(folder):
+        _prepare(folder, path, dataset, overwrite, "terms.yaml")
+        with progress.stage("fit of the model as it is") as label:
+            findings = find_terms(dataset, any_symmetry, most, label)
+        files = write_csv_tables({"terms": findings.rows()}, folder / "tables")
+        if not findings.found:
+            return FoundTerms(findings, files, None)
+        write_text(folder / "terms.yaml", findings.settings())
+        return FoundTerms(findings, files, folder / "terms.yaml")
+
+
+def _prepare(folder: Path, path: Path, dataset: Dataset, overwrite: bool, name: str) -> None:
+    """Copy a dataset into its results folder; refuse a result of that name that would replace an input."""
+    files = [path, *dataset.experiment.data_files()]
+    put_copy(path, dataset, folder, files, overwrite)
+    keep_apart([folder / name, *tables_and_figures(folder)], files)

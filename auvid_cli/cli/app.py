@@ -1,4 +1,4 @@
-"""The commands together, by what one wants to do and in the order of use."""
+"""All commands, grouped by task and in the order of use."""
 
 from collections.abc import Callable
 from typing import Annotated, NamedTuple
@@ -7,28 +7,17 @@ import typer
 
 from auvid_cli import __version__
 from auvid_cli.cli.campaign import campaign
-from auvid_cli.cli.check import check
 from auvid_cli.cli.command_help import BOTH_HELPS, Command, Group, examples_text, paragraphs
-from auvid_cli.cli.compare import compare
+from auvid_cli.cli.data import export, import_log, inspect
 from auvid_cli.cli.design import design
-from auvid_cli.cli.export import export
-from auvid_cli.cli.identifiability import identifiability
-from auvid_cli.cli.identify import identify
-from auvid_cli.cli.import_log import import_log
-from auvid_cli.cli.init import init
-from auvid_cli.cli.inspect import inspect
-from auvid_cli.cli.list_shipped import list_shipped
-from auvid_cli.cli.outline_words import OutlineCommand
-from auvid_cli.cli.report import report
-from auvid_cli.cli.run import run
-from auvid_cli.cli.simulate import simulate
-from auvid_cli.cli.terms import terms
-from auvid_cli.cli.tune import tune
-from auvid_cli.cli.validate import validate
+from auvid_cli.cli.experiment import identify, report, run, simulate
+from auvid_cli.cli.judge import check, compare, identifiability, validate
+from auvid_cli.cli.start import OutlineCommand, init, list_shipped
+from auvid_cli.cli.tuning import terms, tune
 
 
 class Entry(NamedTuple):
-    """A command, what one types to get it, and examples that stand below its help: each fits in 80 columns."""
+    """A command: its name, its function, and examples below its help, of at most 80 columns each."""
 
     name: str
     function: Callable[..., None]

@@ -1,4 +1,4 @@
-"""auvid campaign."""
+"""auvid campaign: many runs."""
 
 import os
 from pathlib import Path
@@ -7,11 +7,14 @@ from typing import Annotated
 import typer
 
 from auvid_cli.cli.completion import complete_campaign
-from auvid_cli.cli.options import FigureFormatOption, OpenOption, QuietOption, VerboseOption
-from auvid_cli.cli.terminal import Terminal, reporting_errors
+from auvid_cli.cli.options import FigureOptions, TerminalOptions, command
+from auvid_cli.cli.streams import DONE, VERDICT_FAILED
+from auvid_cli.errors import ConfigError
 
 
+@command
 def campaign(
+    *,
     file: Annotated[
         str,
         typer.Argument(
@@ -43,28 +46,32 @@ def campaign(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say how many runs there are and about how long they take, and stop.")
     ] = False,
-    figure_format: FigureFormatOption = None,
-    show: OpenOption = False,
-    quiet: QuietOption = False,
-    verbose: VerboseOption = False,
-) -> None:
+    figures: FigureOptions,
+    console: TerminalOptions,
+) -> int:
     """Run an experiment over seeds, filters and settings, on all cores or a cluster, and report statistics.
 
     Finished runs are never repeated: the same command goes on with an interrupted campaign, and reports a finished one.
     """
-    with reporting_errors():
-        terminal = Terminal(quiet, verbose)
-        # The workers find the compiled core in its cache.
-        with terminal.compiling():
-            from auvid_cli.cli import campaigning
-            from auvid_cli.errors import ConfigError
+    if scheduler is not None and workers is not None:
+        raise ConfigError("--workers is for this machine, and --scheduler has workers of its own: say one of them")
+    terminal = console.terminal()
+    # The workers find the compiled core in its cache.
+    with terminal.compiling():
+        from auvid_cli.api.campaign import CampaignOptions, Workers, forecast, plan_campaign, run_campaign
+        from auvid_cli.report.campaign_tables import print_findings
 
-        plan, folder = campaigning.set_up(file, tuple(settings or ()), output)
-        if scheduler is not None and workers is not None:
-            raise ConfigError("--workers is for this machine, and --scheduler has workers of its own: say one of them")
-        where = campaigning.Where(scheduler, workers or os.cpu_count() or 1)
-        choice = campaigning.Choice(retry, again, keep_estimates, show, tuple(figure_format or ()))
-        if dry_run:
-            campaigning.forecast(plan, folder, where, choice, terminal)
-            return
-        raise typer.Exit(campaigning.conduct(plan, folder, where, choice, terminal))
+    plan, folder = plan_campaign(file, settings or (), output)
+    where = Workers(scheduler, workers or os.cpu_count() or 1)
+    options = CampaignOptions(where, retry, again, keep_estimates, figures.formats)
+    if dry_run:
+        forecast(plan, folder, options, terminal)
+        return DONE
+    result = run_campaign(plan, folder, options, terminal)
+    if result.findings is not None:
+        print_findings(terminal.out, result.findings, result.files)
+        if figures.show:
+            terminal.open_page(result.page)
+    for remark in result.remarks:
+        terminal.print_wrapped(remark)
+    return DONE if result.is_complete else VERDICT_FAILED

@@ -1,4 +1,4 @@
-"""How the help of commands looks: whole paragraphs, examples below them, and of types only what one has to give."""
+"""Help of commands: whole paragraphs, examples below them, and no Python types."""
 
 from collections.abc import Callable, Sequence
 from inspect import cleandoc
@@ -8,19 +8,19 @@ from rich.markup import escape
 from typer import BadParameter
 from typer.core import TyperCommand, TyperGroup
 
-# What the parser of a command takes: both names of the help.
+# Settings of each parser: both names of the help.
 BOTH_HELPS = {"help_option_names": ["-h", "--help"]}
 
 
 class Command(TyperCommand):
-    """A command whose help does not tell the Python types of flags and arguments."""
+    """Command whose help shows no Python types of flags and arguments."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters, as typer's own."""
         return _without_types(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse words; what pydantic puts before its complaints says nothing to whoever reads them."""
+        """Parse words; remove the prefix of pydantic from error messages."""
         try:
             return super().parse_args(ctx, args)
         except BadParameter as error:
@@ -37,12 +37,12 @@ class Group(TyperGroup):
 
 
 def paragraphs(function: Callable[..., None]) -> str:
-    """Return the docstring of a command, each paragraph in a line, for the terminal to break."""
+    """Return the docstring of a command with each paragraph in one line, which the terminal breaks."""
     return "\n\n".join(" ".join(part.split()) for part in cleandoc(function.__doc__ or "").split("\n\n"))
 
 
 def examples_text(examples: Sequence[str]) -> str:
-    """Write examples as they stand below the help of a command."""
+    """Return the examples below the help of a command."""
     return "\n".join(["Example:" if len(examples) == 1 else "Examples:", *map(escape, examples)])
 
 

@@ -1,6 +1,6 @@
-"""What a shell may complete; where nothing here begins so, it completes names of files.
+"""Completions for shells; without any a shell completes names of files.
 
-Nothing of this loads the settings classes: a shell asks at every press of a key.
+This module does not load the settings classes, because a shell asks at every press of a key.
 """
 
 from collections.abc import Iterable

@@ -1,14 +1,24 @@
-"""Arguments and options that commands share."""
+"""Arguments and options that commands share, grouped by idea, and the decorator that puts them into a command."""
 
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
 from auvid_cli.cli.completion import complete_data, complete_experiment, complete_setting
+from auvid_cli.cli.streams import DONE
+from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.config.figure_format import FigureFormat
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import ConfigError
+
+if TYPE_CHECKING:
+    from auvid_cli.config.experiment import Experiment
+
 
 ExperimentArgument = Annotated[
     str | None,
@@ -76,7 +86,7 @@ UseOption = Annotated[
 
 
 def _as_folder(path: Path | None) -> Path | None:
-    """Refuse a name of a dataset for that of a folder, which would be made under it."""
+    """Refuse the name of a dataset file as that of a folder."""
     if path is not None and path.suffix in (".h5", ".hdf5"):
         raise typer.BadParameter(f"{path} is called like a file; expected a results folder, such as {path.stem}")
     return path
@@ -108,36 +118,162 @@ FigureFormatOption = Annotated[
     ),
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each part took.")]
-VerboseVerdictsOption = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Also print what passed, and how long each part took.")
-]
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and stop.")]
+
+
+def command(function: Callable[..., int | None]) -> Callable[..., None]:
+    """Return a function for typer, in which the fields of each option group are options of their own.
+
+    It is called with groups that are filled in. What it returns is the exit code; its errors are printed.
+    """
+    hints = get_type_hints(function, include_extras=True)
+    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    parameters: list[Parameter] = []
+    for name, parameter in signature(function).parameters.items():
+        if name in groups:
+            parameters += _options_of(groups[name])
+        else:
+            parameters.append(parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name]))
+
+    @wraps(function)
+    def parsed(**values: Any) -> None:
+        for name, kind in groups.items():
+            values[name] = kind(**{option.name: values.pop(option.name) for option in fields(kind)})
+        with reporting_errors():
+            raise typer.Exit(function(**values) or DONE)
+
+    parsed.__signature__ = Signature(parameters)  # pyright: ignore[reportAttributeAccessIssue]
+    parsed.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return parsed
+
+
+def _options_of(kind: Any) -> list[Parameter]:
+    hints = get_type_hints(kind, include_extras=True)
+    return [
+        Parameter(
+            option.name,
+            Parameter.KEYWORD_ONLY,
+            default=Parameter.empty if option.default is MISSING else option.default,
+            annotation=hints[option.name],
+        )
+        for option in fields(kind)
+    ]
+
+
+@dataclass(frozen=True)
+class ExperimentOptions:
+    """An experiment with changes of its settings."""
+
+    experiment: ExperimentArgument = None
+    settings: SetOption = None
+    seed: SeedOption = None
+
+    def load(self) -> "tuple[Experiment, list[Path]]":
+        """Return the experiment, and the files that it was read from.
+
+        Raises
+        ------
+        ConfigError
+            With every mistake in its settings.
+        """
+        from auvid_cli.config.load import find_experiment, load_with_files
+
+        refuse_log(self.experiment)
+        return load_with_files(find_experiment(self.experiment), overrides(self.settings, self.seed))
+
+
+def dataset_or_experiment(source: str | None, changes: tuple[str, ...]) -> "Path | tuple[Experiment, list[Path]]":
+    """Return the path of a dataset file, or else the experiment of a name, and the files that it was read from.
+
+    Raises
+    ------
+    ConfigError
+        If its name is that of a log, or the settings of the experiment have mistakes.
+    """
+    from auvid_cli.config.load import find_experiment, load_with_files
+
+    return dataset_path(source) or load_with_files(find_experiment(source), changes)
+
+
+@dataclass(frozen=True)
+class SettingOptions:
+    """Changes of the settings in a dataset."""
+
+    settings: SetOption = None
+    use: UseOption = None
+
+    def overrides(self) -> tuple[str, ...]:
+        """Return the changes in the order in which they apply."""
+        return overrides(self.settings, use=self.use)
+
+    def words(self) -> list[str]:
+        """Return the words of a command line that make the same changes."""
+        return [*(f"--set={setting}" for setting in self.settings or ()), *(f"--use={span}" for span in self.use or ())]
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """Results folder, and whether results in it may be replaced."""
+
+    output: OutputOption = None
+    overwrite: OverwriteOption = False
+
+
+@dataclass(frozen=True)
+class FigureOptions:
+    """Formats of figures, and whether the page is opened."""
+
+    figure_format: FigureFormatOption = None
+    show: OpenOption = False
+
+    @property
+    def formats(self) -> tuple[FigureFormat, ...]:
+        """Return the formats."""
+        return tuple(self.figure_format or (FigureFormat.PNG,))
+
+
+@dataclass(frozen=True)
+class TerminalOptions:
+    """Amount of output."""
+
+    quiet: QuietOption = False
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each part took.")] = False
+
+    def terminal(self) -> Terminal:
+        """Return the terminal to print on."""
+        return Terminal(self.quiet, self.verbose)
+
+
+@dataclass(frozen=True)
+class VerdictTerminalOptions(TerminalOptions):
+    """Amount of output of a command that prints verdicts."""
+
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Also print what passed, and how long each part took.")
+    ] = False
 
 
 _LOGS = (".csv", ".csv.gz", ".npz", ".mat", ".bag", ".mcap", ".db3", ".bin", ".tlog", ".ulg", ".lsf", ".alog")
 
 
 def refuse_log(source: str | Path | None) -> None:
-    """Refuse what is called like a log where a dataset or an experiment is meant; None is no log.
+    """Refuse a log where a dataset or an experiment is expected.
 
     Raises
     ------
     ConfigError
     """
     if str(source).lower().endswith(_LOGS):
-        from auvid_cli.errors import ConfigError
-
         raise ConfigError(f"{source}: a log must become a dataset first: auvid import --suggest {source} -o map.yaml")
 
 
 def dataset_path(source: str | None) -> Path | None:
-    """Return the path of a dataset file, or None where an experiment is meant.
+    """Return the path of a dataset file, or None for an experiment.
 
     Raises
     ------
     ConfigError
-        If it is called like a log.
+        If its name is that of a log.
     """
     refuse_log(source)
     return Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
@@ -149,19 +285,19 @@ def overrides(settings: list[str] | None, seed: int | None = None, use: list[str
     Raises
     ------
     ConfigError
-        If a span is no pair.
+        If a span is invalid.
     """
     seeds = () if seed is None else (f"seed={seed}",)
     return (*(settings or ()), *seeds, *((f"identification.use.spans={spans(use)}",) if use else ()))
 
 
 def spans(texts: list[str]) -> str:
-    """Write spans, given as `--use` takes them, as a list in YAML; null where one has no beginning or no end.
+    """Return the spans of `--use` as a list in YAML, with null for an open end.
 
     Raises
     ------
     ConfigError
-        If one is no pair of times.
+        If a span is not BEGIN:END with BEGIN earlier than END.
     """
     from auvid_cli.config.quantity import parse_quantity
 

@@ -1,18 +1,24 @@
-"""The standard streams: there whatever the shell closed, taking any text, and heard out before a command ends."""
+"""Standard streams, exit codes, and lines broken under a column. Loaded before everything else."""
 
 import os
 import sys
+import textwrap
 from io import TextIOWrapper
+from shutil import get_terminal_size
 from typing import TextIO
 
-from auvid_cli.cli.exit_codes import WRONG_INPUT
 from auvid_cli.printable import printable_lines
+
+DONE = 0
+VERDICT_FAILED = 1
+WRONG_INPUT = 2
+INTERRUPTED = 130  # as shells report a command that was interrupted
 
 
 def prepare_streams() -> None:
-    """Open what is closed, and let what a terminal has no sign for be written as its code."""
+    """Open closed streams, and write characters that a terminal lacks as escapes."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        # The next file to be opened would take its number, and with it what libraries and other processes say.
+        # Otherwise the next file to be opened takes its number, and gets the output of libraries and other processes.
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: PTH123, SIM115
     for stream in (sys.stdout, sys.stderr):
@@ -20,26 +26,34 @@ def prepare_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def complain(message: str) -> None:
-    """Say what is wrong, on the error stream; if that takes nothing, the exit code must do."""
+def print_error(message: str) -> None:
+    """Print a message on the error stream; if that is closed, only the exit code is left."""
     try:
         print(f"auvid: {printable_lines(message)}", file=sys.stderr, flush=True)
     except OSError:
         discard(sys.stderr)
 
 
-def complain_of(error: OSError) -> None:
-    """Say what the system refused: a file, or else the output."""
-    complain(f"{error.filename or 'output'}: {error.strerror or error}")
+def print_os_error(error: OSError) -> None:
+    """Print an error of the operating system, with the file or else the output that it concerns."""
+    print_error(f"{error.filename or 'output'}: {error.strerror or error}")
+
+
+def hanging(line: str, indent: int) -> str:
+    """Break a line on a narrow terminal, and indent what follows; elsewhere return it as it is."""
+    if not sys.stdout.isatty():
+        return line
+    columns = get_terminal_size().columns
+    return textwrap.fill(line, columns, subsequent_indent=" " * indent, break_on_hyphens=False, break_long_words=False)
 
 
 def discard(stream: TextIO) -> None:
-    """Let what is and will be written to a stream go nowhere: nobody takes it."""
+    """Drop all output of a stream that has lost its reader, present and future."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def finish(code: int | str | None) -> int | str | None:
-    """Write out what still waits; the exit code of the command, given what it would be without."""
+    """Flush the streams; return the exit code, 2 if that fails."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -48,6 +62,6 @@ def finish(code: int | str | None) -> int | str | None:
         except OSError as error:
             discard(stream)
             if not code:
-                complain_of(error)
+                print_os_error(error)
                 code = WRONG_INPUT
     return code

@@ -1,32 +1,34 @@
-"""What commands say and how they end: messages, progress bars, errors."""
+"""Messages, progress bars and errors of commands."""
 
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
+from pathlib import Path
 from time import perf_counter
 from types import FrameType
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import typer
 
-from auvid_cli.cli.exit_codes import DONE, INTERRUPTED, WRONG_INPUT
-from auvid_cli.cli.hanging import hanging
-from auvid_cli.cli.streams import complain, complain_of, discard
+from auvid_cli.api.output import Advance, Progress
+from auvid_cli.cli.streams import DONE, INTERRUPTED, WRONG_INPUT, discard, hanging, print_error, print_os_error
 
-# Of a sentence, of what does not fit on its first line.
-_INDENT = 2
+if TYPE_CHECKING:
+    from auvid_cli.config.vehicle import VehicleSettings
+
+INDENT = 2  # columns, of all lines of a sentence but the first
 
 
 @contextmanager
-def reporting_errors() -> Iterator[ExitStack]:
-    """Turn errors of the user into one clear message and exit code 2; contexts entered meanwhile end before it."""
+def reporting_errors() -> Iterator[None]:
+    """Turn errors that a user can fix into one message and exit code 2."""
     from auvid_cli.errors import AuvidError
 
-    # Ended from outside as by Ctrl-C: whoever is writing takes away what is half written. Python, while it compiles a
-    # module that it imports, lets this exception pass and no other.
+    # SIGTERM acts like Ctrl-C, so that half-written files are removed. KeyboardInterrupt is the one exception that
+    # passes through an import.
     asked: list[int] = []
 
     def end(number: int, frame: FrameType | None) -> None:
@@ -35,41 +37,45 @@ def reporting_errors() -> Iterator[ExitStack]:
 
     before = signal.signal(signal.SIGTERM, end)
     try:
-        with ExitStack() as command:
-            yield command
+        yield
     except AuvidError as error:
-        complain(str(error))
+        print_error(str(error))
         raise typer.Exit(WRONG_INPUT) from None
     except MemoryError as error:
-        complain(f"not enough memory for this duration and these rates: {error}")
+        print_error(f"not enough memory for this duration and these rates: {error}")
         raise typer.Exit(WRONG_INPUT) from None
     except KeyboardInterrupt:
-        complain("interrupted; files already written are complete")
+        print_error("interrupted; files already written are complete")
         raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:
-        # The reader of our output has gone (`auvid ... | head`); there is nobody left to tell.
+        # The reader of the output has ended: `auvid ... | head`.
         discard(sys.stdout)
         raise typer.Exit(DONE) from None
     except OSError as error:
-        complain_of(error)
+        print_os_error(error)
         raise typer.Exit(WRONG_INPUT) from None
     finally:
         signal.signal(signal.SIGTERM, before)
         if asked:
-            # Whoever was importing or compiling at that moment may have swallowed it.
+            # An import or the compiler may have swallowed the exception.
             raise SystemExit(128 + asked[0])
 
 
-class Advance(Protocol):
-    """Function that moves a bar."""
+@contextmanager
+def interrupts_deferred() -> Iterator[None]:
+    """Defer an interrupt until the block ends, because some libraries turn one into an error of their own on import."""
+    waiting = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: waiting.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if waiting:
+        raise KeyboardInterrupt
 
-    def __call__(self, done: float, total: float, note: str = "") -> None:
-        """Move it to so much of so much, and put a note behind the rate."""
-        ...
 
-
-class Terminal:
-    """Streams and bars for a command's messages.
+class Terminal(Progress):
+    """Streams and bars for the messages of a command.
 
     Parameters
     ----------
@@ -86,28 +92,44 @@ class Terminal:
         # Progress goes to the error stream, so that output can be piped.
         self._err = PlainConsole(stderr=True, quiet=quiet)
         self._partner: subprocess.Popen | None = None
-        # Whether compiling has begun in the present block, and whether that stands on a screen that keeps its lines.
+        # Whether this block compiles, and whether a screen that keeps its lines shows so.
         self._compiles = self._printed = False
         self._damaged = False
-        # Number of the signal that came while the core was loaded; 0 if none did.
+        # Number of the signal that arrived while the core was loaded; 0 without one.
         self._interrupted = 0
 
-    def say(self, message: str) -> None:
+    def print(self, line: object) -> None:
         """Print a line, as it is."""
-        self.out.print(message, markup=False, soft_wrap=True)
+        self.out.print(str(line), markup=False, soft_wrap=True)
 
-    def tell(self, sentence: str) -> None:
-        """Print a sentence, which a narrow terminal breaks between its words."""
-        self.say(hanging(sentence, _INDENT))
+    def print_wrapped(self, sentence: str) -> None:
+        """Print a sentence, broken between words on a narrow terminal."""
+        self.print(hanging(sentence, INDENT))
 
-    def say_all(self, messages: Iterable[object]) -> None:
-        """Print a line for each, as it is."""
-        for message in messages:
-            self.say(str(message))
+    message = print_wrapped
+
+    def print_lines(self, lines: Iterable[object]) -> None:
+        """Print a line for each item, as it is."""
+        for line in lines:
+            self.print(line)
+
+    def print_sanity_warnings(self, vehicle: "VehicleSettings") -> None:
+        """Print a line for each implausible number of a vehicle."""
+        from auvid_cli.config.plausibility import doubts
+
+        for doubt in doubts(vehicle):
+            self.print_wrapped(f"note: vehicle {vehicle.name}: {doubt}")
+
+    def open_page(self, page: Path) -> None:
+        """Open a page in the browser of the system, or print that there is none."""
+        import webbrowser
+
+        if not webbrowser.open(page.resolve().as_uri()):
+            self.print(f"{page}: no browser could be started here; open the file in one")
 
     @contextmanager
     def stage(self, label: str) -> Iterator[Callable[[str], None]]:
-        """Show that something is going on; with --verbose say how long it took. Yields what changes the label."""
+        """Show a spinner; with --verbose print how long the stage took. Yields a callback that changes the label."""
         start, labels = perf_counter(), [label]
         if self._err.is_terminal and not self.quiet:
             with self._err.status(label) as status:
@@ -120,14 +142,14 @@ class Terminal:
         else:
             yield labels.append
         if self.verbose:
-            self.say(f"{labels[-1]}: {perf_counter() - start:.2f} s")
+            self.print(f"{labels[-1]}: {perf_counter() - start:.2f} s")
 
     @contextmanager
     def compiling(self) -> Iterator[Callable[[], None]]:
-        """Load the compiled core, and say so where it has to be compiled; yields what says so.
+        """Import compiled modules in this block; where they must be compiled first, print so. Yields what prints so.
 
-        The compiler swallows an interrupt or dies of it, so from then on one ends the process on the spot; so does
-        whoever imports something now and then, so until then it waits until all is loaded, less than a second.
+        numba swallows an interrupt or fails on it, so while it compiles one ends the process at once. Imports may
+        swallow it as well, so before that it waits until all is loaded, which takes less than a second.
         """
         from auvid_cli.compilation import told_of_compilation
 
@@ -135,17 +157,17 @@ class Terminal:
         try:
             with self.stage("loading the compiled core") as change:
 
-                def say_so() -> None:
+                def print_compiling() -> None:
                     label = "compiling the numerical core, once: some 10 to 20 s"
                     change(label)
                     if not self._err.is_terminal and not self.quiet and not self._printed:
-                        complain(label)
+                        print_error(label)
                     self._compiles = self._printed = True
                     if self._interrupted:
                         self._leave_at_once()
 
-                with told_of_compilation(say_so, self._say_what_is_damaged):
-                    yield say_so
+                with told_of_compilation(print_compiling, self._on_damaged_cache):
+                    yield print_compiling
                 if self._interrupted == signal.SIGINT:
                     raise KeyboardInterrupt
                 if self._interrupted:
@@ -155,7 +177,7 @@ class Terminal:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
-    def _say_what_is_damaged(self) -> None:
+    def _on_damaged_cache(self) -> None:
         if not self._damaged:
             self._err.print("auvid: what was compiled before is damaged; compiling that again", soft_wrap=True)
         self._damaged = True
@@ -173,9 +195,16 @@ class Terminal:
         os.write(sys.stderr.fileno(), tidy + b"auvid: interrupted while compiling; nothing was lost\n")
         os._exit(INTERRUPTED if self._interrupted == signal.SIGINT else 128 + self._interrupted)
 
+    def load_core(self) -> None:
+        """Load the compiled core; where it must be compiled first, two processes do so."""
+        from auvid_cli.api import core
+
+        with self._compiling_beside(*core.FILTERS), self.compiling():
+            core.load_vehicles()
+
     @contextmanager
-    def compiling_beside(self, *modules: str) -> Iterator[None]:
-        """Let another process compile modules meanwhile, if the first of them is not compiled yet."""
+    def _compiling_beside(self, *modules: str) -> Iterator[None]:
+        """Compile modules in another process during the block, unless the first of them is compiled already."""
         from auvid_cli.compilation import compile_elsewhere, is_compiled
 
         if is_compiled(modules[0]):
@@ -184,8 +213,8 @@ class Terminal:
         self._partner = compile_elsewhere(*modules)
         try:
             yield
-            with self.compiling() as say_so:
-                say_so()
+            with self.compiling() as print_compiling:
+                print_compiling()
                 self._partner.wait()
         finally:
             self._partner.kill()
@@ -193,8 +222,8 @@ class Terminal:
             self._partner = None
 
     @contextmanager
-    def progress(self, *labels: str, unit: str = "") -> Iterator[list[Advance]]:
-        """Show bars with rate and time left, and in the end one line for all; yields, for each, what moves it."""
+    def bars(self, *labels: str, unit: str = "") -> Iterator[list[Advance]]:
+        """Show bars with rate and time left, and in the end one line for all; yields a callback for each."""
         from rich.progress import (
             BarColumn,
             MofNCompleteColumn,
@@ -232,8 +261,8 @@ class Terminal:
             yield [bar(label) for label in labels]
         if shown:
             what = ", ".join(f"{label}{notes[label]}" for label in labels)
-            said = f"{what}: done in {perf_counter() - start:.1f} s"
-            self._err.print(said, markup=False, highlight=False, soft_wrap=True)
+            line = f"{what}: done in {perf_counter() - start:.1f} s"
+            self._err.print(line, markup=False, highlight=False, soft_wrap=True)
         if self.verbose:
             for label, seconds in ended.items():
-                self.say(f"{label}: {seconds:.2f} s")
+                self.print(f"{label}: {seconds:.2f} s")

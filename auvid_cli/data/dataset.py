@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic_core import core_schema
 
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.errors import DataError
@@ -196,6 +197,11 @@ class Dataset:
     experiment: RunSettings
     truth: TruthRecord | None = None
     sha256: str = ""
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: object, handler: object) -> core_schema.CoreSchema:
+        """Return the schema that takes any instance as it is."""
+        return core_schema.is_instance_schema(cls)
 
     def __repr__(self) -> str:
         duration, sensors = self.inputs.time[-1] - self.inputs.time[0], ", ".join(self.sensors)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic_core import core_schema
 
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import ERROR_STATES, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
@@ -179,6 +180,11 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
     dataset_sha256 : str
         Of the file of the dataset that it comes from; empty if there is none.
     """
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: object, handler: object) -> core_schema.CoreSchema:
+        """Return the schema that takes any instance as it is."""
+        return core_schema.is_instance_schema(cls)
 
     def __repr__(self) -> str:
         states, end = len(self.state), f"t = {self.time[-1]:g} s" if self.time.size else "no event"

@@ -34,6 +34,8 @@ _EXPORTED_FROM = re.compile(r'dataset(?: with SHA-256 |_sha256": ")([0-9a-f]{64}
 def locked(folder: Path) -> Iterator[None]:
     """Keep other commands from writing into a results folder; the operating system ends the lock of a killed one.
 
+    A step within a locked step of the same command enters the same lock.
+
     Raises
     ------
     FileError
@@ -42,7 +44,7 @@ def locked(folder: Path) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     # A group of users may share the folder.
-    lock = FileLock(folder / ".lock", timeout=_LOCK_PATIENCE, mode=0o666)
+    lock = FileLock(folder / ".lock", timeout=_LOCK_PATIENCE, mode=0o666, is_singleton=True)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         # Some network disks have no locks.
@@ -66,6 +68,11 @@ def folder_of_run(name: str) -> Path:
 def folder_of_dataset(path: Path) -> Path:
     """Return the results folder of a dataset file: its own folder if it is one, else that of a run of its name."""
     return path.parent if path.name == "dataset.h5" else folder_of_run(path.stem)
+
+
+def folder_of_estimate(path: Path) -> Path:
+    """Return the results folder of an estimate file."""
+    return path.parent.parent if path.parent.name == "estimates" else path.parent
 
 
 def dataset_in(folder: Path) -> Path:

@@ -12,7 +12,7 @@ import typer
 from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
-from auvid_cli.cli.export import export
+from auvid_cli.cli.data import export
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.format_name import FormatName
 from auvid_cli.config.load import find_experiment, load_experiment

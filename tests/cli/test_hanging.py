@@ -2,7 +2,7 @@
 
 import os
 
-from auvid_cli.cli.hanging import hanging
+from auvid_cli.cli.streams import hanging
 from auvid_cli.cli.terminal import Terminal
 
 LINE = "  vehicles/lauv.yaml  LAUV, 1.1 m, 18 kg: its linear damping is folded into the 22 coefficients."
@@ -14,7 +14,7 @@ def test_a_line_stays_one_where_nobody_looks():
 
 def test_on_a_terminal_it_goes_on_under_its_last_column(monkeypatch):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    monkeypatch.setattr("auvid_cli.cli.hanging.get_terminal_size", lambda: os.terminal_size((60, 20)))
+    monkeypatch.setattr("auvid_cli.cli.streams.get_terminal_size", lambda: os.terminal_size((60, 20)))
     first, *others = hanging(LINE, 22).splitlines()
     assert first.startswith("  vehicles/lauv.yaml  LAUV,")
     assert others
@@ -24,18 +24,17 @@ def test_on_a_terminal_it_goes_on_under_its_last_column(monkeypatch):
 
 def test_a_word_that_is_longer_than_the_terminal_stays_whole(monkeypatch):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    monkeypatch.setattr("auvid_cli.cli.hanging.get_terminal_size", lambda: os.terminal_size((20, 20)))
+    monkeypatch.setattr("auvid_cli.cli.streams.get_terminal_size", lambda: os.terminal_size((20, 20)))
     path = "/a/folder/of/a/long/name/dataset.h5"
     assert path in hanging(f"{path}: 40 s of spiral", 2).splitlines()[0]
 
 
 def test_no_number_of_a_sentence_is_broken_on_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    monkeypatch.setattr("auvid_cli.cli.hanging.get_terminal_size", lambda: os.terminal_size((40, 20)))
-    Terminal(quiet=False, verbose=False).tell("dataset.h5: samples: accelerometer 30001, attitude 30001, dvl 2101")
+    monkeypatch.setattr("auvid_cli.cli.streams.get_terminal_size", lambda: os.terminal_size((40, 20)))
+    sentence = "dataset.h5: samples: accelerometer 30001, attitude 30001, dvl 2101"
+    Terminal(quiet=False, verbose=False).print_wrapped(sentence)
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) > 1
     assert all(len(line) <= 40 for line in lines)
-    assert (
-        " ".join(line.strip() for line in lines) == "dataset.h5: samples: accelerometer 30001, attitude 30001, dvl 2101"
-    )
+    assert " ".join(line.strip() for line in lines) == sentence

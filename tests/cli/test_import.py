@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from auvid_cli.cli.import_log import import_log
+from auvid_cli.cli.data import import_log
 from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
@@ -211,9 +211,9 @@ class Interrupting(MetaPathFinder):
 raised = []
 sys.meta_path.insert(0, Interrupting())
 import typer
-from auvid_cli.cli.import_log import import_log
+from auvid_cli.cli.data import import_log
 try:
-    import_log(map_file="map.yaml")
+    import_log(map_file="map.yaml", quiet=False, verbose=False)
 except typer.Exit as end:
     print(raised, end.exit_code)
 """
@@ -224,7 +224,7 @@ except typer.Exit as end:
 
 def test_command_loads_nothing_heavy_before_it_runs():
     heavy = ("numpy", "pandas", "h5py", "pydantic")
-    code = f"import sys, auvid_cli.cli.import_log; print([name for name in {heavy} if name in sys.modules])"
+    code = f"import sys, auvid_cli.cli.data; print([name for name in {heavy} if name in sys.modules])"
     imported = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert imported.stdout.strip() == "[]"
 

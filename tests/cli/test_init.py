@@ -10,9 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from auvid_cli.api.files import read_dataset
-from auvid_cli.cli import initialising
+from auvid_cli.cli import start
 from auvid_cli.cli.app import app
-from auvid_cli.cli.outline_words import joined
+from auvid_cli.cli.start import joined
 from auvid_cli.data.dataset import Dataset
 
 from .conftest import assert_one_clear_complaint, auvid
@@ -125,7 +125,7 @@ def test_a_number_and_its_unit_may_be_two_words():
 
 
 def test_what_is_missing_is_asked_for_on_a_terminal(tmp_path, monkeypatch):
-    monkeypatch.setattr(initialising, "_is_terminal", lambda: True)
+    monkeypatch.setattr(start, "is_interactive", lambda: True)
     command = ["init", str(tmp_path / "mine"), *MINE[:6], "--mass", "60"]
     result = CliRunner().invoke(app, command, input="wide\n10 cm\n-1\n120 cm^2\n", catch_exceptions=False)
     assert result.exit_code == 0, result.output
@@ -160,7 +160,7 @@ def _read(terminal: int) -> bytes:
 
 
 def test_who_does_not_answer_gets_no_folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(initialising, "_is_terminal", lambda: True)
+    monkeypatch.setattr(start, "is_interactive", lambda: True)
     result = CliRunner().invoke(app, ["init", str(tmp_path / "mine")], input="2 m\n", catch_exceptions=False)
     assert result.exit_code == 130
     assert [*tmp_path.iterdir()] == []

@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from auvid_cli.cli.inspect import inspect
+from auvid_cli.cli.data import inspect
 from auvid_cli.data.dataset_file import write_dataset
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from auvid_cli.cli.list_shipped import Listed
+from auvid_cli.cli.start import Listed
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.shipped import shipped_files
 

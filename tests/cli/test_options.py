@@ -1,11 +1,14 @@
 """What short options stand for."""
 
+from pathlib import Path
+
 import pytest
+import typer
 import yaml
 from typer.testing import CliRunner
 
 from auvid_cli.cli.app import app
-from auvid_cli.cli.options import dataset_path, overrides, spans
+from auvid_cli.cli.options import OutputOptions, TerminalOptions, command, dataset_path, overrides, spans
 from auvid_cli.errors import ConfigError
 
 
@@ -70,3 +73,17 @@ def test_every_command_that_takes_a_dataset_sends_a_log_to_import(command):
     result = CliRunner().invoke(app, command.split())
     assert result.exit_code == 2
     assert "auvid import --suggest dive.csv -o map.yaml" in result.output
+
+
+def test_command_gets_option_groups_and_returns_exit_code():
+    given = []
+
+    @command
+    def show(*, output: OutputOptions, console: TerminalOptions) -> int:
+        given.extend([output, console])
+        return 1
+
+    single = typer.Typer()
+    single.command()(show)
+    assert CliRunner().invoke(single, ["-o", "lake", "--quiet"]).exit_code == 1
+    assert given == [OutputOptions(Path("lake")), TerminalOptions(quiet=True)]

@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from auvid_cli.cli.validate import validate
+from auvid_cli.cli.judge import validate
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.identification import Use
 from auvid_cli.data.dataset_file import read_dataset, write_dataset

@@ -1,0 +1,262 @@
+"""Data and tables without compiled code: imported logs, inspection, comparison of results."""
+
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+
+from auvid_cli.api.arguments import checked
+from auvid_cli.api.files import read_dataset
+from auvid_cli.api.output import Progress, write_and_draw
+from auvid_cli.config.figure_format import FigureFormat
+from auvid_cli.config.log_map import load_map
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.files import keep_apart, write_text
+from auvid_cli.data.replacement import other_run, put_copy, put_dataset, refuse_other_page
+from auvid_cli.data.result_tables import read_result_tables
+from auvid_cli.data.results_folder import dataset_in, folder_of_dataset, folder_of_run, locked, tables_and_figures
+from auvid_cli.data.time_window import within
+from auvid_cli.errors import ConfigError, FileError
+from auvid_cli.evaluation.differences import DEVIATIONS, Comparison, Tolerance, compare_tables
+from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.inspection.inspection import Inspection
+from auvid_cli.logs.convert import Conversion
+from auvid_cli.logs.dataset import dataset_from_logs, recorded_files
+from auvid_cli.logs.formats.open_log import open_log
+from auvid_cli.logs.suggest.suggest import suggest
+
+
+class MappedLogs:
+    """Logs with the map by which they are to be converted; see `import_logs`.
+
+    Parameters
+    ----------
+    map_file : pathlib.Path
+    logs : sequence of str
+
+    Attributes
+    ----------
+    settings : LogMap
+
+    Raises
+    ------
+    ConfigError
+        With all mistakes of the map.
+    """
+
+    def __init__(self, map_file: Path, logs: Sequence[str]) -> None:
+        self.settings, self._tree = load_map(map_file)
+        self._files = self.settings.files(map_file.parent, logs)
+
+    def inputs(self) -> list[Path]:
+        """Return all files that are read."""
+        return [*self._tree.files(), *recorded_files(self._files)]
+
+    def convert(self) -> tuple[Dataset, Conversion]:
+        """Return the dataset, and a summary of what was done.
+
+        Raises
+        ------
+        ConfigError
+            With all places of the map that do not fit the logs.
+        FileError
+            If a log is missing or damaged.
+        """
+        return dataset_from_logs(self.settings, self._tree, self._files)
+
+
+@checked
+def import_logs(map_file: str | Path, *logs: str | Path) -> Dataset:
+    """Convert CSV, NumPy or MATLAB files, ROS bags or ArduPilot logs by a map; see docs/how-to/import-logs.md.
+
+    Parameters
+    ----------
+    map_file : str or pathlib.Path
+        YAML file that says what is what in the logs; ``auvid import --suggest`` writes a first one.
+    *logs : str or pathlib.Path
+        Files in the order of the map's ``logs``, or ``NAME=FILE``. Default: those in the map.
+
+    Returns
+    -------
+    Dataset
+        SI, its time from the first sample on; ``experiment.recording`` says where it comes from and what was
+        remarkable.
+
+    Raises
+    ------
+    ConfigError
+        With all mistakes of the map, and all places where it does not fit the logs.
+    FileError
+        If a log is missing or damaged.
+
+    Examples
+    --------
+    >>> dataset = auvid.import_logs("map.yaml")
+    >>> dataset.experiment.recording.files[0].name
+    'log.csv'
+    """
+    dataset, _ = MappedLogs(Path(map_file), [str(log) for log in logs]).convert()
+    return dataset
+
+
+def import_into(
+    file: Path | None, logs: MappedLogs, overwrite: bool, progress: Progress
+) -> tuple[Path, Dataset, Conversion]:
+    """Convert logs into a dataset file; returns its path, the dataset, and a summary of what was done.
+
+    Raises
+    ------
+    ConfigError
+        If the map does not fit the logs.
+    FileError
+        If a log cannot be read, the dataset cannot be written, or another one is there and `overwrite` is false.
+    """
+    path, inputs = file or dataset_in(folder_of_run(logs.settings.name)), logs.inputs()
+    keep_apart([path], inputs)
+    with progress.stage("read the logs"):
+        dataset, conversion = logs.convert()
+    # Other files may be in folders that are no results folders.
+    in_results_folder = path == dataset_in(path.parent)
+    with progress.stage("write the dataset"), locked(path.parent) if in_results_folder else nullcontext():
+        put_dataset(path, dataset, inputs, overwrite, other_run(path, dataset.experiment))
+    return path, dataset, conversion
+
+
+def suggest_map(logs: Sequence[Path], folder: Path) -> str:
+    """Suggest a map of logs, to be checked and filled in; paths in its text are relative to `folder`.
+
+    Raises
+    ------
+    FileError
+        If a log is missing or damaged.
+    """
+    return suggest([open_log(log) for log in logs], folder)
+
+
+def suggest_into(file: Path | None, logs: Sequence[Path], progress: Progress) -> str:
+    """Suggest a map of logs, and write it to a new file if one is named.
+
+    Raises
+    ------
+    FileError
+        If that file exists: a user may have edited it.
+    """
+    if file is not None and file.exists():
+        raise FileError(f"{file}: exists already; name another file for the suggested map, or remove it")
+    with progress.stage("look at the logs"):
+        text = suggest_map(logs, Path() if file is None else file.parent)
+    if file is not None:
+        write_text(file, text)
+    return text
+
+
+@checked
+def inspect(dataset: Dataset, use: tuple[float, float] | None = None) -> Inspection:
+    """Check recorded data before identification: clocks, gaps, spikes, signs, units, excitation.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its truth is not looked at.
+    use : tuple of float, optional
+        Begin and end, s, of the part to look at. Default: all.
+
+    Returns
+    -------
+    Inspection
+        Its ``checks`` are the verdicts; ``to_pandas()`` makes a table of them.
+
+    Raises
+    ------
+    DataError
+        If there are no data in that part.
+
+    Examples
+    --------
+    >>> verdicts = auvid.inspect(dataset).to_pandas()
+    >>> list(verdicts.columns)
+    ['subject', 'check', 'statistic', 'threshold', 'passed', 'advice']
+    """
+    return inspect_dataset(dataset if use is None else within(dataset, *use))
+
+
+def inspect_into(
+    output: Path | None,
+    path: Path,
+    overrides: Sequence[str],
+    overwrite: bool,
+    figure_formats: Collection[FigureFormat],
+    progress: Progress,
+) -> tuple[Dataset, Inspection, list[Path], Path]:
+    """Inspect a dataset file, and write the verdicts into its results folder.
+
+    Parameters
+    ----------
+    output : pathlib.Path or None
+        Results folder.
+    path : pathlib.Path
+    overrides : sequence of str
+        Settings of the dataset to change; of ``identification.use.spans`` there may be one, and only it is inspected.
+    overwrite, figure_formats, progress
+        As of `run`.
+
+    Returns
+    -------
+    dataset : Dataset
+        The part that was inspected.
+    inspection : Inspection
+    files : list of pathlib.Path
+    page : pathlib.Path
+    """
+    from auvid_cli.report.page.inspection_page import inspection_page
+
+    folder = output or folder_of_dataset(path)
+    page = folder / "inspection.html"
+    with progress.stage("read the dataset"):
+        dataset = read_dataset(path, *overrides)
+    if overrides:
+        spans = dataset.experiment.identification.use.spans
+        if len(spans) != 1:
+            raise ConfigError(f"--use: one part is inspected at a time, and there are {len(spans)}")
+        dataset = within(dataset, *spans[0])
+    files = [path, *dataset.experiment.data_files()]
+    with locked(folder):
+        refuse_other_page(page)
+        put_copy(path, dataset, folder, files, overwrite)
+        keep_apart(tables_and_figures(folder), files)
+        with progress.stage("inspect"):
+            inspection = inspect_dataset(dataset)
+        paths = write_and_draw(
+            folder,
+            {"inspection": inspection.rows()},
+            lambda figures: figures.add_timeline(dataset, inspection),
+            page,
+            lambda: inspection_page(dataset, inspection),
+            figure_formats,
+            progress,
+        )
+        return dataset, inspection, paths, page
+
+
+def compare_results(
+    first: Path, second: Path, relative: float | None, by_column: Mapping[str, float], deviations: float | None
+) -> Comparison:
+    """Compare the tables of two results folders; the second is the reference.
+
+    Parameters
+    ----------
+    first, second : pathlib.Path
+    relative : float or None
+        Share that values may differ by. None: 0.01, and none of estimates.
+    by_column : mapping of float
+        Other shares of some columns.
+    deviations : float or None
+        Standard deviations that an estimate may differ by. None: 0.01.
+
+    Raises
+    ------
+    FileError
+        If a folder has no tables, or a file is another table.
+    """
+    tolerance = Tolerance(relative, by_column, DEVIATIONS if deviations is None else deviations)
+    names = first.resolve().name, second.resolve().name
+    return compare_tables(read_result_tables(first, names[1]), read_result_tables(second, names[0]), tolerance)

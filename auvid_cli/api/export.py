@@ -1,0 +1,279 @@
+"""Identified models and runs for other programs."""
+
+from pathlib import Path
+
+from auvid_cli import __version__
+from auvid_cli.api.arguments import checked
+from auvid_cli.api.files import (
+    estimate_and_file,
+    read_dataset,
+    read_estimate,
+    refuse_estimates_of_others,
+    refuse_to_replace,
+)
+from auvid_cli.api.output import Progress
+from auvid_cli.config.format_name import FormatName
+from auvid_cli.config.load import dump_experiment
+from auvid_cli.config.named import named
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate_file import read_reference
+from auvid_cli.data.files import keep_apart, write_text
+from auvid_cli.data.hdf5 import scan
+from auvid_cli.data.netcdf import digest
+from auvid_cli.data.replacement import refuse_unless
+from auvid_cli.data.results_folder import exported_from, folder_of_estimate
+from auvid_cli.errors import ConfigError, FileError
+from auvid_cli.evaluation.judgement import judge_one
+from auvid_cli.export.formats import FORMATS, check_stem, file_stem
+from auvid_cli.export.heading import doubts_of, reservations
+from auvid_cli.export.losses import loss_lines
+from auvid_cli.export.model import model_found_by
+from auvid_cli.export.recording import RECORDING_LOSSES, topics_of
+
+
+class Export:
+    """An identified model, to be written in one form.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From which the estimate was made.
+    estimate : Estimate
+    target : FormatName
+    source : pathlib.Path or None
+        File of the estimate: the model names it, and the smoother's file next to it judges it. None: in memory.
+
+    Attributes
+    ----------
+    file_name : str
+        By vehicle and filter, with the suffix of the form.
+    remarks : list of str
+        Caveats about the model, and features that the form does not support.
+
+    Raises
+    ------
+    ConfigError
+        If the form is not one of a model.
+    DataError
+        If the filter did not end well.
+    """
+
+    def __init__(self, dataset: Dataset, estimate: Estimate, target: FormatName, source: Path | None) -> None:
+        sha256, reference = ("", None) if source is None else (digest(source), read_reference(source, estimate))
+        if target.is_of_a_run:
+            raise ConfigError(f"{target}: holds a run, not a model; export_run writes it")
+        self._target, self._form = target, FORMATS[target]
+        self._model = model_found_by(estimate, dataset, sha256, reference)
+        self._losses = self._form.losses(self._model)
+        self.file_name = f"{file_stem(self._model.experiment.vehicle.name, self._model.filter)}{self._form.suffix}"
+        self.remarks = [*reservations(self._model), *loss_lines(self._losses)]
+
+    def write(self, file: Path) -> None:
+        """Write the file; an existing one is replaced.
+
+        Raises
+        ------
+        ConfigError
+            If its name cannot be used for this form.
+        FileError
+            If it cannot be written.
+        """
+        write_text(file, self.text(file))
+
+    def text(self, file: Path) -> str:
+        """Return the text of a file of that name.
+
+        Raises
+        ------
+        ConfigError
+            If the name cannot be used for this form.
+        """
+        check_stem(self._target, file.stem)
+        return self._form.file_text(self._model, self._losses, file.stem)
+
+
+@checked
+def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str, file: str | Path | None = None) -> str:
+    """Return an estimate as a model for other programs; its heading lists what the form does not support.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From which the estimate was made.
+    estimate : Estimate, str or pathlib.Path
+        One in memory, or a file, whose SHA-256 the model then names. A coefficient counts as identified if the estimate
+        is sound; that of a filter is judged by the smoother's, in ``smoother.h5`` next to it.
+    target : str
+        ``"yaml"`` (a vehicle file), ``"json"``, ``"python"`` (needs only NumPy), ``"matlab"``, ``"sdf"`` (Gazebo),
+        ``"holoocean"``, ``"simulator"`` (Python Vehicle Simulator) or ``"mss"`` (Marine Systems Simulator).
+    file : str or pathlib.Path, optional
+        To write the model to; an existing file is replaced. Default: nothing is written.
+
+    Returns
+    -------
+    str
+        The text of the model.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such form, or the name of the file cannot be used for it.
+    DataError
+        If the filter did not end well, or the estimate was made from another dataset.
+    FileError
+        If a file cannot be read or written, or the model's is that of the dataset.
+
+    Examples
+    --------
+    >>> text = auvid.export_model(dataset, estimate, "python", "vehicle.py")
+    >>> "def " in text
+    True
+    """
+    form = named(FormatName, target, "form of a model")
+    found, source = estimate_and_file(estimate)
+    refuse_estimates_of_others(dataset, [found])
+    export = Export(dataset, found, form, source)
+    text = export.text(Path(export.file_name if file is None else file))
+    if file is not None:
+        keep_apart([Path(file)], [] if source is None else [source])
+        refuse_to_replace(dataset, Path(file))
+        write_text(Path(file), text)
+    return text
+
+
+class RunExport:
+    """A run, to be written as an MCAP file.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From which the estimate was made.
+    estimate : Estimate
+    source : pathlib.Path or None
+        File of the estimate: the smoother's file next to it judges it. None: in memory.
+
+    Attributes
+    ----------
+    file_name : str
+        By vehicle and filter.
+    remarks : list of str
+        Caveats about the estimate, and data that the file does not hold.
+
+    Raises
+    ------
+    DataError
+        If ROS cannot state the times of the run.
+    """
+
+    def __init__(self, dataset: Dataset, estimate: Estimate, source: Path | None) -> None:
+        experiment = estimate.experiment
+        self._topics = topics_of(dataset, estimate)
+        self._origin = {
+            "made from": f"the dataset with SHA-256 {dataset.sha256}" if dataset.sha256 else "a dataset in memory",
+            "auvid": __version__,
+            "filter": estimate.filter,
+            "status": estimate.status,
+            "settings": dump_experiment(experiment),
+        }
+        self.file_name = f"{file_stem(experiment.vehicle.name, estimate.filter)}.mcap"
+        reference = None if source is None else read_reference(source, estimate)
+        self.remarks = [*doubts_of(judge_one(estimate, reference)), *RECORDING_LOSSES]
+
+    def write(self, file: Path) -> None:
+        """Write the file; an existing one is replaced.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written, or the packages for it are not installed.
+        """
+        from auvid_cli.export.mcap_file import write_mcap
+
+        write_mcap(file, self._topics, self._origin)
+
+
+@checked
+def export_run(dataset: Dataset, estimate: Estimate | str | Path, file: str | Path) -> Path:
+    """Write a run as an MCAP file, for Foxglove, Rerun and ROS 2.
+
+    ``/pose``, ``/velocity``, ``/path`` and ``/tf`` are the estimated motion, dead reckoned from its first place, in the
+    axes of ROS: east, north, up, and forward, port, up (REP 103). ``/states`` has the coefficients and all else that
+    was estimated, ``/innovations/SENSOR`` each measurement minus its prediction, both with standard
+    deviations, SI; ``/truth`` is the true motion, where the dataset has it. It needs the extra ``ros``.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From which the estimate was made.
+    estimate : Estimate, str or pathlib.Path
+        One in memory, or a file. It may have diverged.
+    file : str or pathlib.Path
+        To write to; an existing file is replaced.
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    DataError
+        If the estimate was made from another dataset, or ROS cannot state the times of the run.
+    FileError
+        If a file cannot be read or written, that of the dataset would be replaced, or mcap or rosbags is not installed.
+
+    Examples
+    --------
+    >>> auvid.export_run(dataset, estimate, "dive.mcap").name
+    'dive.mcap'
+    """
+    found, source = estimate_and_file(estimate)
+    refuse_estimates_of_others(dataset, [found])
+    export = RunExport(dataset, found, source)
+    keep_apart([Path(file)], [] if source is None else [source])
+    refuse_to_replace(dataset, Path(file))
+    export.write(Path(file))
+    return Path(file)
+
+
+def export_into(
+    file: Path | None, path: Path, target: FormatName, dataset: Path | None, overwrite: bool, progress: Progress
+) -> tuple[Path, list[str]]:
+    """Write the model or the run of an estimate file; returns the file, and remarks on what it does not hold.
+
+    Parameters
+    ----------
+    file : pathlib.Path or None
+        Default: ``export/VEHICLE_FILTER.*`` next to the dataset.
+    path : pathlib.Path
+        Estimate file.
+    target : FormatName
+    dataset : pathlib.Path or None
+        Dataset file that the estimate was made from. None: dataset.h5 of its results folder.
+    overwrite : bool
+        Whether a file is replaced that was not exported from the same data.
+    progress : Progress
+
+    Raises
+    ------
+    FileError
+        If the dataset is missing or another one, or the file may not be replaced.
+    """
+    folder = folder_of_estimate(path)
+    dataset_file = dataset or folder / "dataset.h5"
+    scan([path, dataset_file])
+    estimate = read_estimate(path)
+    if not dataset_file.is_file():
+        raise FileError(f"{dataset_file}: no such dataset; name the one that {path} was made from with --dataset")
+    data = read_dataset(dataset_file)
+    if data.sha256 != estimate.dataset_sha256:
+        raise FileError(f"{dataset_file}: is not the dataset that {path} was made from; name that one with --dataset")
+    with progress.stage("bounds"):
+        export = RunExport(data, estimate, path) if target.is_of_a_run else Export(data, estimate, target, path)
+    found = file or folder / "export" / export.file_name
+    keep_apart([found], [path, dataset_file])
+    if found.exists() and exported_from(found) != data.sha256:
+        refuse_unless(overwrite, f"{found}: is there, and was not exported from the same data")
+    export.write(found)
+    return found, export.remarks

@@ -1,0 +1,326 @@
+"""Whole steps of the work in a results folder: run, report, check, identifiability, validation."""
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import auvid_cli.identification.observation  # noqa: F401  compiled at import, not while a filter runs
+from auvid_cli.api.arguments import checked
+from auvid_cli.api.evaluation import Evaluator, check, identifiability, predict, prepare
+from auvid_cli.api.files import read_dataset, read_estimate
+from auvid_cli.api.identification import estimate_delays_and_noise, identify_into
+from auvid_cli.api.output import Progress, write_and_draw
+from auvid_cli.api.simulation import simulate_into
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.figure_format import FigureFormat
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.named import named
+from auvid_cli.data.check import Checks
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate_file import read_reference
+from auvid_cli.data.files import keep_apart
+from auvid_cli.data.hdf5 import scan
+from auvid_cli.data.netcdf import digest
+from auvid_cli.data.replacement import put_copy, refuse_other_page
+from auvid_cli.data.results import read_results
+from auvid_cli.data.results_folder import (
+    dataset_in,
+    folder_of_dataset,
+    folder_of_run,
+    locked,
+    page_in,
+    products,
+    remove_former,
+    tables_and_figures,
+)
+from auvid_cli.evaluation.assessment import Identifiability
+from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.report.csv_tables import write_csv_tables
+from auvid_cli.report.figures.draw import FigureQueue, drawing
+from auvid_cli.report.page.identifiability_page import identifiability_page
+from auvid_cli.report.page.run_page import run_page
+from auvid_cli.report.page.validation_page import validation_page
+from auvid_cli.report.page.write_page import write_page
+from auvid_cli.report.write import write_tables
+from auvid_cli.validation.data_leakage import unseen_segments
+from auvid_cli.validation.results import Validation
+
+
+class RunResult(NamedTuple):
+    """A results folder, and what is in it.
+
+    Attributes
+    ----------
+    dataset : Dataset
+    estimates : list of Estimate
+        In the order of the filters.
+    evaluation : Evaluation
+        As of `evaluate`.
+    checks : Checks
+        As of `check`.
+    folder : pathlib.Path
+    files : list of pathlib.Path
+        Tables and figures.
+    page : pathlib.Path
+        The page that shows all.
+    """
+
+    dataset: Dataset
+    estimates: list[Estimate]
+    evaluation: Evaluation
+    checks: Checks
+    folder: Path
+    files: list[Path]
+    page: Path
+
+
+@checked
+def run(
+    experiment: Experiment,
+    output: str | Path | None = None,
+    filters: Sequence[str] | None = None,
+    *,
+    overwrite: bool = False,
+    figure_formats: Sequence[str] = ("png",),
+    inputs: Sequence[Path] = (),
+    progress: Progress | None = None,
+) -> RunResult:
+    """Simulate an experiment, identify with each filter, evaluate, and write all into a results folder.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        See `load_experiment`.
+    output : str or pathlib.Path, optional
+        Results folder. Default: ``results/NAME``.
+    filters : sequence of str, optional
+        Such as ``["ckf", "tukf"]``. Default: those of the settings. The smoother, which judges them, always runs.
+    overwrite : bool, default False
+        Whether results of other settings in the folder are replaced.
+    figure_formats : sequence of str, default ("png",)
+        ``"png"``, ``"pdf"`` or ``"svg"``; at least one.
+    inputs : sequence of pathlib.Path, optional
+        Files that must not be overwritten, such as those of the settings.
+    progress : Progress, optional
+        Its methods are called as the work goes on, see `auvid_cli.api.output`. Default: silent.
+
+    Returns
+    -------
+    RunResult
+        ``dataset``, ``estimates``, ``evaluation``, ``checks``; the ``folder``, its ``page``, and the ``files`` of
+        tables and figures.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such filter or format, or the settings cannot be used.
+    SimulationError
+        If the vehicle leaves the model's validity.
+    DataError
+        If no sensor can be used.
+    FileError
+        If the folder has results of other settings and `overwrite` is false, or a file cannot be written.
+
+    Examples
+    --------
+    >>> experiment = auvid.load_experiment("spiral", "manoeuvre.duration=20 s")
+    >>> result = auvid.run(experiment, "results/short", ["ckf"])
+    >>> [estimate.filter for estimate in result.estimates], result.page.name
+    (['ckf', 'smoother'], 'report.html')
+    """
+    settings, progress = experiment.identification, progress or Progress()
+    names = [named(FilterName, name, "filter") for name in filters or settings.by_default()]
+    formats = [named(FigureFormat, name, "format of a figure") for name in figure_formats]
+    chosen = settings.with_judge(names)
+    settings.check_filters(chosen)
+    folder = folder_of_run(experiment.name) if output is None else Path(output)
+    with locked(folder):
+        refuse_other_page(page_in(folder))
+        keep_apart(products(folder), inputs)
+        with drawing(folder, formats) as figures:
+            dataset = simulate_into(folder, experiment, inputs, overwrite, progress, chosen)
+            prepared = estimate_delays_and_noise(prepare(dataset), progress)
+            evaluator = Evaluator(prepared)
+            # The bounds of the first estimates are found while the slowest filter is still running.
+            estimates = identify_into(folder, prepared, chosen, overwrite, progress, evaluator.find_bounds)
+            return _report(folder, evaluator, estimates, figures, progress)
+
+
+def report(folder: Path, figure_formats: Collection[FigureFormat], progress: Progress) -> RunResult:
+    """Evaluate a results folder, and write its tables, figures and page.
+
+    Raises
+    ------
+    FileError
+        If something is missing or does not belong together, or a file cannot be written.
+    """
+    with locked(folder):
+        refuse_other_page(page_in(folder))
+        dataset, estimates = read_results(folder)
+        with drawing(folder, figure_formats) as figures:
+            return _report(folder, Evaluator(prepare(dataset)), estimates, figures, progress)
+
+
+def _report(
+    folder: Path, evaluator: Evaluator, estimates: list[Estimate], figures: FigureQueue, progress: Progress
+) -> RunResult:
+    dataset = evaluator.dataset
+    figures.add_estimates(dataset, estimates)
+    with progress.stage("evaluate"):
+        evaluation = evaluator.evaluate(estimates)
+    figures.add_free_runs(dataset, evaluation)
+    with progress.stage("check"):
+        checks = evaluator.check(estimates)
+    files = write_tables(evaluation, folder / "tables")
+    files += write_csv_tables({"checks": checks.rows()}, folder / "tables")
+    with progress.stage("page"):
+        # Laid out while other processes draw.
+        page = write_page(run_page(dataset, estimates, evaluation, checks), page_in(folder))
+    with progress.bars("figures") as (advance,):
+        files += figures.finish(advance)
+    remove_former(folder, files)
+    return RunResult(dataset, estimates, evaluation, checks, folder, files, page)
+
+
+def check_into(folder: Path, progress: Progress) -> tuple[Checks, Path]:
+    """Check every estimate of a results folder; returns the verdicts, and the table that they are written to."""
+    with locked(folder):
+        dataset, estimates = read_results(folder)
+        with progress.stage("check"):
+            checks = check(dataset, *estimates)
+        (file,) = write_csv_tables({"checks": checks.rows()}, folder / "tables")
+        return checks, file
+
+
+class BoundsResult(NamedTuple):
+    """Bounds of a dataset, the coefficients they are linearised at, in words, and the files that show them."""
+
+    dataset: Dataset
+    bounds: Identifiability
+    where: str
+    files: list[Path]
+    page: Path
+
+
+def identifiability_into(
+    output: Path | None,
+    data: Path | tuple[Experiment, Sequence[Path]],
+    overrides: Sequence[str],
+    at: Path | None,
+    overwrite: bool,
+    figure_formats: Collection[FigureFormat],
+    progress: Progress,
+) -> BoundsResult:
+    """Find what data tell of each coefficient at best, and write it into a results folder.
+
+    Parameters
+    ----------
+    output : pathlib.Path or None
+        Results folder.
+    data : pathlib.Path, or Experiment and its files
+        A dataset file, or an experiment that is simulated into the folder.
+    overrides : sequence of str
+        Settings of a dataset file to change.
+    at : pathlib.Path or None
+        Estimate file at whose coefficients the bounds hold. None: the true ones, or those of the vehicle file.
+    overwrite, figure_formats, progress
+        As of `run`.
+    """
+    earlier = [] if at is None else [at]
+    folder = output or (folder_of_dataset(data) if isinstance(data, Path) else folder_of_run(data[0].name))
+    page = folder / "identifiability.html"
+    with locked(folder):
+        refuse_other_page(page)
+        if isinstance(data, Path):
+            dataset = read_dataset(data, *overrides)
+            files = [data, *dataset.experiment.data_files(), *earlier]
+            put_copy(data, dataset, folder, files, overwrite)
+        else:
+            experiment, files = data[0], [*data[1], *earlier]
+            dataset = simulate_into(folder, experiment, files, overwrite, progress)
+        keep_apart(tables_and_figures(folder), files)
+        coefficients, where = _coefficients(dataset, at)
+        with progress.stage("sensitivities"):
+            bounds = identifiability(dataset, coefficients)
+        paths = write_and_draw(
+            folder,
+            bounds.tables(),
+            lambda figures: figures.add_identifiability(bounds),
+            page,
+            lambda: identifiability_page(dataset, bounds, where),
+            figure_formats,
+            progress,
+        )
+        return BoundsResult(dataset, bounds, where, paths, page)
+
+
+def _coefficients(dataset: Dataset, estimate: Path | None) -> tuple[dict[str, float] | None, str]:
+    """Return the coefficients of an estimate file, if one is named, and where all come from in words."""
+    if estimate is None:
+        return None, "the true coefficients" if dataset.truth is not None else "those of the vehicle file"
+    earlier, where = read_estimate(estimate), f"those of {estimate}"
+    vehicle = earlier.experiment.vehicle.name
+    if vehicle != dataset.experiment.vehicle.name:
+        where += f", which is of another vehicle ({vehicle})"
+    return earlier.final_coefficients(), where
+
+
+def validate_into(
+    output: Path | None,
+    estimate_file: Path,
+    dataset_files: Sequence[Path],
+    overrides: Sequence[str],
+    anew: bool,
+    overwrite: bool,
+    figure_formats: Collection[FigureFormat],
+    progress: Progress,
+) -> tuple[Validation, list[Path], Path]:
+    """Predict datasets by an estimate, and write the results next to the first; returns these, files, and the page.
+
+    Parameters
+    ----------
+    output : pathlib.Path or None
+        Results folder.
+    estimate_file : pathlib.Path
+    dataset_files : sequence of pathlib.Path
+    overrides : sequence of str
+        Settings of the datasets to change.
+    anew : bool
+        As of `validate`.
+    overwrite, figure_formats, progress
+        As of `run`.
+    """
+    scan([estimate_file, *dataset_files])
+    estimate = read_estimate(estimate_file)
+    datasets = [read_dataset(path, *overrides) for path in dataset_files]
+    with progress.stage("compare with the estimate's own data"):
+        training = _training_dataset(estimate_file, estimate)
+        segments = [part for dataset in datasets for part in unseen_segments(dataset, estimate, training)]
+    folder, inputs = output or folder_of_dataset(dataset_files[0]), [estimate_file, *dataset_files]
+    page = folder / "validation.html"
+    with locked(folder):
+        refuse_other_page(page)
+        put_copy(dataset_files[0], datasets[0], folder, inputs, overwrite)
+        keep_apart(tables_and_figures(folder), inputs)
+        with progress.stage("predict"):
+            reference = read_reference(estimate_file, estimate)
+            validation = predict(segments, estimate, training, anew=anew, reference=reference)
+        paths = write_and_draw(
+            folder,
+            validation.tables(),
+            lambda figures: figures.add_validation(validation),
+            page,
+            lambda: validation_page(validation),
+            figure_formats,
+            progress,
+        )
+        return validation, paths, page
+
+
+def _training_dataset(path: Path, estimate: Estimate) -> Dataset | None:
+    """Read the dataset that an estimate of a results folder was made from, if it is still there."""
+    dataset = dataset_in(path.resolve().parents[1])
+    if dataset.is_file() and digest(dataset) == estimate.dataset_sha256:
+        return read_dataset(dataset)
+    return None

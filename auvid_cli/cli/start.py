@@ -1,0 +1,220 @@
+"""auvid init and list: a folder to begin with, and what ships with auvid."""
+
+import shlex
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from auvid_cli.cli.command_help import Command
+from auvid_cli.cli.options import QuietOption, command
+from auvid_cli.cli.streams import hanging
+from auvid_cli.cli.terminal import Terminal
+from auvid_cli.errors import ConfigError
+
+QUESTIONS = {
+    "length": "Length of the hull, e.g. 2 m",
+    "diameter": "Diameter of the hull, e.g. 20 cm",
+    "mass": "Mass with all water inside, e.g. 60 kg",
+    "fin_span": "Span of one fin from root to tip, e.g. 10 cm",
+    "fin_area": "Area of one fin, e.g. 80 cm^2",
+}
+
+
+def _quantity(metavar: str, text: str) -> typer.models.OptionInfo:
+    return typer.Option(metavar=metavar, help=text, show_default=False)
+
+
+@dataclass(frozen=True)
+class OutlineOptions:
+    """Keys of an outline of a vehicle, as they were written."""
+
+    length: Annotated[str | None, _quantity("LENGTH", "Of the hull, e.g. 2 m.")] = None
+    diameter: Annotated[str | None, _quantity("LENGTH", "Of the hull, e.g. 20 cm.")] = None
+    mass: Annotated[str | None, _quantity("MASS", "With all water inside, e.g. 60 kg.")] = None
+    fin_span: Annotated[str | None, _quantity("LENGTH", "Of one fin from root to tip, e.g. 10 cm.")] = None
+    fin_area: Annotated[str | None, _quantity("AREA", "Of one fin, e.g. 80 cm^2.")] = None
+    fin_position: Annotated[
+        str | None, _quantity("LENGTH", "Of the fins' hinges, from the nose. Default: 94 % of the length.")
+    ] = None
+    fins: Annotated[int | None, _quantity("NUMBER", "Number of fins. Default: 4.")] = None
+    tail: Annotated[str | None, _quantity("+|x", "How they stand. Default: +.")] = None
+    nose: Annotated[str | None, _quantity("LENGTH", "Length of the nose. Default: about a diameter.")] = None
+    tail_length: Annotated[str | None, _quantity("LENGTH", "Of the tapering tail. Default: about 2.5 diameters.")] = (
+        None
+    )
+    speed: Annotated[str | None, _quantity("SPEED", "At which it travels. Default: 1.5 m/s.")] = None
+    density: Annotated[str | None, _quantity("DENSITY", "Of the water. Default: 1025 kg/m^3.")] = None
+
+
+@command
+def init(
+    *,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="New folder.", show_default=False)],
+    outline: OutlineOptions,
+    like: Annotated[
+        str | None, _quantity("NAME", "Start at a vehicle that ships, e.g. remus100, instead of all that.")
+    ] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Make a folder to begin with: a vehicle from a few numbers, sensors, an experiment, a map, and what to do next.
+
+    A number without a unit is SI. What is missing is asked for on a terminal.
+    """
+    from auvid_cli.config.outline import option
+    from auvid_cli.data.files import refuse_filled
+
+    terminal = Terminal(quiet, verbose=False)
+    refuse_filled(folder)
+    options = {key: value for key, value in asdict(outline).items() if value is not None}
+    if like is None:
+        options |= _answers(options)
+    elif others := [option(key) for key in options if key != "speed"]:
+        raise ConfigError(f"--like {like} is a whole vehicle: leave out {', '.join(others)}, or --like")
+    with terminal.compiling():
+        from auvid_cli.api.simulation import new_folder, sanity
+
+    with terminal.stage("make the folder"):
+        first = new_folder(folder, options, like)
+    rows, notes = sanity(first)
+    widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
+    for quantity, value, usual in rows:
+        terminal.print(hanging(f"  {quantity:{widths[0]}}  {value:{widths[1]}}  {usual}", sum(widths) + 6))
+    terminal.print_lines(f"note: {note}" for note in notes)
+    if first.assumed:
+        terminal.print_wrapped(f"assumed: {', '.join(first.assumed)}")
+    terminal.print_wrapped(f"{folder}: {', '.join(first.texts)}")
+    terminal.print(f"next: auvid run {shlex.quote(str(folder))}")
+
+
+def _answers(given: Mapping[str, str | int]) -> dict[str, str]:
+    """Return answers to questions for missing keys.
+
+    Raises
+    ------
+    ConfigError
+        If a key is missing, and there is no terminal to ask on.
+    """
+    from auvid_cli.config.outline import missing_keys, option, units
+
+    missing = missing_keys(given)
+    if missing and not is_interactive():
+        raise ConfigError(
+            f"missing {', '.join(map(option, missing))}; state them, start at a vehicle that ships (--like "
+            "remus100), or answer questions on a terminal"
+        )
+    return {key: _answer(QUESTIONS[key], units()[key]) for key in missing}
+
+
+def is_interactive() -> bool:
+    """Whether a user can see a question and answer it."""
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def _answer(question: str, unit: str) -> str:
+    from auvid_cli.config.quantity import parse_quantity
+
+    def checked(text: str) -> str:
+        try:
+            is_positive = parse_quantity(text, unit) > 0.0
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from None
+        if not is_positive:
+            raise typer.BadParameter("must be greater than 0")
+        return text
+
+    try:
+        return typer.prompt(question, value_proc=checked)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+
+
+class OutlineCommand(Command):
+    """Command whose quantities may be two words: ``--length 2 m``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse words, of which a number and its unit are first joined."""
+        from auvid_cli.config.outline import option, units
+
+        return super().parse_args(ctx, joined(args, {option(key): unit for key, unit in units().items()}))
+
+
+def joined(words: Iterable[str], units: Mapping[str, str]) -> list[str]:
+    """Join a number and its unit where they follow an option that takes such a quantity.
+
+    Parameters
+    ----------
+    words : iterable of str
+    units : mapping
+        SI unit of each option that takes a quantity.
+    """
+    from auvid_cli.config.quantity import NUMBER
+
+    result: list[str] = []
+    for word in words:
+        unit = units.get(result[-2]) if len(result) > 1 else None
+        if unit is not None and NUMBER.fullmatch(result[-1]) and _is_quantity(f"{result[-1]} {word}", unit):
+            result[-1] += f" {word}"
+        else:
+            result.append(word)
+    return result
+
+
+def _is_quantity(text: str, unit: str) -> bool:
+    from auvid_cli.config.quantity import parse_quantity
+
+    try:
+        parse_quantity(text, unit)
+    except ValueError:
+        return False
+    return True
+
+
+class Listed(StrEnum):
+    """Kinds of things that ship with auvid, in the order in which they are listed."""
+
+    EXPERIMENTS = "experiments"
+    VEHICLES = "vehicles"
+    SENSORS = "sensors"
+    MANOEUVRES = "manoeuvres"
+    CAMPAIGNS = "campaigns"
+    FILTERS = "filters"
+
+
+# How to use what is listed.
+USES = {
+    Listed.EXPERIMENTS: "auvid run NAME",
+    Listed.VEHICLES: "vehicle: NAME in an experiment, or --set vehicle=NAME",
+    Listed.SENSORS: "sensors: NAME, or --set sensors=NAME",
+    Listed.MANOEUVRES: "manoeuvre: NAME, or --set manoeuvre=NAME",
+    Listed.CAMPAIGNS: "auvid campaign NAME",
+    Listed.FILTERS: "--filter NAME, or identification.filters",
+}
+
+
+@command
+def list_shipped(
+    *,
+    kinds: Annotated[
+        list[Listed] | None,
+        typer.Argument(metavar="KIND", help=f"{', '.join(Listed)}. Default: all.", show_default=False),
+    ] = None,
+) -> None:
+    """List what ships with auvid: experiments, their parts, campaigns and filters, a line each."""
+    from auvid_cli.config.filter_name import FilterName
+    from auvid_cli.config.shipped import shipped_files
+
+    for kind in kinds or Listed:
+        rows = (
+            [(name.value, name.description) for name in FilterName]
+            if kind is Listed.FILTERS
+            else shipped_files(kind.value)
+        )
+        width = max(len(name) for name, _ in rows)
+        print(f"{kind.value} ({USES[kind]})")
+        for name, description in rows:
+            print(hanging(f"  {name:{width}}  {description}", width + 4))
