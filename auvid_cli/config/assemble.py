@@ -143,10 +143,9 @@ def with_changes(tree: Tree, changes: Iterable[Change], folder: Path) -> tuple[T
                 tree = _with_file(tree, str(path[0]), folder, mistakes)
             tree = tree.put(path, new)
         except ValueError as error:
-            hint = ""
-            if path[:-1] == _LIST_OF_NAMES and not str(path[-1]).isdecimal():
-                hint = "; it is 'all', or a list of those to estimate: a value stands in vehicle.coefficients."
-                hint += str(path[-1])
+            hint, name = "", str(path[-1]) if path else ""
+            if path[:-1] == _LIST_OF_NAMES and not name.isdecimal():
+                hint = f"; it is 'all', or a list of names to estimate; a value belongs to vehicle.coefficients.{name}"
             mistakes.append(Mistake(new.at, path, f"{error}{hint}"))
     for section in SECTIONS:
         tree = _with_file(tree, section, folder, mistakes)

@@ -10,14 +10,14 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import FileError
 
 _LOCK_PATIENCE = 1.0  # s
-_REPORT_FIGURES = ("path", "convergence", "motion_errors", "free_runs", "innovations")
+_REPORT_FIGURES = ("path", "estimates", "convergence", "motion_errors", "free_runs", "innovations")
 _OTHER_FIGURES = (
     *("identifiability_bounds", "identifiability_correlation", "timeline"),
     *("validation_velocities", "validation_attitude", "validation_horizons"),
 )
 _TABLES = (
-    *("coefficients", "summary", "velocity_error", "consistency", "sensor_errors", "faults", "checks", "inspection"),
-    *("identifiability", "collinear", "validation", "manoeuvres", "validation_checks", "tuning", "terms"),
+    *("coefficients", "summary", "table_iv", "velocity_error", "consistency", "sensor_errors", "faults", "checks"),
+    *("inspection", "identifiability", "collinear", "validation", "manoeuvres", "validation_checks", "tuning", "terms"),
 )
 # Beside the dataset, where users keep files of their own as well.
 _PAGES = ("report", "identifiability", "inspection", "validation")

@@ -173,13 +173,14 @@ def table_iv(evaluation: Evaluation) -> dict[str, NamedRows]:
 
 
 def _plain(cell: Cell) -> str | float | None:
+    """Return what a CSV file has for a cell, without marks and standard deviations."""
     match cell:
+        case Unidentified(inner):
+            return _plain(inner)
+        case PlusMinus(value, _):
+            return value
         case Symbol(name) | UnitCell(name):
             return name
-        case Unidentified(PlusMinus(value)) | PlusMinus(value):
-            return value
-        case Unidentified(value):
-            return value
     return cell if isinstance(cell, float) else cell or None
 
 
