@@ -7,9 +7,10 @@ package takes no time.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from auvid_cli._version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from auvid_cli.api.analysis import find_terms, tune
     from auvid_cli.api.data import import_logs, inspect
     from auvid_cli.api.evaluation import check, evaluate, identifiability, validate
     from auvid_cli.api.export import export_model, export_run
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from auvid_cli.api.identification import identify
     from auvid_cli.api.results import run
     from auvid_cli.api.simulation import simulate, vehicle_from_geometry
-    from auvid_cli.api.tuning import find_terms, tune
     from auvid_cli.data.dataset import Dataset
     from auvid_cli.data.estimate import Estimate
 
@@ -44,23 +44,32 @@ __all__ = [
     "write_dataset",
 ]
 _MODULES = {
-    "auvid_cli.api.data": ("import_logs", "inspect"),
-    "auvid_cli.api.evaluation": ("check", "evaluate", "identifiability", "validate"),
-    "auvid_cli.api.export": ("export_model", "export_run"),
-    "auvid_cli.api.files": ("load_experiment", "read_dataset", "read_estimate", "write_dataset"),
-    "auvid_cli.api.identification": ("identify",),
-    "auvid_cli.api.results": ("run",),
-    "auvid_cli.api.simulation": ("simulate", "vehicle_from_geometry"),
-    "auvid_cli.api.tuning": ("find_terms", "tune"),
-    "auvid_cli.data.dataset": ("Dataset",),
-    "auvid_cli.data.estimate": ("Estimate",),
+    "Dataset": "auvid_cli.data.dataset",
+    "Estimate": "auvid_cli.data.estimate",
+    "check": "auvid_cli.api.evaluation",
+    "evaluate": "auvid_cli.api.evaluation",
+    "export_model": "auvid_cli.api.export",
+    "export_run": "auvid_cli.api.export",
+    "find_terms": "auvid_cli.api.analysis",
+    "identifiability": "auvid_cli.api.evaluation",
+    "identify": "auvid_cli.api.identification",
+    "import_logs": "auvid_cli.api.data",
+    "inspect": "auvid_cli.api.data",
+    "load_experiment": "auvid_cli.api.files",
+    "read_dataset": "auvid_cli.api.files",
+    "read_estimate": "auvid_cli.api.files",
+    "run": "auvid_cli.api.results",
+    "simulate": "auvid_cli.api.simulation",
+    "tune": "auvid_cli.api.analysis",
+    "validate": "auvid_cli.api.evaluation",
+    "vehicle_from_geometry": "auvid_cli.api.simulation",
+    "write_dataset": "auvid_cli.api.files",
 }
 
 
 def __getattr__(name: str) -> Any:
-    for module, names in _MODULES.items():
-        if name in names:
-            return getattr(import_module(module), name)
+    if name in _MODULES:
+        return getattr(import_module(_MODULES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

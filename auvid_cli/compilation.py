@@ -159,7 +159,7 @@ class _OnStart(Listener):
 
 
 @contextmanager
-def told_of_compilation(tell: Callable[[], None], tell_of_damage: Callable[[], None]) -> Iterator[None]:
+def on_compilation(tell: Callable[[], None], tell_of_damage: Callable[[], None]) -> Iterator[None]:
     """Call a function whenever something is compiled within a block, and another if its cache is damaged."""
     with install_listener("numba:compile", _OnStart(tell)), install_listener(DAMAGED, _OnStart(tell_of_damage)):
         yield

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from auvid_cli.campaign.findings import in_order
 from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store
+from auvid_cli.campaign.summary import in_order
 from auvid_cli.config.campaign import load_campaign
-from auvid_cli.config.load import find_campaign
+from auvid_cli.config.loading import find_campaign
 
 
 class CampaignRows(NamedTuple):

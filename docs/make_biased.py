@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from auvid_cli.report.notation import filter_label
+from auvid_cli.report.table import filter_label
 from docs.campaign_rows import campaign_rows, fewest
 from docs.section import replace_section
 

@@ -15,18 +15,17 @@ import pandas as pd
 import yaml
 from pydantic import TypeAdapter
 
-from auvid_cli.api.design import Wish, conclude, designing, searching
-from auvid_cli.config.envelope import Envelope
+from auvid_cli.api.design import Requirement, conclude, designing, searching
+from auvid_cli.config.enums import FilterName
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.config.manoeuvre import AnyManoeuvre
+from auvid_cli.config.loading import find_experiment, load_experiment
+from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.design.draws import belief_of_vehicle, drawn_vehicles
 from auvid_cli.design.mission import manoeuvre_yaml
+from auvid_cli.design.problem import belief_of_vehicle, drawn_vehicles
 from auvid_cli.design.trials import sizes_of
-from auvid_cli.identification.identify import identify
-from auvid_cli.report.notation import filter_label
+from auvid_cli.identification.run import identify
+from auvid_cli.report.table import filter_label
 from auvid_cli.simulation.simulate import simulate
 from docs.resumable import EARLIER_SPIRAL, all_rows, asked
 from docs.section import replace_section
@@ -63,7 +62,7 @@ def _experiment(name: str, *overrides: str) -> Experiment:
 def design(name: str, seed: int) -> pd.DataFrame:
     """Find a run for a vehicle: a row for it, and one for the spiral."""
     experiment = _experiment(name, f"seed={seed}")
-    start, wish = monotonic(), Wish(_DURATION, Envelope(), None, None, (), "D", _DRAWS, None)
+    start, wish = monotonic(), Requirement(_DURATION, Envelope(), None, None, (), "D", _DRAWS, None)
     with designing(experiment, wish) as task:
         *_, reached = islice(searching(task), _GENERATIONS)
         minutes, found = (monotonic() - start) / 60.0, conclude(task, reached)

@@ -22,7 +22,7 @@ from auvid_cli.api.data import suggest_map
 from auvid_cli.api.evaluation import judge
 from auvid_cli.api.simulation import simulate_log
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.config.load import dump_experiment, parse_run
+from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from docs.resumable import all_rows, asked

@@ -1,6 +1,6 @@
 """What four published vehicles have of what their shape gives, into docs/theory.md: `python -m docs.make_geometry`."""
 
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.config.vehicle import VehicleSettings
 from docs.section import replace_section
 

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.enums import FilterName
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.evaluation.judgement import judge
-from auvid_cli.identification.identify import identify
-from auvid_cli.report.notation import filter_label
+from auvid_cli.identification.run import identify
+from auvid_cli.report.table import filter_label
 from auvid_cli.simulation.simulate import simulate
 from docs.campaign_rows import campaign_rows
 from docs.section import replace_section

@@ -11,7 +11,7 @@ import pandas as pd
 
 import auvid_cli as auvid
 from auvid_cli.api.evaluation import judge
-from auvid_cli.config.load import dump_experiment, parse_experiment
+from auvid_cli.config.loading import dump_experiment, parse_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError

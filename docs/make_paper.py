@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from auvid_cli.report.notation import filter_label
-from auvid_cli.report.paper import published
+from auvid_cli.report.layout import published
+from auvid_cli.report.table import filter_label
 from docs.campaign_rows import campaign_rows
 from docs.section import replace_section
 
@@ -58,7 +58,7 @@ def difference(runs: pd.DataFrame, first: str, second: str) -> str:
 def table(runs: pd.DataFrame) -> list[str]:
     """Return the lines of the table, a row for each filter."""
     lines = [
-        "| filter | steady-state error %, mean | RMSE / true value, median | rows below the paper's RMSE, median (least) | "
+        "| filter | steady-state error %, mean | RMSE / true value, median | rows below the paper, median (least) | "
         "within 2 sd | farthest, sd | judged sound |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]

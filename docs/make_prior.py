@@ -12,7 +12,7 @@ import pandas as pd
 
 import auvid_cli as auvid
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.config.load import dump_experiment, parse_experiment
+from auvid_cli.config.loading import dump_experiment, parse_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import SimulationError
 from docs.resumable import all_rows, asked

@@ -14,14 +14,13 @@ import yaml
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from auvid_cli.config.assemble import SECTIONS
+from auvid_cli.config.assembly import SECTIONS
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.log_map import LogMap
-from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.config.outline import Outline
-from auvid_cli.config.quantity import EXAMPLES, NUMBER, Amount, Unit, size_of_unit, with_standard_gravity
 from auvid_cli.config.sensors import SensorSettings
+from auvid_cli.config.units import EXAMPLES, NUMBER, Amount, Unit, magnitude_of, size_of_unit, with_standard_gravity
 from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, PARAMETERS, POSITION, SENSORS

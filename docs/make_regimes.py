@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from auvid_cli.campaign.findings import Findings, find
+from auvid_cli.campaign.summary import Findings, find
 from auvid_cli.report.campaign_tables import comparison_sentences
-from auvid_cli.report.notation import setting_text
+from auvid_cli.report.table import setting_text
 from benchmarks.timing import described_machine
 from docs.campaign_rows import campaign_rows
 from docs.section import replace_section

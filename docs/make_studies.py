@@ -12,17 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.enums import FilterName
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.errors import SimulationError
-from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
+from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, sensor_error_results
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.consistency import sensor_consistency, status_of
 from auvid_cli.evaluation.identifiability import assess_dataset
-from auvid_cli.evaluation.sensor_errors import sensor_error_results
-from auvid_cli.identification.identify import identify
+from auvid_cli.evaluation.innovations import sensor_consistency, status_of
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.report.notation import filter_label
+from auvid_cli.identification.run import identify
+from auvid_cli.report.table import filter_label
 from auvid_cli.simulation.simulate import simulate
 from docs.resumable import EARLIER_SPIRAL
 from docs.section import replace_section

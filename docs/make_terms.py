@@ -9,9 +9,8 @@ from dataclasses import replace
 import pandas as pd
 
 import auvid_cli as auvid
-from auvid_cli.identification.prior import natural_magnitude
-from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient
-from auvid_cli.vehicle.term_library import term
+from auvid_cli.identification.states import natural_magnitude
+from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient, term
 from docs.resumable import WIDE_PRIOR, all_rows, asked
 from docs.section import replace_section
 

@@ -30,14 +30,15 @@ if not is_compiled(core.FILTERS[0]):
     _partner.wait()
 
 from auvid_cli.api import evaluation, results
-from auvid_cli.config.experiment import Experiment, FilterName
-from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment, parse_experiment
+from auvid_cli.config.enums import FilterName
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.loading import dump_experiment, find_experiment, load_experiment, parse_experiment
 from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.data import hdf5
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.files import write_text
-from auvid_cli.identification.identify import identify
+from auvid_cli.identification.run import identify
 from auvid_cli.report.figures import draw, workers
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.validation.validate import STARTS

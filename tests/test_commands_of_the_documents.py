@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from auvid_cli.api import campaign
 from auvid_cli.cli.app import app
-from auvid_cli.config import load, shipped
+from auvid_cli.config import loading, shipped
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.start import first_spiral
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
@@ -58,8 +58,8 @@ def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
 def write_log(path: Path) -> None:
     """A CSV file as a vehicle might log it, with all sensors in each row."""
     run = simulate(
-        load.load_experiment(
-            load.find_experiment(None), ("seed=5", "sensors.dvl.rate=100 Hz", "sensors.attitude.source=direct")
+        loading.load_experiment(
+            loading.find_experiment(None), ("seed=5", "sensors.dvl.rate=100 Hz", "sensors.attitude.source=direct")
         )
     )
     columns = {"time": run.inputs.time}
@@ -86,7 +86,7 @@ def test_commands_of_the_readme_and_the_pages_run_in_order_in_one_empty_folder(q
         Path(f"{name}.yaml").write_text(written, encoding="utf-8")
     for k, written in enumerate(FRAGMENT.findall(FENCE.sub("\n", text))):
         Path(f"fragment{k}.yaml").write_text(written, encoding="utf-8")
-        assert load.load_experiment(load.find_experiment(None), [f"fragment{k}.yaml"])
+        assert loading.load_experiment(loading.find_experiment(None), [f"fragment{k}.yaml"])
     done = []
     for block in indented(text):
         if block.startswith("import "):

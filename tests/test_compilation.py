@@ -15,18 +15,18 @@ from numba import types
 import auvid_cli
 from auvid_cli import code_cache
 from auvid_cli.code_cache import CORE
-from auvid_cli.compilation import compiled, told_of_compilation
+from auvid_cli.compilation import compiled, on_compilation
 
 ELSEWHERE = """
 from auvid_cli.compilation import compile_elsewhere, is_compiled, told_of_compilation
-before = is_compiled("auvid_cli.simulation.random_processes")
-code = compile_elsewhere("auvid_cli.simulation.random_processes").wait()
+before = is_compiled("auvid_cli.simulation.imperfections")
+code = compile_elsewhere("auvid_cli.simulation.imperfections").wait()
 told = []
 with told_of_compilation(lambda: told.append(1), list):
-    import auvid_cli.simulation.random_processes
+    import auvid_cli.simulation.imperfections
     after_one = len(told)
     import auvid_cli.filters.problem
-print(before, code, is_compiled("auvid_cli.simulation.random_processes"), after_one, len(told) > 0)
+print(before, code, is_compiled("auvid_cli.simulation.imperfections"), after_one, len(told) > 0)
 """
 
 
@@ -46,7 +46,7 @@ def compiled_again(tmp_path, monkeypatch):
 
     def again():
         told = []
-        with told_of_compilation(lambda: told.append("compiled"), lambda: told.append("damaged")):
+        with on_compilation(lambda: told.append("compiled"), lambda: told.append("damaged")):
             double = compiled(types.int64(types.int64))(_double)
         assert double(21) == 42
         return told
@@ -202,7 +202,7 @@ def test_no_constant_of_a_compiled_function_comes_from_where_the_cache_does_not_
 
 def test_what_few_data_need_is_not_compiled_for_all():
     code = (
-        "import sys, auvid_cli.api.evaluation, auvid_cli.filters.smoother, auvid_cli.identification.identify;"
+        "import sys, auvid_cli.api.evaluation, auvid_cli.filters.smoother, auvid_cli.identification.run;"
         "print([m for m in ('filters.marginal', 'identification.observation') if f'auvid_cli.{m}' in sys.modules])"
     )
     command = [sys.executable, "-c", code]

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.printable import one_line, printable, printable_lines
+from auvid_cli.text import one_line, printable, printable_lines
 
 
 @given(st.text())

@@ -1,16 +1,15 @@
 """Tables of the package are complete: each name that users can write has everything that it needs."""
 
+from auvid_cli.config.enums import FilterName, FormatName
 from auvid_cli.config.extra_states import DELAYS, ERROR_BLOCKS, ERROR_STATES, AugmentedStates, BiasName
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.format_name import FormatName
 from auvid_cli.config.moving_states import FURTHER_STATES, InitialMotion, ProcessNoise
 from auvid_cli.config.sensors import SensorSuite
 from auvid_cli.export.formats import FORMATS
-from auvid_cli.identification.dvl import VELOCITY_ERRORS
 from auvid_cli.identification.faults import DELAY_FAULTS
 from auvid_cli.identification.observation import OBSERVED, linearise, observe
+from auvid_cli.identification.sensors import VELOCITY_ERRORS
 from auvid_cli.report.figures.style import FILTER_STYLES
-from auvid_cli.simulation.sensors import MEASUREMENT_MODELS
+from auvid_cli.simulation.simulate import MEASUREMENT_MODELS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_SYMBOLS, SENSORS, state_of
 
 

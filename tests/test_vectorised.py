@@ -35,18 +35,18 @@ print(json.dumps(counts))
 # LLVM 22; a loop that is vectorised has its scalar twin for what is left over. What a filter's step runs through is
 # bounded from above as well as it can be without running it: a new loop, or a second copy of one, shows.
 KERNELS = {
-    "vehicle.dynamics.motion_derivative": (0.45, 510),
+    "vehicle.equations.motion_derivative": (0.45, 510),
     "filters.sigma_points.draw_points": (0.42, 150),
     "filters.sigma_points.collect_points": (0.62, 250),
     "filters.factor.triangularise": (0.50, 72),
     "filters.factor.carlson_update": (0.24, 38),
-    "filters.information._compress": (0.60, 42),
-    "filters.prediction.predict": (0.55, 500),
-    "filters.measurement.update": (0.50, 640),
+    "filters.least_squares._compress": (0.60, 42),
+    "filters.square_root.predict": (0.55, 500),
+    "filters.sigma_points.update": (0.50, 640),
     "filters.square_root._run": (0.52, 1100),
-    "vehicle.dynamics.runge_kutta_step": (0.45, 101),
-    "vehicle.sensitivity.transition_step": (0.51, 337),
-    "vehicle.sensitivity.motion_jacobian": (0.0, 319),
+    "vehicle.equations.runge_kutta_step": (0.45, 101),
+    "vehicle.jacobian.transition_step": (0.51, 337),
+    "vehicle.jacobian.motion_jacobian": (0.0, 319),
 }
 
 

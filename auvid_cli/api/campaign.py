@@ -8,22 +8,21 @@ from typing import NamedTuple
 
 from auvid_cli.api.output import Progress
 from auvid_cli.campaign.axes import Label
-from auvid_cli.campaign.engine import cluster_client, n_threads, perform_groups
-from auvid_cli.campaign.findings import Findings, find, in_order
-from auvid_cli.campaign.perform import perform, shortened_group
+from auvid_cli.campaign.cluster import cluster_client, n_threads, perform_groups, run_group, shortened_group
 from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store
+from auvid_cli.campaign.summary import Findings, find, in_order
 from auvid_cli.config.campaign import load_campaign
-from auvid_cli.config.figure_format import FigureFormat
-from auvid_cli.config.load import find_campaign
+from auvid_cli.config.enums import FigureFormat
+from auvid_cli.config.loading import find_campaign
 from auvid_cli.data.estimate_file import write_estimate
-from auvid_cli.data.replacement import refuse_other_page
-from auvid_cli.data.results_folder import dataset_in, folder_of_run, locked, page_in
+from auvid_cli.data.files import dataset_in, folder_of_run, locked, page_in
+from auvid_cli.data.results import refuse_other_page
 from auvid_cli.errors import FileError
 from auvid_cli.report.campaign_tables import write_findings
 from auvid_cli.report.figures.draw import drawing
 from auvid_cli.report.page.campaign_page import campaign_page
-from auvid_cli.report.page.write_page import write_page
+from auvid_cli.report.page.render import write_page
 
 # A forecast times a few groups of runs on the first seconds of their data.
 N_PROBES = 6
@@ -132,9 +131,9 @@ def _seconds_of_a_run(plan: CampaignPlan) -> tuple[float | None, str]:
         group, share = shortened_group(example, PROBE_DURATION)
         if not taken:
             # Not timed: the first run also loads modules.
-            perform(group)
+            run_group(group)
         start = perf_counter()
-        performed = perform(group)
+        performed = run_group(group)
         failure = next((result.failure for result in performed if result.failure), "")
         if not failure:
             taken.append((perf_counter() - start) / len(performed) / share)

@@ -5,7 +5,7 @@ The filters know nothing of vehicles, so the halves have no function in common.
 
 FILTERS = (
     "auvid_cli.filters.square_root",
-    "auvid_cli.filters.information",
+    "auvid_cli.filters.least_squares",
     "auvid_cli.filters.smoother",
     "auvid_cli.filters.noise_likelihood",
 )
@@ -14,6 +14,5 @@ FILTERS = (
 def load_vehicles() -> None:
     """Import the compiled modules that concern vehicles; where they must be compiled first, this takes seconds."""
     import auvid_cli.identification.faults
-    import auvid_cli.identification.free_motion
     import auvid_cli.identification.process
     import auvid_cli.simulation.simulate  # noqa: F401

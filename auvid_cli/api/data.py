@@ -7,20 +7,25 @@ from pathlib import Path
 from auvid_cli.api.arguments import checked
 from auvid_cli.api.files import read_dataset
 from auvid_cli.api.output import Progress, write_and_draw
-from auvid_cli.config.figure_format import FigureFormat
+from auvid_cli.config.enums import FigureFormat
 from auvid_cli.config.log_map import load_map
-from auvid_cli.data.dataset import Dataset
-from auvid_cli.data.files import keep_apart, write_text
-from auvid_cli.data.replacement import other_run, put_copy, put_dataset, refuse_other_page
-from auvid_cli.data.result_tables import read_result_tables
-from auvid_cli.data.results_folder import dataset_in, folder_of_dataset, folder_of_run, locked, tables_and_figures
-from auvid_cli.data.time_window import within
+from auvid_cli.data.checks import read_result_tables
+from auvid_cli.data.dataset import Dataset, within
+from auvid_cli.data.files import (
+    check_no_overlap,
+    dataset_in,
+    folder_of_dataset,
+    folder_of_run,
+    locked,
+    tables_and_figures,
+    write_text,
+)
+from auvid_cli.data.results import other_run, put_copy, put_dataset, refuse_other_page
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.evaluation.differences import DEVIATIONS, Comparison, Tolerance, compare_tables
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.inspection import Inspection
-from auvid_cli.logs.convert import Conversion
-from auvid_cli.logs.dataset import dataset_from_logs, recorded_files
+from auvid_cli.logs.convert import Conversion, dataset_from_logs, recorded_files
 from auvid_cli.logs.formats.open_log import open_log
 from auvid_cli.logs.suggest.suggest import suggest
 
@@ -111,7 +116,7 @@ def import_into(
         If a log cannot be read, the dataset cannot be written, or another one is there and `overwrite` is false.
     """
     path, inputs = file or dataset_in(folder_of_run(logs.settings.name)), logs.inputs()
-    keep_apart([path], inputs)
+    check_no_overlap([path], inputs)
     with progress.stage("read the logs"):
         dataset, conversion = logs.convert()
     # Other files may be in folders that are no results folders.
@@ -207,7 +212,7 @@ def inspect_into(
     files : list of pathlib.Path
     page : pathlib.Path
     """
-    from auvid_cli.report.page.inspection_page import inspection_page
+    from auvid_cli.report.page.pages import inspection_page
 
     folder = output or folder_of_dataset(path)
     page = folder / "inspection.html"
@@ -222,7 +227,7 @@ def inspect_into(
     with locked(folder):
         refuse_other_page(page)
         put_copy(path, dataset, folder, files, overwrite)
-        keep_apart(tables_and_figures(folder), files)
+        check_no_overlap(tables_and_figures(folder), files)
         with progress.stage("inspect"):
             inspection = inspect_dataset(dataset)
         paths = write_and_draw(

@@ -13,39 +13,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 import auvid_cli.identification.observation  # noqa: F401  compiled at import, not while a design is searched for
-from auvid_cli import __version__
+from auvid_cli._version import __version__
 from auvid_cli.api.files import read_dataset, read_estimate
 from auvid_cli.api.output import Progress
-from auvid_cli.campaign.engine import cluster_client
+from auvid_cli.campaign.cluster import cluster_client
+from auvid_cli.config.enums import FigureFormat
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.config.figure_format import FigureFormat
-from auvid_cli.config.load import dump_experiment
+from auvid_cli.config.loading import dump_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.files import keep_apart, write_text
+from auvid_cli.data.files import check_no_overlap, write_text
 from auvid_cli.data.netcdf import digest
-from auvid_cli.data.replacement import refuse_unless
+from auvid_cli.data.results import refuse_unless
 from auvid_cli.data.search_file import SearchState, read_search, write_search
-from auvid_cli.design.band import Band, band_of
-from auvid_cli.design.conclusion import Design, conclude
-from auvid_cli.design.mission import (
-    checklist_markdown,
-    inputs_csv,
-    manoeuvre_yaml,
-    timeline_markdown,
-    track_geojson,
-)
+from auvid_cli.design.envelope import Band, band_of
+from auvid_cli.design.mission import checklist_markdown, inputs_csv, manoeuvre_yaml, timeline_markdown, track_geojson
 from auvid_cli.design.posterior import left_out
-from auvid_cli.design.search import Reached, search
-from auvid_cli.design.task import InHand, Task, Wish, band, set_task
+from auvid_cli.design.problem import DesignProblem, InHand, Requirement, band, set_task
+from auvid_cli.design.search import Design, Reached, conclude, search
 from auvid_cli.design.trials import Flight, Map
 from auvid_cli.errors import DataError
-from auvid_cli.evaluation.bounds import information_with_process_noise
-from auvid_cli.evaluation.motion_along import probable_motion
-from auvid_cli.identification.identify import with_noise_settled
+from auvid_cli.evaluation.bounds import information_with_process_noise, probable_motion
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.report.design_screen import sentences
+from auvid_cli.identification.run import resolve_settings
 from auvid_cli.report.figures.draw import drawing
+from auvid_cli.report.screens import sentences
 
 Array = NDArray[np.float64]
 
@@ -91,7 +83,7 @@ def _information(
             f"--given {name}: holds {', '.join(held)}, so that what it says of the others presumes it; hold it here as "
             "well (--set identification.coefficients=...)"
         )
-    about = probable_motion(with_noise_settled(prepare(dataset)), values)
+    about = probable_motion(resolve_settings(prepare(dataset)), values)
     if about is None:
         raise DataError(
             f"--given {name}: no trajectory follows its measurements with the coefficients of this design; name an "
@@ -124,11 +116,11 @@ class Mission(NamedTuple):
 @contextmanager
 def designing(
     experiment: Experiment,
-    wish: Wish,
+    wish: Requirement,
     estimate: Estimate | None = None,
     given: Mapping[str, Dataset] | None = None,
     spread: Map | None = None,
-) -> Iterator[Task]:
+) -> Iterator[DesignProblem]:
     """Set a task that all cores work at, or what else spreads it, see `set_task`.
 
     Parameters
@@ -163,7 +155,7 @@ class SearchLimits(NamedTuple):
 
 
 def search_until(
-    task: Task, limits: SearchLimits, file: Path, key: str, overwrite: bool, progress: Progress
+    task: DesignProblem, limits: SearchLimits, file: Path, key: str, overwrite: bool, progress: Progress
 ) -> Reached:
     """Search for better manoeuvres until the limits are reached, or the user interrupts.
 
@@ -212,18 +204,18 @@ def search_until(
     return latest
 
 
-def searching(task: Task, before: tuple[tuple[float, ...], ...] = ()) -> Iterator[Reached]:
+def searching(task: DesignProblem, before: tuple[tuple[float, ...], ...] = ()) -> Iterator[Reached]:
     """Look for better manoeuvres, without an end, perhaps on from the costs of an earlier search."""
     return search(task.space, task.seen, task.experiment.seed, before)
 
 
-def search_key(experiment: Experiment, wish: Wish, files: Iterable[Path]) -> str:
+def search_key(experiment: Experiment, wish: Requirement, files: Iterable[Path]) -> str:
     """Return the same for the same search: of settings, wishes and the contents of files."""
     parts = [__version__, dump_experiment(experiment), repr(wish), *map(digest, files)]
     return sha256("\n".join(parts).encode()).hexdigest()
 
 
-def mission(task: Task, design: Design, remark: str, origin: tuple[float, float]) -> Mission:
+def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[float, float]) -> Mission:
     """Make the files of a manoeuvre.
 
     Parameters
@@ -266,7 +258,7 @@ class DesignSources(NamedTuple):
 def design_into(
     folder: Path,
     sources: DesignSources,
-    wish: Wish,
+    wish: Requirement,
     limits: SearchLimits,
     scheduler: str | None,
     origin: tuple[float, float],
@@ -300,7 +292,7 @@ def design_into(
     standing = next((path for path in paths if path.exists()), None)
     refuse_unless(overwrite, "" if standing is None else f"{standing} is there already")
     read = [*([] if sources.at is None else [sources.at]), *sources.given]
-    keep_apart([*paths, folder / STATE], [*sources.files, *read])
+    check_no_overlap([*paths, folder / STATE], [*sources.files, *read])
     with ExitStack() as stack:
         spread = None if scheduler is None else stack.enter_context(_spread_over(scheduler))
         estimate = None if sources.at is None else read_estimate(sources.at)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from auvid_cli.api.arguments import checked
 from auvid_cli.api.files import refuse_estimates_of_others
-from auvid_cli.data.check import Checks
+from auvid_cli.data.checks import Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation import evaluate as evaluation

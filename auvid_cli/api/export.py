@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from auvid_cli import __version__
+from auvid_cli._version import __version__
 from auvid_cli.api.arguments import checked
 from auvid_cli.api.files import (
     estimate_and_file,
@@ -12,22 +12,19 @@ from auvid_cli.api.files import (
     refuse_to_replace,
 )
 from auvid_cli.api.output import Progress
-from auvid_cli.config.format_name import FormatName
-from auvid_cli.config.load import dump_experiment
-from auvid_cli.config.named import named
+from auvid_cli.config.enums import FormatName, named
+from auvid_cli.config.loading import dump_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.estimate_file import read_reference
-from auvid_cli.data.files import keep_apart, write_text
+from auvid_cli.data.files import check_no_overlap, exported_from, folder_of_estimate, write_text
 from auvid_cli.data.hdf5 import scan
 from auvid_cli.data.netcdf import digest
-from auvid_cli.data.replacement import refuse_unless
-from auvid_cli.data.results_folder import exported_from, folder_of_estimate
+from auvid_cli.data.results import refuse_unless
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.export.formats import FORMATS, check_stem, file_stem
-from auvid_cli.export.heading import doubts_of, reservations
-from auvid_cli.export.losses import loss_lines
+from auvid_cli.export.losses import caveats, caveats_of, unsupported_lines
 from auvid_cli.export.model import model_found_by
 from auvid_cli.export.recording import RECORDING_LOSSES, topics_of
 
@@ -67,7 +64,7 @@ class Export:
         self._model = model_found_by(estimate, dataset, sha256, reference)
         self._losses = self._form.losses(self._model)
         self.file_name = f"{file_stem(self._model.experiment.vehicle.name, self._model.filter)}{self._form.suffix}"
-        self.remarks = [*reservations(self._model), *loss_lines(self._losses)]
+        self.remarks = [*caveats(self._model), *unsupported_lines(self._losses)]
 
     def write(self, file: Path) -> None:
         """Write the file; an existing one is replaced.
@@ -136,7 +133,7 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     export = Export(dataset, found, form, source)
     text = export.text(Path(export.file_name if file is None else file))
     if file is not None:
-        keep_apart([Path(file)], [] if source is None else [source])
+        check_no_overlap([Path(file)], [] if source is None else [source])
         refuse_to_replace(dataset, Path(file))
         write_text(Path(file), text)
     return text
@@ -178,7 +175,7 @@ class RunExport:
         }
         self.file_name = f"{file_stem(experiment.vehicle.name, estimate.filter)}.mcap"
         reference = None if source is None else read_reference(source, estimate)
-        self.remarks = [*doubts_of(judge_one(estimate, reference)), *RECORDING_LOSSES]
+        self.remarks = [*caveats_of(judge_one(estimate, reference)), *RECORDING_LOSSES]
 
     def write(self, file: Path) -> None:
         """Write the file; an existing one is replaced.
@@ -231,7 +228,7 @@ def export_run(dataset: Dataset, estimate: Estimate | str | Path, file: str | Pa
     found, source = estimate_and_file(estimate)
     refuse_estimates_of_others(dataset, [found])
     export = RunExport(dataset, found, source)
-    keep_apart([Path(file)], [] if source is None else [source])
+    check_no_overlap([Path(file)], [] if source is None else [source])
     refuse_to_replace(dataset, Path(file))
     export.write(Path(file))
     return Path(file)
@@ -272,7 +269,7 @@ def export_into(
     with progress.stage("bounds"):
         export = RunExport(data, estimate, path) if target.is_of_a_run else Export(data, estimate, target, path)
     found = file or folder / "export" / export.file_name
-    keep_apart([found], [path, dataset_file])
+    check_no_overlap([found], [path, dataset_file])
     if found.exists() and exported_from(found) != data.sha256:
         refuse_unless(overwrite, f"{found}: is there, and was not exported from the same data")
     export.write(found)

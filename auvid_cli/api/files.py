@@ -5,10 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from auvid_cli.api.arguments import checked
-from auvid_cli.config import load
-from auvid_cli.config.assemble import Override
+from auvid_cli.config import loading
+from auvid_cli.config.assembly import Override
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.config.load import find_experiment
+from auvid_cli.config.loading import find_experiment
 from auvid_cli.data import dataset_file, estimate_file
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
@@ -44,7 +44,7 @@ def load_experiment(source: str | Path | None = None, *overrides: str) -> Experi
     >>> experiment.manoeuvre.duration
     60.0
     """
-    return load.load_experiment(find_experiment(None if source is None else str(source)), overrides)
+    return loading.load_experiment(find_experiment(None if source is None else str(source)), overrides)
 
 
 @checked

@@ -11,19 +11,16 @@ import auvid_cli.identification.observation  # noqa: F401  compiled at import, n
 from auvid_cli.api.arguments import checked
 from auvid_cli.api.files import read_dataset, refuse_to_replace
 from auvid_cli.api.output import Advance, Progress
+from auvid_cli.config.enums import FilterName, named
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.extra_states import BiasName
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.named import named
-from auvid_cli.config.plausibility import doubts
-from auvid_cli.data.check import Check
+from auvid_cli.config.sanity import doubts
+from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate, EstimateChunk
 from auvid_cli.data.estimate_file import record_estimate
-from auvid_cli.data.files import keep_apart
-from auvid_cli.data.replacement import other_estimates, put_copy, refuse_unless
-from auvid_cli.data.results import read_simulated
-from auvid_cli.data.results_folder import (
+from auvid_cli.data.files import (
+    check_no_overlap,
     estimates_in,
     folder_of_dataset,
     folder_of_run,
@@ -31,12 +28,13 @@ from auvid_cli.data.results_folder import (
     products,
     remove,
 )
+from auvid_cli.data.results import other_estimates, put_copy, read_simulated, refuse_unless
 from auvid_cli.evaluation.judgement import Judgement, judge
-from auvid_cli.identification import identify as filters
+from auvid_cli.identification import run as filters
 from auvid_cli.identification.filter_run import FilterRun
-from auvid_cli.identification.identify import set_up_filters, with_noise_settled
 from auvid_cli.identification.prepared_data import PreparedData, prepare
-from auvid_cli.inspection.unused_sensors import contradictions_of_unused
+from auvid_cli.identification.run import resolve_settings, set_up_filters
+from auvid_cli.inspection.inspect import contradictions_of_unused
 
 
 @checked
@@ -77,7 +75,7 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     if file is None:
         return filters.identify(dataset, name)
     refuse_to_replace(dataset, Path(file))
-    (run,) = filters.set_up_filters(with_noise_settled(prepare(dataset)), [name])
+    (run,) = filters.set_up_filters(resolve_settings(prepare(dataset)), [name])
     return record_estimate(Path(file), run.header, run.run)
 
 
@@ -158,7 +156,7 @@ def estimate_delays_and_noise(prepared: PreparedData, progress: Progress) -> Pre
     if not sought:
         return prepared
     with progress.stage(f"find the {' and the '.join(sought)}"):
-        found = with_noise_settled(prepared)
+        found = resolve_settings(prepared)
     if found.delays is not None:
         values = zip(found.delays.symbols, found.delays.value, found.delays.deviation, strict=True)
         texts = (f"{symbol} {1e3 * value:.1f} ± {1e3 * deviation:.1f} ms" for symbol, value, deviation in values)
@@ -280,10 +278,10 @@ def identify_data_into(
         if isinstance(data, Path):
             dataset = read_dataset(data, *overrides)
             files = dataset.experiment.data_files()
-            keep_apart(products(folder), files)
+            check_no_overlap(products(folder), files)
             put_copy(data, dataset, folder, files, overwrite)
         else:
-            keep_apart(products(folder), data[1])
+            check_no_overlap(products(folder), data[1])
             dataset = read_simulated(folder, data[0])
         settings, vehicle = dataset.experiment.identification, dataset.experiment.vehicle
         chosen = settings.with_judge(filters or settings.by_default())

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from auvid_cli.config.figure_format import FigureFormat
-from auvid_cli.data.named_rows import NamedRows
+from auvid_cli.config.enums import FigureFormat
+from auvid_cli.data.checks import NamedRows
 
 if TYPE_CHECKING:
     from auvid_cli.report.figures.draw import FigureQueue
@@ -48,9 +48,9 @@ def write_and_draw(
     progress: Progress,
 ) -> list[Path]:
     """Write CSV tables, figures and a page into a results folder, and return all files."""
-    from auvid_cli.report.csv_tables import write_csv_tables
     from auvid_cli.report.figures.draw import drawing
-    from auvid_cli.report.page.write_page import write_page
+    from auvid_cli.report.page.render import write_page
+    from auvid_cli.report.text_tables import write_csv_tables
 
     paths = write_csv_tables(tables, folder / "tables")
     with drawing(folder, figure_formats) as figures, progress.bars("figures") as (advance,):

@@ -11,20 +11,14 @@ from auvid_cli.api.files import read_dataset, read_estimate
 from auvid_cli.api.identification import estimate_delays_and_noise, identify_into
 from auvid_cli.api.output import Progress, write_and_draw
 from auvid_cli.api.simulation import simulate_into
+from auvid_cli.config.enums import FigureFormat, FilterName, named
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.config.figure_format import FigureFormat
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.named import named
-from auvid_cli.data.check import Checks
+from auvid_cli.data.checks import Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.estimate_file import read_reference
-from auvid_cli.data.files import keep_apart
-from auvid_cli.data.hdf5 import scan
-from auvid_cli.data.netcdf import digest
-from auvid_cli.data.replacement import put_copy, refuse_other_page
-from auvid_cli.data.results import read_results
-from auvid_cli.data.results_folder import (
+from auvid_cli.data.files import (
+    check_no_overlap,
     dataset_in,
     folder_of_dataset,
     folder_of_run,
@@ -34,15 +28,16 @@ from auvid_cli.data.results_folder import (
     remove_former,
     tables_and_figures,
 )
+from auvid_cli.data.hdf5 import scan
+from auvid_cli.data.netcdf import digest
+from auvid_cli.data.results import put_copy, read_results, refuse_other_page
 from auvid_cli.evaluation.assessment import Identifiability
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.csv_tables import write_csv_tables
 from auvid_cli.report.figures.draw import FigureQueue, drawing
-from auvid_cli.report.page.identifiability_page import identifiability_page
-from auvid_cli.report.page.run_page import run_page
-from auvid_cli.report.page.validation_page import validation_page
-from auvid_cli.report.page.write_page import write_page
-from auvid_cli.report.write import write_tables
+from auvid_cli.report.layout import write_tables
+from auvid_cli.report.page.pages import identifiability_page, run_page, validation_page
+from auvid_cli.report.page.render import write_page
+from auvid_cli.report.text_tables import write_csv_tables
 from auvid_cli.validation.data_leakage import unseen_segments
 from auvid_cli.validation.results import Validation
 
@@ -137,7 +132,7 @@ def run(
     folder = folder_of_run(experiment.name) if output is None else Path(output)
     with locked(folder):
         refuse_other_page(page_in(folder))
-        keep_apart(products(folder), inputs)
+        check_no_overlap(products(folder), inputs)
         with drawing(folder, formats) as figures:
             dataset = simulate_into(folder, experiment, inputs, overwrite, progress, chosen)
             prepared = estimate_delays_and_noise(prepare(dataset), progress)
@@ -239,7 +234,7 @@ def identifiability_into(
         else:
             experiment, files = data[0], [*data[1], *earlier]
             dataset = simulate_into(folder, experiment, files, overwrite, progress)
-        keep_apart(tables_and_figures(folder), files)
+        check_no_overlap(tables_and_figures(folder), files)
         coefficients, where = _coefficients(dataset, at)
         with progress.stage("sensitivities"):
             bounds = identifiability(dataset, coefficients)
@@ -302,7 +297,7 @@ def validate_into(
     with locked(folder):
         refuse_other_page(page)
         put_copy(dataset_files[0], datasets[0], folder, inputs, overwrite)
-        keep_apart(tables_and_figures(folder), inputs)
+        check_no_overlap(tables_and_figures(folder), inputs)
         with progress.stage("predict"):
             reference = read_reference(estimate_file, estimate)
             validation = predict(segments, estimate, training, anew=anew, reference=reference)

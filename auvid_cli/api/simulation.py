@@ -6,24 +6,23 @@ from typing import Any
 
 from auvid_cli.api.arguments import checked
 from auvid_cli.api.output import Progress
+from auvid_cli.config.enums import FilterName
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import parse_drawing
+from auvid_cli.config.loading import parse_drawing
 from auvid_cli.config.outline import outline_of_options
-from auvid_cli.config.quantity import parse_quantity
+from auvid_cli.config.units import parse_quantity
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
-from auvid_cli.data.files import keep_apart, write_folder, write_text
+from auvid_cli.data.files import check_no_overlap, dataset_in, estimates_in, locked, write_folder, write_text
 from auvid_cli.data.hdf5 import begin_scan
 from auvid_cli.data.netcdf import digest
-from auvid_cli.data.replacement import other_estimates, other_run, put_dataset, refuse_unless
-from auvid_cli.data.results_folder import dataset_in, estimates_in, locked
+from auvid_cli.data.results import other_estimates, other_run, put_dataset, refuse_unless
 from auvid_cli.errors import ConfigError
 from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
 from auvid_cli.simulation import simulate as simulation
 from auvid_cli.simulation.field_log import field_log
 from auvid_cli.start.first_folder import FirstFolder, folder_like, folder_of_outline
-from auvid_cli.start.sanity import SanityRow, sanity_notes, sanity_rows
+from auvid_cli.start.first_spiral import SanityRow, sanity_notes, sanity_rows
 
 
 @checked
@@ -124,7 +123,7 @@ def simulate_log_into(
         with progress.stage("simulate"):
             texts = {folder / name: text for name, text in simulate_log(experiment).items()}
         refuse_unless(overwrite, next((f"{path}: exists already" for path in texts if path.exists()), ""))
-        keep_apart(texts, inputs)
+        check_no_overlap(texts, inputs)
         for path, text in texts.items():
             write_text(path, text)
         return [*texts]

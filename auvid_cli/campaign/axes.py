@@ -1,18 +1,35 @@
-"""What varies in a campaign: each axis as its options, an option as what it sets for a seed."""
+"""Axes of a campaign, and how its runs ended."""
 
 import json
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from auvid_cli.config.assemble import Change
+from auvid_cli.config.assembly import Change
 from auvid_cli.config.campaign import CampaignAxis, Distribution
-from auvid_cli.config.position import KeyPath, Mistake, mistakes_text
-from auvid_cli.config.tree import Tree
+from auvid_cli.config.source_positions import KeyPath, Mistake, Tree, mistakes_text
 from auvid_cli.errors import ConfigError
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Label: TypeAlias = str | float | int | bool
+
+
+def ended(rows: "pd.DataFrame") -> "pd.Series":
+    """Say whether a row is of a run that came to the end of its data."""
+    return rows["status"].str.startswith(("completed", "inconsistent"))
+
+
+def failed(rows: "pd.DataFrame") -> "pd.Series":
+    """Say whether a row is of a run that could not be done at all."""
+    return rows["status"].str.startswith("failed")
+
+
+def diverged(rows: "pd.DataFrame") -> "pd.Series":
+    """Say whether a row is of a run whose filter did not come to the end of its data."""
+    return ~ended(rows) & ~failed(rows)
 
 
 class Option(NamedTuple):

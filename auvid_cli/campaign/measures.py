@@ -9,7 +9,7 @@ from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, normalised_estimation_error
-from auvid_cli.evaluation.consistency import status_of
+from auvid_cli.evaluation.innovations import status_of
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.vehicle.parameters import MOTION
 
@@ -31,7 +31,7 @@ class Measure(NamedTuple):
     name, unit : str
         Of a coefficient or motion state, SI; of a sensor.
     status : str
-        Of the run: "completed", or what was wrong, as `auvid_cli.evaluation.consistency.status_of` says it.
+        Of the run: "completed", or what was wrong, as `auvid_cli.evaluation.innovations.status_of` says it.
     grade, reason : str
         What its estimate is worth, and what stands against it; see `auvid_cli.evaluation.judgement`.
     true, estimate, standard_deviation : float or None

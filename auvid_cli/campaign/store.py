@@ -14,12 +14,11 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from auvid_cli.campaign.axes import Label
+from auvid_cli.campaign.cluster import Performed
 from auvid_cli.campaign.measures import Measure
-from auvid_cli.campaign.perform import Performed
 from auvid_cli.campaign.plan import CampaignRun
-from auvid_cli.data.csv_text import csv_text, csv_value
-from auvid_cli.data.damage import refusing_damage
-from auvid_cli.data.files import replacing, write_text
+from auvid_cli.data.checks import csv_text, csv_value
+from auvid_cli.data.files import refusing_damage, replacing, write_text
 from auvid_cli.errors import FileError
 from auvid_cli.regular import check_regular
 

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from auvid_cli import __version__
+from auvid_cli._version import __version__
 from auvid_cli.cli.campaign import campaign
 from auvid_cli.cli.command_help import BOTH_HELPS, Command, Group, examples_text, paragraphs
 from auvid_cli.cli.data import export, import_log, inspect

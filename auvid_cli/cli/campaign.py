@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from auvid_cli.cli.completion import complete_campaign
-from auvid_cli.cli.options import FigureOptions, TerminalOptions, command
+from auvid_cli.cli.options import FigureOptions, TerminalOptions, command, complete_campaign
 from auvid_cli.cli.streams import DONE, VERDICT_FAILED
 from auvid_cli.errors import ConfigError
 

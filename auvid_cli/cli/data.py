@@ -18,7 +18,7 @@ from auvid_cli.cli.options import (
 )
 from auvid_cli.cli.streams import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import interrupts_deferred
-from auvid_cli.config.format_name import FormatName
+from auvid_cli.config.enums import FormatName
 from auvid_cli.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def import_log(
     """Convert a vehicle's logs to a dataset, or suggest the map by which to do so."""
     with interrupts_deferred():
         from auvid_cli.api.data import MappedLogs, import_into, suggest_into
-        from auvid_cli.report.import_report import print_import_report
+        from auvid_cli.report.screens import print_import_report
 
     terminal = console.terminal()
     if suggest and map_file is not None:

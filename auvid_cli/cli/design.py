@@ -14,13 +14,13 @@ from auvid_cli.cli.options import (
     command,
     refuse_log,
 )
-from auvid_cli.config.figure_format import FigureFormat
+from auvid_cli.config.enums import FigureFormat
 from auvid_cli.errors import ConfigError
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-    from auvid_cli.config.envelope import Envelope
+    from auvid_cli.config.manoeuvre import Envelope
 
 
 def _limit(name: str, what: str) -> typer.models.OptionInfo:
@@ -142,13 +142,13 @@ def design(
     if wish.criterion not in ("D", "worst"):
         raise ConfigError(f"--criterion {wish.criterion}: expected D or worst")
     with terminal.compiling():
-        from auvid_cli.api.design import DesignSources, SearchLimits, Wish, design_into
-        from auvid_cli.report.design_screen import print_design
+        from auvid_cli.api.design import DesignSources, Requirement, SearchLimits, design_into
+        from auvid_cli.report.screens import print_design
 
     result, written = design_into(
         output,
         DesignSources(loaded, files, wish.at, wish.given or []),
-        Wish(
+        Requirement(
             duration,
             envelope,
             fin_angle,
@@ -177,7 +177,7 @@ def _quantity(option: str, text: str, unit: str, below: float = float("inf")) ->
     ConfigError
         If it is not such a quantity.
     """
-    from auvid_cli.config.quantity import parse_quantity
+    from auvid_cli.config.units import parse_quantity
 
     try:
         value = parse_quantity(text, unit)
@@ -199,7 +199,7 @@ def _envelope(**limits: str | None) -> "Envelope":
     """
     from pydantic import ValidationError
 
-    from auvid_cli.config.envelope import Envelope
+    from auvid_cli.config.manoeuvre import Envelope
 
     try:
         return Envelope.model_validate({name: text for name, text in limits.items() if text is not None})
@@ -209,7 +209,7 @@ def _envelope(**limits: str | None) -> "Envelope":
 
 def _complaint(model: "type[Envelope]", error: "ErrorDetails") -> str:
     from auvid_cli.config.locate import LIMITS
-    from auvid_cli.config.quantity import Unit
+    from auvid_cli.config.units import Unit
 
     name, limit = str(error["loc"][0]), LIMITS.get(error["type"])
     if limit is None:
@@ -226,7 +226,7 @@ def _origin(text: str) -> tuple[float, float]:
     ConfigError
         If the text is anything else.
     """
-    from auvid_cli.config.quantity import parse_number
+    from auvid_cli.config.units import parse_number
 
     try:
         latitude, longitude = (parse_number(part) for part in text.split(","))

@@ -82,7 +82,7 @@ def simulate(
     dry_run: DryRunOption = False,
 ) -> int:
     """Simulate an experiment's vehicle and sensors into results/NAME/dataset.h5."""
-    from auvid_cli.data.results_folder import folder_of_run
+    from auvid_cli.data.files import folder_of_run
 
     loaded, files = experiment.load()
     if dry_run:
@@ -122,7 +122,7 @@ def identify(
     terminal = console.terminal()
     with terminal.compiling():
         from auvid_cli.api.identification import identify_data_into
-        from auvid_cli.report.judgements import contradiction_sentences, judgement_sentences
+        from auvid_cli.report.shared_checks import contradiction_sentences, judgement_sentences
 
     result = identify_data_into(output.output, data, changes, filters, output.overwrite, terminal)
     terminal.print_lines(judgement_sentences(result.judgements, with_sound=True))
@@ -152,7 +152,7 @@ def report(
 
 
 def _print_settings(experiment: "RunSettings") -> int:
-    from auvid_cli.config.load import dump_experiment
+    from auvid_cli.config.loading import dump_experiment
 
     print(dump_experiment(experiment), end="")
     return DONE

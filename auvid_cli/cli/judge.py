@@ -114,7 +114,7 @@ def validate(
     changes, terminal = overrides(None, use=use), console.terminal()
     with terminal.compiling():
         from auvid_cli.api.results import validate_into
-        from auvid_cli.report.validation_screen import print_validation
+        from auvid_cli.report.screen import print_validation
 
     validation, files, page = validate_into(
         output.output, estimate_file, dataset_files, changes, anew, output.overwrite, figures.formats, terminal

@@ -1,6 +1,6 @@
-"""Arguments and options that commands share, grouped by idea, and the decorator that puts them into a command."""
+"""Options that several commands share, and their completion."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -9,35 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from auvid_cli.cli.completion import complete_data, complete_experiment, complete_setting
 from auvid_cli.cli.streams import DONE
 from auvid_cli.cli.terminal import Terminal, reporting_errors
-from auvid_cli.config.figure_format import FigureFormat
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FigureFormat, FilterName
+from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.errors import ConfigError
 
 if TYPE_CHECKING:
     from auvid_cli.config.experiment import Experiment
 
-
-ExperimentArgument = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="EXPERIMENT",
-        help="Experiment file, folder with an experiment.yaml, or the name of one that ships. Default: the spiral.",
-        autocompletion=complete_experiment,
-        show_default=False,
-    ),
-]
-DataArgument = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="EXPERIMENT|DATASET",
-        help="Experiment whose dataset has been simulated, or a dataset file (.h5). Default: the spiral.",
-        autocompletion=complete_data,
-        show_default=False,
-    ),
-]
+_SETTINGS, _DATASETS = (".yaml", ".yml"), (".h5", ".hdf5")
 DatasetArgument = Annotated[
     Path,
     typer.Argument(metavar="DATASET", help="Dataset file (.h5): results/NAME/dataset.h5 after `auvid import`."),
@@ -57,16 +38,6 @@ FilterOption = Annotated[
         show_default=False,
     ),
 ]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE|FILE",
-        help='Override a setting, e.g. --set sensors.dvl.rate="5 Hz", or those in a YAML file; repeatable.',
-        autocompletion=complete_setting,
-        show_default=False,
-    ),
-]
 SeedOption = Annotated[
     int | None,
     typer.Option(
@@ -80,6 +51,93 @@ UseOption = Annotated[
         metavar="BEGIN:END",
         help="Use only this time of the data, s; without BEGIN or END as far as they reach. Repeatable; each starts "
         "with a motion of its own.",
+        show_default=False,
+    ),
+]
+OverwriteOption = Annotated[
+    bool,
+    typer.Option("--overwrite", help="Replace what stands in the way, with all that was made from it."),
+]
+OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in a browser when all is done.")]
+FigureFormatOption = Annotated[
+    list[FigureFormat] | None,
+    typer.Option(
+        "--figure-format",
+        metavar="FORMAT",
+        help=f"Write figures as {', '.join(FigureFormat)}; repeatable. Default: png.",
+        show_default=False,
+    ),
+]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and stop.")]
+_LOGS = (".csv", ".csv.gz", ".npz", ".mat", ".bag", ".mcap", ".db3", ".bin", ".tlog", ".ulg", ".lsf", ".alog")
+
+
+_KEYS = Path(__file__).with_name("setting_keys.txt")
+
+
+def complete_experiment(incomplete: str) -> list[str]:
+    """List shipped experiments and settings files of this folder that begin so."""
+    return _beginning(incomplete, _shipped("."), _files_here(_SETTINGS))
+
+
+def complete_data(incomplete: str) -> list[str]:
+    """List shipped experiments, settings files and datasets of this folder that begin so."""
+    return _beginning(incomplete, _shipped("."), _files_here((*_SETTINGS, *_DATASETS)))
+
+
+def complete_campaign(incomplete: str) -> list[str]:
+    """List shipped campaigns and settings files of this folder that begin so."""
+    return _beginning(incomplete, _shipped("campaigns"), _files_here(_SETTINGS))
+
+
+def complete_setting(incomplete: str) -> list[str]:
+    """List keys of an experiment and settings files of this folder that begin so."""
+    keys = _KEYS.read_text(encoding="utf-8").split()
+    return _beginning(incomplete, (f"{key}=" for key in keys), _files_here(_SETTINGS))
+
+
+def _beginning(incomplete: str, *offers: Iterable[str]) -> list[str]:
+    return [name for names in offers for name in names if name.startswith(incomplete)]
+
+
+def _shipped(folder: str) -> list[str]:
+    return sorted(path.stem for path in (shipped_configs() / folder).glob("*.yaml"))
+
+
+def _files_here(suffixes: tuple[str, ...]) -> list[str]:
+    return sorted(path.name for path in Path().iterdir() if path.suffix in suffixes)
+
+
+ExperimentArgument = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="EXPERIMENT",
+        help="Experiment file, folder with an experiment.yaml, or the name of one that ships. Default: the spiral.",
+        autocompletion=complete_experiment,
+        show_default=False,
+    ),
+]
+
+
+DataArgument = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="EXPERIMENT|DATASET",
+        help="Experiment whose dataset has been simulated, or a dataset file (.h5). Default: the spiral.",
+        autocompletion=complete_data,
+        show_default=False,
+    ),
+]
+
+
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE|FILE",
+        help='Override a setting, e.g. --set sensors.dvl.rate="5 Hz", or those in a YAML file; repeatable.',
+        autocompletion=complete_setting,
         show_default=False,
     ),
 ]
@@ -103,22 +161,6 @@ OutputOption = Annotated[
         show_default=False,
     ),
 ]
-OverwriteOption = Annotated[
-    bool,
-    typer.Option("--overwrite", help="Replace what stands in the way, with all that was made from it."),
-]
-OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in a browser when all is done.")]
-FigureFormatOption = Annotated[
-    list[FigureFormat] | None,
-    typer.Option(
-        "--figure-format",
-        metavar="FORMAT",
-        help=f"Write figures as {', '.join(FigureFormat)}; repeatable. Default: png.",
-        show_default=False,
-    ),
-]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and stop.")]
 
 
 def command(function: Callable[..., int | None]) -> Callable[..., None]:
@@ -176,7 +218,7 @@ class ExperimentOptions:
         ConfigError
             With every mistake in its settings.
         """
-        from auvid_cli.config.load import find_experiment, load_with_files
+        from auvid_cli.config.loading import find_experiment, load_with_files
 
         refuse_log(self.experiment)
         return load_with_files(find_experiment(self.experiment), overrides(self.settings, self.seed))
@@ -190,7 +232,7 @@ def dataset_or_experiment(source: str | None, changes: tuple[str, ...]) -> "Path
     ConfigError
         If its name is that of a log, or the settings of the experiment have mistakes.
     """
-    from auvid_cli.config.load import find_experiment, load_with_files
+    from auvid_cli.config.loading import find_experiment, load_with_files
 
     return dataset_path(source) or load_with_files(find_experiment(source), changes)
 
@@ -253,9 +295,6 @@ class VerdictTerminalOptions(TerminalOptions):
     ] = False
 
 
-_LOGS = (".csv", ".csv.gz", ".npz", ".mat", ".bag", ".mcap", ".db3", ".bin", ".tlog", ".ulg", ".lsf", ".alog")
-
-
 def refuse_log(source: str | Path | None) -> None:
     """Refuse a log where a dataset or an experiment is expected.
 
@@ -299,7 +338,7 @@ def spans(texts: list[str]) -> str:
     ConfigError
         If a span is not BEGIN:END with BEGIN earlier than END.
     """
-    from auvid_cli.config.quantity import parse_quantity
+    from auvid_cli.config.units import parse_quantity
 
     pairs = []
     for span in texts:

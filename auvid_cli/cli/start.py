@@ -116,7 +116,7 @@ def is_interactive() -> bool:
 
 
 def _answer(question: str, unit: str) -> str:
-    from auvid_cli.config.quantity import parse_quantity
+    from auvid_cli.config.units import parse_quantity
 
     def checked(text: str) -> str:
         try:
@@ -152,7 +152,7 @@ def joined(words: Iterable[str], units: Mapping[str, str]) -> list[str]:
     units : mapping
         SI unit of each option that takes a quantity.
     """
-    from auvid_cli.config.quantity import NUMBER
+    from auvid_cli.config.units import NUMBER
 
     result: list[str] = []
     for word in words:
@@ -165,7 +165,7 @@ def joined(words: Iterable[str], units: Mapping[str, str]) -> list[str]:
 
 
 def _is_quantity(text: str, unit: str) -> bool:
-    from auvid_cli.config.quantity import parse_quantity
+    from auvid_cli.config.units import parse_quantity
 
     try:
         parse_quantity(text, unit)
@@ -205,7 +205,7 @@ def list_shipped(
     ] = None,
 ) -> None:
     """List what ships with auvid: experiments, their parts, campaigns and filters, a line each."""
-    from auvid_cli.config.filter_name import FilterName
+    from auvid_cli.config.enums import FilterName
     from auvid_cli.config.shipped import shipped_files
 
     for kind in kinds or Listed:

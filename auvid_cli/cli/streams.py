@@ -7,7 +7,7 @@ from io import TextIOWrapper
 from shutil import get_terminal_size
 from typing import TextIO
 
-from auvid_cli.printable import printable_lines
+from auvid_cli.text import printable_lines
 
 DONE = 0
 VERDICT_FAILED = 1

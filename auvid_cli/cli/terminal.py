@@ -84,7 +84,7 @@ class Terminal(Progress):
     """
 
     def __init__(self, quiet: bool, verbose: bool) -> None:
-        from auvid_cli.report.console import PlainConsole
+        from auvid_cli.report.screen_table import PlainConsole
 
         self.quiet = quiet
         self.verbose = verbose and not quiet
@@ -115,7 +115,7 @@ class Terminal(Progress):
 
     def print_sanity_warnings(self, vehicle: "VehicleSettings") -> None:
         """Print a line for each implausible number of a vehicle."""
-        from auvid_cli.config.plausibility import doubts
+        from auvid_cli.config.sanity import doubts
 
         for doubt in doubts(vehicle):
             self.print_wrapped(f"note: vehicle {vehicle.name}: {doubt}")
@@ -151,7 +151,7 @@ class Terminal(Progress):
         numba swallows an interrupt or fails on it, so while it compiles one ends the process at once. Imports may
         swallow it as well, so before that it waits until all is loaded, which takes less than a second.
         """
-        from auvid_cli.compilation import told_of_compilation
+        from auvid_cli.compilation import on_compilation
 
         before = {number: signal.signal(number, self._interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
@@ -166,7 +166,7 @@ class Terminal(Progress):
                     if self._interrupted:
                         self._leave_at_once()
 
-                with told_of_compilation(print_compiling, self._on_damaged_cache):
+                with on_compilation(print_compiling, self._on_damaged_cache):
                     yield print_compiling
                 if self._interrupted == signal.SIGINT:
                     raise KeyboardInterrupt

@@ -35,8 +35,8 @@ def tune(
     refuse_log(dataset)
     changes, terminal = settings.overrides(), console.terminal()
     with terminal.compiling():
-        from auvid_cli.api.tuning import tune_into
-        from auvid_cli.report.tuning_screen import choice_text, print_tuning
+        from auvid_cli.api.analysis import tune_into
+        from auvid_cli.report.screen import choice_text, print_tuning
 
     result = tune_into(output.output, dataset, changes, output.overwrite, terminal, sensors, disturbance)
     print_tuning(terminal.out, result.tuning, *result.fits)
@@ -70,8 +70,8 @@ def terms(
     refuse_log(dataset)
     changes, terminal = settings.overrides(), console.terminal()
     with terminal.compiling():
-        from auvid_cli.api.tuning import find_terms_into
-        from auvid_cli.report.term_screen import print_terms
+        from auvid_cli.api.analysis import find_terms_into
+        from auvid_cli.report.screens import print_terms
 
     result = find_terms_into(output.output, dataset, changes, output.overwrite, terminal, any_symmetry, most)
     print_terms(terminal.out, result.findings)

@@ -7,12 +7,11 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.assemble import Override, assemble
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import as_yaml, open_source, validated
-from auvid_cli.config.position import Mistake, dotted
+from auvid_cli.config.assembly import Override, assemble
+from auvid_cli.config.enums import FilterName
+from auvid_cli.config.loading import as_yaml, open_source, validated
 from auvid_cli.config.settings import Settings
-from auvid_cli.config.tree import Tree
+from auvid_cli.config.source_positions import Mistake, Tree, dotted
 
 # A value of any setting, as YAML gives it; the experiment judges it.
 AnyValue: TypeAlias = Any

@@ -5,12 +5,12 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.config.identification import Identification, IdentificationOfVehicle
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
-from auvid_cli.config.quantity import Unit
 from auvid_cli.config.sensors import SensorSuite
 from auvid_cli.config.settings import Settings
+from auvid_cli.config.units import Unit
 from auvid_cli.config.vehicle import VehicleSettings
 
 

@@ -11,9 +11,9 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_args
 
 from pydantic import Field, create_model
 
-from auvid_cli.config.disturbance import Disturbance
-from auvid_cli.config.quantity import Amount
+from auvid_cli.config.moving_states import Disturbance
 from auvid_cli.config.settings import Settings
+from auvid_cli.config.units import Amount
 from auvid_cli.vehicle.parameters import DISTURBANCE, SENSORS, Quantity
 
 DVL_SCALE = Quantity("dvl_scale", "1", "scale error of the DVL", "measurement")

@@ -4,10 +4,18 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.settings import Settings
-from auvid_cli.vehicle.hull import Hull, MyringLengths, hull_of_radii, myring_hull, nose_cylinder_tail_hull
-from auvid_cli.vehicle.shape import Appendage, Geometry, TailFins
+from auvid_cli.config.units import Amount, Unit
+from auvid_cli.vehicle.hull import (
+    Appendage,
+    Geometry,
+    Hull,
+    MyringLengths,
+    TailFins,
+    hull_of_radii,
+    myring_hull,
+    nose_cylinder_tail_hull,
+)
 
 # The factors of spheroids are inaccurate outside these limits; those of 1 are those of a sphere.
 _LEAST_SLENDERNESS = 1.1  # length per diameter

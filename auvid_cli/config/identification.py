@@ -6,14 +6,20 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
+from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.extra_states import AugmentedStates, BiasName, ErrorBlock
-from auvid_cli.config.filter_name import JUDGE, FilterName
-from auvid_cli.config.filter_settings import EkfSettings, OutputErrorSettings, SmootherSettings, UkfSettings
+from auvid_cli.config.filters import (
+    EkfSettings,
+    OutputErrorSettings,
+    Prior,
+    SmootherSettings,
+    UkfSettings,
+    check_symbol,
+    of_vehicle,
+)
 from auvid_cli.config.moving_states import InitialMotion, ProcessNoise
-from auvid_cli.config.prior import Prior, check_symbol, of_vehicle
-from auvid_cli.config.quantity import Amount, Unit
-from auvid_cli.config.settings import Settings
-from auvid_cli.config.spans import SeparateSpans
+from auvid_cli.config.settings import SeparateSpans, Settings
+from auvid_cli.config.units import Amount, Unit
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.vehicle.parameters import INERTIAL, SENSORS

@@ -9,9 +9,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from auvid_cli.config.position import KeyPath, Mistake, Position
-from auvid_cli.config.quantity import Unit, describe, expected
-from auvid_cli.config.tree import Tree
+from auvid_cli.config.source_positions import KeyPath, Mistake, Position, Tree
+from auvid_cli.config.units import Unit, describe, expected
 
 LIMITS = {
     "greater_than": "must be greater than {gt:g}",

@@ -5,9 +5,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.magnitudes import check_size
-from auvid_cli.config.quantity import EXAMPLES, Unit, describe, parse_quantity
 from auvid_cli.config.settings import Settings
+from auvid_cli.config.units import EXAMPLES, Unit, check_size, describe, parse_quantity
 
 # Units that logs write so and the registry of units does not know.
 _WORDS = {"%": "percent", "1": "dimensionless", "rev/s": "turn/s", "rpm": "turn/min", "RPM": "turn/min"}

@@ -5,13 +5,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
 
-from auvid_cli.config.earth_field import EarthField
-from auvid_cli.config.lever import Lever
 from auvid_cli.config.log_columns import LOG_SIGNALS, LogRows, LogSignal, Number, RowChoice, check_unit
-from auvid_cli.config.magnitudes import check_amount
-from auvid_cli.config.quantity import Unit, parse_components
-from auvid_cli.config.settings import Settings
-from auvid_cli.config.spans import Spans
+from auvid_cli.config.sensors import EarthField
+from auvid_cli.config.settings import Lever, Settings, Spans
+from auvid_cli.config.units import Unit, check_amount, parse_components
 from auvid_cli.vehicle.parameters import SENSORS
 
 

@@ -1,20 +1,38 @@
-"""Settings of a manoeuvre: what is commanded, how the vehicle is held to it, and the fins' limits."""
+"""Settings of a manoeuvre: commands, control, limits of the fins, and limits that a designed run must respect."""
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from auvid_cli.config.disturbance import Disturbance
-from auvid_cli.config.quantity import Amount, Unit
+from auvid_cli.config.moving_states import Disturbance
 from auvid_cli.config.settings import Settings
+from auvid_cli.config.units import Amount, Unit
 from auvid_cli.vehicle.coefficients import CoefficientSet
 
+_Length = Annotated[float, Amount("m"), Field(gt=0)]
+_Inclination = Annotated[float, Amount("rad"), Field(gt=0, lt=1.48)]
 Seconds = Annotated[float, Amount("s"), Field(gt=0, le=1e6)]
 Pause = Annotated[float, Amount("s"), Field(ge=0, le=1e6)]
 Radians = Annotated[float, Unit("rad")]
 # Short of straight up and down, where heading and roll mean nothing.
 Pitch = Annotated[float, Unit("rad"), Field(gt=-1.57, lt=1.57)]
 PositiveRadians = Annotated[float, Amount("rad"), Field(gt=0)]
+
+
+class Envelope(Settings):
+    """Limits that every drawn vehicle has to keep, each named as the option that sets it."""
+
+    box: Annotated[_Length, Field(description="largest extent of the track, north and east")] = 200.0
+    depth: Annotated[_Length, Field(description="from the shallowest to the deepest point")] = 40.0
+    pitch: Annotated[_Inclination, Field(description="largest pitch, up or down")] = float(np.deg2rad(40.0))
+    roll: Annotated[_Inclination, Field(description="largest roll, either way")] = float(np.deg2rad(40.0))
+    speed: Annotated[
+        float | None, Amount("m/s"), Field(gt=0, description="least speed after the start; else 0.4 of the cruise")
+    ] = None
+    energy: Annotated[
+        float | None, Amount("J"), Field(gt=0, description="largest work of the thrust, without losses; else any")
+    ] = None
 
 
 class Limits(Settings):

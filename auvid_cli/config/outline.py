@@ -7,11 +7,10 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from auvid_cli.config.geometry import FinSettings, GeometrySettings, NoseCylinderTail, PositiveLength
-from auvid_cli.config.load import validated
-from auvid_cli.config.position import ConfigSource, Position
-from auvid_cli.config.quantity import Amount, Unit
+from auvid_cli.config.loading import validated
 from auvid_cli.config.settings import Settings
-from auvid_cli.config.tree import Tree
+from auvid_cli.config.source_positions import ConfigSource, Position, Tree
+from auvid_cli.config.units import Amount, Unit
 from auvid_cli.config.vehicle import Drawing, Size
 
 # A mass outside these limits has a wrong unit.

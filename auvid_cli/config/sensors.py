@@ -1,18 +1,33 @@
-"""Settings of the sensors: each with its own clock, noise and faults."""
+"""Settings of the sensors and of the magnetic field of the earth."""
 
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.earth_field import EarthField
-from auvid_cli.config.lever import Lever
-from auvid_cli.config.magnitudes import check_amount
-from auvid_cli.config.quantity import Amount, Unit, parse_components
-from auvid_cli.config.settings import Settings
+from auvid_cli.config.settings import Lever, Settings
+from auvid_cli.config.units import Amount, Unit, check_amount, parse_components
 from auvid_cli.vehicle.parameters import SENSORS
 
 PerComponent = tuple[float, ...]
 Probability = Annotated[float, Field(ge=0, lt=1)]
+
+
+class EarthField(Settings):
+    """What a magnetometer of three axes turns with; all three are to be stated."""
+
+    strength: Annotated[float, Amount("T"), Field(gt=0, description="of the earth's field, some 25 to 65 uT")]
+    declination: Annotated[float, Unit("rad"), Field(description="how far magnetic north is east of true north")]
+    dip: Annotated[
+        float, Unit("rad"), Field(gt=-np.pi / 2, lt=np.pi / 2, description="how steeply the field goes down")
+    ]
+
+    @property
+    def earth_field(self) -> tuple[float, float, float]:
+        """Return the field, north, east and down, T."""
+        level = self.strength * np.cos(self.dip)
+        north, east = level * np.cos(self.declination), level * np.sin(self.declination)
+        return float(north), float(east), float(self.strength * np.sin(self.dip))
 
 
 class SensorSettings(Settings):

@@ -1,9 +1,79 @@
-"""Base of all settings classes."""
+"""Base class of all settings, and types that several settings share: positions, axes and spans of time."""
 
-from pydantic import BaseModel, ConfigDict
+from itertools import pairwise
+from math import inf, isfinite
+from typing import Annotated, Any
+
+from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer
+
+from auvid_cli.config.units import parse_components, parse_quantity
+
+Positive = tuple[Annotated[float, Field(gt=0)], ...]
 
 
 class Settings(BaseModel):
     """Immutable settings; an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, allow_inf_nan=False)
+
+
+def _three_lengths(value: Any) -> Any:
+    if isinstance(value, list | tuple) and len(value) == 3:
+        return parse_components(value, "m", 3)
+    raise ValueError("expected [forward, starboard, down], such as [0.4 m, 0 m, 0.1 m]")
+
+
+Lever = Annotated[tuple[float, float, float], BeforeValidator(_three_lengths)]
+
+
+def three(values: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the numbers of three axes."""
+    return values if len(values) == 3 else values * 3
+
+
+def parse_spans(value: Any) -> tuple[tuple[float, float], ...]:
+    """Read spans, s: a list of ``[begin, end]``, or one of them alone; null is an end as far as there are data.
+
+    Raises
+    ------
+    ValueError
+        If it is not such a list, or if a span ends before it begins.
+    """
+    if not isinstance(value, list | tuple):
+        raise ValueError("expected a list of [begin, end]")
+    if len(value) == 2 and not any(isinstance(end, list | tuple) for end in value):
+        value = (value,)
+    parsed = []
+    for span in value:
+        if not isinstance(span, list | tuple) or len(span) != 2:
+            raise ValueError("expected [begin, end] for each span")
+        begin, end = (
+            farthest if bound is None else parse_quantity(bound, "s")
+            for bound, farthest in zip(span, (-inf, inf), strict=True)
+        )
+        if not begin < end:
+            raise ValueError(f"the span [{begin:g}, {end:g}] s must begin before it ends")
+        parsed.append((begin, end))
+    return tuple(parsed)
+
+
+def parse_separate_spans(value: Any) -> tuple[tuple[float, float], ...]:
+    """Read spans as `parse_spans` does; ValueError also if two of them overlap."""
+    parsed = parse_spans(value)
+    for (_, end), (begin, _) in pairwise(sorted(parsed)):
+        if begin < end:
+            raise ValueError(f"two spans overlap from {begin:g} s to {end:g} s")
+    return parsed
+
+
+def _written(end: float) -> float | None:
+    return end if isfinite(end) else None
+
+
+_End = Annotated[float, AllowInfNan(True), PlainSerializer(_written)]
+
+
+Spans = Annotated[tuple[tuple[_End, _End], ...], BeforeValidator(parse_spans)]
+
+
+SeparateSpans = Annotated[tuple[tuple[_End, _End], ...], BeforeValidator(parse_separate_spans)]

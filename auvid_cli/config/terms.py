@@ -6,19 +6,18 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, ValidationInfo, field_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from auvid_cli.config.magnitudes import check_amount, check_size
-from auvid_cli.config.quantity import parse_quantity
 from auvid_cli.config.settings import Settings
+from auvid_cli.config.units import check_amount, check_size, parse_quantity
 from auvid_cli.vehicle.coefficients import (
     COEFFICIENTS,
     EQUATION_ROWS,
     MOST_FACTORS,
     SIGNALS,
+    TAKEN,
     TERM_NAME,
     Coefficient,
     unit_of,
 )
-from auvid_cli.vehicle.term_library import TAKEN
 
 _MOTIONS = "surge force", "sway force", "heave force", "roll moment", "pitch moment", "yaw moment"
 

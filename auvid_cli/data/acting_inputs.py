@@ -39,7 +39,7 @@ def as_acting(inputs: InputRecord, experiment: RunSettings) -> InputRecord:
         time, values = inputs.time + delay, inputs.values
         early = delay > 0.0
         inputs = InputRecord(np.append(inputs.time[:early], time), np.vstack([values[:early], values]))
-    return acted(inputs, experiment.vehicle.actuators.actuators(), settings.integration_step)
+    return with_actuator_dynamics(inputs, experiment.vehicle.actuators.actuators(), settings.integration_step)
 
 
 def _linear(inputs: InputRecord, step: float) -> InputRecord:
@@ -54,7 +54,7 @@ def _linear(inputs: InputRecord, step: float) -> InputRecord:
     return InputRecord(np.append(time, inputs.time[-1]), np.vstack([values, inputs.values[-1:]]))
 
 
-def acted(commands: InputRecord, actuators: Actuators, step: float) -> InputRecord:
+def with_actuator_dynamics(commands: InputRecord, actuators: Actuators, step: float) -> InputRecord:
     """Find what fins and propeller did that follow their commands, at rest in the first.
 
     Parameters

@@ -1,4 +1,4 @@
-"""What was commanded and what was measured: the value object between simulation and identification."""
+"""Commands and measurements: the value object between simulation and identification."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 # Seconds, or whole nanoseconds.
 _Clock = TypeVar("_Clock", NDArray[np.float64], NDArray[np.int64])
+# s, for which a last input may hold, and within which two times are the same.
+_LONGEST_HELD, _ROUNDING = 1.0, 1e-9
 
 
 class Vector(NamedTuple):
@@ -84,10 +86,6 @@ class SensorRecord:
         """Return the samples from one time to another, s, both included."""
         first, past = np.searchsorted(self.time, begin), np.searchsorted(self.time, end, side="right")
         return replace(self, time=self.time[first:past], values=self.values[first:past])
-
-
-# s, for which a last input may hold, and within which two times are the same.
-_LONGEST_HELD, _ROUNDING = 1.0, 1e-9
 
 
 @dataclass(frozen=True)
@@ -242,7 +240,7 @@ class Dataset:
             ``inputs``, ``sensors/NAME`` of each sensor and, where there is one, ``truth``: SI, indexed by time, s;
             ``attrs["units"]`` has the unit of each column.
         """
-        from auvid_cli.data.labelled import dataset_series
+        from auvid_cli.data.interop import dataset_series
 
         return {name: series.to_pandas() for name, series in dataset_series(self).items()}
 
@@ -259,6 +257,27 @@ class Dataset:
         DataError
             If xarray is not installed.
         """
-        from auvid_cli.data.labelled import dataset_tree
+        from auvid_cli.data.interop import dataset_tree
 
         return dataset_tree(self)
+
+
+def within(dataset: Dataset, begin: float, end: float) -> Dataset:
+    """Cut inputs and all sensors to a span of time, s; an input that holds as it begins, or ends, is known there.
+
+    Raises
+    ------
+    DataError
+        If it ends before it begins, no sensor says anything in that time, or no input has begun by its end.
+    """
+    if not begin < end:
+        raise DataError(f"a part begins before it ends, and not at t = {begin:g} s for an end at {end:g} s")
+    if not dataset.inputs.time[0] < end:
+        raise DataError(f"the inputs begin at t = {dataset.inputs.time[0]:g} s, after the end at {end:g} s")
+    window = dataset.sensors_between(begin, end)
+    if not any(record.time.size for record in window.sensors.values()):
+        raise DataError(f"no sensor says anything from t = {begin:g} s to {end:g} s")
+    inputs = dataset.inputs.between(begin, end)
+    if inputs.time[-1] < end <= dataset.inputs.time[-1]:
+        inputs = InputRecord(np.append(inputs.time, end), np.vstack([inputs.values, inputs.values[-1:]]))
+    return replace(window, inputs=inputs)

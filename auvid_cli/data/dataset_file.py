@@ -8,14 +8,15 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.load import dump_experiment, parse_run
+from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.data.dataset import VECTORS, Dataset, InputRecord, SensorRecord, TruthRecord, shared_clock
-from auvid_cli.data.netcdf import digest, new_file, write_dimension, write_variable
-from auvid_cli.data.netcdf_reading import (
+from auvid_cli.data.netcdf import (
     FileAttributes,
     check_units,
     count_rows,
+    digest,
     mark_missing,
+    new_file,
     open_file,
     read_array,
     read_attributes,
@@ -23,10 +24,12 @@ from auvid_cli.data.netcdf_reading import (
     read_table,
     subgroup,
     subgroups,
+    write_dimension,
+    write_variable,
 )
-from auvid_cli.data.soundness import check_dataset
+from auvid_cli.data.validate_records import check_dataset
 from auvid_cli.errors import FileError
-from auvid_cli.printable import one_line
+from auvid_cli.text import one_line
 from auvid_cli.vehicle.parameters import ALL_INPUTS, DISTURBANCE, INPUTS, MOTION, POSITION, PROPULSION, SENSORS
 
 # Of more than so many samples of the true motion, every so many are read: enough to compare and to draw.

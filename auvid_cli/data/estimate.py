@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic_core import core_schema
 
+from auvid_cli.config.enums import FilterName
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import ERROR_STATES, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
-from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.actuators import ActuatorErrors
-from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.coefficients import CoefficientSet
+from auvid_cli.vehicle.matrices import Ballast
 from auvid_cli.vehicle.parameters import MOTION, Quantity
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class EstimateChunk:
 
 
 @dataclass(frozen=True)
-class Course(EstimateChunk):
+class EstimateHistory(EstimateChunk):
     """As much of an estimate as a figure shows; no more, because it may travel to another process.
 
     Attributes
@@ -211,10 +211,10 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         """Say whether the filter reached the end of the data."""
         return self.status == "completed"
 
-    def course(self, symbols: Sequence[str], with_innovations: bool = False) -> "Course":
+    def course(self, symbols: Sequence[str], with_innovations: bool = False) -> "EstimateHistory":
         """Return some components of the state over time, with or without the innovations."""
         kept = [i for i, symbol in enumerate(self.state) if symbol in symbols]
-        return Course(
+        return EstimateHistory(
             self.time,
             self.mean[:, kept],
             self.standard_deviation[:, kept],
@@ -264,7 +264,7 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
             there is none), ``unit`` and ``estimated``. ``mean`` and ``standard_deviation``: the state over time, s,
             with a column for each symbol; ``attrs["units"]`` has their units.
         """
-        from auvid_cli.data.labelled import estimate_frames
+        from auvid_cli.data.interop import estimate_frames
 
         return estimate_frames(self)
 
@@ -283,6 +283,6 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         DataError
             If xarray is not installed.
         """
-        from auvid_cli.data.labelled import estimate_tree
+        from auvid_cli.data.interop import estimate_tree
 
         return estimate_tree(self)

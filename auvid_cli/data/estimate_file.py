@@ -12,15 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from auvid_cli.config.filter_name import JUDGE, FilterName
-from auvid_cli.config.load import dump_experiment, parse_run
+from auvid_cli.config.enums import JUDGE, FilterName
+from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Outcome
 from auvid_cli.data.faults import Fault, FaultTest
-from auvid_cli.data.innovations import Innovations, Memory, Tally
-from auvid_cli.data.netcdf import append, new_file, write_dimension, write_growing, write_variable
-from auvid_cli.data.netcdf_reading import (
+from auvid_cli.data.innovations import Autocorrelation, Innovations, InnovationSums
+from auvid_cli.data.netcdf import (
     FileAttributes,
+    append,
     count_rows,
+    new_file,
     open_file,
     read_array,
     read_attributes,
@@ -28,8 +29,11 @@ from auvid_cli.data.netcdf_reading import (
     read_rows,
     subgroup,
     subgroups,
+    write_dimension,
+    write_growing,
+    write_variable,
 )
-from auvid_cli.data.soundness import check_estimated_states, check_innovations
+from auvid_cli.data.validate_records import check_estimated_states, check_innovations
 from auvid_cli.vehicle.parameters import SENSORS
 
 # Of more than so many events or measurements of a sensor, every so many are read: evenly spaced, they say the same.
@@ -282,7 +286,9 @@ def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName) -
     start = float(read_rows(group, "time", 0, 1)[0])
     blocks = (innovations(partial(_rows_of, group, first)) for first in range(0, rows, _MOST_ROWS))
     tallies, memories = zip(*((block.tally(start), block.memory) for block in blocks), strict=True)
-    return replace(thinned, whole=reduce(Tally.plus, tallies), whole_memory=reduce(Memory.plus, memories))
+    return replace(
+        thinned, whole=reduce(InnovationSums.plus, tallies), whole_memory=reduce(Autocorrelation.plus, memories)
+    )
 
 
 def _rows_of(group: h5py.Group, first: int, name: str, ndim: int) -> NDArray[np.float64]:

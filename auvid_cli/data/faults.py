@@ -7,8 +7,8 @@ import re
 from enum import Enum
 from typing import NamedTuple
 
+from auvid_cli.vehicle.coefficients import term
 from auvid_cli.vehicle.parameters import SENSORS
-from auvid_cli.vehicle.term_library import term
 
 
 def _symbols(sensor: str) -> tuple[str, ...]:

@@ -19,8 +19,8 @@ from typing import TypeGuard
 import h5py
 
 from auvid_cli.child_processes import end_with_parent, start_python
-from auvid_cli.printable import one_line
 from auvid_cli.regular import check_regular
+from auvid_cli.text import one_line
 
 # Errors that h5py raises on damaged files.
 DAMAGE = OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError

@@ -16,7 +16,7 @@ WINDOW = 20.0
 LAGS, _FEWEST = 20, 50
 
 
-class Tally(NamedTuple):
+class InnovationSums(NamedTuple):
     """Sums over all innovations of a sensor.
 
     Attributes
@@ -41,7 +41,7 @@ class Tally(NamedTuple):
         components = float(self.components.sum())
         return float(self.squares.sum()) / components if components else float("nan")
 
-    def plus(self, other: "Tally") -> "Tally":
+    def plus(self, other: "InnovationSums") -> "InnovationSums":
         """Add later ones, of windows from the same start on."""
         size = max(self.squares.size, other.squares.size)
         squares, components = np.zeros(size), np.zeros(size)
@@ -49,10 +49,10 @@ class Tally(NamedTuple):
             squares[: part.squares.size] += part.squares
             components[: part.components.size] += part.components
         measurements, rejected = self.measurements + other.measurements, self.rejected + other.rejected
-        return Tally(self.start, squares, components, measurements, rejected)
+        return InnovationSums(self.start, squares, components, measurements, rejected)
 
 
-class Memory(NamedTuple):
+class Autocorrelation(NamedTuple):
     """How innovations of a sensor, by their standard deviations, depend on those before.
 
     Attributes
@@ -66,11 +66,11 @@ class Memory(NamedTuple):
     correlation: Array
     samples: Array
 
-    def plus(self, other: "Memory") -> "Memory":
+    def plus(self, other: "Autocorrelation") -> "Autocorrelation":
         """Add later ones; what the first of them owe to the last of these is left out."""
         samples = self.samples + other.samples
         total = self.correlation * self.samples[:, None] + other.correlation * other.samples[:, None]
-        return Memory(total / np.maximum(samples, 1.0)[:, None], samples)
+        return Autocorrelation(total / np.maximum(samples, 1.0)[:, None], samples)
 
 
 @dataclass(frozen=True)
@@ -100,11 +100,11 @@ class Innovations:
     variance: Array
     nis: Array
     standard_deviation: Array
-    whole: Tally | None = None
-    whole_memory: Memory | None = None
+    whole: InnovationSums | None = None
+    whole_memory: Autocorrelation | None = None
     weight: Array | None = None
 
-    def tally(self, start: float | None = None) -> Tally:
+    def tally(self, start: float | None = None) -> InnovationSums:
         """Sum over all of them, also over those that were left out when they were read."""
         if self.whole is not None:
             return self.whole
@@ -113,10 +113,10 @@ class Innovations:
         window = ((self.time - start) // WINDOW).astype(int)
         squares, components = (np.bincount(window, w).astype(np.float64) for w in (np.nan_to_num(self.nis), used))
         rejected = int((np.isfinite(self.innovation) & ~self.used()).sum())
-        return Tally(start, squares, components, int(np.isfinite(self.nis).sum()), rejected)
+        return InnovationSums(start, squares, components, int(np.isfinite(self.nis).sum()), rejected)
 
     @cached_property
-    def memory(self) -> Memory:
+    def memory(self) -> Autocorrelation:
         """Return how each component correlates with itself, also over those left out when they were read."""
         if self.whole_memory is not None:
             return self.whole_memory
@@ -129,7 +129,7 @@ class Innovations:
                 centred = values - values.mean()
                 products = [float(centred[lag:] @ centred[:-lag]) for lag in range(1, LAGS + 1)]
                 correlation[c], samples[c] = np.array(products) / float(centred @ centred), values.size
-        return Memory(correlation, samples)
+        return Autocorrelation(correlation, samples)
 
     def mean_weight(self) -> float | None:
         """Average the weights of all components that are there; None where a fit did not weigh them."""

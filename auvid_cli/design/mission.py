@@ -7,12 +7,11 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from auvid_cli.config.envelope import Envelope
 from auvid_cli.config.geometry import FinSettings
-from auvid_cli.config.manoeuvre import AnyManoeuvre, Zigzag
+from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope, Zigzag
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.design.band import Band
-from auvid_cli.simulation.manoeuvre_plan import ManoeuvrePlan, make_plan
+from auvid_cli.design.envelope import Band
+from auvid_cli.simulation.manoeuvres import ManoeuvrePlan, make_plan
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from scipy.linalg import block_diag
 
 from auvid_cli.compilation import compiled
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.identification.prior import coefficient_priors
-from auvid_cli.simulation.true_motion import Truth
+from auvid_cli.identification.states import coefficient_priors
+from auvid_cli.simulation.motion import Truth
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+from auvid_cli.vehicle.jacobian import N_COLUMNS, transition_step, transition_work
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION, SENSORS
-from auvid_cli.vehicle.sensitivity import N_COLUMNS, transition_step, transition_work
 
 Array = NDArray[np.float64]
 

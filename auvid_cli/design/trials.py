@@ -7,15 +7,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.envelope import Envelope
-from auvid_cli.config.manoeuvre import AnyManoeuvre
+from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.design.envelope import Extent, excess, extent_of
 from auvid_cli.design.posterior import Knowledge, posterior_along
 from auvid_cli.errors import SimulationError
-from auvid_cli.identification.prior import natural_magnitude
-from auvid_cli.simulation.manoeuvre_plan import make_plan
-from auvid_cli.simulation.true_motion import Truth, simulate_motion
+from auvid_cli.identification.states import natural_magnitude
+from auvid_cli.simulation.manoeuvres import make_plan
+from auvid_cli.simulation.motion import Truth, simulate_motion
 
 Array = NDArray[np.float64]
 Criterion = Literal["D", "worst"]
@@ -105,7 +104,7 @@ class Trial(NamedTuple):
 Map = Callable[[Callable[[Any], Flight], Iterable[Any]], Iterable[Flight]]
 
 
-class Bench:
+class TrialSet:
     """Vehicles on which manoeuvres are tried.
 
     Parameters
@@ -140,7 +139,7 @@ class Bench:
 
     def try_out(self, manoeuvre: AnyManoeuvre) -> Trial:
         """Let all vehicles sail a manoeuvre."""
-        flights = list(self._map(partial(fly, manoeuvre=manoeuvre, knowledge=self._knowledge), self._vehicles))
+        flights = list(self._map(partial(run_trial, manoeuvre=manoeuvre, knowledge=self._knowledge), self._vehicles))
         home = [flight.extent for flight in flights if flight.extent is not None]
         return Trial(
             manoeuvre,
@@ -156,7 +155,7 @@ class Bench:
         return float(logarithms.mean() if self._criterion == "D" else logarithms.max())
 
 
-def fly(drawn: tuple[VehicleSettings, Array], manoeuvre: AnyManoeuvre, knowledge: Knowledge) -> Flight:
+def run_trial(drawn: tuple[VehicleSettings, Array], manoeuvre: AnyManoeuvre, knowledge: Knowledge) -> Flight:
     """Let one vehicle, with the sizes of its coefficients, sail a manoeuvre, and say what that would tell.
 
     Raises
@@ -166,7 +165,7 @@ def fly(drawn: tuple[VehicleSettings, Array], manoeuvre: AnyManoeuvre, knowledge
     """
     vehicle, sizes = drawn
     try:
-        truth = sail(vehicle, manoeuvre)
+        truth = simulate_trial(vehicle, manoeuvre)
     except SimulationError:
         return Flight(np.full(sizes.size, np.nan), None)
     posterior = posterior_along(truth, knowledge)
@@ -176,7 +175,7 @@ def fly(drawn: tuple[VehicleSettings, Array], manoeuvre: AnyManoeuvre, knowledge
     return Flight(percent, extent_of(truth, manoeuvre.excitation.fade_in))
 
 
-def sail(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre) -> Truth:
+def simulate_trial(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre) -> Truth:
     """Simulate a manoeuvre at `RATE`, undisturbed.
 
     Raises

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.envelope import Envelope
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.config.manoeuvre import AnyManoeuvre, Autopilot, Doublets, Excitation, Spiral, Zigzag
+from auvid_cli.config.manoeuvre import AnyManoeuvre, Autopilot, Doublets, Envelope, Excitation, Spiral, Zigzag
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 

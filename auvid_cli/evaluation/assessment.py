@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.labelled import import_xarray
-from auvid_cli.data.named_rows import NamedRows, frames
+from auvid_cli.data.checks import NamedRows, frames
+from auvid_cli.data.interop import import_xarray
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,7 +90,7 @@ class SensorErrorBound(NamedTuple):
     observed: bool
 
 
-class Holding(NamedTuple):
+class FixSuggestion(NamedTuple):
     """Which coefficients to estimate from data that do not tell all.
 
     Attributes
@@ -141,7 +141,7 @@ class Identifiability(NamedTuple):
     growth: list[tuple[float, Array]]
     sensor_errors: dict[str, SensorErrorBound]
     remark: str = ""
-    holding: Holding | None = None
+    holding: FixSuggestion | None = None
 
     def tables(self) -> dict[str, NamedRows]:
         """Return the rows of each CSV file, by its name."""

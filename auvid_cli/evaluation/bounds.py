@@ -1,33 +1,119 @@
-"""What estimates are held against: the least standard deviation that their data allow."""
+"""Cramér-Rao bounds about the estimated motion, and the noise that the data show."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag, solve_triangular
 
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.faults import Cause
 from auvid_cli.errors import DataError
-from auvid_cli.evaluation.motion_along import (
-    ProbableMotion,
-    probable_motion,
-    true_initial_motions,
-    true_motion,
-)
-from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.evaluation.causes import LARGEST_FAULT, causes_text
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, gauss_newton
+from auvid_cli.filters.noise_likelihood import noise_scores_about
+from auvid_cli.filters.smoother import follow_measurements
 from auvid_cli.identification.delays import delays_about
-from auvid_cli.identification.fisher import information_at
+from auvid_cli.identification.information import information_at
+from auvid_cli.identification.noise import process_noises
 from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
 
 Array = NDArray[np.float64]
-
+# Instants beyond those between which a spline is wanted.
+_NEIGHBOURS = 8
+# Share of the prior's spread that parameters keep which are held, and passes through the data to find the rest.
+_HELD, _PASSES = 1e-4, 20
 # Shares below this are rounding.
 _ROUNDING = 1e-9
-
 UNSTABLE = (
     "the motion is unstable in open loop, and after {:.3g} s its sensitivities differ by more than numbers can hold"
 )
+
+
+class ProbableMotion(NamedTuple):
+    """The most probable motion of data with some parameters held, and the linear problem about it.
+
+    Attributes
+    ----------
+    prepared : PreparedData
+    augmented : AugmentedProblem
+    smoothing : LinearSmoothing
+    filtered : Filtered
+    """
+
+    prepared: PreparedData
+    augmented: AugmentedProblem
+    smoothing: LinearSmoothing
+    filtered: Filtered
+
+    def motion(self) -> Callable[[Array], Array]:
+        """Return it as a function of the times of events, shape (n, 9)."""
+        rows = self.augmented.layout.moving_rows_of("motion")
+        time = [timeline.time for segment in self.augmented.segments for timeline in segment.timelines]
+        motion = [chunk[:, rows] for chunks in self.filtered.trajectory.moving for chunk in chunks]
+        return _between(np.concatenate(time), np.concatenate(motion))
+
+
+def probable_motion(prepared: PreparedData, values: Mapping[str, float]) -> ProbableMotion | None:
+    """Find the most probable motion with some parameters held, and along with it the others: a current, a trim.
+
+    Parameters
+    ----------
+    prepared : PreparedData
+    values : mapping
+        Of coefficients and other parameters, SI, by symbol: those that are held.
+
+    Returns
+    -------
+    ProbableMotion or None
+        None where no motion follows the data with these values and the process noise of the settings.
+    """
+    augmented = augmented_problem(prepared)
+    layout, prior = augmented.layout, augmented.prior
+    held = [row for row, symbol in enumerate(layout.symbols[: layout.n_parameters]) if symbol in values]
+    mean, factor = prior.mean.copy(), prior.factor.copy()
+    mean[held] = [values[layout.symbols[row]] / layout.scale[row] for row in held]
+    factor[held] *= _HELD
+    known = augmented.joint._replace(prior=prior._replace(mean=mean, factor=factor))
+    # What a current does would else pass for slip, and noise that a trajectory follows would seem to move the vehicle.
+    if (start := follow_measurements(known)) is None or (
+        found := gauss_newton(LinearSmoothing(known), start, _PASSES)
+    ) is None:
+        return None
+    trajectory, smoothing = found[0].trajectory, LinearSmoothing(known._replace(prior=prior._replace(mean=mean)))
+    parameters = trajectory.parameters.copy()
+    parameters[held] = mean[held]
+    filtered = smoothing.filter(replace(trajectory, parameters=parameters))
+    return None if filtered is None else ProbableMotion(prepared, augmented, smoothing, filtered)
+
+
+def true_motion(prepared: PreparedData) -> Callable[[Array], Array] | None:
+    """Return the true motion as a function of times, shape (n, 9); None without truth."""
+    truth = prepared.dataset.truth
+    return None if truth is None else _between(truth.time, truth.motion)
+
+
+def true_initial_motions(prepared: PreparedData) -> list[Array] | None:
+    """Return the true motion next to where each segment starts, shape (9,); None without truth."""
+    truth = prepared.dataset.truth
+    if truth is None:
+        return None
+    starts = [segment.timelines.span[0] for segment in prepared.segments]
+    return [truth.motion[np.argmin(np.abs(truth.time - start))] for start in starts]
+
+
+def _between(time: Array, motion: Array) -> Callable[[Array], Array]:
+    def at(times: Array) -> Array:
+        # A spline of a run of hours would take more memory than the run.
+        first, last = np.searchsorted(time, times[[0, -1]])
+        near = slice(max(first - _NEIGHBOURS, 0), last + _NEIGHBOURS)
+        return CubicSpline(time[near], motion[near])(times)
+
+    return at
 
 
 class Bounds(NamedTuple):
@@ -189,3 +275,53 @@ def _beyond_prior(symbols: tuple[str, ...], factor: Array, covariance: Array) ->
     prior_std = np.linalg.norm(factor, axis=1)
     rows = solve_triangular(factor, np.diag(prior_std), lower=True).T @ directions
     return DataInformation(symbols, (rows * (known / left)) @ rows.T, prior_std)
+
+
+def efficiency_warning(prepared: PreparedData, estimate: Estimate, causes: list[Cause]) -> str:
+    """Say why a filter knows so much less than its data hold: process noise is only called too large if it is.
+
+    Parameters
+    ----------
+    prepared : PreparedData
+        From which the estimate was made.
+    estimate : Estimate
+    causes : list of Cause
+        What these data look like.
+    """
+    if causes:
+        return f"Process noise takes its part, and must, for these data look like {causes_text(causes)}."
+    score = process_noise_score(prepared, estimate) or 0.0
+    by = f"by {abs(score):.0f} sigma (`auvid tune` finds how much)"
+    if score < -LARGEST_FAULT:
+        return f"Less process noise is likelier in these data than what is stated, {by}: lower it."
+    if score > LARGEST_FAULT:
+        return f"Process noise takes its part, and must: more of it is likelier in these data, {by}."
+    return (
+        "Process noise takes its part, and nothing in these data speaks against what is stated: more or livelier data "
+        "will tell more, less process noise will not."
+    )
+
+
+def process_noise_score(prepared: PreparedData, estimate: Estimate) -> float | None:
+    """Judge all process noise at once by Rao's test of its logarithm, about the trajectory of an estimate.
+
+    Parameters
+    ----------
+    prepared : PreparedData
+        From which the estimate was made.
+    estimate : Estimate
+
+    Returns
+    -------
+    float or None
+        Standard deviations by which data ask for more of it or, negative, for less. None where they say nothing of it,
+        or cannot be followed.
+    """
+    own = prepared.with_settings(estimate.experiment)
+    if (about := probable_motion(own, dict(zip(estimate.state, estimate.mean[-1], strict=True)))) is None:
+        return None
+    groups = [noise.group for noise in process_noises(about.augmented, estimate.experiment.identification)]
+    scores = noise_scores_about(about.augmented.joint, groups, about.filtered.trajectory)
+    if scores is None or (information := float(scores.information.sum())) <= 0.0:
+        return None
+    return float(scores.slope.sum() / np.sqrt(information))

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from math import inf, isfinite, nan
 from typing import NamedTuple
 
-from auvid_cli.data.result_tables import ResultTables
+from auvid_cli.data.checks import ResultTables
 
 # Another processor or library rounds differently, and a filter carries that on; nothing else should.
 RELATIVE, DEVIATIONS = 0.01, 0.01

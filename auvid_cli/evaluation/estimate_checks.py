@@ -1,32 +1,30 @@
-"""The list of verdicts on an estimate: each a number, what it may be, and what to do where it is not."""
+"""Checks of an estimate against data, geometry and other estimates."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.special import chdtri
 
-from auvid_cli.data.check import Check, Checks
+from auvid_cli.data.checks import Check, Checks
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import Cause
 from auvid_cli.evaluation.accuracy import (
     LARGEST_SHARE_OF_VALUE,
     normalised_estimation_error,
+    sensor_error_results,
     shares_of_prior,
     shares_of_value,
 )
-from auvid_cli.evaluation.bounds import Bounds
+from auvid_cli.evaluation.bounds import Bounds, efficiency_warning
 from auvid_cli.evaluation.causes import causes_text, likely_causes
-from auvid_cli.evaluation.geometry_check import near_its_geometry
-from auvid_cli.evaluation.innovation_checks import innovation_checks
-from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among
-from auvid_cli.evaluation.noise_evidence import far_from_bound
-from auvid_cli.evaluation.sensor_errors import sensor_error_results
-from auvid_cli.evaluation.signs import pushing_drag, reversed_fins
+from auvid_cli.evaluation.innovations import innovation_checks
+from auvid_cli.evaluation.judgement import Grade, Judgement, judge, pushing_drag, reference_among, reversed_fins
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.identification.prior import natural_magnitude
-from auvid_cli.inspection.data_checks import data_checks
+from auvid_cli.identification.states import natural_magnitude
+from auvid_cli.inspection.inspection import data_checks
 
+_GEOMETRY_SIGMAS = 4.0
 # Share of the prior's standard deviation that may be left.
 _LARGEST_SHARE = 0.5
 # Standard deviation of an estimate in terms of the least that data and prior allow: the bound is that of the true
@@ -36,11 +34,43 @@ _LEAST_OF_BOUND, _LARGEST_OF_BOUND = 0.8, 3.0
 _AT_LIMIT = 0.01
 # Times the natural magnitude of a plain body of that size.
 _LARGEST_SIZE = 30.0
-_SIGMAS = 3.0
+_SIGNIFICANT = 3.0
 # The verdict that repeats the judgement.
 JUDGED = "sound"
 _CONFIDENCE = 0.99
 _OTHER_BOUND = "The bound is another at the true values: the fit is far from them."
+
+
+def near_its_geometry(estimate: Estimate) -> list[Check]:
+    """Compare the estimated coefficients with what follows from hull and fins; nothing where these are not stated.
+
+    What is worth a remark is beyond four standard deviations of both together: a drawing can be wrong as well.
+    """
+    derived = {each.name: each for each in estimate.experiment.vehicle.derived_values()}
+    distances = {
+        symbol: float(
+            abs(estimate.mean[-1, i] - derived[symbol].mean)
+            / np.hypot(derived[symbol].standard_deviation, estimate.standard_deviation[-1, i])
+        )
+        for i, symbol in enumerate(estimate.state)
+        if symbol in derived
+    }
+    if not distances:
+        return []
+    return [
+        Check.of_values(
+            estimate.filter,
+            "coefficients",
+            "plausible size",
+            distances,
+            limit=_GEOMETRY_SIGMAS,
+            unit="sd",
+            meaning="from what hull and fins let expect",
+            advice="Look at the geometry in the vehicle file, at units and signs, and at what is marked beside; if all "
+            "is right, this vehicle is another than its drawing, and the estimate stands.",
+            fails=False,
+        )
+    ]
 
 
 def check_estimates(
@@ -162,7 +192,7 @@ def _against_bounds(prepared: PreparedData, estimate: Estimate, bounds: Bounds, 
     meaning = "the least standard deviation that data and prior allow"
     above = ""
     if max(ratio.values()) > _LARGEST_OF_BOUND:
-        above = _OTHER_BOUND if estimate.is_free_run_fit else far_from_bound(prepared, estimate, causes)
+        above = _OTHER_BOUND if estimate.is_free_run_fit else efficiency_warning(prepared, estimate, causes)
     below = (
         "The filter claims more than the data hold: do not use its standard deviations. Its linearisation fails; "
         "narrow the prior, or use a sigma-point filter or output_error."
@@ -251,7 +281,7 @@ def _plausibility(estimate: Estimate) -> list[Check]:
         Check.of_names(
             estimate.filter,
             "sign of drag",
-            pushing_drag(estimate, _SIGMAS),
+            pushing_drag(estimate, _SIGNIFICANT),
             threshold="negative",
             advice="Drag that pushes: a sign is turned in the data or the model lacks something that these make up "
             "for.",
@@ -259,7 +289,7 @@ def _plausibility(estimate: Estimate) -> list[Check]:
         Check.of_names(
             estimate.filter,
             "sign of fins",
-            reversed_fins(estimate, _SIGMAS),
+            reversed_fins(estimate, _SIGNIFICANT),
             threshold="Y_uudr > 0 > N_uudr, Z_uude < 0, M_uude < 0",
             advice="The fin angles are counted the other way round than in the shipped vehicles (positive rudder: "
             "force to starboard at the stern): turn the sign of rudder or elevator, or keep it so wherever these are "
@@ -309,7 +339,7 @@ def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
             "coefficients",
             "within 3 sigma of truth",
             sigmas,
-            limit=_SIGMAS,
+            limit=_SIGNIFICANT,
             unit="sd",
             meaning="from the truth",
             advice="The filter is surer of these than it should be: sensor errors that last (AHRS, bias), or wide "

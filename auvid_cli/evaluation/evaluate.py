@@ -5,21 +5,22 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from auvid_cli.data.checks import NamedRows, frames
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import FaultTest
-from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.accuracy import (
     CoefficientResult,
+    SensorErrorResult,
     average_steady_state_error,
     coefficient_results,
     relative_rmse,
+    sensor_error_results,
 )
 from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
-from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.free_run import VelocityError, free_run
+from auvid_cli.evaluation.innovations import SensorConsistency, mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among
 from auvid_cli.evaluation.predicted_motion import FreeRun
-from auvid_cli.evaluation.sensor_errors import SensorErrorResult, sensor_error_results
 from auvid_cli.identification.prepared_data import PreparedData
 
 if TYPE_CHECKING:

@@ -12,11 +12,12 @@ from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.moving_states import ProcessNoise
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
+from auvid_cli.evaluation.accuracy import is_observed
 from auvid_cli.evaluation.assessment import (
     CLASSES,
     CoefficientBound,
     Collinear,
-    Holding,
+    FixSuggestion,
     Identifiability,
     SensorErrorBound,
 )
@@ -24,14 +25,15 @@ from auvid_cli.evaluation.bounds import (
     UNSTABLE,
     DataInformation,
     information_with_process_noise,
+    probable_motion,
+    true_initial_motions,
+    true_motion,
 )
-from auvid_cli.evaluation.motion_along import probable_motion, true_initial_motions, true_motion
-from auvid_cli.evaluation.sensor_errors import is_observed
-from auvid_cli.filters.information import Information
-from auvid_cli.identification.fisher import information_at
-from auvid_cli.identification.identify import with_noise_settled
+from auvid_cli.filters.least_squares import Information
+from auvid_cli.identification.information import information_at
 from auvid_cli.identification.prepared_data import PreparedData, prepare
-from auvid_cli.identification.prior import natural_magnitude
+from auvid_cli.identification.run import resolve_settings
+from auvid_cli.identification.states import natural_magnitude
 from auvid_cli.vehicle.coefficients import CoefficientSet
 
 Array = NDArray[np.float64]
@@ -72,7 +74,7 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
             f"no value is known of {', '.join(missing)}: sensitivities need one of each coefficient; name an estimate "
             "that has them (--at FILE), or give the vehicle those of a similar one"
         )
-    prepared = with_noise_settled(prepare(dataset))
+    prepared = resolve_settings(prepare(dataset))
     # Where other coefficients are asked for, the truth is not where they lead. With a vehicle file's the most probable
     # motion would owe what the file lacks to process noise, which sways and turns apart where the vehicle did not.
     about = probable_motion(prepared, coefficients)
@@ -102,7 +104,7 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     if lost is not None:
         remarks.append(f"{UNSTABLE.format(lost)}: only what comes before is judged")
     stated = vehicle.stated_coefficients()
-    holding = None if with_noise is None else what_to_hold(with_noise, values, stated, of_vehicle)
+    holding = None if with_noise is None else coefficients_to_fix(with_noise, values, stated, of_vehicle)
     return identifiability._replace(
         remark=". ".join(sentence[0].upper() + sentence[1:] for sentence in remarks), holding=holding
     )
@@ -126,9 +128,9 @@ def _presumed(prepared: PreparedData) -> list[str]:
     return presumed
 
 
-def what_to_hold(
+def coefficients_to_fix(
     information: DataInformation, values: Mapping[str, Assessed], stated: Collection[str], of_vehicle: CoefficientSet
-) -> Holding | None:
+) -> FixSuggestion | None:
     """Choose the coefficients to hold, the least known first, until all that are left are known to 20 %.
 
     Parameters
@@ -148,7 +150,7 @@ def what_to_hold(
         return None
     kept = tuple(name for name in values if name not in held)
     rows = {coefficient.row for coefficient in of_vehicle if coefficient.symbol in kept}
-    return Holding(
+    return FixSuggestion(
         tuple(name for name in values if name in held),
         kept,
         max(percents.values()),

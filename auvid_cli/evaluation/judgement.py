@@ -1,9 +1,4 @@
-"""One judgement of an estimate, whether or not there is a truth: whether its coefficients may be used.
-
-What a filter says of itself tells little: off a well-behaved manoeuvre it reaches the end with white innovations and
-wrong coefficients. What tells is its distance to the smoother's answer, and of the smoother's answer whether
-its innovations look like a fault that the model does not know.
-"""
+"""Judge estimates: signs of coefficients, advice, and whether an estimate can be trusted."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from enum import StrEnum
@@ -12,17 +7,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.filter_name import JUDGE
+from auvid_cli.config.enums import JUDGE, FilterName
+from auvid_cli.config.extra_states import AugmentedStates, BiasName
+from auvid_cli.config.sanity import STRONGEST_FINS, WEAKEST_FINS
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import Cause, FaultKind
-from auvid_cli.data.innovations import LAGS, Innovations
+from auvid_cli.data.innovations import LAGS, WINDOW, Innovations
 from auvid_cli.evaluation.causes import LARGEST_FAULT, is_from_ahrs, noise_cause, told_as_noise
-from auvid_cli.evaluation.consistency import status_of
-from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_linearisation, remedy_of_nonlinearity
-from auvid_cli.evaluation.signs import out_of_proportion, pushing_drag, unlike_the_vehicle_file
+from auvid_cli.evaluation.innovations import LARGEST_MEAN_NIS, LARGEST_NIS_IN_WINDOW, mean_nis, status_of, windowed_nis
+from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
 
+# Drag along each axis takes energy. Positive rudder pushes the stern to starboard, a positive stern plane pushes it up.
+DRAG = dict.fromkeys(DRAG_SYMBOLS, -1)
+FINS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
+# Moments of fins.
+_MOMENTS = ("N_uudr", "M_uude")
+# Errors with which a DVL is no linear sensor.
+_NONLINEAR = [
+    name
+    for name in BiasName
+    if any(block.sensor == "dvl" and not block.additive for block in AugmentedStates().blocks_of(name))
+]
+# Times the natural magnitudes: a prior that suits most runs, and one for these errors.
+_NARROW, _NARROWER = 1.0, 0.3
 Array = NDArray[np.float64]
-
 # Limits in standard deviations, chosen on simulations of six manoeuvres with and without faults, see docs/studies.md.
 LARGEST_NIS = 4.0  # excess of the sum of squares of a sensor's innovations
 LARGEST_PORTMANTEAU = 10.0  # excess of the portmanteau statistic of a sensor's innovations
@@ -38,6 +46,121 @@ _WITHOUT_AHRS = (
     "first do without the AHRS, from recorded accelerometer and magnetometer (identification.attitude_from=inertial) "
     "or a better attitude; if the fault is still named, "
 )
+
+
+def pushing_drag(estimate: Estimate, sigmas: float) -> list[str]:
+    """Return the symbols of drag that pushes, by more than so many of its standard deviations."""
+    return _contradicting(estimate, DRAG, sigmas)
+
+
+def reversed_fins(estimate: Estimate, sigmas: float) -> list[str]:
+    """Return those of fins that count the other way round than in the shipped vehicles."""
+    return _contradicting(estimate, FINS, sigmas)
+
+
+def unlike_the_vehicle_file(estimate: Estimate, sigmas: float) -> list[str]:
+    """Return those of fins that have another sign than the vehicle file states."""
+    stated = estimate.experiment.vehicle.coefficients.by_symbol()
+    return _contradicting(estimate, {symbol: stated[symbol] for symbol in FINS if symbol in stated}, sigmas)
+
+
+def out_of_proportion(estimate: Estimate, sigmas: float) -> dict[str, float]:
+    """Return moments of fins that are surely far from those of the vehicle file, as multiples of these."""
+    stated = estimate.experiment.vehicle.coefficients.by_symbol()
+    values, deviations = estimate.final_coefficients(), estimate.final_deviations()
+    found = {}
+    for symbol in _MOMENTS:
+        if symbol in deviations and stated.get(symbol):
+            times, unsure = abs(values[symbol] / stated[symbol]), sigmas * deviations[symbol] / abs(stated[symbol])
+            if times - unsure > STRONGEST_FINS or times + unsure < WEAKEST_FINS:
+                found[symbol] = times
+    return found
+
+
+def _contradicting(estimate: Estimate, signs: Mapping[str, float], sigmas: float) -> list[str]:
+    values, deviations = estimate.final_coefficients(), estimate.final_deviations()
+    return [
+        symbol
+        for symbol, sign in signs.items()
+        if symbol in deviations and values[symbol] * sign < 0.0 and abs(values[symbol]) > sigmas * deviations[symbol]
+    ]
+
+
+def advice_on_nonlinearity(estimate: Estimate) -> str:
+    """Return what may help if a Kalman filter was led astray by states that make a sensor nonlinear; empty if not."""
+    settings = estimate.experiment.identification
+    nonlinear = [name.value for name in settings.estimate.biases if name in _NONLINEAR]
+    if not nonlinear or estimate.is_free_run_fit:
+        return ""
+    narrow = f"needs a narrow prior (--set identification.prior.factor={_NARROWER:g})"
+    return (
+        f"with {' and '.join(nonlinear)} to be found a Kalman filter "
+        f"{narrow if settings.prior.factor > _NARROWER else 'may go astray from a narrow prior too'}; "
+        "output_error needs none (--filter output_error)"
+    )
+
+
+def remedy_of_linearisation(estimate: Estimate) -> str:
+    """Return what may help an EKF whose innovations are too large at the start of the run only; empty if not."""
+    is_ekf = estimate.filter == FilterName.EKF
+    if not is_ekf or not mean_nis(estimate) <= LARGEST_MEAN_NIS:
+        return ""
+    windows = [windowed_nis(innovations) for innovations in estimate.innovations.values()]
+    begin = min((float(window[0, 0]) for window in windows if len(window)), default=0.0)
+    late = [nis for window in windows for start, nis in window if start > begin + 0.5 * WINDOW]
+    if any(nis > LARGEST_NIS_IN_WINDOW for nis in late):
+        return ""
+    return (
+        "an EKF linearises about its own estimate, which is far off in the first seconds; its standard deviations are "
+        "too small from then on, with either ekf.transition: use the CKF, the TUKF or the smoother, or a narrower "
+        "prior (identification.prior.factor)"
+    )
+
+
+def advice_on_divergence(estimate: Estimate) -> str:
+    """Return what may help a filter that did not end well."""
+    settings = estimate.experiment.identification
+    if remedy := advice_on_nonlinearity(estimate):
+        return remedy
+    if estimate.status.startswith("unconverged"):
+        return _remedy_of_unconverged(estimate)
+    if estimate.is_free_run_fit:
+        by_prior = ", or let the prior hold it (--set identification.output_error.use_prior=true)"
+        return (
+            "the data do not determine the model, or it is unstable in open loop: take another filter"
+            f"{'' if settings.output_error.use_prior else by_prior}"
+        )
+    if settings.prior.from_estimate is not None:
+        return "the earlier estimate (identification.prior.from_estimate) may not fit these data: start without it"
+    if settings.prior.factor > _NARROW:
+        return f"narrow the prior (--set identification.prior.factor={_NARROW:g}), or take another filter"
+    return "the prior is narrow already: raise the process noise (identification.process_noise), or take another filter"
+
+
+def _remedy_of_unconverged(estimate: Estimate) -> str:
+    """Return what may help a fit that did not settle: more steps, unless it is where the data are not met."""
+    settings, large = estimate.experiment.identification, "its residuals are larger than the noise"
+    if estimate.is_free_run_fit:
+        more = f"identification.output_error.max_evaluations={2 * settings.output_error.max_evaluations}"
+        held = "" if settings.output_error.use_prior else " or let the prior hold them (output_error.use_prior)"
+        elsewhere = (
+            f"{large}: allow more steps (--set {more}); if they stay large, fit shorter segments (--use), or take the "
+            "smoother"
+        )
+    else:
+        more = f"identification.smoother.max_passes={2 * settings.smoother.max_passes}"
+        held = " or narrow the prior (identification.prior.factor)"
+        elsewhere = (
+            f"{large}, where more steps (--set {more}) seldom help: look at signs, units and delays (auvid inspect), "
+            "and let the data say how much process noise the model needs (--set identification.noise=estimate, or "
+            "auvid tune)"
+        )
+    if not mean_nis(estimate) <= LARGEST_MEAN_NIS:
+        return elsewhere
+    return (
+        f"its residuals are as large as the noise: allow more steps (--set {more}); coefficients that still move "
+        f"then are not determined by these data: hold them (identification.coefficients){held}"
+    )
 
 
 class Grade(StrEnum):
@@ -107,10 +230,10 @@ def judge_one(estimate: Estimate, reference: Estimate | None) -> Judgement:
 def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | None) -> Judgement:
     status = status_of(estimate)
     if not estimate.completed:
-        return Judgement(Grade.DIVERGED, status.removeprefix("diverged "), remedy_of_divergence(estimate))
+        return Judgement(Grade.DIVERGED, status.removeprefix("diverged "), advice_on_divergence(estimate))
     if status != "completed":
         known = [
-            remedy_of_nonlinearity(estimate) or remedy_of_linearisation(estimate),
+            advice_on_nonlinearity(estimate) or remedy_of_linearisation(estimate),
             "" if doubt is None else doubt.advice,
         ]
         otherwise = "do not use it; look at stated noise, biases, outliers and signs (auvid check)"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.labelled import LabelledSeries
+from auvid_cli.data.interop import LabelledSeries
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, Quantity
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ from typing import Any, get_args
 
 import yaml
 
-from auvid_cli.config.quantity import Unit
 from auvid_cli.config.settings import Settings
+from auvid_cli.config.units import Unit
 from auvid_cli.config.vehicle import Drawing
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, Coefficient
 from auvid_cli.vehicle.geometry import DERIVED_TERMS, DerivedValue, coefficients_from_geometry

@@ -1,12 +1,4 @@
-"""An identified model as an SDF model for Gazebo.
-
-Element names and equations are those of gz-sim 8 (Harmonic). Its Hydrodynamics system reads the generic
-derivatives ``<xUV>`` for ``X = c u v`` and ``<xUabsV>`` for ``X = c u |v|``. The added mass goes to the
-``<fluid_added_mass>`` of SDFormat 1.10, into the inertia that the physics engine DART solves with and takes Coriolis
-forces from. The system's own, ``<xDotU>``, differences velocities and blows up where added mass exceeds mass, and
-its Coriolis forces lack the cross terms; so both are switched off. Fins are lift-drag surfaces, see
-`auvid_cli.export.gazebo_fins`.
-"""
+"""Vehicles for Gazebo: hydrodynamics plugin and fins as SDF."""
 
 from textwrap import indent
 from typing import NamedTuple
@@ -15,15 +7,19 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.export.comment import xml_comment
-from auvid_cli.export.gazebo_fins import add_fins, fin_area, fin_links
-from auvid_cli.export.heading import certainty, heading_lines
-from auvid_cli.export.losses import Losses, losses_of
+from auvid_cli.export.losses import UnsupportedFeatures, certainty, heading_lines, unsupported_features, xml_comment
 from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.export.sdf_elements import add_inertial, as_text, child_of
-from auvid_cli.printable import printable
+from auvid_cli.export.model_parts import FinSurface, fin_surfaces
+from auvid_cli.text import printable
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient
 
+Array = NDArray[np.float64]
+# Of the vehicle's mass, taken from its hull; a link without mass is none.
+_SHARE_OF_MASS = 1e-3
+# m; of a ball, which is the same however it is turned.
+_RADIUS_OF_GYRATION = 0.05
+# Where they are drawn, of the length behind the centre of buoyancy.
+_BEHIND = 0.45
 _LINK = "base_link"
 _NOTES = (
     "Thrust and roll moment: give the model a Thruster system, or apply them with ApplyLinkWrench.",
@@ -31,7 +27,120 @@ _NOTES = (
 )
 
 
-def gazebo_losses(model: IdentifiedModel) -> Losses:
+def child_of(parent: ElementTree.Element, tag: str, text: str | None = None, **attributes: str) -> ElementTree.Element:
+    """Append an element to another and return it."""
+    child = ElementTree.SubElement(parent, tag, attributes)
+    child.text = text
+    return child
+
+
+def as_text(*values: float) -> str:
+    """Write numbers, separated by spaces."""
+    # Adding zero takes the sign off a zero.
+    return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+def add_inertial(
+    link: ElementTree.Element, mass: float, centre: tuple[float, float, float], moments: NDArray[np.float64]
+) -> ElementTree.Element:
+    """Append what a link weighs: kg, its centre of gravity, m, and the inertia about that, kg m^2, shape (3, 3)."""
+    inertial = child_of(link, "inertial")
+    child_of(inertial, "mass", as_text(mass))
+    child_of(inertial, "pose", as_text(*centre, 0.0, 0.0, 0.0))
+    inertia = child_of(inertial, "inertia")
+    for row, column in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        child_of(inertia, f"i{'xyz'[row]}{'xyz'[column]}", as_text(moments[row, column]))
+    return inertial
+
+
+class FinLink(NamedTuple):
+    """A fin as a body.
+
+    Attributes
+    ----------
+    surface : FinSurface
+    mass : float
+        kg.
+    place : float
+        Forward of the origin, m, where it is drawn.
+    """
+
+    surface: FinSurface
+    mass: float
+    place: float
+
+    @property
+    def inertia(self) -> Array:
+        """Return that about its centre, kg m^2."""
+        return self.mass * _RADIUS_OF_GYRATION**2 * np.eye(3)
+
+    @property
+    def inertia_about_origin(self) -> Array:
+        """Return that about the origin of the vehicle, kg m^2."""
+        return self.inertia + self.mass * self.place**2 * np.diag([0.0, 1.0, 1.0])
+
+
+def fin_links(model: IdentifiedModel) -> list[FinLink]:
+    """Return the fins of a model as bodies."""
+    vehicle = model.experiment.vehicle
+    parameters = vehicle.known_parameters()
+    place = parameters["xB"] - _BEHIND * vehicle.size.length
+    surfaces = fin_surfaces({each.symbol: each.value for each in model.coefficients})
+    return [FinLink(surface, _SHARE_OF_MASS * parameters["m"], place) for surface in surfaces]
+
+
+def fin_area(model: IdentifiedModel) -> float:
+    """Return the area of two fins of the drawing, m^2, or 1 where there is none: only its product with a slope acts."""
+    geometry = model.experiment.vehicle.geometry
+    return 1.0 if geometry is None else 2.0 * geometry.fins.area
+
+
+def add_fins(body: ElementTree.Element, hull: str, model: IdentifiedModel) -> None:
+    """Append links, joints and systems of all fins to a model, the link of whose hull has that name."""
+    size, area = model.experiment.vehicle.size, fin_area(model)
+    side = float(np.sqrt(area / 2.0)) if area < size.length**2 else size.diameter
+    for fin in fin_links(model):
+        name, is_rudder = fin.surface.name, fin.surface.name == "rudder"
+        link = child_of(body, "link", name=name)
+        child_of(link, "pose", as_text(fin.place, 0.0, 0.0, 0.0, 0.0, 0.0), relative_to=hull)
+        add_inertial(link, fin.mass, (0.0, 0.0, 0.0), fin.inertia)
+        box = child_of(child_of(child_of(link, "visual", name=f"{name}_visual"), "geometry"), "box")
+        span = size.diameter + 2.0 * side
+        child_of(box, "size", as_text(side, *((0.01, span) if is_rudder else (span, 0.01))))
+        joint = child_of(body, "joint", name=f"{name}_joint", type="revolute")
+        child_of(joint, "parent", hull)
+        child_of(joint, "child", name)
+        # Its leading edge goes to where the force does.
+        push = float(np.sign(fin.surface.force))
+        child_of(child_of(joint, "axis"), "xyz", as_text(0.0, *((0.0, -push) if is_rudder else (push, 0.0))))
+        _add_lift(body, hull, fin.surface, model, area)
+        driven = child_of(
+            body,
+            "plugin",
+            filename="gz-sim-joint-position-controller-system",
+            name="gz::sim::systems::JointPositionController",
+        )
+        child_of(driven, "joint_name", f"{name}_joint")
+        child_of(driven, "use_velocity_commands", "true")
+
+
+def _add_lift(body: ElementTree.Element, hull: str, surface: FinSurface, model: IdentifiedModel, area: float) -> None:
+    density = model.experiment.vehicle.size.density
+    system = child_of(body, "plugin", filename="gz-sim-lift-drag-system", name="gz::sim::systems::LiftDrag")
+    child_of(system, "link_name", hull)
+    child_of(system, "control_joint_name", f"{surface.name}_joint")
+    # Gazebo's axes are to port and up, so that a force to starboard or down is negative.
+    child_of(system, "control_joint_rad_to_cl", as_text(-2.0 * surface.force / (density * area)))
+    child_of(system, "area", as_text(area))
+    child_of(system, "air_density", as_text(density))
+    child_of(system, "cp", as_text(surface.place, 0.0, 0.0))
+    child_of(system, "forward", "1 0 0")
+    child_of(system, "upward", "0 1 0" if surface.name == "rudder" else "0 0 1")
+    for coefficient in ("cla", "cda", "cma", "a0"):
+        child_of(system, coefficient, "0")
+
+
+def gazebo_losses(model: IdentifiedModel) -> UnsupportedFeatures:
     """Name terms for which no system has a place, what changes, and an inertia that Gazebo would not accept."""
     in_fins = {symbol for fin in fin_links(model) for symbol in fin.surface.symbols}
     lost = [c.symbol for c in model.coefficient_set if not _has_element(c) and c.symbol not in in_fins]
@@ -39,15 +148,15 @@ def gazebo_losses(model: IdentifiedModel) -> Losses:
     smallest, middle, largest = np.linalg.eigvalsh(_hull(model).moments)
     physical = smallest > 0.0 and smallest + middle >= largest
     if physical:
-        return losses_of(model, lost, notes)
+        return unsupported_features(model, lost, notes)
     refused = (
         f"Gazebo refuses the inertia: no body has principal moments {smallest:.4g}, {middle:.4g}, {largest:.4g} kg m^2 "
         "about its centre of gravity."
     )
-    return losses_of(model, lost, (*notes, refused))
+    return unsupported_features(model, lost, (*notes, refused))
 
 
-def gazebo_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
+def gazebo_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
     """Write the whole file: a model of hull and fins; `name` is the model's."""
     size, parameters = model.experiment.vehicle.size, model.experiment.vehicle.known_parameters()
     gravity = parameters["W"] / parameters["m"]

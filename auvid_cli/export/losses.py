@@ -1,16 +1,35 @@
-"""What a target cannot hold of an identified model."""
+"""Features that an export format does not support, and the heading of exported files."""
 
-from collections.abc import Collection
+import re
+from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
-from auvid_cli.export.model import EstimatedState, IdentifiedModel
-from auvid_cli.export.terms import TermSize
-from auvid_cli.vehicle.ballast import NO_BALLAST, Ballast
+from auvid_cli.evaluation.accuracy import LARGEST_SHARE_OF_VALUE
+from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.export.model import EstimatedState, IdentifiedCoefficient, IdentifiedModel
+from auvid_cli.export.model_parts import TermSize
+from auvid_cli.text import one_line
+from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
 
 _COVARIANCES = "The covariances are lost; standard deviations stand beside the values."
 
 
-class Losses(NamedTuple):
+def line_comments(mark: str, lines: Iterable[str]) -> str:
+    """Write comments that end with their lines: of Python and YAML behind ``#``, of MATLAB behind ``%``."""
+    return "".join(f"{mark} {_line(line)}\n" for line in lines)
+
+
+def xml_comment(lines: Iterable[str]) -> str:
+    """Return what may stand between ``<!--`` and ``-->``, where two hyphens may not."""
+    return re.sub("-(?=-)", "- ", "\n".join(_line(line) for line in lines))
+
+
+def _line(text: str) -> str:
+    indent = "  " if text.startswith("  ") else ""
+    return indent + one_line(text)
+
+
+class UnsupportedFeatures(NamedTuple):
     """Parts of a model that a form cannot hold.
 
     Attributes
@@ -25,17 +44,17 @@ class Losses(NamedTuple):
     notes: tuple[str, ...]
 
 
-NOTHING = Losses((), ())
+NOTHING = UnsupportedFeatures((), ())
 
 
-def losses_of(
+def unsupported_features(
     model: IdentifiedModel,
     symbols: Collection[str] = (),
     notes: tuple[str, ...] = (),
     *,
     holds_gain: bool = False,
     holds_actuators: bool = False,
-) -> Losses:
+) -> UnsupportedFeatures:
     """Return what a form loses that holds the equations of motion alone.
 
     Parameters
@@ -53,10 +72,12 @@ def losses_of(
     terms = tuple(size for size in model.term_sizes if size.symbol in symbols)
     gain = [] if holds_gain else _gain_lines(model)
     actuators = [] if holds_actuators else _actuator_lines(model)
-    return Losses(terms, (*notes, _COVARIANCES, *gain, *actuators, *_ballast_lines(model), *_state_lines(model)))
+    return UnsupportedFeatures(
+        terms, (*notes, _COVARIANCES, *gain, *actuators, *_ballast_lines(model), *_state_lines(model))
+    )
 
 
-def loss_lines(losses: Losses) -> list[str]:
+def unsupported_lines(losses: UnsupportedFeatures) -> list[str]:
     """Write losses in words, a line each."""
     if not losses.terms and not losses.notes:
         return ["Nothing is lost."]
@@ -110,3 +131,39 @@ def _state_lines(model: IdentifiedModel) -> list[str]:
 def _state_line(state: EstimatedState) -> str:
     unit = "" if state.unit == "1" else f" {state.unit}"
     return f"  {state.symbol}: {state.value:.4g}{unit}, standard deviation {state.standard_deviation:.2g}{unit}"
+
+
+def heading_lines(model: IdentifiedModel, losses: UnsupportedFeatures) -> list[str]:
+    """Write vehicle, filter, origin, doubts and losses, a line each; for `auvid_cli.export.losses`."""
+    experiment, origin = model.experiment, model.origin
+    return [
+        f"{experiment.vehicle.name}: coefficients identified by {model.filter}",
+        f"Exported by auvid {origin.auvid_version} at {origin.created}",
+        f"from {origin.estimate},",
+        f"made from {origin.dataset}",
+        f"(experiment {experiment.name}, seed {experiment.seed}; all settings stand in the estimate file).",
+        *caveats(model),
+        *unsupported_lines(losses),
+    ]
+
+
+def caveats(model: IdentifiedModel) -> list[str]:
+    """Say what speaks against the estimate and its coefficients, a sentence each."""
+    doubts = caveats_of(model.judgement)
+    if doubts or not model.not_identified():
+        return doubts
+    share = f"uncertain by more than {LARGEST_SHARE_OF_VALUE:.0%} of their value"
+    return [f"Not identified by these data, {share}: {', '.join(model.not_identified())}."]
+
+
+def caveats_of(judgement: Judgement) -> list[str]:
+    """Say why an estimate is not sound; nothing if it is."""
+    return [] if judgement.grade is Grade.SOUND else [f"Do not rely on these values, {judgement}."]
+
+
+def certainty(coefficient: IdentifiedCoefficient) -> str:
+    """Say how sure a coefficient is, as a remark beside its value."""
+    if coefficient.standard_deviation is None:
+        return "held, not estimated"
+    remark = f"standard deviation {coefficient.standard_deviation!r}"
+    return remark if coefficient.identified else f"{remark}; identified: false"

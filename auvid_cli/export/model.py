@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli import __version__
+from auvid_cli._version import __version__
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import ERROR_STATES
 from auvid_cli.data.dataset import Dataset
@@ -17,9 +17,15 @@ from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
-from auvid_cli.export.actuation import Actuation, acting_inputs, actuation
-from auvid_cli.export.fin_surfaces import surface_changes
-from auvid_cli.export.terms import TermSize, term_histories, term_sizes
+from auvid_cli.export.model_parts import (
+    Actuation,
+    TermSize,
+    acting_inputs,
+    actuation,
+    surface_changes,
+    term_histories,
+    term_sizes,
+)
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS

@@ -11,7 +11,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
-from auvid_cli.vehicle.dead_reckoning import dead_reckoned
+from auvid_cli.vehicle.kinematics import dead_reckoned
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS
 
 Array = NDArray[np.float64]

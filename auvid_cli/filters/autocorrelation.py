@@ -1,17 +1,5 @@
-"""What estimates are worth whose residuals are not white: standard deviations that allow for their autocorrelation.
-
-A batch estimate errs by ``sum(v_i e_i)`` over all scalar measurements: of each the influence v_i on the parameters, and
-the residual e_i by the standard deviation that it should have. Were the residuals white, its variance would be
-``sum(v_i^2)``. As they may not be, others stand beside that. Of each channel there is the sum over all pairs
-``sum(v_i rho_ij v_j)`` with an autocovariance that is fitted to it (Morelli and Klein, J. Aircraft 34(2), 1997, whose
-own is not smoothed): white noise, and noise that fades exponentially, so that the sum is found recursively. Where
-something fades, the channel also has its scores ``v_i e_i`` as they come, over windows as long as that memory asks for
-(`auvid_cli.filters.hac_windows`; Andrews, Econometrica 59(3), 1991): an error that is there for a part of the time
-only is seen by no autocovariance. The larger of both counts, and sums over channels: a fit weighs the error of one
-against the others, so that scores of all together say less. Those too are looked at, for what channels owe to each
-other. No one of them is right in all cases, and the largest counts.
-
-Nothing is correlated from one segment of the data to the next.
+"""Standard deviations of estimates with autocorrelated residuals (HAC covariance; Andrews, Econometrica 59(3),
+1991).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,15 +10,15 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.hac_windows import BIN, INFLUENCE, Influence, ScoreWindows, bin_at
 from auvid_cli.filters.problem import Indices
 
 Array = NDArray[np.float64]
-
-_vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
+_stack = types.float64[:, :, ::1]
 _indices = types.int64[::1]
-
+BIN = 0.1
+"""s, over which residuals are averaged, and scores summed, before they are correlated."""
+_vector = types.float64[::1]
 # Bins: where the autocovariance is read first, beyond what a sensor's own filter does, and last; windows of the scores
 # of all channels together.
 _FIRST_LAG, _LAST_LAG, _WINDOW = 3, 600, 100
@@ -42,6 +30,139 @@ _SHARE_OF_PAIRS = 0.5
 _BARTLETT = 1.1447
 # Bytes of influences that are kept for the second time.
 _ROOM = 2**27
+
+
+class Influence(NamedTuple):
+    """Influence of consecutive scalar measurements on a batch estimate.
+
+    Attributes
+    ----------
+    time : ndarray, shape (m,)
+        s, in order.
+    channel : ndarray of int, shape (m,)
+        Which component of which sensor it is.
+    residual : ndarray, shape (m,)
+        By the standard deviation that it should have.
+    rows : ndarray, shape (m, n)
+        By how much each parameter moves for each unit of it.
+    """
+
+    time: Array
+    channel: Indices
+    residual: Array
+    rows: Array
+
+
+INFLUENCE = types.NamedTuple(
+    (types.float64[::1], types.int64[::1], types.float64[::1], types.float64[:, ::1]), Influence
+)
+
+
+@compiled(types.int64(types.float64, types.float64), inline=True)
+def bin_at(time, start):
+    """Return in which bin of a segment a time lies; what comes regularly is in its middle, safe from rounding."""
+    return int((time - start) / BIN + 0.5)
+
+
+class _Windows(NamedTuple):
+    """Windows that move along a segment, one for each group of channels.
+
+    Attributes
+    ----------
+    bin : ndarray of int, shape (1,)
+        Which is being filled.
+    length : ndarray of int, shape (n_groups,)
+        Bins; 0 for a group that is not looked at.
+    score, window : ndarray, shape (n_groups, n)
+        Sums over the bin, and over the window.
+    scores : ndarray, shape (longest, n_groups, n)
+        Of the bins before, in a ring.
+    squares : ndarray, shape (n_groups, n)
+        Of the sums over all windows.
+    """
+
+    bin: Indices
+    length: Indices
+    score: Array
+    window: Array
+    scores: Array
+    squares: Array
+
+
+_WINDOWS = types.NamedTuple((_indices, _indices, _matrix, _matrix, _stack, _matrix), _Windows)
+
+
+@compiled(types.void(_WINDOWS), internal=True)
+def _close_window_bin(windows):
+    """Move the windows on by the bin that is full."""
+    n_bins, n_groups, n = windows.scores.shape
+    now = windows.bin[0]
+    place = now % n_bins
+    for g in range(n_groups):
+        if windows.length[g] > 0:
+            score, window, oldest = windows.score[g], windows.window[g], (now - windows.length[g]) % n_bins
+            for i in range(n):
+                window[i] += score[i] - windows.scores[oldest, g, i]
+                windows.scores[place, g, i], score[i] = score[i], 0.0
+                windows.squares[g, i] += window[i] ** 2
+    windows.bin[0] += 1
+
+
+@compiled(types.void(INFLUENCE, types.float64, _indices, _WINDOWS))
+def _add_scores(influence, start, group, windows):
+    """Add the scores of a segment that starts at some time."""
+    for i in range(influence.time.size):
+        while windows.bin[0] < bin_at(influence.time[i], start):
+            _close_window_bin(windows)
+        score, residual = windows.score[group[influence.channel[i]]], influence.residual[i]
+        for k in range(score.size):
+            score[k] += influence.rows[i, k] * residual
+
+
+@compiled(types.void(_WINDOWS))
+def _finish(windows):
+    """Move the windows on until they are behind the last bin of a segment."""
+    for _ in range(windows.scores.shape[0]):
+        _close_window_bin(windows)
+
+
+class ScoreWindows:
+    """Mean squares of the sums of scores over windows, none of which reaches from segment to segment.
+
+    Parameters
+    ----------
+    n : int
+        How many parameters there are.
+    group : ndarray of int, shape (n_channels,)
+        Which channels' scores are added before they are squared.
+    length : ndarray of int, shape (n_groups,)
+        Of a group's windows, bins; 0 for one that is not looked at.
+    """
+
+    def __init__(self, n: int, group: Indices, length: Indices) -> None:
+        self._group, self._length, self._squares = group, length, np.zeros((length.size, n))
+        self._begin()
+
+    def _begin(self) -> None:
+        here, scores = np.zeros(1, dtype=np.int64), np.zeros((max(int(self._length.max()), 1), *self._squares.shape))
+        score, window = np.zeros(self._squares.shape), np.zeros(self._squares.shape)
+        self._start: float | None = None
+        self._windows = _Windows(here, self._length, score, window, scores, self._squares)
+
+    def add(self, influence: Influence) -> None:
+        """Take in measurements of a segment."""
+        if influence.time.size:
+            self._start = float(influence.time[0]) if self._start is None else self._start
+            _add_scores(influence, self._start, self._group, self._windows)
+
+    def end_segment(self) -> None:
+        """Move on until the last measurement of a segment has left the windows."""
+        _finish(self._windows)
+        self._begin()
+
+    def mean_squares(self) -> Array:
+        """Return those of all segments that ended, shape (n_groups, n); zero for a group that is not looked at."""
+        return self._squares / np.maximum(self._length, 1)[:, None]
 
 
 class _Sums(NamedTuple):
@@ -84,11 +205,13 @@ class _Recent(NamedTuple):
 
 
 _SUMS = types.NamedTuple((_vector, _vector, _matrix, _matrix, _matrix), _Sums)
+
+
 _RECENT = types.NamedTuple((_indices, _vector, _vector, _matrix), _Recent)
 
 
 @compiled(types.void(_SUMS, _RECENT))
-def _close_bin(sums, recent):
+def _close_lag_bin(sums, recent):
     """Correlate the bin that is full with those before, and begin the next."""
     n_lags, n_channels = recent.averages.shape
     place = recent.bin[0] % n_lags
@@ -108,11 +231,11 @@ def _close_bin(sums, recent):
 
 
 @compiled(types.void(INFLUENCE, types.float64, _SUMS, _RECENT))
-def _gather(influence, start, sums, recent):
+def _add_products(influence, start, sums, recent):
     """Add measurements of a segment that starts at some time to the sums."""
     for i in range(influence.time.size):
         while recent.bin[0] < bin_at(influence.time[i], start):
-            _close_bin(sums, recent)
+            _close_lag_bin(sums, recent)
         c, residual = influence.channel[i], influence.residual[i]
         recent.total[c] += residual
         recent.taken[c] += 1.0
@@ -173,7 +296,7 @@ def corrected_deviation(nominal: Array, segments: Sequence[Iterable[Influence]],
     ndarray, shape (n,)
         No less than the nominal ones.
     """
-    segments = [_Kept(segment, _ROOM // len(segments)) for segment in segments]
+    segments = [_InfluenceCache(segment, _ROOM // len(segments)) for segment in segments]
     sums, together, duration = _sums(nominal.size, segments, n_channels)
     noise = _fitted(sums)
     fitted = noise.variance[:, None] * sums.white
@@ -184,7 +307,7 @@ def corrected_deviation(nominal: Array, segments: Sequence[Iterable[Influence]],
     return np.sqrt(nominal**2 + np.maximum(most - sums.white.sum(axis=0), 0.0))
 
 
-class _Kept:
+class _InfluenceCache:
     """Influences of a segment that are kept for those who ask again, if they take no more than so many bytes."""
 
     def __init__(self, influences: Iterable[Influence], room: int) -> None:
@@ -213,8 +336,8 @@ def _sums(n: int, segments: Sequence[Iterable[Influence]], n_channels: int) -> t
             if influence.time.size:
                 start = float(influence.time[0]) if start is None else start
                 end = float(influence.time[-1])
-                _gather(influence, start, sums, recent)
-        _close_bin(sums, recent)
+                _add_products(influence, start, sums, recent)
+        _close_lag_bin(sums, recent)
         together.end_segment()
         duration += 0.0 if start is None else end - start
     return sums, together.mean_squares()[0], duration

@@ -1,14 +1,4 @@
-"""Score tests of faults: what is left of the data after a smoother's fit, against what a fault would leave of them.
-
-Linear about the most probable trajectory, a fault of size ``a`` pushes the moving states by ``a g`` between events and
-adds ``a m`` to measurements. An estimator that knows nothing of it errs by ``a d``, which goes on as the filter does,
-
-    d <- F d + g,    s = m + h d,    d <- d - g_k s / S
-
-with gain ``g_k`` and variance ``S`` of each component, and its innovation is ``e = a s + noise`` of variance S. So
-``a`` is found from ``sum(s e / S) / sum(s^2 / S)``, of variance ``1 / sum(s^2 / S)`` (Rao's score test). Parameters are
-part of the state: what they can explain is not in s.
-"""
+"""Score tests of faults and of candidate terms: the fit of their signature to the residuals of a smoother."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, Protocol
@@ -18,12 +8,11 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import TIMELINE, FaultScores, Timeline
-from auvid_cli.filters.smoothing_forward import FORWARD_PASS, LINEARISED, Linearised
+from auvid_cli.filters.smoother_forward import FORWARD_PASS, LINEARISED, Linearised
 
 Array = NDArray[np.float64]
-
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 
@@ -179,3 +168,54 @@ def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults)
         information += shown.T @ shown
         effect = error[:n_parameters]
     return FaultScores(faults.labels, score, information, effect)
+
+
+def gains(scores: FaultScores) -> Array:
+    """Return by how much each raises the log-likelihood, shape (n,); 0 where nothing shows it.
+
+    Parameters
+    ----------
+    scores : FaultScores
+    """
+    told = np.diagonal(scores.information)
+    return np.divide(scores.score**2, 2.0 * told, out=np.zeros_like(scores.score), where=told > 0.0)
+
+
+def sizes(scores: FaultScores) -> tuple[Array, Array]:
+    """Return the likeliest size of each by itself, and its standard deviation, shape (n,) each; 0 +- inf if not shown.
+
+    Parameters
+    ----------
+    scores : FaultScores
+    """
+    told = np.diagonal(scores.information)
+    variance = np.divide(1.0, told, out=np.full_like(scores.score, np.inf), where=told > 0.0)
+    return np.where(told > 0.0, scores.score, 0.0) / np.where(told > 0.0, told, 1.0), np.sqrt(variance)
+
+
+def correlation(scores: FaultScores, candidate: int) -> Array:
+    """Return how alike others are to a candidate in what the parameters leave of both, from -1 to 1, shape (n,).
+
+    Parameters
+    ----------
+    scores : FaultScores
+    candidate : int
+    """
+    told = np.sqrt(np.diagonal(scores.information))
+    both = told * told[candidate]
+    return np.divide(scores.information[candidate], both, out=np.zeros_like(told), where=both > 0.0)
+
+
+def explained(scores: FaultScores, covariance: Array) -> Array:
+    """Return which share of what each would do to the data the parameters make up for, shape (n,), from 0 to 1.
+
+    Parameters
+    ----------
+    scores : FaultScores
+    covariance : ndarray, shape (n_parameters, n_parameters)
+        Of the parameters.
+    """
+    made_up = np.einsum("pk,pk->k", scores.effect, np.linalg.solve(covariance, scores.effect))
+    told = np.diagonal(scores.information)
+    total = made_up + told
+    return np.divide(made_up, total, out=np.ones_like(told), where=total > 0.0)

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory, gauss_newton
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, gauss_newton, with_process_memory
 from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores, with_time_constants
-from auvid_cli.filters.process_noise import with_process_memory
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import most_probable
 

@@ -1,7 +1,7 @@
 """What the data say of their noise: the gradient of a likelihood by one way forward and one way back.
 
 With r and Lambda what the data from an event on say of the deviation there, and its covariance, see
-`auvid_cli.filters.smoothing_backward`, the process noise that leads to the event, of variance Q, is most probably
+`auvid_cli.filters.smoother_backward`, the process noise that leads to the event, of variance Q, is most probably
 ``Q r``, and the derivative of the log-likelihood by the logarithm of its standard deviation ``Q (r^2 - Lambda)``: so
 Fisher's identity has it. Of a measurement's noise the same holds with what all data say of it.
 
@@ -23,17 +23,11 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.fault_scores import FaultEffects, shown_faults
-from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, noise_variance, variance_by_time_constant
 from auvid_cli.filters.problem import TIMELINE, ModelData, Process, Timeline
-from auvid_cli.filters.process_noise import noise_variance, variance_by_time_constant
 from auvid_cli.filters.segments import JointProblem
-from auvid_cli.filters.smoothing_backward import (
-    ADJOINT,
-    Adjoint,
-    adjoint_predict,
-    adjoint_update,
-)
-from auvid_cli.filters.smoothing_forward import (
+from auvid_cli.filters.smoother_backward import ADJOINT, Adjoint, adjoint_predict, adjoint_update
+from auvid_cli.filters.smoother_forward import (
     FORWARD_PASS,
     LINEARISED,
     Linearised,

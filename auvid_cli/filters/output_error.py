@@ -1,7 +1,4 @@
-"""Output-error method: parameters and initial motions from which motions left to themselves fit all measurements best.
-
-Maximum likelihood for white measurement noise and no process noise.
-"""
+"""Output-error method: parameters and initial motions whose simulated motion fits all measurements best."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -11,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.influence_functions import corrected_free_motion
-from auvid_cli.filters.information import Information
-from auvid_cli.filters.least_squares import LeastSquaresFit, fit_free_motion
-from auvid_cli.filters.point_sets import cubature
+from auvid_cli.filters.least_squares import Information, LeastSquaresFit, Uncertainty, fit_free_motion
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
     OK,
@@ -24,15 +19,18 @@ from auvid_cli.filters.problem import (
     Gaussian,
     OnChunk,
     Records,
+    Sensors,
     Timeline,
 )
-from auvid_cli.filters.residuals import hand_over
 from auvid_cli.filters.segments import JointProblem, one_after_the_other
-from auvid_cli.filters.sensitivities import responses
+from auvid_cli.filters.sensitivities import Response, responses
+from auvid_cli.filters.smoother_forward import SET_ASIDE, weight
 from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.filters.workspace import cubature
 
 Array = NDArray[np.float64]
-
+# Shares of a residual's variance below this are rounding: measurements that the fit meets exactly say nothing.
+_ROUNDING = 1e-9
 # Events of the first span of a segment, some 40 s of a 100 Hz sensor: few enough for parameters that are somewhat off
 # not to lose the motion altogether, and enough to correct them. Parameters that are far off lose it within seconds.
 _FIRST_SPAN, _FIRST_SPAN_FROM_AFAR = 4000, 250
@@ -44,6 +42,72 @@ _FAR = 2.5
 _PASSES = 50
 # Gains in the sum of squares, as shares of it, that end the fit of a span and of the whole.
 _COARSE, _FINE = 1e-5, 1e-9
+
+
+def hand_over(
+    solution: Iterable[Response], sensors: Sensors, uncertainty: Uncertainty, on_chunk: OnChunk
+) -> tuple[Array, int]:
+    """Pass on the motion from a fitted state, chunk by chunk.
+
+    Parameters
+    ----------
+    solution : iterable of Response
+        From the fitted state.
+    sensors : Sensors
+    uncertainty : Uncertainty
+        Of the fitted state, P.
+    on_chunk : callable
+        Told every chunk. Standard deviations are those of ``X_k P X_k'``. For measurements that were fitted the
+        variance of a residual is what the fit leaves of the noise, ``S = noise - H X_k P X_k' H'``; the NIS is ``r'
+        S^-1 r``.
+
+    Returns
+    -------
+    covariance : ndarray, shape (n, n)
+        Of the state after the last sound event.
+    n_good : int
+        Events until the end, or until the motion blew up.
+    """
+    n = len(uncertainty.root)
+    n_good, last = 0, np.eye(n)
+    for response in solution:
+        on_chunk(response.timeline, _records(response, sensors, uncertainty))
+        if len(response.mean):
+            moving = response.sensitivity[-1]
+            last = np.vstack([np.eye(n)[: n - len(moving)], moving])
+        n_good += len(response.mean)
+    return uncertainty.covariance(last), n_good
+
+
+def _records(response: Response, sensors: Sensors, uncertainty: Uncertainty) -> Records:
+    events, n = response.mean.shape
+    n_parameters = n - response.sensitivity.shape[1]
+    deviation = np.empty((events, n))
+    deviation[:, :n_parameters] = uncertainty.deviation(np.eye(n)[:n_parameters])
+    deviation[:, n_parameters:] = uncertainty.deviation(response.sensitivity)
+    weights, whitened = None, response.whitened
+    if not np.isinf(sensors.threshold):
+        weights = weight(whitened[..., -1] ** 2, sensors.threshold)
+        whitened = np.where(weights[..., None] < SET_ASIDE, 0.0, whitened)
+    variance, nis = _left_over(response._replace(whitened=whitened), sensors, uncertainty)
+    if weights is not None:
+        variance[weights < SET_ASIDE] = np.nan
+    return Records(response.mean, deviation, response.innovation, variance, nis, weights)
+
+
+def _left_over(response: Response, sensors: Sensors, uncertainty: Uncertainty) -> tuple[Array, Array]:
+    """Return the variance of each residual and normalised residual squared of each measurement."""
+    explained = response.whitened[..., :-1] @ uncertainty.root
+    share = explained @ explained.swapaxes(-1, -2)
+    sensor = response.timeline.measurement_sensor[: len(share)]
+    left = np.maximum(1.0 - np.diagonal(share, axis1=1, axis2=2), 0.0)
+    variance = np.where(np.isnan(response.innovation), np.nan, sensors.variance[sensor] * left)
+    # Missing components have rows of zeros: a residual of nothing.
+    shares, directions = np.linalg.eigh(share)
+    parts = np.einsum("kij,ki->kj", directions, response.whitened[..., -1])
+    free = 1.0 - shares
+    nis = np.where(free > _ROUNDING, parts**2 / np.maximum(free, _ROUNDING), 0.0).sum(axis=1)
+    return variance, nis
 
 
 def run_output_error(
@@ -152,7 +216,7 @@ def _starts(problem: JointProblem) -> Iterator[_Start]:
         yield filtered
     yield _Start(problem.prior.mean, span=_FIRST_SPAN_FROM_AFAR)
     # What it is compiled from is seldom wanted here.
-    from auvid_cli.filters.linear_smoothing import LinearSmoothing
+    from auvid_cli.filters.linear_smoother import LinearSmoothing
     from auvid_cli.filters.smoother import most_probable
 
     for smoothed, _ in most_probable(problem, LinearSmoothing(problem), _PASSES)[:1]:

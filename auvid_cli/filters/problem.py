@@ -64,8 +64,8 @@ class Process(NamedTuple):
     linearise : compiled function of `LINEARISATION_SIGNATURE`
         What it measures of one state, shape (c,), and the derivative of that, shape (c, n).
     decay : ndarray, shape (n_moving,) or (0,)
-        1/s; how fast each moving state forgets what drives it, see `auvid_cli.filters.process_noise`. Smoothers of the
-        data go by it where it is known.
+        1/s; rate at which each moving state forgets what drives it, see `auvid_cli.filters.linear_smoother`. Smoothers
+        use it where it is known.
     """
 
     advance: Any
@@ -96,7 +96,7 @@ class Sensors(NamedTuple):
         A component whose innovation squared is more than so many times its variance is rejected.
     threshold : float
         A fit of all data weighs a component down whose residual is more of its standard deviations, see
-        `auvid_cli.filters.huber`.
+        `auvid_cli.filters.smoother_forward`.
     """
 
     matrix: Array
@@ -225,7 +225,7 @@ def empty_records(timeline: Timeline, n: int) -> Records:
     return Records(*(np.full(shape, np.nan) for shape in rows))
 
 
-def until(records: Records, n_events: int, n_measurements: int) -> Records:
+def truncate(records: Records, n_events: int, n_measurements: int) -> Records:
     """Keep the first rows of records."""
     of_measurements = (None if a is None else a[:n_measurements] for a in records[2:])
     return Records(*(a[:n_events] for a in records[:2]), *of_measurements)

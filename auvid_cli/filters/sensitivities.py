@@ -11,7 +11,6 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.measurement import wrapped
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     MODEL_DATA,
@@ -22,6 +21,7 @@ from auvid_cli.filters.problem import (
     Sensors,
     Timeline,
 )
+from auvid_cli.filters.sigma_points import wrapped
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class Response(NamedTuple):
         """Say whether the motion is not finite, or beyond all measure, before the end of the chunk."""
         return len(self.mean) < self.timeline.time.size
 
-    def until(self, n_events: int) -> "Response":
+    def truncate(self, n_events: int) -> "Response":
         """Keep the first events and their measurements."""
         n_measurements = self.timeline.measurement_offset[n_events]
         return Response(
@@ -96,7 +96,7 @@ def responses(
     n, n_moving, n_components = start.size, process.noise_density.size, sensors.matrix.shape[1]
     data, here = (
         ModelData.of(process, sensors),
-        _Here(np.array(start, dtype=np.float64), np.eye(n)[n - n_moving :].copy()),
+        _SegmentState(np.array(start, dtype=np.float64), np.eye(n)[n - n_moving :].copy()),
     )
     work = _Workspace(
         np.eye(n),
@@ -115,14 +115,14 @@ def responses(
             np.zeros((n_measurements, n_components, n + 1)),
         )
         path = np.full((n_events, n_moving), np.nan) if along is None else along(timeline.time)
-        response = whole.until(_move(process.transition, data, here, path, whole, work))
+        response = whole.truncate(_move(process.transition, data, here, path, whole, work))
         _predict_measurements(process.linearise, data, response, work)
         yield response
         if response.blew_up:
             return
 
 
-class _Here(NamedTuple):
+class _SegmentState(NamedTuple):
     """The state where a chunk of the data begins and, afterwards, where it ends.
 
     Attributes
@@ -160,7 +160,7 @@ class _Workspace(NamedTuple):
 
 
 _RESPONSE = types.NamedTuple((TIMELINE, _matrix, _stack, _matrix, _stack), Response)
-_HERE = types.NamedTuple((_vector, _matrix), _Here)
+_HERE = types.NamedTuple((_vector, _matrix), _SegmentState)
 _WORKSPACE = types.NamedTuple((_matrix, _matrix, _vector, _matrix, _vector), _Workspace)
 
 

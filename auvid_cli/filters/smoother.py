@@ -2,7 +2,7 @@
 
 Gauss-Newton on the cost of a whole trajectory (Bell, SIAM J. Optim. 4(3), 1994): squares of what it needs of process
 noise, of residuals and of the distance to the prior, each by its variance. Each step is a linear smoothing problem
-about the last trajectory, see `auvid_cli.filters.linear_smoothing`. A filter cannot take back what it concluded far
+about the last trajectory, see `auvid_cli.filters.linear_smoother`. A filter cannot take back what it concluded far
 from the answer; this linearises anew where the data have led it.
 """
 
@@ -14,10 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.fault_scores import Faults, score_faults
-from auvid_cli.filters.huber import SET_ASIDE
 from auvid_cli.filters.influence_functions import corrected_smoothing
-from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Smoothed, Trajectory, gauss_newton, is_led_to
-from auvid_cli.filters.point_sets import cubature
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Smoothed, Trajectory, gauss_newton, is_led_to
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
     OK,
@@ -30,10 +28,12 @@ from auvid_cli.filters.problem import (
     Records,
     Sensors,
     Timeline,
-    until,
+    truncate,
 )
 from auvid_cli.filters.segments import JointProblem, one_after_the_other
+from auvid_cli.filters.smoother_forward import SET_ASIDE
 from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.filters.workspace import cubature
 
 Array = NDArray[np.float64]
 
@@ -257,7 +257,7 @@ def _hand_over(
             mean=np.hstack([np.tile(parameters, (good, 1)), (moving + share * step)[:good]]),
             standard_deviation=np.hstack([np.tile(deviation, (good, 1)), np.sqrt(variance[:good])]),
         )
-        on_chunk(timeline, until(records, good, int(timeline.measurement_offset[good])))
+        on_chunk(timeline, truncate(records, good, int(timeline.measurement_offset[good])))
         n_good += good
         if lost.size:
             return FilterOutcome(covariance, n_good, PREDICTION)

@@ -1,19 +1,16 @@
-"""One square-root filter for every antipodal sigma-point set: CKF, TUKF and UKF.
+"""Square-root filter for every antipodal sigma-point set (CKF, TUKF and UKF), and the estimators as objects."""
 
-Points are drawn anew from the factor for each prediction, and for each measurement of a nonlinear sensor. Where a
-measurement is linear, every set that integrates degree two gives the Kalman update.
-"""
-
-from collections.abc import Iterable
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numba import types
+from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.basis import basis_of
-from auvid_cli.filters.measurement import update
-from auvid_cli.filters.point_sets import PointSet
-from auvid_cli.filters.prediction import predict
+from auvid_cli.filters.factor import triangularise
 from auvid_cli.filters.problem import (
     OK,
     PREDICTION,
@@ -27,14 +24,77 @@ from auvid_cli.filters.problem import (
     Sensors,
     Timeline,
     empty_records,
-    until,
+    truncate,
 )
-from auvid_cli.filters.sigma_points import all_finite
-from auvid_cli.filters.square_root_state import MODEL, STATE, Components, SquareRootModel, State
-from auvid_cli.filters.workspace import WORKSPACE, new_workspace, padded
+from auvid_cli.filters.segments import JointProblem, one_after_the_other
+from auvid_cli.filters.sigma_points import all_finite, collect_points, draw_points, update
+from auvid_cli.filters.workspace import (
+    MODEL,
+    STATE,
+    WORKSPACE,
+    Components,
+    PointSet,
+    SquareRootModel,
+    State,
+    basis_of,
+    lanes_of,
+    n_blocks,
+    new_workspace,
+    padded,
+)
+from auvid_cli.lanes import LANES
+
+if TYPE_CHECKING:
+    from auvid_cli.filters.fault_scores import Faults
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
+Array = NDArray[np.float64]
+
+
+@compiled(types.boolean(MODEL, STATE, TIMELINE, types.int64, WORKSPACE), reassociate=True, inline=True)
+def predict(model, state, timeline, event, work):
+    """Move a state over the substeps that lead to an event, in place.
+
+    Returns
+    -------
+    bool
+        False if the result is not finite or not positive definite.
+    """
+    data, basis = model.data, model.basis
+    n, mean, columns = state.n, state.mean, state.columns
+    n_moving = data.noise_density.size
+    n_parameters = n - n_moving
+    m = basis.present.size
+    first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
+    substep_input, substep_duration = timeline.substep_input[first:last], timeline.substep_duration[first:last]
+    elapsed = 0.0
+    for substep in range(substep_duration.size):
+        elapsed += substep_duration[substep]
+    draw_points(basis, state, n_moving, work)
+    for b in range(n_blocks(basis)):
+        moving, parameters = work.points[b, : n_moving * LANES], work.points[b, n_moving * LANES :]
+        n_lanes = lanes_of(basis, b)
+        for substep in range(substep_duration.size):
+            held, duration = timeline.inputs[substep_input[substep]], substep_duration[substep]
+            model.advance(moving, parameters, held, data.constants, data.selection, n_lanes, duration, work.process)
+
+    spread, noisy = work.spread, n_moving + m + 1
+    collect_points(work.points, basis, n_moving, n_moving, mean[n_parameters:n], work)
+    for i in range(n_moving):
+        for j in range(n_parameters):
+            columns[j, n_parameters + i] = work.regression[i, j]
+        for j in range(n_moving):
+            spread[i, j] = work.regression[i, n_parameters + j]
+        for k in range(noisy, spread.shape[1]):
+            spread[i, k] = 0.0
+        spread[i, noisy + i] = data.noise_density[i] * np.sqrt(elapsed)
+    if not all_finite(n, mean) or not triangularise(spread, n_moving, work.lower):
+        return False
+    for j in range(n_moving):
+        for i in range(j, n_moving):
+            columns[n_parameters + j, n_parameters + i] = work.lower[i, j]
+    return True
 
 
 @compiled(types.void(_matrix, types.int64, _vector, _vector), reassociate=True, internal=True)
@@ -115,10 +175,163 @@ def run_square_root_filter(
         before, records = state.copy(), empty_records(timeline, n)
         done, failure = _run(*model, timeline, state, records, work)
         n_good += done
-        on_chunk(timeline, until(records, done, int(timeline.measurement_offset[min(done + 1, timeline.time.size)])))
+        on_chunk(timeline, truncate(records, done, int(timeline.measurement_offset[min(done + 1, timeline.time.size)])))
         if failure != OK:
             # Once more from before the chunk, to stop at the last good state; what failed may have left anything.
             state, work = before, new_workspace(*space)
             _run(*model, timeline._replace(time=timeline.time[:done]), state, records, work)
             break
     return FilterOutcome(state.covariance(), n_good, failure)
+
+
+class Estimator(Protocol):
+    """What finds the joint state of segments of data."""
+
+    @property
+    def name(self) -> str:
+        """Return the name by which commands, settings and files know it."""
+        ...
+
+    @property
+    def in_one_batch(self) -> bool:
+        """Say whether it fits all data at once, instead of going from measurement to measurement."""
+        ...
+
+    @property
+    def limit(self) -> str:
+        """Name the setting that limits its iterations, with its value; empty if there is none."""
+        ...
+
+    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Estimate the joint state of segments, see `auvid_cli.filters.segments`, and hand over what is found."""
+        ...
+
+
+@dataclass(frozen=True)
+class KalmanFilter(ABC):
+    """A filter that goes from measurement to measurement, and from segment to segment.
+
+    Attributes
+    ----------
+    name : str
+    process : Process
+    sensors : Sensors
+    """
+
+    name: str
+    process: Process
+    sensors: Sensors
+    in_one_batch = False
+    limit = ""
+
+    @abstractmethod
+    def filter_segment(self, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Filter one segment, from a Gaussian about its own state."""
+
+    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Filter one segment after the other."""
+        problem = JointProblem(self.process, self.sensors, segments, prior)
+        return one_after_the_other(self.filter_segment, problem, on_chunk)
+
+
+class ExtendedKalmanFilter(KalmanFilter):
+    """The EKF, with whatever transition its process has; see `auvid_cli.filters.ekf`."""
+
+    def filter_segment(self, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Filter one segment, from a Gaussian about its own state."""
+        # filterpy is slow to load and large, and no other filter needs it.
+        from auvid_cli.filters.ekf import run_extended_filter
+
+        return run_extended_filter(self.process, self.sensors, timelines, prior, on_chunk)
+
+
+@dataclass(frozen=True)
+class SigmaPointFilter(KalmanFilter):
+    """A filter with a set of sigma points; see `auvid_cli.filters.square_root`.
+
+    Attributes
+    ----------
+    points : PointSet
+        For the dimension of the state of a segment.
+    """
+
+    points: PointSet
+
+    def filter_segment(self, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Filter one segment, from a Gaussian about its own state."""
+        return run_square_root_filter(self.points, self.process, self.sensors, timelines, prior, on_chunk)
+
+
+@dataclass(frozen=True)
+class OutputErrorMethod:
+    """The fit of motions left to themselves; see `auvid_cli.filters.output_error`.
+
+    Attributes
+    ----------
+    name : str
+    process : Process
+    sensors : Sensors
+    max_evaluations : int
+    bounds : tuple of ndarray, shape (n,)
+        Lower and upper, of the joint state.
+    use_prior : bool
+    """
+
+    name: str
+    process: Process
+    sensors: Sensors
+    max_evaluations: int
+    bounds: tuple[Array, Array]
+    use_prior: bool
+    in_one_batch = True
+
+    @property
+    def limit(self) -> str:
+        """Name the setting that limits its iterations, with its value."""
+        return f"output_error.max_evaluations = {self.max_evaluations}"
+
+    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Fit all segments at once."""
+        # No other estimator needs scipy's optimisers.
+        from auvid_cli.filters.output_error import run_output_error
+
+        problem = JointProblem(self.process, self.sensors, segments, prior)
+        return run_output_error(problem, on_chunk, self.max_evaluations, self.bounds, self.use_prior)
+
+
+@dataclass(frozen=True)
+class IteratedSmoother:
+    """The most probable trajectory and parameters; see `auvid_cli.filters.smoother`.
+
+    Attributes
+    ----------
+    name : str
+    process : Process
+    sensors : Sensors
+    max_passes : int
+    faults : Faults
+        To test for, about the answer.
+    marginal : bool
+        Whether its parameters are the most probable whatever the motion was.
+    """
+
+    name: str
+    process: Process
+    sensors: Sensors
+    max_passes: int
+    faults: "Faults"
+    marginal: bool
+    in_one_batch = True
+
+    @property
+    def limit(self) -> str:
+        """Name the setting that limits its iterations, with its value."""
+        return f"smoother.max_passes = {self.max_passes}"
+
+    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Smooth all segments at once."""
+        # What it is compiled from serves no other estimator.
+        from auvid_cli.filters.smoother import run_smoother
+
+        problem = JointProblem(self.process, self.sensors, segments, prior)
+        return run_smoother(problem, on_chunk, self.max_passes, self.faults, self.marginal)

@@ -1,17 +1,258 @@
-"""Scratch of the square-root filter, made once: the loops allocate nothing."""
+"""Sigma-point sets, and the memory that the compiled square-root filter works on."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.filters.basis import PAIRS, Basis
+from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import SPARE_ROWS, TILE
-from auvid_cli.filters.problem import Indices, Process
+from auvid_cli.filters.problem import (
+    MODEL_DATA,
+    OBSERVATION_SIGNATURE,
+    PROCESS_SIGNATURE,
+    Gaussian,
+    Indices,
+    ModelData,
+    Process,
+    Sensors,
+)
 from auvid_cli.lanes import LANES, zeros_on_lines
 
 Array = NDArray[np.float64]
+# A block of lanes holds this many pairs; the last one has room for as many of the others as it needs.
+PAIRS = LANES // 2
+FEWER = PAIRS // 4, PAIRS // 2
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_indices = types.int64[::1]
+
+
+class PointSet(NamedTuple):
+    """Half of an antipodal set for a standard normal vector.
+
+    Attributes
+    ----------
+    directions : ndarray, shape (n, n)
+        Column k is ``delta_k``; the points are +delta_k and -delta_k.
+    weight : float
+        Of each of the 2 n points; ``2 weight directions @ directions.T == I``.
+    centred : bool
+        Whether the mean of the points themselves is the reference (cubature) or the point at the
+        centre (unscented).
+    curvature : float
+        Weight, in the covariance, of the squared shift of the mean from the centre: ``beta -
+        alpha^2`` of the scaled unscented transformation; not used by centred sets.
+    """
+
+    directions: Array
+    weight: float
+    centred: bool
+    curvature: float
+
+
+def cubature(n: int) -> PointSet:
+    """Return the points of the third-degree spherical-radial rule: ``+-sqrt(n) e_i`` (Arasaratnam and Haykin 2009)."""
+    return PointSet(np.sqrt(n) * np.eye(n), 0.5 / n, True, 0.0)
+
+
+def transformed(n: int) -> PointSet:
+    """Turn the cubature set so that no coordinate exceeds sqrt 2.
+
+    Sabet et al. 2018, eq. (34); Chang, Hu, Li and Chang, IEEE TAC 58(1), 2013. Of the paper's 2 n
+    points, the k-th and the (n + k)-th are antipodal.
+    """
+    k = np.arange(1, n + 1)
+    directions = np.zeros((n, n))
+    for j in range(1, n // 2 + 1):
+        angle = (2 * j - 1) * k * np.pi / n
+        directions[2 * j - 2] = np.sqrt(2.0) * np.cos(angle)
+        directions[2 * j - 1] = np.sqrt(2.0) * np.sin(angle)
+    if n % 2:
+        directions[n - 1] = (-1.0) ** k
+    return PointSet(directions, 0.5 / n, True, 0.0)
+
+
+def unscented(n: int, alpha: float, beta: float, kappa: float) -> PointSet:
+    """Return the points of the scaled unscented transformation (Julier 2002; van der Merwe 2004).
+
+    With e the even part of the propagated points about the centre and mu its mean, the covariance
+    is ``odd + 2 w sum e e' + (beta - alpha^2) mu mu'``: a sum of squares for every ``beta >=
+    alpha^2``, although the weight of the centre may be negative.
+    """
+    spread = alpha**2 * (n + kappa)
+    return PointSet(np.sqrt(spread) * np.eye(n), 0.5 / spread, False, beta - alpha**2)
+
+
+class Basis(NamedTuple):
+    """A point set laid out for the compiled loops, which work on whole tiles of `PAIRS` pairs.
+
+    Attributes
+    ----------
+    directions : ndarray, shape (n_tiles, m * PAIRS)
+        Tile t holds, for every coordinate j, that of the pairs from ``t * PAIRS`` on, at ``j * PAIRS``; of the last one
+        at ``j * last``. The dimension m is n, padded with zeros to the pairs that there is room for.
+    transposed : ndarray, shape (n_tiles, m * PAIRS)
+        Tile t holds, for every pair k, its coordinates from ``t * PAIRS`` on, in the same way.
+    present : ndarray, shape (m,)
+        One for each pair, zero for padding.
+    last : int
+        How many pairs the last tile holds: one of `FEWER`, or `PAIRS`.
+    length : float
+        Of the directions where each lies along an axis; zero where they are turned.
+    weight, centred, curvature
+        As in `PointSet`.
+    """
+
+    directions: Array
+    transposed: Array
+    present: Array
+    last: int
+    length: float
+    weight: float
+    centred: bool
+    curvature: float
+
+
+BASIS = types.NamedTuple(
+    (_matrix, _matrix, _vector, types.int64, types.float64, types.float64, types.boolean, types.float64), Basis
+)
+
+
+def basis_of(point_set: PointSet) -> Basis:
+    """Lay out a point set."""
+    n = point_set.directions.shape[0]
+    before = (n - 1) // PAIRS * PAIRS
+    last = next(pairs for pairs in (*FEWER, PAIRS) if n <= before + pairs)
+    n_tiles, m = before // PAIRS + 1, before + last
+    padded = np.zeros((m, m))
+    padded[:n, :n] = point_set.directions
+
+    def in_tiles(matrix: Array) -> Array:
+        tiles = np.zeros((n_tiles, m * PAIRS))
+        for t in range(n_tiles):
+            tile = matrix[:, t * PAIRS : (t + 1) * PAIRS]
+            tiles[t, : tile.size] = tile.reshape(-1)
+        return tiles
+
+    present = (np.arange(m) < n).astype(float)
+    tiles = in_tiles(padded), in_tiles(padded.T)
+    first = float(point_set.directions[0, 0])
+    length = first if np.array_equal(point_set.directions, first * np.eye(n)) else 0.0
+    return Basis(*tiles, present, last, length, point_set.weight, point_set.centred, point_set.curvature)
+
+
+@compiled(types.int64(BASIS), internal=True)
+def n_blocks(basis):
+    """Count the blocks of points that a map has to work on: the centre, where it is needed, has one of its own."""
+    n_tiles = basis.directions.shape[0]
+    return n_tiles if basis.centred else n_tiles + 1
+
+
+@compiled(types.uint64(BASIS, types.int64), internal=True)
+def lanes_of(basis, block):
+    """Count the lanes of a block that are in use."""
+    n_tiles = basis.directions.shape[0]
+    if block == n_tiles:
+        return 1
+    return 2 * basis.last if block == n_tiles - 1 else LANES
+
+
+class Components(NamedTuple):
+    """Which rows of the factor each component of each sensor is made of: few of the state's, or one that rides along.
+
+    Attributes
+    ----------
+    begin : ndarray of int, shape (n_sensors * c + 1,)
+        Component i of sensor s has the entries from ``begin[s * c + i]`` to the next one's.
+    place : ndarray of int
+        Row of the factor.
+    weight : ndarray
+        How many times it counts.
+    """
+
+    begin: Indices
+    place: Indices
+    weight: Array
+
+    @classmethod
+    def of(cls, sensors: Sensors) -> "Components":
+        """Find the entries of measurement matrices that are not zero."""
+        n_sensors, n_components, n = sensors.matrix.shape
+        rows = np.concatenate([sensors.matrix, np.zeros((n_sensors, n_components, n_components))], axis=2)
+        rows[sensors.nonlinear] = np.eye(n_components, n + n_components, n)
+        rows = rows.reshape(n_sensors * n_components, -1)
+        component, place = np.nonzero(rows)
+        begin = np.searchsorted(component, np.arange(len(rows) + 1))
+        return cls(begin, np.ascontiguousarray(place), rows[component, place])
+
+
+COMPONENTS = types.NamedTuple((_indices, _indices, _vector), Components)
+
+
+class SquareRootModel(NamedTuple):
+    """A process with its sensors, see `auvid_cli.filters.problem`, and the sigma points.
+
+    Attributes
+    ----------
+    advance, observe
+        As in `Process`.
+    data : ModelData
+    components : Components
+    basis : Basis
+    """
+
+    advance: Any
+    observe: Any
+    data: ModelData
+    components: Components
+    basis: Basis
+
+
+MODEL = types.NamedTuple(
+    (types.FunctionType(PROCESS_SIGNATURE), types.FunctionType(OBSERVATION_SIGNATURE), MODEL_DATA, COMPONENTS, BASIS),
+    SquareRootModel,
+)
+
+
+class State(NamedTuple):
+    """A Gaussian in the layout of the compiled loops; updated in place.
+
+    Attributes
+    ----------
+    n : int
+        Dimension.
+    mean : ndarray, shape (width,)
+        Behind the n components of the state there is room for the prediction of a nonlinear sensor, if there is any.
+    columns : ndarray, shape (m, width)
+        Row j holds column j of the lower-triangular factor of the covariance, then entry j of the rows of that
+        prediction. Zero elsewhere.
+    """
+
+    n: int
+    mean: Array
+    columns: Array
+
+    @classmethod
+    def of(cls, gaussian: Gaussian, n_columns: int, width: int) -> "State":
+        """Lay out a Gaussian."""
+        n = gaussian.mean.size
+        state = cls(n, zeros_on_lines(width), zeros_on_lines(n_columns, width))
+        state.mean[:n], state.columns[:n, :n] = gaussian.mean, gaussian.factor.T
+        return state
+
+    def copy(self) -> "State":
+        """Copy it into arrays of its own."""
+        return State(self.n, self.mean.copy(), self.columns.copy())
+
+    def covariance(self) -> Array:
+        """Return the covariance, shape (n, n)."""
+        factor = self.columns[: self.n, : self.n]
+        return factor.T @ factor
+
+
+STATE = types.NamedTuple((types.int64, _vector, _matrix), State)
 
 
 class Workspace(NamedTuple):
@@ -55,8 +296,6 @@ class Workspace(NamedTuple):
     error: Array
 
 
-_vector = types.float64[::1]
-_matrix = types.float64[:, ::1]
 WORKSPACE = types.NamedTuple((*[_matrix] * 6, *[_vector] * 6, types.int64[::1], *[_vector] * 2), Workspace)
 
 

@@ -1,4 +1,4 @@
-"""The state layout and the constants as the compiled vehicle model is handed them: one vector, read by name."""
+"""Rows and constants of the compiled model, and its coefficients."""
 
 from collections import Counter, namedtuple
 from collections.abc import Iterable
@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.config.extra_states import ERROR_BLOCKS
 from auvid_cli.config.moving_states import FURTHER_STATES
-from auvid_cli.identification.state_layout import StateLayout
+from auvid_cli.identification.states import StateLayout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import N_CONSTANTS, with_table_at_end
-from auvid_cli.vehicle.parameters import DISTURBANCE
+from auvid_cli.vehicle.equations import N_CONSTANTS, N_FACTORS, NO_ERRORS, n_terms, term_place, with_table_at_end
+from auvid_cli.vehicle.parameters import DISTURBANCE, N_MOTION
 
 Array = NDArray[np.float64]
-
 _vector = types.float64[::1]
-
 # States that compiled code looks for by name, with where their rows stand among themselves: moving states beside the
 # motion, and errors that do not just add to a sensor. They stand at the end of the constants, behind the vehicle, the
 # 22 held values, one scale for each estimated coefficient, the vehicle's own terms, how what disturbs fades, and the
@@ -42,6 +40,11 @@ HELD = N_CONSTANTS
 SCALE = N_CONSTANTS + N_COEFFICIENTS
 _NOWHERE = -1
 _N_ROWS = len(ROW)
+_N_KNOWN = 4
+# Blocks that the compiled process moves, or is made of, without being asked.
+_OF_EVERY_MODEL = "coefficients", "motion"
+N_ERRORS = len(NO_ERRORS)
+_indices = types.int64[::1]
 
 
 class KnownSensor(NamedTuple):
@@ -71,17 +74,20 @@ class KnownSensors(NamedTuple):
 
 
 NONE_KNOWN = KnownSensors()
+
+
 # Which of them; a number and a vector each, and where the first begins, from the end of the constants.
 ACCELEROMETER, MAGNETOMETER = range(len(KnownSensors._fields))
-_N_KNOWN = 4
+
+
 _SENSORS = 1 + _N_ROWS + _N_KNOWN * len(KnownSensors._fields)
+
+
 # Before them how fast what disturbs each axis fades, and before that the fastest, 0 if nothing does.
 _FADING = _SENSORS + len(DISTURBANCE)
+
+
 _FASTEST = _FADING + 1
-
-
-# Blocks that the compiled process moves, or is made of, without being asked.
-_OF_EVERY_MODEL = "coefficients", "motion"
 
 
 def model_constants(vehicle: Array, held: Array, layout: StateLayout, known: KnownSensors) -> Array:
@@ -191,3 +197,77 @@ def value_of(constants, which, parameters, moving, k):
     if row < 0:
         return 0.0
     return parameters[row * LANES + k] if row < n_parameters else moving[(row - n_parameters) * LANES + k]
+
+
+@compiled(types.void(_vector, _vector, _vector, _indices, types.uint64, _vector), inline=True)
+def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficients):
+    """Fill in the coefficients, estimated or held, the actuators' errors and the ballast of a block of states.
+
+    Parameters
+    ----------
+    moving, parameters : ndarray
+        Blocks of them.
+    constants, selection : ndarray
+        Of the process.
+    n_lanes : int
+    coefficients : ndarray, shape ((N_FACTORS + terms) * LANES,)
+    """
+    j = 0
+    for m in range(N_COEFFICIENTS):
+        row = coefficients[m * LANES : (m + 1) * LANES]
+        if j < selection.size and selection[j] == m:
+            scale, scaled = constants[SCALE + j], parameters[j * LANES : (j + 1) * LANES]
+            for k in range(n_lanes):
+                row[k] = scale * scaled[k]
+            j += 1
+        else:
+            for k in range(n_lanes):
+                row[k] = constants[HELD + m]
+    for a in range(N_ERRORS):
+        error = coefficients[(N_COEFFICIENTS + a) * LANES : (N_COEFFICIENTS + a + 1) * LANES]
+        which = (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim, ROW.excess_buoyancy, ROW.trim_moment)[a]
+        for k in range(n_lanes):
+            error[k] = NO_ERRORS[a]
+        if row_of(constants, which) >= 0:
+            for k in range(n_lanes):
+                error[k] += value_of(constants, which, parameters, moving, k)
+    for t in range(n_terms(constants)):
+        row = coefficients[(N_FACTORS + t) * LANES : (N_FACTORS + t + 1) * LANES]
+        if j < selection.size and selection[j] == N_FACTORS + t:
+            scale, scaled = constants[SCALE + j], parameters[j * LANES : (j + 1) * LANES]
+            for k in range(n_lanes):
+                row[k] = scale * scaled[k]
+            j += 1
+        else:
+            for k in range(n_lanes):
+                row[k] = constants[term_place(constants, t)]
+
+
+@compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
+def fill_in_all(mean, constants, selection, coefficients):
+    """Do the same of one state: `coefficients` has shape (N_FACTORS + terms,)."""
+    for m in range(N_COEFFICIENTS):
+        coefficients[m] = constants[HELD + m]
+    for t in range(n_terms(constants)):
+        coefficients[N_FACTORS + t] = constants[term_place(constants, t)]
+    for j in range(selection.size):
+        coefficients[selection[j]] = constants[SCALE + j] * mean[j]
+    for a in range(N_ERRORS):
+        which = (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim, ROW.excess_buoyancy, ROW.trim_moment)[a]
+        row = row_of(constants, which)
+        coefficients[N_COEFFICIENTS + a] = NO_ERRORS[a] + mean[row] if row >= 0 else NO_ERRORS[a]
+
+
+@compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
+def fill_in_row(sensitivity, constants, selection, row):
+    """Copy a derivative by the motion and all factors to a row of derivatives by the state; others stay."""
+    n_coefficients, n_parameters = selection.size, first_moving_row(constants)
+    for j in range(n_coefficients):
+        row[j] = sensitivity[N_MOTION + selection[j]] * constants[SCALE + j]
+    for j in range(N_MOTION):
+        row[n_parameters + j] = sensitivity[j]
+    for a in range(N_ERRORS):
+        which = (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim, ROW.excess_buoyancy, ROW.trim_moment)[a]
+        error = row_of(constants, which)
+        if error >= 0:
+            row[error] = sensitivity[N_MOTION + N_COEFFICIENTS + a]

@@ -20,13 +20,12 @@ from auvid_cli.config.identification import INPUTS_DELAY
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.fault_scores import score_faults
-from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import FaultScores
 from auvid_cli.filters.smoother import most_probable
-from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.fault_effects import VehicleFaults
-from auvid_cli.identification.found_delays import FoundDelays
-from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.prepared_data import FoundDelays, PreparedData
+from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
 
 Array = NDArray[np.float64]
 
@@ -58,7 +57,7 @@ class _Fit(NamedTuple):
     scale: Array
 
 
-def settle_delays(prepared: PreparedData) -> PreparedData:
+def estimate_delays(prepared: PreparedData) -> PreparedData:
     """Find the delays that settings ask for, and return the data with settings that state them.
 
     Parameters

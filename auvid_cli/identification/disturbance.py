@@ -1,8 +1,4 @@
-"""What disturbs the motion: a Gauss-Markov force or moment for each axis, which pushes the vehicle and fades.
-
-For the first half of a substep the force at its beginning acts, for the second half that at its end, so that the error
-falls with the square of the substep.
-"""
+"""Depth kinematics, and disturbances of force and moment as states."""
 
 from typing import NamedTuple
 
@@ -11,24 +7,57 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.identification.compiled_layout import (
-    ROW,
-    depth_is_state,
-    fading_rate,
-    first_moving_row,
-    row_of,
-)
-from auvid_cli.identification.sinking import sink_rate
-from auvid_cli.vehicle.dynamics import n_terms, named_constants
+from auvid_cli.identification.compiled_layout import ROW, depth_is_state, fading_rate, first_moving_row, row_of
+from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.equations import n_terms, named_constants, sine_cosine
+from auvid_cli.vehicle.jacobian import N_COLUMNS, transition_step
 from auvid_cli.vehicle.parameters import DISTURBANCE, N_MOTION
-from auvid_cli.vehicle.sensitivity import N_COLUMNS, transition_step
-
-Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
+Array = NDArray[np.float64]
 _N_AXES = len(DISTURBANCE)
 _ROWS = tuple(getattr(ROW, quantity.symbol) for quantity in DISTURBANCE)
+# Where the vectors end in the scratch that is handed over.
+_LEFT, _MOTION = _N_AXES, _N_AXES + N_MOTION
+
+
+@compiled(types.void(_vector, types.int64, types.uint64, types.float64), internal=True)
+def sink(moving, place, n_lanes, duration):
+    """Move the depth on at the present rate: a half step before and one after the motion are the trapezoidal rule.
+
+    The depth is the moving state at `place`.
+    """
+    for k in range(n_lanes):
+        sin_phi, cos_phi = sine_cosine(moving[6 * LANES + k])
+        sin_theta, cos_theta = sine_cosine(moving[7 * LANES + k])
+        across = sin_phi * moving[LANES + k] + cos_phi * moving[2 * LANES + k]
+        moving[place * LANES + k] += duration * (cos_theta * across - sin_theta * moving[k])
+
+
+@compiled(types.void(_matrix, _vector), internal=True)
+def before_moving(sensitivity, sinking):
+    """Begin: the motion depends on itself alone, and the depth has not changed."""
+    for i in range(N_MOTION):
+        for j in range(sensitivity.shape[1]):
+            sensitivity[i, j] = 1.0 if i == j else 0.0
+    for j in range(sinking.size):
+        sinking[j] = 0.0
+
+
+@compiled(types.void(_vector, _matrix, types.float64, _vector), internal=True)
+def sink_rate(motion, sensitivity, duration, sinking):
+    """Add the derivative of the present vertical velocity, for so long, and in the last place the velocity itself."""
+    u, v, w = motion[0], motion[1], motion[2]
+    sin_phi, cos_phi = sine_cosine(motion[6])
+    sin_theta, cos_theta = sine_cosine(motion[7])
+    across, along = sin_phi * v + cos_phi * w, cos_phi * v - sin_phi * w
+    n_columns = sensitivity.shape[1]
+    for j in range(n_columns):
+        turning = cos_theta * along * sensitivity[6, j] - (sin_theta * across + cos_theta * u) * sensitivity[7, j]
+        moving = cos_theta * (sin_phi * sensitivity[1, j] + cos_phi * sensitivity[2, j])
+        sinking[j] += duration * (turning + moving - sin_theta * sensitivity[0, j])
+    sinking[n_columns] += duration * (cos_theta * across - sin_theta * u)
 
 
 class _Workspace(NamedTuple):
@@ -51,10 +80,6 @@ class _Workspace(NamedTuple):
     sinking: Array
     left: Array
     motion: Array
-
-
-# Where the vectors end in the scratch that is handed over.
-_LEFT, _MOTION = _N_AXES, _N_AXES + N_MOTION
 
 
 @compiled(types.int64(types.int64))

@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from auvid_cli.config.extra_states import CURRENT, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import Timeline
-from auvid_cli.filters.smoothing_forward import Linearised
-from auvid_cli.identification.augmented import AugmentedProblem
-from auvid_cli.identification.faulted_vehicle import FaultedVehicle, Motion
-from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, FaultModel
-from auvid_cli.vehicle.dynamics import factors
+from auvid_cli.filters.smoother_forward import Linearised
+from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, FaultedVehicle, FaultModel, Motion
+from auvid_cli.identification.problem_setup import AugmentedProblem
+from auvid_cli.vehicle.equations import factors
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]

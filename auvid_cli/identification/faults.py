@@ -1,30 +1,161 @@
-"""Effect of each fault of a vehicle's model or data along a motion, per unit of its size.
+"""Faults that the smoother is tested for, and the vehicle with such a fault."""
 
-Names and remedies are in `auvid_cli.data.faults`, the tests in `auvid_cli.filters.fault_scores`. A fault that is a
-state, because settings ask for its estimate, is not tested.
-"""
-
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
+from auvid_cli.compilation import compiled
 from auvid_cli.config.extra_states import DELAYS
 from auvid_cli.data.faults import Fault, FaultKind
-from auvid_cli.identification.faulted_vehicle import FaultedVehicle, Motion
-from auvid_cli.vehicle.ballast import N_BALLAST
-from auvid_cli.vehicle.coefficients import SIGNALS, Coefficient, Regressor
-from auvid_cli.vehicle.kinematics import body_to_earth
-from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
-from auvid_cli.vehicle.term_library import term
+from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.coefficients import SIGNALS, Coefficient, Regressor, term
+from auvid_cli.vehicle.equations import N_BLOCK, N_FACTORS, N_SLOPE, motion_derivative, vehicle_constants
+from auvid_cli.vehicle.kinematics import body_to_earth, current_in_body_axes, earth_to_body, specific_force
+from auvid_cli.vehicle.matrices import N_BALLAST, mass_matrix
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, N_MOTION, SENSORS
 
 Array = NDArray[np.float64]
-Effect = Callable[[FaultedVehicle, Motion], Array]
-
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
 _ROLL_MOMENT = INPUT_SYMBOLS.index("roll_moment")
 # s; step of the difference quotient of the specific force.
 _SHORT = 1e-4
+
+
+class Motion(NamedTuple):
+    """States of a vehicle under inputs.
+
+    Attributes
+    ----------
+    motion : ndarray, shape (n, 9)
+    inputs, input_rate, small_rate : ndarray, shape (n, 4)
+        And how fast they change, per second; and that without their largest changes.
+    rates : ndarray, shape (n, 9)
+        How fast the states change.
+    current : ndarray, shape (n, 2)
+        North and east, in which the vehicle moves, as far as it is estimated.
+    ballast : ndarray, shape (n, 2)
+        See `Ballast`, as far as it is estimated.
+    time : ndarray, shape (n,)
+        s, of each.
+    """
+
+    motion: Array
+    inputs: Array
+    input_rate: Array
+    small_rate: Array
+    rates: Array
+    current: Array
+    ballast: Array
+    time: Array
+
+    @property
+    def drift(self) -> Array:
+        """Return the current in the axes of the vehicle, shape (n, 3)."""
+        return current_in_body_axes(self.motion[:, 6:9], *self.current.T)
+
+    @property
+    def over_ground(self) -> Array:
+        """Return the velocity that a DVL measures, shape (n, 3)."""
+        return self.motion[:, :3] + self.drift
+
+    @property
+    def over_ground_rate(self) -> Array:
+        """Return how fast that changes, shape (n, 3): seen from a vehicle that turns, a steady current turns back."""
+        return self.rates[:, :3] - np.cross(self.motion[:, 3:6], self.drift)
+
+
+class FaultedVehicle:
+    """A vehicle with its coefficients, as faults disturb it.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Known ones by symbol, SI.
+    coefficients : ndarray, shape (N_FACTORS + terms,)
+        From `auvid_cli.vehicle.equations.factors`.
+    terms : sequence of Coefficient
+        Those of the vehicle's own.
+    arm : sequence of float
+        Where the accelerometer sits, m; see `auvid_cli.data.dataset.SensorRecord`, as of the next.
+    earth_field : sequence of float
+        T.
+    """
+
+    def __init__(
+        self,
+        parameters: Mapping[str, float],
+        coefficients: Array,
+        terms: Sequence[Coefficient] = (),
+        arm: Sequence[float] = (0.0, 0.0, 0.0),
+        earth_field: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        self._parameters, self._coefficients, self._terms = parameters, coefficients, terms
+        self._constants = vehicle_constants(parameters, terms)
+        self._arm, self._earth_field = np.array(arm), np.array(earth_field)
+
+    def rates(self, motion: Array, inputs: Array, ballast: Array) -> Array:
+        """Return how fast motions change, shape (n, 9)."""
+        return self._rates(motion, inputs, ballast, self._constants)
+
+    def at_accelerometer(self, rates: Array) -> Array:
+        """Return the part of rates of motion that it feels where it sits, shape (n, 3), m/s^2."""
+        return np.asarray(rates[:, :3] + np.cross(rates[:, 3:6], self._arm), dtype=np.float64)
+
+    def specific_force(self, motion: Array, inputs: Array, ballast: Array) -> Array:
+        """Return what an accelerometer measures, shape (n, 3), m/s^2."""
+        return specific_force(motion, self.rates(motion, inputs, ballast), self._arm)
+
+    def magnetic_field(self, motion: Array) -> Array:
+        """Return what a magnetometer measures along three axes, shape (n, 3), T."""
+        return earth_to_body(motion[:, 6:9], np.tile(self._earth_field, (len(motion), 1)))
+
+    def by_parameter(self, at: Motion, **steps: float) -> Array:
+        """Return by how much more they change if known parameters are so much greater."""
+        changed = {s: self._parameters[s] + by for s, by in steps.items()}
+        other = vehicle_constants({**self._parameters, **changed}, self._terms)
+        return self._rates(at.motion, at.inputs, at.ballast, other) - at.rates
+
+    def by_ballast(self, at: Motion, change: Array) -> Array:
+        """Return by how much more they change if the ballast is so much greater; the rates are linear in it."""
+        return self.rates(at.motion, at.inputs, at.ballast + change) - at.rates
+
+    def by_inputs(self, at: Motion, change: Array) -> Array:
+        """Return by how much more they change if the inputs are so much greater; the rates are linear in them."""
+        return self.rates(at.motion, at.inputs + change, at.ballast) - at.rates
+
+    def by_force(self, at: Motion, row: int, force: Array) -> Array:
+        """Return by how much more they change under a force, N, or moment, N m: the row-th of X Y Z K M N."""
+        rates = np.zeros((len(force), N_MOTION))
+        rates[:, :6] = force[:, None] * np.linalg.inv(mass_matrix(self._parameters))[:, row]
+        return rates
+
+    def _rates(self, motion: Array, inputs: Array, ballast: Array, constants: Array) -> Array:
+        rates = np.empty(motion.shape)
+        lanes = np.repeat(self._coefficients, LANES)
+        each = (np.ascontiguousarray(values) for values in (motion, inputs, ballast))
+        _fill_in_rates(*each, lanes, constants, rates, np.zeros(N_BLOCK + N_SLOPE))
+        return rates
+
+
+@compiled(types.void(_matrix, _matrix, _matrix, _vector, _vector, _matrix, _vector))
+def _fill_in_rates(motion, inputs, ballast, coefficient_block, constants, rates, work):
+    """Fill in how fast motions change, one by one."""
+    block, derivative = work[:N_BLOCK], work[N_BLOCK:]
+    for k in range(motion.shape[0]):
+        for i in range(N_MOTION):
+            block[i * LANES] = motion[k, i]
+        for i in range(N_BALLAST):
+            coefficient_block[(N_FACTORS - N_BALLAST + i) * LANES] = ballast[k, i]
+        motion_derivative(block, coefficient_block, inputs[k], constants, 1, derivative)
+        for i in range(N_MOTION):
+            rates[k, i] = derivative[i * LANES]
+
+
+Effect = Callable[[FaultedVehicle, Motion], Array]
 
 
 class FaultModel(NamedTuple):
@@ -163,7 +294,11 @@ def _biases(kind: FaultKind, sensor: str) -> Iterator[FaultModel]:
 
 
 _CURRENT = tuple(_components(FaultKind.CURRENT, "north east", "m/s", "current_{}", "dvl", _current))
+
+
 _FIN_TRIM = tuple(_components(FaultKind.FIN_TRIM, "rudder elevator", "rad", "{}_trim", "", _offset))
+
+
 # As constants these look like other faults or like coefficients: only the drift of an estimated one is tested.
 _ONLY_DRIFT = tuple(
     (kind, FaultModel(Fault(kind), unit, state, "", effect))
@@ -173,6 +308,8 @@ _ONLY_DRIFT = tuple(
         (FaultKind.TRIM_MOMENT_DRIFT, "N*m", "trim_moment", _ballast(1)),
     )
 )
+
+
 FAULTS: tuple[FaultModel, ...] = (
     *_biases(FaultKind.GYROSCOPE_BIAS, "gyroscope"),
     *_biases(FaultKind.ACCELEROMETER_BIAS, "accelerometer"),
@@ -208,6 +345,7 @@ FAULTS: tuple[FaultModel, ...] = (
     _anticipating("elevator", 1, 4, "M"),
     *(missing_term(term(row, ("|v|", "r"))) for row in (1, 5)),
 )
+
 
 # Delays that settings can estimate. Those of an angle, a depth, or a sensor that an AHRS reads are not tested unasked,
 # because the autocorrelated errors of an AHRS look like them.

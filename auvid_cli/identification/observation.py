@@ -2,10 +2,15 @@
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
-from auvid_cli.identification.accelerometer import linearise_force, measure_forces
 from auvid_cli.identification.compiled_layout import ACCELEROMETER, MAGNETOMETER, known_sensor
-from auvid_cli.identification.dvl import linearise_velocity, measure_velocities
-from auvid_cli.identification.magnetic_field import linearise_field, measure_field
+from auvid_cli.identification.sensors import (
+    linearise_field,
+    linearise_force,
+    linearise_velocity,
+    measure_field,
+    measure_forces,
+    measure_velocities,
+)
 
 # Of all others each component is a state, and errors just add to it.
 OBSERVED = {

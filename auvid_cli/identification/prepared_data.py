@@ -1,5 +1,6 @@
-"""A dataset as estimators, bounds and free runs go through it: prepared once, and handed on."""
+"""Data as a filter takes them: segments, delays corrected, events in order of time."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -7,16 +8,156 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.config.identification import Identification
+from auvid_cli.config.identification import Identification, Use
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.acting_inputs import as_acting
 from auvid_cli.data.dataset import Dataset, SensorRecord
-from auvid_cli.identification.found_delays import FoundDelays
-from auvid_cli.identification.segmentation import used_segments
+from auvid_cli.data.signals import longer_intervals
+from auvid_cli.errors import DataError
 from auvid_cli.identification.timeline import Timelines, first_measured, initial_motion, measuring_sensors
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
+Span = tuple[float, float]
+
+
+class FoundDelays(NamedTuple):
+    """Delays, SI: constants which no filter has among its states, for they move times.
+
+    Attributes
+    ----------
+    symbols : tuple of str
+    value : ndarray, shape (d,)
+        In all, as the settings then state them.
+    covariance : ndarray, shape (d, d)
+    effect : ndarray, shape (n_parameters, d)
+        Parameters of a filter that is told the true delays less those of one that is told these, per second of each.
+    """
+
+    symbols: tuple[str, ...]
+    value: Array
+    covariance: Array
+    effect: Array
+
+    @property
+    def deviation(self) -> Array:
+        """Return the standard deviation of each, shape (d,)."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    def along(self, mean: Array, deviation: Array) -> tuple[Array, Array]:
+        """Put them behind the states of some events, whose parameters they make unsure from the first on.
+
+        Parameters
+        ----------
+        mean, deviation : ndarray, shape (n, states)
+
+        Returns
+        -------
+        mean, deviation : ndarray, shape (n, states + d)
+        """
+        n, parameters, wider = len(mean), slice(0, len(self.effect)), deviation.copy()
+        wider[:, parameters] = self.widened(deviation[:, parameters])
+        return np.hstack([mean, np.tile(self.value, (n, 1))]), np.hstack([wider, np.tile(self.deviation, (n, 1))])
+
+    def widened(self, deviation: Array) -> Array:
+        """Return what standard deviations of the parameters, shape (..., n_parameters), become; of none, none."""
+        effect = self.effect[: deviation.shape[-1]]
+        return np.sqrt(deviation**2 + np.einsum("if,fg,ig->i", effect, self.covariance, effect))
+
+    def joint(self, covariance: Array) -> Array:
+        """Return the covariance of a state, whose parameters come first, and these behind it."""
+        n, effect = len(covariance), np.zeros((len(covariance), len(self.symbols)))
+        effect[: len(self.effect)] = self.effect
+        whole = np.zeros((n + len(self.symbols),) * 2)
+        whole[:n, :n] = covariance + effect @ self.covariance @ effect.T
+        whole[:n, n:] = effect @ self.covariance
+        whole[n:, :n] = whole[:n, n:].T
+        whole[n:, n:] = self.covariance
+        return whole
+
+
+def used_data(dataset: Dataset) -> Dataset:
+    """Return all that is used of a dataset, as one."""
+    segments = used_segments(dataset, measuring_sensors(dataset))
+    sensors = {}
+    for name, record in dataset.sensors.items():
+        cut = [segment.sensors[name] for segment in segments]
+        time, values = (np.concatenate([getattr(record, of) for record in cut]) for of in ("time", "values"))
+        sensors[name] = replace(record, time=time, values=values)
+    return replace(dataset, sensors=sensors)
+
+
+def used_segments(dataset: Dataset, measuring: Mapping[str, SensorRecord]) -> list[Dataset]:
+    """Return what is used of a dataset, a segment each; see `used_spans`."""
+    spans = used_spans(measuring, dataset.experiment.identification.use)
+    return [dataset.sensors_between(*span) for span in spans]
+
+
+def used_spans(measuring: Mapping[str, SensorRecord], use: Use) -> list[Span]:
+    """Return the first and last time, s, of each segment that is used, in time order.
+
+    Raises
+    ------
+    DataError
+        If nothing is left, or the speed is asked for where nothing measures it.
+    """
+    everything = (
+        min(float(record.time[0]) for record in measuring.values()),
+        max(float(record.time[-1]) for record in measuring.values()),
+    )
+    if not use.spans and use.longest_gap is None and use.least_speed is None:
+        return [everything]
+    spans: list[Span] = sorted(use.spans) or [everything]
+    if use.longest_gap is not None:
+        for record in measuring.values():
+            spans = _without(spans, _silences(record, use.longest_gap, everything))
+    if use.least_speed is not None:
+        if "dvl" not in measuring:
+            raise DataError("identification.use.least_speed: no dvl measures the speed")
+        spans = _without(spans, _slow(measuring["dvl"], use.least_speed))
+    spans = [
+        (max(begin, everything[0]), min(end, everything[1]))
+        for begin, end in spans
+        if min(end, everything[1]) - max(begin, everything[0]) >= use.shortest
+    ]
+    if not spans:
+        raise DataError(
+            f"identification.use leaves nothing of the data from t = {everything[0]:g} s to {everything[1]:g} s "
+            f"that lasts {use.shortest:g} s"
+        )
+    return spans
+
+
+def _without(spans: Iterable[Span], holes: Iterable[Span]) -> list[Span]:
+    """Cut holes, whose ends are not part of them, out of spans."""
+    left = list(spans)
+    for hole_begin, hole_end in holes:
+        cut = []
+        for begin, end in left:
+            if hole_end <= begin or end <= hole_begin:
+                cut.append((begin, end))
+            else:
+                cut += [(begin, hole_begin)] * (begin <= hole_begin) + [(hole_end, end)] * (hole_end <= end)
+        left = cut
+    return left
+
+
+def _silences(record: SensorRecord, longest: float, everything: Span) -> list[Span]:
+    ends = np.concatenate([everything[:1], record.measured_times, everything[1:]])
+    return [(begin, end) for begin, end in longer_intervals(ends, longest).tolist()]
+
+
+def _slow(dvl: SensorRecord, least: float) -> list[Span]:
+    """Find where the surge velocity, smoothed over three measurements against spikes, is too small."""
+    known = np.isfinite(dvl.values[:, 0])
+    time, surge = dvl.time[known], np.abs(dvl.values[known, 0])
+    padded = np.concatenate([surge[:1], surge, surge[-1:]])
+    is_slow = np.median(np.stack([padded[:-2], surge, padded[2:]]), axis=0) < least
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], is_slow, [False]]).astype(np.int8)))
+    return [
+        (float(time[first - 1]) if first else -np.inf, float(time[last]) if last < time.size else np.inf)
+        for first, last in edges.reshape(-1, 2)
+    ]
 
 
 class Segment(NamedTuple):

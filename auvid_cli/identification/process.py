@@ -1,4 +1,4 @@
-"""The vehicle as a filter's process: coefficients as parameters, motion as moving states."""
+"""The compiled process: motion of the augmented state, and free motion without process noise."""
 
 import sys
 from collections.abc import Mapping
@@ -11,22 +11,24 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.config.extra_states import ERROR_BLOCKS
 from auvid_cli.config.moving_states import FURTHER_STATES
-from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Process
-from auvid_cli.identification import accelerometer, compiled_coefficients, dvl, magnetic_field
-from auvid_cli.identification.accelerometer import accelerometer_work
-from auvid_cli.identification.compiled_coefficients import fill_in_all, fill_in_lanes, fill_in_row
+from auvid_cli.filters.problem import PROCESS_SIGNATURE, TIMELINE, TRANSITION_SIGNATURE, Process
+from auvid_cli.identification import compiled_layout, sensors
 from auvid_cli.identification.compiled_layout import (
     NONE_KNOWN,
     ROW,
     KnownSensors,
     check_named,
     depth_is_state,
+    fill_in_all,
+    fill_in_lanes,
+    fill_in_row,
     first_moving_row,
     is_disturbed,
     model_constants,
     row_of,
 )
 from auvid_cli.identification.disturbance import (
+    before_moving,
     begin_step,
     derive_at_once,
     disturbance_work,
@@ -34,13 +36,15 @@ from auvid_cli.identification.disturbance import (
     fade,
     fill_in_forces,
     push,
+    sink,
+    sink_rate,
     undisturbed,
 )
-from auvid_cli.identification.sinking import before_moving, sink, sink_rate
-from auvid_cli.identification.state_layout import StateLayout
+from auvid_cli.identification.sensors import accelerometer_work
+from auvid_cli.identification.states import StateLayout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, CoefficientSet
-from auvid_cli.vehicle.dynamics import (
+from auvid_cli.vehicle.equations import (
     N_BLOCK,
     N_COEFFICIENT_BLOCK,
     N_FACTORS,
@@ -49,14 +53,16 @@ from auvid_cli.vehicle.dynamics import (
     n_terms,
     runge_kutta_step,
 )
-from auvid_cli.vehicle.parameters import N_MOTION
-from auvid_cli.vehicle.sensitivity import N_COLUMNS, motion_jacobian, transition_step, transition_work
+from auvid_cli.vehicle.jacobian import N_COLUMNS, motion_jacobian, transition_step, transition_work
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, N_MOTION
 
 Array = NDArray[np.float64]
-
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
+# Where the block ends in the scratch that a filter hands over; all else is longer for each term.
+_BLOCK = N_BLOCK + LANES
+N_PREDICTED = len(MOTION_AND_DEPTH)
 
 
 class _Workspace(NamedTuple):
@@ -86,10 +92,6 @@ class _Workspace(NamedTuple):
     coefficient_block: Array
     step: Array
     disturbance: Array
-
-
-# Where the block ends in the scratch that a filter hands over; all else is longer for each term.
-_BLOCK = N_BLOCK + LANES
 
 
 def _scratch_size(terms: int) -> int:
@@ -265,7 +267,54 @@ def vehicle_process(
 # Of errors what comes of them and the derivative; of moving states how they advance, and both transitions.
 check_named(
     [quantity.symbol for block in ERROR_BLOCKS if block.is_named for quantity in block.quantities],
-    (accelerometer, compiled_coefficients, dvl, magnetic_field),
+    (sensors, compiled_layout, sensors, sensors),
     by=2,
 )
+
+
 check_named([state.quantity.symbol for state in FURTHER_STATES], (sys.modules[__name__],), by=3)
+
+
+@compiled(types.void(_vector, _vector, _vector, types.uint64, TIMELINE, types.int64, types.int64, _vector))
+def move_through(block, coefficients, constants, n_lanes, timeline, first, last, work):
+    """Move models side by side through some substeps, in place.
+
+    Parameters
+    ----------
+    block : ndarray, shape (N_PREDICTED * LANES,)
+        Motion, and the depth below it.
+    coefficients, constants, n_lanes, work
+        As for `auvid_cli.vehicle.equations.runge_kutta_step`.
+    timeline : Timeline
+    first, last : int
+        Substeps, without the last.
+    """
+    for substep in range(first, last):
+        held, duration = timeline.inputs[timeline.substep_input[substep]], timeline.substep_duration[substep]
+        sink(block, N_MOTION, n_lanes, 0.5 * duration)
+        runge_kutta_step(block, coefficients, held, constants, n_lanes, duration, work)
+        sink(block, N_MOTION, n_lanes, 0.5 * duration)
+
+
+@compiled(types.void(_vector, _vector, _vector, TIMELINE, _matrix, _vector))
+def move_freely(block, coefficients, constants, timeline, predicted, work):
+    """Fill in motion and depth at every event.
+
+    Parameters
+    ----------
+    block : ndarray, shape (N_PREDICTED * LANES,)
+        Motion and depth where they start and, afterwards, where they end, in every lane.
+    coefficients : ndarray, shape ((N_FACTORS + terms) * LANES,)
+    constants : ndarray
+        From `auvid_cli.vehicle.equations.vehicle_constants`.
+    timeline : Timeline
+    predicted : ndarray, shape (events, N_PREDICTED)
+        Filled in.
+    work : ndarray, shape (N_WORK,)
+        Overwritten.
+    """
+    for event in range(timeline.time.size):
+        first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
+        move_through(block, coefficients, constants, 1, timeline, first, last, work)
+        for i in range(N_PREDICTED):
+            predicted[event, i] = block[i * LANES]

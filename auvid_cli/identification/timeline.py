@@ -12,7 +12,7 @@ from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, shared_clock
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
-from auvid_cli.identification.state_layout import StateLayout
+from auvid_cli.identification.states import StateLayout
 from auvid_cli.vehicle.kinematics import GRAVITY, body_to_earth
 from auvid_cli.vehicle.parameters import COMPASSES, MOTION_SYMBOLS, SENSORS, state_of
 

@@ -1,45 +1,207 @@
-"""The whole inspection of a dataset."""
+"""Inspect a dataset before identification: run all checks on clean records, and find contradictions between them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import ImportedRun, RunSettings
-from auvid_cli.config.plausibility import doubts
+from auvid_cli.config.sanity import doubts
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.data.acting_inputs import acted, as_acting
-from auvid_cli.data.check import Check, Checks
+from auvid_cli.data.acting_inputs import as_acting, with_actuator_dynamics
+from auvid_cli.data.checks import Check, Checks
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
-from auvid_cli.inspection.actuator_limits import actuator_checks
+from auvid_cli.data.signals import gaps, stuck_times
 from auvid_cli.inspection.agreement import rotation_checks
-from auvid_cli.inspection.alignment import aligned, alignment_checks, input_alignment
-from auvid_cli.inspection.allan import bias_instability
-from auvid_cli.inspection.clean_record import Screened, screened
-from auvid_cli.inspection.contradictions import weighted_evidence
-from auvid_cli.inspection.current import drift, is_current, through_water
-from auvid_cli.inspection.data_checks import data_checks
-from auvid_cli.inspection.excitation import excitation_checks, fitness_checks
-from auvid_cli.inspection.excursions import excursion_checks
-from auvid_cli.inspection.fin_answers import motion_of, strength_checks
-from auvid_cli.inspection.forces import doubled_thrust_check, force_checks
-from auvid_cli.inspection.grid import Signals, signals_of, span_of
-from auvid_cli.inspection.inspection import Inspection, Mark, judged
-from auvid_cli.inspection.kinematic_relations import attitude_rates
-from auvid_cli.inspection.lasting_errors import biases_to_look_for, lasting_error_checks, lasting_errors
+from auvid_cli.inspection.delays import aligned, alignment_checks, input_alignment, sensor_delay_checks
+from auvid_cli.inspection.excitation import (
+    actuator_checks,
+    doubled_thrust_check,
+    excitation_checks,
+    fitness_checks,
+    force_checks,
+)
+from auvid_cli.inspection.fins import motion_of, rudder_trim, rudder_trim_checks, strength_checks
+from auvid_cli.inspection.inspection import Inspection, Mark, data_checks, judged
+from auvid_cli.inspection.kinematic_relations import Signals, attitude_rates, measured_forces, signals_of, span_of
+from auvid_cli.inspection.lasting_errors import (
+    biases_to_look_for,
+    excursion_checks,
+    lasting_error_checks,
+    lasting_errors,
+)
 from auvid_cli.inspection.likely_causes import causes_check
-from auvid_cli.inspection.rudder_trim import rudder_trim, rudder_trim_checks
-from auvid_cli.inspection.sensor_delays import sensor_delay_checks
-from auvid_cli.inspection.single_sensor import measurement_checks
-from auvid_cli.inspection.steps import angle_steps, gimbal_check, step_check
-from auvid_cli.inspection.timing import input_end_check, input_timing_checks, timing_checks
-from auvid_cli.inspection.velocity import mean_speed, velocity_checks
+from auvid_cli.inspection.responses import drift, is_current, through_water
+from auvid_cli.inspection.single_sensor import (
+    angle_steps,
+    bias_instability,
+    gimbal_check,
+    measurement_checks,
+    spikes,
+    step_check,
+)
+from auvid_cli.inspection.timing import clock_jumps, input_end_check, input_timing_checks, timing_checks
+from auvid_cli.inspection.velocity import against_force, mean_speed, velocity_checks
 from auvid_cli.vehicle.parameters import SENSORS
 
+_Key = tuple[str, str]
+_FINS = "delay", "rudder and elevator"
+_LASTING = tuple(f"errors that last in {rate}" for rate in "pqr")
 Array = NDArray[np.float64]
-
 _INTERVALS, _MEASUREMENTS = 600, 10
 _MOST_INPUTS = 100_000
+
+
+class Screened(NamedTuple):
+    """A record that can be compared with other sensors, and what was left out.
+
+    Attributes
+    ----------
+    record : SensorRecord
+        NaN for stuck values and spikes; ends where the clock jumps.
+    jumps : ndarray of int
+        Samples before the jumps of the clock.
+    spikes : ndarray of bool, shape (n, c)
+        In the record as it was.
+    largest : dict
+        Of each component the size of the largest spike, in robust standard deviations, and its time, s.
+    marks : list of Mark
+    """
+
+    record: SensorRecord
+    jumps: NDArray[np.int64]
+    spikes: NDArray[np.bool_]
+    largest: dict[str, tuple[float, float]]
+    marks: list[Mark]
+
+
+def screened(name: str, record: SensorRecord) -> Screened:
+    """Take out what is wrong with a sensor by itself."""
+    time, values = record.time, record.values.copy()
+    stuck = stuck_times(record)
+    for start, end in stuck:
+        # The first of them was measured.
+        values[slice(*np.searchsorted(time, [start, end], side="right"))] = np.nan
+    moving = SensorRecord(time, values, record.standard_deviation)
+    mask, largest = spikes(moving, name)
+    values[mask] = np.nan
+    jumps = clock_jumps(record)
+    leaps = np.stack([time[jumps], time[jumps + 1]], axis=1).tolist()
+    marks = [Mark(name, "clock", *times) for times in leaps]
+    marks += [Mark(name, "gap", *times) for times in gaps(record.measured_times).tolist() if times not in leaps]
+    marks += [Mark(name, "stuck", *times) for times in stuck.tolist()]
+    marks += [Mark(name, "spike", at, at) for at in time[mask.any(axis=1)].tolist()]
+    end = int(jumps[0]) + 1 if jumps.size else time.size
+    return Screened(SensorRecord(time[:end], values[:end], record.standard_deviation), jumps, mask, largest, marks)
+
+
+def contradictions_of_unused(dataset: Dataset) -> list[Check]:
+    """Judge the velocities by an accelerometer that is not used; only what fails.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its truth is not looked at.
+    """
+    if "accelerometer" not in dataset.experiment.identification.unused_sensors:
+        return []
+    sensors = {
+        name: screened(name, record).record
+        for name, record in dataset.sensors.items()
+        if np.isfinite(record.values).any()
+    }
+    signals = signals_of(dataset.inputs, sensors, span_of(dataset.inputs, sensors))
+    checks = (against_force(signals, symbol, force) for symbol, force in measured_forces(signals).items())
+    return [check for check in checks if check.passed is False]
+
+
+class _Turn(NamedTuple):
+    """Verdicts on one axis.
+
+    Attributes
+    ----------
+    agreement : tuple of str
+        Those on rate against angle, of which the first that was reached counts.
+    answer : (str, str)
+        That on the answer to the fin.
+    witnesses : tuple of (str, str)
+        Those that have the direction from the motion otherwise.
+    symbols, positive : str
+        What is turned where both contradict, and which way round is right.
+    hangs_on_it : tuple of str
+        Other verdicts for which the rate or the angle is needed.
+    """
+
+    agreement: tuple[str, ...]
+    answer: _Key
+    witnesses: tuple[_Key, ...]
+    symbols: str
+    positive: str
+    hangs_on_it: tuple[str, ...] = ()
+
+
+_TURNS = (
+    _Turn(("p against phi",), ("roll_moment", "response of p"), (), "phi (and p)", "starboard side down", _LASTING),
+    _Turn(
+        ("q against theta",),
+        ("elevator", "response of q"),
+        (("depth", "depth against pitch and u"), ("dvl", "w in a turn")),
+        "theta (and q)",
+        "nose up",
+        ("w in a turn", *_FINS, *_LASTING),
+    ),
+    _Turn(
+        ("r against psi", "r against heading"),
+        ("rudder", "response of r"),
+        (("dvl", "v in a turn"),),
+        "psi (and r)",
+        "clockwise from above; headings of ENU count the other way",
+        (
+            *("v in a turn", "v against accelerometer", "lever arm", "current", "heading offset", "response of u"),
+            *("bias instability of r", "trim", *_FINS, *_LASTING),
+        ),
+    ),
+)
+
+
+def weighted_evidence(checks: Sequence[Check]) -> list[Check]:
+    """Return verdicts with nothing called true or false by a rate and an angle that disagree, nor advice to mirror."""
+    verdicts = {(check.subject, check.check): check for check in checks}
+    for turn in _TURNS:
+        agreements = [check for name in turn.agreement for check in checks if check.check == name]
+        told = [check for check in agreements if check.passed is not None]
+        if told and told[0].passed is False:
+            for key, check in verdicts.items():
+                if check.check in (turn.answer[1], *turn.hangs_on_it) and check.passed is not None:
+                    verdicts[key] = _in_doubt(check, told[0].check)
+        elif (answer := verdicts.get(turn.answer)) is not None:
+            verdicts |= _blamed(turn, answer, verdicts)
+    return list(verdicts.values())
+
+
+def _in_doubt(check: Check, disagreement: str) -> Check:
+    statistic = f"cannot tell while {disagreement} fails: {check.statistic}"
+    return check._replace(passed=None, statistic=statistic, advice=f"First mend {disagreement}.")
+
+
+def _blamed(turn: _Turn, answer: Check, verdicts: dict[_Key, Check]) -> dict[_Key, Check]:
+    """Say which sign is turned where a fin, or what witnesses the turn, contradicts the attitude."""
+    against = [check for key in turn.witnesses if (check := verdicts.get(key)) is not None and check.passed is False]
+    if answer.passed is False and against:
+        words = (
+            f"{answer.check} and {' and '.join(check.check for check in against)} both contradict {turn.symbols}: turn "
+            f"the sign of that ({turn.positive}), which one mistake explains, and not of the others. But first make "
+            "sure that it counts the other way: if it does not, all others are turned, and turning it makes the data "
+            "those of a mirror image of the vehicle, which nothing tells any more."
+        )
+        return {(check.subject, check.check): check._replace(advice=words) for check in (answer, *against)}
+    words = (
+        f" But first make sure of {turn.symbols} ({turn.positive}): if that is turned as well, this makes the data "
+        "those of a mirror image of the vehicle, which nothing tells any more."
+    )
+    failed = [check for check in (answer, *against) if check.passed is False]
+    return {(check.subject, check.check): check._replace(advice=check.advice + words) for check in failed}
 
 
 def inspect_dataset(dataset: Dataset) -> Inspection:
@@ -65,7 +227,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
         sound[name] = screening.record
     span = span_of(dataset.inputs, sensors)
     actuators = dataset.experiment.vehicle.actuators.actuators()
-    acting = acted(dataset.inputs, actuators, dataset.experiment.identification.integration_step)
+    acting = with_actuator_dynamics(dataset.inputs, actuators, dataset.experiment.identification.integration_step)
     signals = signals_of(acting, sound, span)
     stepped = set()
     for name, component, symbol in _angles(sound):

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator, Sequence, Set
 
-from auvid_cli.data.check import Check
+from auvid_cli.data.checks import Check
 from auvid_cli.data.faults import Cause, FaultKind
-from auvid_cli.inspection.alignment import Alignment
-from auvid_cli.inspection.current import Drift
+from auvid_cli.inspection.delays import Alignment
+from auvid_cli.inspection.fins import RudderTrim
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.lasting_errors import LastingError
-from auvid_cli.inspection.rudder_trim import RudderTrim
+from auvid_cli.inspection.responses import Drift
 
 _SUBJECT, _NAME = "identification", "likely causes"
 

@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.check import Check
+from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import InputRecord, SensorRecord
-from auvid_cli.data.gaps import gap_limit, repeats
-from auvid_cli.data.noise import quantisation_step
+from auvid_cli.data.signals import gap_limit, quantisation_step, repeats
 from auvid_cli.inspection.inspection import judged
 
 Array = NDArray[np.float64]

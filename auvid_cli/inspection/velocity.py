@@ -1,37 +1,54 @@
-"""What the velocities say, against depth, accelerometer and the turns: signs, scales, mounting."""
+"""Checks of the velocity sensor: scale, lever arm, axes and units."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.check import Check
-from auvid_cli.inspection.current import Drift, carried_sideways, current_check, drift, is_current
-from auvid_cli.inspection.grid import Signals
+from auvid_cli.data.checks import Check
+from auvid_cli.inspection.agreement import (
+    PitchOffset,
+    fit_over_seconds,
+    mistaken_units,
+    offset_by_depth,
+    offset_by_gravity,
+    pitch_offset_check,
+)
 from auvid_cli.inspection.inspection import cannot_tell, judged
 from auvid_cli.inspection.kinematic_relations import (
+    Regression,
     Relation,
+    Signals,
+    change,
     diving_speed,
+    fit,
     lever_arm_acceleration,
     measured_depth_rate,
     measured_forces,
     rates_by_sensor,
     regress_relation,
+    smoothed,
 )
-from auvid_cli.inspection.lever_arm import lever_arm_checks
-from auvid_cli.inspection.mistaken_units import mistaken_units
-from auvid_cli.inspection.pitch_offset import (
-    PitchOffset,
-    fit_over_seconds,
-    offset_by_depth,
-    offset_by_gravity,
-    pitch_offset_check,
+from auvid_cli.inspection.responses import (
+    Drift,
+    carried_sideways,
+    current_check,
+    drift,
+    is_current,
+    known_sign,
+    sideslip,
+    thrust_check,
 )
-from auvid_cli.inspection.regression import Regression
-from auvid_cli.inspection.responses import known_sign, sideslip, thrust_check
-from auvid_cli.inspection.velocity_scale import scale_check
 
+# m
+_USUAL = 0.15
+_LEVER_ARM_SIGMAS = 3.0
+_SOURCES = (("v", "fy", "r"), ("w", "fz", "q"))
 Array = NDArray[np.float64]
-
-_TOLERANCE, _LEAST_CORRELATION, _SIGMAS = 0.2, 0.7, 3.0
+# s, over which depth is gained: what averaging and delays make of a rate is then small.
+_SPAN = 3.0
+# Intervals of depth and pitch in that time, at least: a line between two measurements is flatter than what went on.
+_FEWEST = 10
+_LARGEST, _LARGEST_ERROR, _SCALE_SIGMAS = 0.01, 0.006, 2.0
+_TOLERANCE, _LEAST_CORRELATION, _VELOCITY_SIGMAS = 0.2, 0.7, 3.0
 # An accelerometer has its own place and is felt with gravity: of the size only the order.
 _LARGEST_FACTOR = 3.0
 _LEAST_ACCELERATION, _LEAST_SPEED = 0.02, 0.02
@@ -42,6 +59,89 @@ _UNDER_WAY = 0.2
 _LONGEST_ARM = 0.25
 _DEPTH_NAME = "depth against pitch and u"
 _DEPTH_THRESHOLD = f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
+
+
+def lever_arm_checks(signals: Signals, forces: dict[str, Relation], accelerometer_ahead: float = 0.0) -> list[Check]:
+    """Judge the distance along the hull by v in yaw and by w in pitch, where either tells.
+
+    A DVL that sits ahead by x measures ``v + x r`` and ``w - x q``, whose change contains what the accelerometer does
+    not feel. Without one the arm could not be told from the drift of a hull in a turn, which is proportional to the
+    turn rate as well.
+
+    Parameters
+    ----------
+    signals : Signals
+    forces : dict of Relation
+        Of `kinematic_relations.measured_forces`.
+    accelerometer_ahead : float
+        m, by which the accelerometer is stated to sit ahead of the origin.
+    """
+    arms = {}
+    for symbol, force, rate in _SOURCES:
+        window = signals.window(symbol, force, rate, "psi")
+        turning = next(iter(rates_by_sensor(signals, rate).values()))
+        lacking = forces[symbol].total() - signals.values[force]
+        # A scale of u that is wrong shows in u times the rate.
+        lacking, swing, carried = (
+            smoothed(each, window)
+            for each in (lacking, lever_arm_acceleration(signals)[symbol], signals.values["u"] * turning)
+        )
+        arm = fit(lacking, swing, [carried], window)
+        if arm is not None and arm.error < _USUAL / _LEVER_ARM_SIGMAS:
+            is_far = abs(arm.gain + accelerometer_ahead) > _USUAL + _LEVER_ARM_SIGMAS * arm.error
+            arms[f"{arm.gain:+.2f} +- {arm.error:.2g} m by {symbol} and {rate}"] = not is_far
+    if not arms:
+        return []
+    return [
+        judged(
+            "dvl",
+            "lever arm",
+            statistic=f"ahead of the accelerometer by {', '.join(arms)}",
+            threshold=f"<= {_USUAL:g} m",
+            passed=all(arms.values()) or None,
+            advice="DVL and accelerometer sit apart, so one of them is not at the origin of the model: state its place "
+            "(`position` in the map).",
+        )
+    ]
+
+
+def scale_check(signals: Signals, dive: Relation) -> Check:
+    """Compare the depth that is gained with what pitch and velocities promise.
+
+    What an offset of pitch adds, u cos(theta) times it, stands beside.
+
+    Parameters
+    ----------
+    signals : Signals
+    dive : Relation
+        Of `kinematic_relations.diving_speed`.
+    """
+    name, threshold = "scale by depth", f"1 +- {_LARGEST:g}, where it is known to {_LARGEST_ERROR:g}"
+    if max(signals.interval["down"], signals.interval["theta"]) > _SPAN / _FEWEST:
+        return cannot_tell("dvl", name, "depth or pitch is measured too seldom", threshold)
+    window = signals.window("down", "u", "theta", least=_SPAN)
+
+    def gained(rate: Array) -> Array:
+        # A depth is known in the middle of a cell: from one middle to another lie the means of the cells between.
+        means = smoothed(rate, window)
+        return 0.5 * (means + np.append(means[1:], np.nan))
+
+    beside = signals.values["u"] * np.cos(signals.values["theta"])
+    sunk = change(signals.values["down"], window) / (window * signals.grid.step)
+    fitted = fit(sunk, gained(dive.total()), [gained(beside)], window)
+    if fitted is None or not fitted.error <= _LARGEST_ERROR:
+        return cannot_tell("dvl", name, "the vehicle hardly dives, or not for long", threshold)
+    away = abs(fitted.gain - 1.0)
+    return judged(
+        "dvl",
+        name,
+        statistic=f"depth changes {fitted.gain:.4f} +- {fitted.error:.2g} times as velocity and pitch have it",
+        threshold=threshold,
+        passed=None if away > max(_LARGEST, _SCALE_SIGMAS * fitted.error) else True,
+        advice="One of them is to another scale: a DVL told another speed of sound, or a depth in water of another "
+        f"density (salt and fresh differ by 2.7 %). Multiply the velocities by {fitted.gain:.4g} if the depth is right "
+        "(`scale` in the map), or find it (`identification.estimate.biases: [dvl]`).",
+    )
 
 
 def velocity_checks(
@@ -251,7 +351,7 @@ def _with_units(advice: str, unit: str) -> str:
 
 
 def _is_one(fitted: Regression) -> bool:
-    return abs(fitted.gain - 1.0) <= _TOLERANCE + _SIGMAS * fitted.error
+    return abs(fitted.gain - 1.0) <= _TOLERANCE + _VELOCITY_SIGMAS * fitted.error
 
 
 def _heading_offset(signals: Signals) -> Check:

@@ -1,16 +1,66 @@
-"""What a map asks of its logs: found in them, or said to be missing, each where the map asks for it."""
+"""Columns of a log that a map asks for, and errors that point into the map."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple
 
+import numpy as np
+
+from auvid_cli.config.locate import at_value
 from auvid_cli.config.log_columns import LogRows, LogSignal, PlacedSignal, RowChoice, TimeSource, unit_factor
 from auvid_cli.config.log_map import LogMap
-from auvid_cli.config.position import KeyPath
-from auvid_cli.config.quantity import expected
-from auvid_cli.config.tree import Tree
-from auvid_cli.logs.formats.log import FILE, HEADER_STAMP, LOG_TIME, Log, LogColumn
-from auvid_cli.logs.formats.lookup import missing
-from auvid_cli.logs.refusals import Refusals
+from auvid_cli.config.source_positions import KeyPath, Mistake, Tree, mistakes_text
+from auvid_cli.config.units import expected
+from auvid_cli.errors import ConfigError
+from auvid_cli.logs.clock import Clock, to_seconds
+from auvid_cli.logs.formats.log import FILE, HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, missing
+
+
+class RefusedError(Exception):
+    """What the map says does not fit the numbers in the log; `path` is where the map says it."""
+
+    def __init__(self, path: KeyPath, message: str) -> None:
+        super().__init__(message)
+        self.path = path
+
+
+class Refusals:
+    """Mistakes of a map, each at its place.
+
+    Parameters
+    ----------
+    tree : Tree
+        The map as it was read.
+    """
+
+    def __init__(self, tree: Tree) -> None:
+        self._tree = tree
+        self._mistakes: list[Mistake] = []
+        self._said = 0
+
+    def say(self, path: KeyPath, message: str) -> None:
+        """Keep a mistake, once where several settings lead to it."""
+        mistake = at_value(self._tree, path, message)
+        if mistake not in self._mistakes:
+            self._mistakes.append(mistake)
+        self._said += 1
+
+    @contextmanager
+    def collecting(self) -> Iterator[None]:
+        """Keep what ends the block, and go on after it."""
+        try:
+            yield
+        except RefusedError as error:
+            self.say(error.path, str(error))
+
+    def stop_if_any(self) -> None:
+        """Raise ConfigError with all mistakes kept so far."""
+        if self._mistakes:
+            raise ConfigError(mistakes_text(self._mistakes))
+
+    def __len__(self) -> int:
+        return self._said
 
 
 class Place(NamedTuple):
@@ -256,3 +306,55 @@ class _Finder:
         other = {LOG_TIME: HEADER_STAMP, HEADER_STAMP: LOG_TIME}.get(column.name, "")
         more = (Place(log, table, name) if name in names else None for name in (other, FILE))
         return Times(Place(log, table, column.name), factor, source.offset, *more)
+
+
+class ColumnReader:
+    """Reads what requests need.
+
+    Parameters
+    ----------
+    logs : mapping of str to Log
+    requests : iterable of Request
+        All that will be asked for, each once.
+    """
+
+    def __init__(self, logs: Mapping[str, Log], requests: Iterable[Request]) -> None:
+        self._logs = logs
+        self._wanted = Counter(place for request in requests for place in request.places())
+        self._held: dict[Place, ColumnValues] = {}
+        self._clocks: dict[tuple[Place, float], Clock] = {}
+
+    def take(self, place: Place) -> ColumnValues:
+        """Hand out a column, once for each request that needs it.
+
+        Raises
+        ------
+        FileError
+            If the log is damaged.
+        """
+        if place not in self._held:
+            together = [other for other in self._wanted if other[:2] == place[:2] and self._wanted[other] > 0]
+            values = self._logs[place.log].read(place.table, [other.column for other in together])
+            self._held |= {other: values[other.column] for other in together}
+        self._wanted[place] -= 1
+        return self._held[place] if self._wanted[place] else self._held.pop(place)
+
+    def take_time(self, request: Request) -> Clock:
+        """Hand out the times of a request's rows, s; the array may be shared with others.
+
+        Raises
+        ------
+        ValueError
+            If a text is no time.
+        """
+        times = request.time
+        key = times.place, times.factor
+        values = self.take(times.place)
+        if key not in self._clocks:
+            self._clocks[key] = to_seconds(values, times.factor)
+        clock = self._clocks[key]
+        if not self._wanted[times.place]:
+            del self._clocks[key]
+        if not times.offset:
+            return clock
+        return Clock(np.add(clock.seconds, times.offset), clock.rollovers)

@@ -10,23 +10,28 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.log_sensors import AccelerometerMap, DepthMap, DvlMap, MagneticFieldMap, SensorMap
-from auvid_cli.config.position import KeyPath
-from auvid_cli.config.spans import Spans
+from auvid_cli.config.settings import Spans
+from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.gaps import gaps
-from auvid_cli.data.noise import Noise, estimate_noise, is_smoothed
-from auvid_cli.logs.columns import ColumnReader
-from auvid_cli.logs.import_report import ImportSummary, summary_of
-from auvid_cli.logs.measurements import MeasuredRows, check_plausible, read_request, together, without_repeats
-from auvid_cli.logs.refusals import Refusals, RefusedError
-from auvid_cli.logs.requests import Request
-from auvid_cli.logs.sensor_motion import depth_at_origin, interpolate
-from auvid_cli.logs.vehicle_axes import (
+from auvid_cli.data.signals import Noise, estimate_noise, gaps, is_smoothed
+from auvid_cli.logs.frames import (
     complete_velocity,
+    depth_at_origin,
     in_vehicle_axes,
+    interpolate,
     level_where_roll_is_unknown,
     turned_by_attitude,
 )
+from auvid_cli.logs.measurements import (
+    ImportSummary,
+    MeasuredRows,
+    check_plausible,
+    read_request,
+    summary_of,
+    together,
+    without_repeats,
+)
+from auvid_cli.logs.requests import ColumnReader, Refusals, RefusedError, Request
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]

@@ -8,14 +8,13 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from auvid_cli.campaign.findings import Findings
-from auvid_cli.data.csv_text import csv_cell
+from auvid_cli.campaign.summary import Findings
+from auvid_cli.data.checks import csv_cell
 from auvid_cli.data.files import write_text
-from auvid_cli.report.markdown import render_markdown
-from auvid_cli.report.notation import setting_text
 from auvid_cli.report.screen import print_files
 from auvid_cli.report.screen_table import narrowed
-from auvid_cli.report.table import Cell, Column, Table, number
+from auvid_cli.report.table import Cell, Column, Table, number, setting_text
+from auvid_cli.report.text_tables import render_markdown
 
 # More combinations than this are for the files.
 _MOST_ON_SCREEN = 40

@@ -1,17 +1,19 @@
-"""An evaluation laid out as the paper's Tables IV and V, and what else one wants to read."""
+"""Contents of the tables of a run, and the files that they are written to."""
 
+import csv
 from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 
-from auvid_cli.config.filter_name import JUDGE, FilterName
-from auvid_cli.data.named_rows import NamedRows
+from auvid_cli.config.enums import JUDGE, FilterName
+from auvid_cli.data.checks import NamedRows
+from auvid_cli.data.files import write_text
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.judgements import judgement_sentences
-from auvid_cli.report.notation import filter_label
-from auvid_cli.report.paper import NOTE, published, published_filters
-from auvid_cli.report.sentence import sentence
+from auvid_cli.report.shared_checks import judgement_sentences
 from auvid_cli.report.table import (
     DEVIATION_DIGITS,
     UNIDENTIFIED,
@@ -22,9 +24,16 @@ from auvid_cli.report.table import (
     Table,
     Unidentified,
     UnitCell,
+    filter_label,
     number,
 )
+from auvid_cli.report.text_tables import render_latex, render_markdown, write_csv_tables
+from auvid_cli.text import sentence
 
+NOTE = (
+    "Paper: Sabet et al. (2018). Its vehicle, noise, priors, length of the run and step are not published, so these "
+    "values are for orientation."
+)
 PAPER = "paper"
 _ERROR = "steady_state_error_percent"
 _VELOCITY = "Mean absolute error"
@@ -45,6 +54,35 @@ _CORRECTED = (
     "Corrected sd: standard deviation with allowance for residuals that are correlated in time, where that makes it "
     f"more than {100.0 * (_WIDER - 1.0):.0f} % larger."
 )
+
+
+@cache
+def published(table: str) -> dict[str, dict[str, str]]:
+    """Read a published table.
+
+    Parameters
+    ----------
+    table : str
+        "table_iv" (accuracy of the coefficients) or "table_v" (error of the velocities).
+
+    Returns
+    -------
+    dict of dict
+        Numbers by row (coefficient or velocity) and column (for example ``rmse_ekf``), with the digits that
+        were printed; empty cells are left out.
+    """
+    text = files("auvid_cli.report").joinpath("published", f"{table}.csv").read_text(encoding="utf-8")
+    return {
+        name: {column: cell for column, cell in row.items() if cell and column != "unit"}
+        for row in csv.DictReader(text.splitlines())
+        for name in [row.pop("coefficient", None) or row.pop("signal")]
+    }
+
+
+def published_filters(table: str, column: str, filters: list[str]) -> list[str]:
+    """Return those of `filters` for which the paper has `column`, in the order given."""
+    columns = {name for row in published(table).values() for name in row}
+    return [name for name in filters if f"{column}_{name}" in columns]
 
 
 def lay_out(evaluation: Evaluation) -> list[Table]:
@@ -399,3 +437,18 @@ def runs(evaluation: Evaluation) -> Table:
     table = Table("runs", "Error, cost and judgement", columns, rows, notes=notes)
     has_average = any(row.average_steady_state_error_percent is not None for row in evaluation.summary)
     return table if has_average else table.without(_AVERAGE)
+
+
+def write_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
+    """Write the CSV, Markdown and LaTeX tables.
+
+    Raises
+    ------
+    FileError
+        If one cannot be written; it is then not there, or as it was before.
+    """
+    paths = write_csv_tables(evaluation.tables() | table_iv(evaluation), folder)
+    markdown, latex = folder / "tables.md", folder / "tables.tex"
+    write_text(markdown, render_markdown(lay_out(evaluation)))
+    write_text(latex, render_latex(lay_out(evaluation)))
+    return [*paths, markdown, latex]

@@ -1,19 +1,22 @@
-"""What a run found, for the terminal."""
+"""Tables on the terminal: checks, judgements, identifiability, tuned noise and validation."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from math import isfinite
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table as ScreenTable
 from rich.text import Text
 
-from auvid_cli.config.filter_name import JUDGE
-from auvid_cli.data.check import Check
-from auvid_cli.evaluation.assessment import Identifiability
+from auvid_cli.config.enums import JUDGE
+from auvid_cli.data.checks import Check
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.findings import DisturbanceChoice, TunedNoise, Tuning
+from auvid_cli.evaluation.assessment import CLASSES, FixSuggestion, Identifiability
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.bounds import assessment_sentences, bounds_table, holding_sentence
-from auvid_cli.report.judgements import judgement_sentences
+from auvid_cli.evaluation.judgement import Judgement, whiteness
 from auvid_cli.report.layout import (
     NIS_MEANS,
     PAPER,
@@ -25,14 +28,98 @@ from auvid_cli.report.layout import (
     runs,
     unobserved,
 )
-from auvid_cli.report.screen_table import encodable, fits, narrowed, screen_table
-from auvid_cli.report.shared_checks import SharedCheck, advices, counts_in_words, shared_checks, whose
-from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Table
+from auvid_cli.report.screen_table import encodable, fits, narrowed, printed, screen_table
+from auvid_cli.report.shared_checks import (
+    SharedCheck,
+    advices,
+    counts_in_words,
+    judgement_sentences,
+    shared_checks,
+    whose,
+)
+from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Symbol, Table, UnitCell, filter_label
+from auvid_cli.text import sentence
+from auvid_cli.validation.results import AHEAD, FREE_RUN, NO_WIDER, ManoeuvreNumber, Prediction, Validation
 
+_NOTES = (
+    "Bound: the least standard deviation that any estimate from these data can have (Cramer-Rao), with the noise of "
+    "the sensors alone; with noise %: with process noise, too. The class goes by the larger. Mostly from: the sensor "
+    "that says most of it, and its share.",
+)
 # What gives way where the terminal is narrow, first to last.
 _LEAST_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
 _STYLES = {"FAIL": "bold red", "note": "yellow"}
+_TUNING_DIGITS = 3
+_LESS, _WHITE = "any less will do", "white process noise would do"
+_LONGER, _ANY = "any longer will do", "any will do"
+_PREFIX = "identification."
+# The smoother's estimate, and what is said of it.
+Judged = tuple[Estimate, Judgement]
+_VALIDATION_DIGITS = 3
+# What gives way where the terminal is narrow, first to last.
+_LEAST_OF_MODELS = "vehicle file", "prior", "unchanged"
+_ERRORS = (
+    "Free run: the model moved from its start by the inputs alone. Noise: of the sensor, as stated. Unchanged: errors "
+    "if the motion stayed as at the start; prior, vehicle file: by the coefficients known before, and by the file's."
+)
+_BAND = (
+    "Band: two standard deviations of coefficients, start, measurements and what the model is seen to lack, together."
+)
+
+
+def assessment_sentences(identifiability: Identifiability) -> list[str]:
+    """Say what is missing, what goes together, what cannot be observed, and how bounds fall."""
+    sentences = [sentence(identifiability.remark)] if identifiability.remark else []
+    sentences += [
+        f"{', '.join(group.members)} go together: {group.combination} is known to {group.percent:.2g} %, "
+        f"the worst of them alone to {group.worst_percent:.2g} %"
+        for group in identifiability.groups
+    ]
+    for symbol, error in identifiability.sensor_errors.items():
+        unobserved = "" if error.observed else ": cannot be observed on this manoeuvre"
+        sentences.append(f"{symbol}: bound {printed(error.bound, 2)}, prior {printed(error.prior, 2)}{unobserved}")
+    half = min(identifiability.growth, key=lambda entry: abs(entry[0] - 0.5 * identifiability.growth[-1][0]))
+    whole = identifiability.growth[-1]
+    medians = [f"{np.median(percent):.2g} % after {time:.4g} s" for time, percent in dict([half, whole]).items()]
+    return [*sentences, f"median bound {', '.join(medians)}"]
+
+
+def holding_sentence(holding: FixSuggestion) -> str:
+    """Say what data tell of, and the setting that holds the rest."""
+    missing = f", of which it must first state {', '.join(holding.unstated)}" if holding.unstated else ""
+    only = f"These data tell of {', '.join(holding.motions)} alone. " if len(holding.motions) < 6 else ""
+    return (
+        f"{only}Hold {', '.join(holding.held)} at the values of the vehicle file{missing}; then the rest is known to "
+        f"{holding.worst_percent:.2g} % or better:\n"
+        f"  --set 'identification.coefficients=[{', '.join(holding.kept)}]'"
+    )
+
+
+def bounds_table(identifiability: Identifiability) -> Table:
+    """Lay out bounds by class, and what they mostly come from."""
+    ranks = {label: rank for rank, (_, label) in enumerate(CLASSES)}
+    columns = (
+        *(Column(header, numeric=False) for header in ("symbol", "unit")),
+        *(Column(header) for header in ("value", "bound", "bound %", "with noise %")),
+        *(Column(header, numeric=False) for header in ("class", "mostly from", "goes with")),
+    )
+    rows: list[list[Cell]] = [
+        [
+            Symbol(bound.coefficient),
+            UnitCell(bound.unit),
+            bound.value,
+            printed(bound.cramer_rao_bound, 2),
+            printed(bound.percent, 2),
+            printed(bound.percent_with_noise, 2),
+            bound.label,
+            f"{bound.best_sensor} {bound.best_share:.0%}",
+            bound.group,
+        ]
+        for bound in sorted(identifiability.bounds, key=lambda bound: ranks[bound.label])
+    ]
+    table = Table("bounds", "Least standard deviations that the data allow", columns, rows, notes=_NOTES)
+    return table if identifiability.groups else table.without("goes with")
 
 
 def print_summary(console: Console, evaluation: Evaluation) -> None:
@@ -147,3 +234,177 @@ def _estimate_tables(console: Console, evaluation: Evaluation, filters: list[str
     if chosen is not None:
         return [chosen]
     return [choice for name in filters for choice in _estimate_tables(console, evaluation, [name])]
+
+
+def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged) -> None:
+    """Print the noise, and the smoother's estimates with the stated and with the tuned one."""
+    console.print(screen_table(console, _noises(tuning), _TUNING_DIGITS))
+    for said, of, so in _SAYINGS:
+        if names := [noise.setting.removeprefix(_PREFIX) for noise in tuning.noises if of(noise)]:
+            console.print(Text(f"The data {said} {', '.join(names)}: {so}."))
+    console.print(screen_table(console, _estimates(before, after), _TUNING_DIGITS))
+    if not tuning.converged:
+        console.print(Text("The search has not settled: take this for a beginning, and tune again with it."))
+
+
+def _noises(tuning: Tuning) -> Table:
+    columns = (
+        *(Column(header, numeric=False) for header in ("noise", "unit")),
+        *(Column(header) for header in ("stated", "most likely", "95 % from", "to")),
+    )
+    return Table("noise", "Noise", columns, [_row(noise) for noise in tuning.noises])
+
+
+def choice_text(choice: DisturbanceChoice) -> str:
+    """Say whether a disturbance is estimated, and why."""
+    criterion = f"{choice.numbers} numbers more must bring {choice.needed:.3g} (Bayesian information criterion)"
+    what = "kept" if choice.is_kept else "left out"
+    return f"a disturbance that lasts is {what}: with it the log-likelihood is {choice.gain:+.4g}, and {criterion}"
+
+
+def _is_flat(noise: TunedNoise) -> bool:
+    return noise.low == 0.0 and not isfinite(noise.high)
+
+
+def _is_bounded(noise: TunedNoise) -> bool:
+    return noise.low == 0.0 and isfinite(noise.high)
+
+
+# What data say of some noise, of which, and what follows.
+_SAYINGS: tuple[tuple[str, Callable[[TunedNoise], bool], str], ...] = (
+    ("only say that there is no more of", lambda noise: _is_bounded(noise) and not noise.is_time_constant, _LESS),
+    ("say nothing of", lambda noise: _is_flat(noise) and not noise.is_time_constant, _LESS),
+    ("only say that it is no longer,", lambda noise: _is_bounded(noise) and noise.is_time_constant, _WHITE),
+    ("only say that it is no shorter,", lambda noise: noise.low > 0.0 and not isfinite(noise.high), _LONGER),
+    ("say nothing of", lambda noise: _is_flat(noise) and noise.is_time_constant, _ANY),
+)
+
+
+def _row(noise: TunedNoise) -> list[Cell]:
+    # Where any less will do the likeliest is as little as the search allows, and says nothing.
+    is_none = noise.low == 0.0 and noise.tuned < 1e-3 * noise.high and not noise.is_time_constant
+    likeliest = "none" if is_none else noise.tuned
+    high = noise.high if isfinite(noise.high) else "no end"
+    return [noise.setting.removeprefix(_PREFIX), UnitCell(noise.unit), noise.stated, likeliest, noise.low, high]
+
+
+def _estimates(before: Judged, after: Judged) -> Table:
+    """Lay out mean NIS and memory of the innovations of each sensor, and the judgement."""
+    rows: list[list[Cell]] = []
+    for sensor in before[0].innovations:
+        nis: list[Cell] = [estimate.innovations[sensor].tally().mean_nis for estimate, _ in (before, after)]
+        rows.append([f"mean NIS of {sensor}", *nis])
+        memory: list[Cell] = [whiteness(estimate.innovations[sensor]).portmanteau for estimate, _ in (before, after)]
+        rows.append([f"memory of {sensor}, Ljung-Box", *memory])
+    grades: list[Cell] = [judgement.grade for _, judgement in (before, after)]
+    columns = Column("smoother", numeric=False), Column("as stated"), Column("tuned")
+    return Table("tuned", "Before and after", columns, [*rows, ["judgement", *grades]])
+
+
+def print_validation(console: Console, validation: Validation, passed: bool) -> None:
+    """Print what is against the estimate, errors of the free run, fits by horizon, manoeuvres, and verdicts.
+
+    Parameters
+    ----------
+    console : rich.console.Console
+    validation : Validation
+    passed : bool
+        Whether verdicts that passed are printed as well.
+    """
+    if validation.judgement.is_against:
+        for line in judgement_sentences({validation.filter: validation.judgement}, with_sound=False):
+            console.print(Text(line))
+    ahead = [row for row in validation.predictions if row.kind == AHEAD]
+    free = [row for row in validation.predictions if row.kind == FREE_RUN]
+    console.print(narrowed(console, _free_run(free), _LEAST_OF_MODELS, _VALIDATION_DIGITS))
+    if free:
+        console.print(Text(_ERRORS))
+        console.print()
+    if ahead:
+        console.print(screen_table(console, _fits_ahead(ahead), _VALIDATION_DIGITS))
+        if any(row.share_within_band is not None for row in ahead):
+            console.print(Text(_BAND))
+    for line in _manoeuvres(validation.manoeuvres):
+        console.print(Text(line))
+    for remark in validation.remarks:
+        console.print(Text(sentence(remark)))
+    print_checks(console, validation.checks, passed)
+    console.print(Text(_conclusion(validation)))
+
+
+def _conclusion(validation: Validation) -> str:
+    """Say whether the model predicts these data, or what of them, and what it does not."""
+    worse = {
+        "in the free run": validation.worse_than_the_mean(FREE_RUN),
+        "ahead": validation.worse_than_the_mean(AHEAD),
+    }
+    unpredicted = {signal for signals in worse.values() for signal in signals}
+    predicted = [s for s in dict.fromkeys(row.signal for row in validation.predictions) if s not in unpredicted]
+    failed = {check.check for check in validation.checks if check.passed is False}
+    if failed - {NO_WIDER} or not predicted:
+        conclusion = "does not predict these data."
+    elif failed:
+        conclusion = f"predicts {', '.join(predicted) + ' of ' if unpredicted else ''}these data, with bands too wide."
+    elif unpredicted:
+        conclusion = f"predicts {', '.join(predicted)} of these data."
+    else:
+        conclusion = "predicts these data."
+    if unpredicted:
+        where_worse = "; ".join(f"{', '.join(signals)} {where}" for where, signals in worse.items() if signals)
+        conclusion += f" Worse than their mean (fit below 0): {where_worse}."
+    return f"The model of the {filter_label(validation.filter)} {conclusion}"
+
+
+def _free_run(rows: Sequence[Prediction]) -> Table:
+    columns = (
+        *(Column(header, numeric=False) for header in ("free run", "unit")),
+        *(Column(header) for header in ("noise", "fit %", "RMSE", "unchanged", "prior", "vehicle file")),
+    )
+    body: list[list[Cell]] = []
+    for row in rows:
+        values = row.noise, row.rmse, row.constant_velocity_rmse, row.prior_rmse, row.vehicle_file_rmse
+        noise, *errors = (_in_degrees(value, row.unit) for value in values)
+        body.append([row.signal, _degrees(row.unit), noise, row.fit_percent, *errors])
+    return Table("free-run", "Errors of the free run", columns, body)
+
+
+def _fits_ahead(rows: Sequence[Prediction]) -> Table:
+    """Lay out the fit by signal and horizon, and the share of errors that the stated uncertainty explains."""
+    horizons = list(dict.fromkeys(row.horizon_s for row in rows))
+    columns = Column("fit % ahead", numeric=False), *(Column(f"{horizon:g} s") for horizon in horizons)
+    fits = {(row.signal, row.horizon_s): row.fit_percent for row in rows}
+    signals = dict.fromkeys(row.signal for row in rows)
+    body: list[list[Cell]] = [[signal, *(fits.get((signal, horizon)) for horizon in horizons)] for signal in signals]
+    within: list[Cell] = ["% within band", *(_share_within(rows, horizon) for horizon in horizons)]
+    return Table("fits-ahead", "Fits ahead", columns, [*body, within])
+
+
+def _share_within(rows: Sequence[Prediction], horizon: float) -> float | None:
+    """Average the share over the errors of all signals at a horizon, percent."""
+    shares = [row.share_within_band for row in rows if row.horizon_s == horizon and row.share_within_band is not None]
+    return 100.0 * sum(shares) / len(shares) if shares else None
+
+
+def _manoeuvres(numbers: Sequence[ManoeuvreNumber]) -> list[str]:
+    """Write a line for each kind of number; those of a zigzag are many, and their mean is printed."""
+    kinds: dict[tuple[str, str], list[ManoeuvreNumber]] = {}
+    for number in numbers:
+        kinds.setdefault((number.manoeuvre, number.number.rstrip(" 0123456789")), []).append(number)
+    lines = []
+    for (manoeuvre, kind), alike in kinds.items():
+        unit = alike[0].unit
+        predictions = [number.predicted for number in alike if number.predicted is not None]
+        measured = _in_degrees(float(np.mean([number.measured for number in alike])), unit)
+        predicted = _in_degrees(float(np.mean(predictions)), unit) if len(predictions) == len(alike) else None
+        count = f" (mean of {len(alike)})" if len(alike) > 1 else ""
+        what = f"{manoeuvre}, {kind}{count}" + ("" if unit == "1" else f" in {_degrees(unit)}")
+        lines.append(f"{what}: measured {printed(measured)}, predicted {printed(predicted)}")
+    return lines
+
+
+def _degrees(unit: str) -> str:
+    return unit.replace("rad", "deg")
+
+
+def _in_degrees(value: float | None, unit: str) -> float | None:
+    return float(np.rad2deg(value)) if value is not None and unit.startswith("rad") else value

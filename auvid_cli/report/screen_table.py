@@ -1,15 +1,15 @@
-"""Printed tables on the terminal: alike, and with as much in them as there is room for."""
+"""Tables on the terminal."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import accumulate
 from types import MappingProxyType
 
 from rich import box
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 from rich.table import Table as ScreenTable
 from rich.text import Text
 
-from auvid_cli.report.notation import unit_text
 from auvid_cli.report.table import (
     DEVIATION_DIGITS,
     DIGITS,
@@ -20,7 +20,9 @@ from auvid_cli.report.table import (
     Unidentified,
     UnitCell,
     number,
+    unit_text,
 )
+from auvid_cli.text import printable_lines
 
 MISSING = "-"
 NO_STYLES: Mapping[str, str] = MappingProxyType({})
@@ -28,6 +30,15 @@ NO_STYLES: Mapping[str, str] = MappingProxyType({})
 _UNLIMITED = 10_000
 # What stands for auvid's own signs on a terminal that lacks them.
 _PLAIN = str.maketrans({"±": "+-", "µ": "u", "†": "?"})
+
+
+class PlainConsole(Console):
+    """A console whose own signs alone steer the terminal: those in a text are written out."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Turn something into segments, as `Console.render`."""
+        for text, style, control in super().render(renderable, options):
+            yield Segment(text if control else printable_lines(text), style, control)
 
 
 def screen_table(

@@ -8,7 +8,7 @@ from numba import types
 from auvid_cli.compilation import compiled
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.simulation.manoeuvre_plan import WANTED, ManoeuvrePlan
+from auvid_cli.simulation.manoeuvres import WANTED, ManoeuvrePlan
 from auvid_cli.vehicle.matrices import mass_matrix
 
 

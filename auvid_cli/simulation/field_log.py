@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.data.csv_text import csv_text
+from auvid_cli.data.checks import csv_text
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.simulation.random_processes import stream
+from auvid_cli.simulation.imperfections import stream
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]

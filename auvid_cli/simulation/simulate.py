@@ -1,18 +1,121 @@
-"""A whole simulated run: plan, true motion, raw sensors, attitude."""
+"""Simulate a run: true motion, then the samples of all sensors."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.angles import wrap
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.data.dataset import Dataset, TruthRecord, shared_clock
+from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, MagneticField, SensorSettings, SensorSuite
+from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord, shared_clock
 from auvid_cli.simulation.ahrs import attitude_reference
-from auvid_cli.simulation.imperfections import stamped
-from auvid_cli.simulation.manoeuvre_plan import make_plan
-from auvid_cli.simulation.sensors import measure, sample_times
-from auvid_cli.simulation.true_motion import simulate_motion
-from auvid_cli.simulation.unrecorded import draw_disturbance, draw_fin_trim, record_inputs
+from auvid_cli.simulation.imperfections import corrupt, draw_disturbance, draw_fin_trim, record_inputs, stamped
+from auvid_cli.simulation.manoeuvres import make_plan
+from auvid_cli.simulation.motion import Truth, sample_motion, simulate_motion
+from auvid_cli.vehicle.kinematics import dvl_axes, earth_to_body, specific_force
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
+# So many samples of the whole motion at once, of which a sensor keeps its few components.
+_BLOCK = 50_000
+
+
+def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict[str, SensorRecord]:
+    """Sample all sensors of a suite but an attitude reference, which computes from what the others say.
+
+    Parameters
+    ----------
+    truth : Truth
+    suite : SensorSuite
+    current : ndarray, shape (3,)
+        Velocity of the water, north, east, down, m/s.
+    seed : int
+        Each sensor and each of its imperfections draws from a stream of its own, derived from the
+        seed and the sensor's name, so that changing one leaves the others' noise as it was.
+    """
+    records: dict[str, SensorRecord] = {}
+    for name, settings in suite.given().items():
+        if isinstance(settings, Attitude) and settings.source == "ahrs":
+            continue
+        times = sample_times(settings, truth.time[-1])
+        times = shared_clock(times, (truth.time, *(record.time for record in records.values())))
+        measure_block = MEASUREMENT_MODELS.get(name) or partial(_motion_states, SENSORS[name])
+        true = np.empty((times.size, len(SENSORS[name])))
+        for first in range(0, times.size, _BLOCK):
+            block = slice(first, first + _BLOCK)
+            true[block] = measure_block(_Sampled(truth, times[block], current, settings))
+        record = corrupt(times, true, settings, name, seed)
+        records[name] = stamped(record, settings, name, seed, truth.time[-1])
+    return records
+
+
+class _Sampled:
+    """What a sensor may measure of the truth at some times."""
+
+    def __init__(self, truth: Truth, times: Array, current: Array, settings: SensorSettings) -> None:
+        self.truth, self.times, self.current, self.settings = truth, times, current, settings
+        self.motion, self.rate = sample_motion(truth, times)
+
+
+def sample_times(settings: SensorSettings, duration: float) -> Array:
+    """Return the ticks of a sensor's clock from its start to the end of the run, s."""
+    count = int(np.floor((duration - settings.start) * settings.rate + 1e-9)) + 1
+    return settings.start + np.arange(max(count, 0)) / settings.rate
+
+
+def _motion_states(quantities: Sequence[Quantity], sampled: _Sampled) -> Array:
+    columns = [MOTION_SYMBOLS.index(quantity.symbol) for quantity in quantities]
+    states = np.take(sampled.motion, columns, axis=1)
+    headings = [k for k, quantity in enumerate(quantities) if quantity.symbol == "psi"]
+    states[:, headings] = wrap(states[:, headings])
+    return states
+
+
+def _velocity_over_ground(sampled: _Sampled) -> Array:
+    """Turn the velocity of a DVL over ground into its axes, times its scale."""
+    motion, current, dvl = sampled.motion, sampled.current, sampled.settings
+    assert isinstance(dvl, Dvl)
+    velocity = motion[:, :3]
+    if current.any():
+        velocity = velocity + earth_to_body(motion[:, 6:], np.broadcast_to(current, (len(motion), 3)))
+    if any(dvl.arm):
+        velocity = velocity + np.cross(motion[:, 3:6], dvl.arm)
+    return velocity @ dvl_axes(dvl.scale_error, dvl.mounting_yaw).T
+
+
+def _heading(sampled: _Sampled) -> Array:
+    return wrap(sampled.motion[:, 8:9])
+
+
+def _magnetic_field(sampled: _Sampled) -> Array:
+    settings = sampled.settings
+    assert isinstance(settings, MagneticField)
+    earth = np.broadcast_to(settings.earth_field, (len(sampled.motion), 3))
+    return earth_to_body(sampled.motion[:, 6:], earth)
+
+
+def _depth(sampled: _Sampled) -> Array:
+    return np.interp(sampled.times, sampled.truth.time, sampled.truth.position[:, 2])[:, None]
+
+
+def _specific_force(sampled: _Sampled) -> Array:
+    """Return what an accelerometer measures, whose scale may err."""
+    accelerometer = sampled.settings
+    assert isinstance(accelerometer, Accelerometer)
+    felt = specific_force(sampled.motion, sampled.rate, np.array(accelerometer.position))
+    return (1.0 + accelerometer.scale_error) * felt
+
+
+# Sensors that measure something else than motion states as they are.
+MEASUREMENT_MODELS: dict[str, Callable[[_Sampled], Array]] = {
+    "accelerometer": _specific_force,
+    "magnetometer": _heading,
+    "magnetic_field": _magnetic_field,
+    "dvl": _velocity_over_ground,
+    "depth": _depth,
+}
 
 
 def simulate(experiment: Experiment) -> Dataset:

@@ -6,14 +6,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from auvid_cli.config.load import parse_vehicle
+from auvid_cli.config.loading import parse_vehicle
 from auvid_cli.config.outline import Outline
 from auvid_cli.config.shipped import shipped_files, shipped_part
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError
 from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
-from auvid_cli.printable import printable
 from auvid_cli.start.first_spiral import FirstSpiral, cruising_speed, first_spiral
+from auvid_cli.text import printable
 
 # m/s, where neither the user nor the vehicle file says.
 _USUAL_SPEED = 1.5

@@ -9,7 +9,7 @@ from auvid_cli.config.experiment import ImportedRun
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.identification.segmentation import used_data, used_segments
+from auvid_cli.identification.prepared_data import used_data, used_segments
 from auvid_cli.identification.timeline import measuring_sensors
 
 Array = NDArray[np.float64]

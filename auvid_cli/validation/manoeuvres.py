@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.validation.motion_prediction import MeasuredSignal
 from auvid_cli.validation.results import ManoeuvreNumber
-from auvid_cli.validation.signals import MeasuredSignal
 from auvid_cli.vehicle.kinematics import body_to_earth
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
 

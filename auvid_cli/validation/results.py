@@ -1,10 +1,13 @@
-"""What is said of a model on data that it has not seen: the value objects, apart from the compiled code."""
+"""Results of a validation, with measures of fit and the number of independent samples."""
 
+from math import inf, isfinite, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
-from auvid_cli.data.check import Check, Checks
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.checks import Check, Checks, NamedRows, frames
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.predicted_motion import FreeRun
 
 if TYPE_CHECKING:
@@ -12,9 +15,94 @@ if TYPE_CHECKING:
 
     from auvid_cli.evaluation.judgement import Judgement
 
+Array = NDArray[np.float64]
 FREE_RUN, AHEAD = "free_run", "ahead"
 # The check that a model fails which is better than it says.
 NO_WIDER = "no wider than its errors"
+
+
+def independent_errors(errors: Array) -> float:
+    """Return how many independent errors are worth as much as these, in their order; at most their number.
+
+    Their mean square is not zero if they are all the same: an error that lasts, or that every start has, counts as
+    correlated. Correlations are summed in pairs of lags as long as these are positive (C. J. Geyer, "Practical Markov
+    chain Monte Carlo", Statistical Science 7(4), 1992).
+
+    Parameters
+    ----------
+    errors : ndarray, shape (n,)
+        By their standard deviations; n of at least 1.
+    """
+    n = errors.size
+    square = float(errors @ errors)
+    if square == 0.0:
+        return 1.0
+    by_lag = np.correlate(errors, errors, "full")[n - 1 :] / square
+    pairs = by_lag[: n - n % 2].reshape(-1, 2).sum(axis=1)
+    ends = np.flatnonzero(pairs <= 0.0)
+    together = 2.0 * float(pairs[: ends[0] if ends.size else pairs.size].sum()) - 1.0
+    return n / max(together, 1.0)
+
+
+class PredictionFit(NamedTuple):
+    """Sums over measurements and their predictions.
+
+    Attributes
+    ----------
+    measurements : int
+        How many.
+    mean : float
+        Of the measurements.
+    spread : float
+        Sum of the squares of the measurements' deviations from their mean.
+    squares : float
+        Sum of the squares of the errors; not finite if a prediction is not.
+    """
+
+    measurements: int = 0
+    mean: float = 0.0
+    spread: float = 0.0
+    squares: float = 0.0
+
+    @classmethod
+    def of(cls, measured: Array, predicted: Array) -> "PredictionFit":
+        """Sum over measurements, shape (n,), and their predictions, in one unit; angles without jumps of a turn."""
+        if not measured.size:
+            return cls()
+        mean = float(measured.mean())
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = float(np.square(measured - predicted).sum())
+        return cls(measured.size, mean, float(np.square(measured - mean).sum()), squares)
+
+    def plus(self, other: "PredictionFit") -> "PredictionFit":
+        """Join both; the deviations by the update of Chan, Golub and LeVeque (1983)."""
+        measurements = self.measurements + other.measurements
+        if not measurements:
+            return self
+        apart = other.mean - self.mean
+        mean = self.mean + apart * other.measurements / measurements
+        spread = self.spread + other.spread + apart**2 * self.measurements * other.measurements / measurements
+        return PredictionFit(measurements, mean, spread, self.squares + other.squares)
+
+    def beside(self, other: "PredictionFit") -> "PredictionFit":
+        """Join both, where each deviates from its own mean: that of another segment."""
+        measurements = self.measurements + other.measurements
+        mean = (self.measurements * self.mean + other.measurements * other.mean) / max(measurements, 1)
+        return PredictionFit(measurements, mean, self.spread + other.spread, self.squares + other.squares)
+
+    @property
+    def rmse(self) -> float | None:
+        """Return the root mean square error; None without measurements or where the prediction is not finite."""
+        return sqrt(self.squares / self.measurements) if self.measurements and isfinite(self.squares) else None
+
+    @property
+    def percent(self) -> float | None:
+        """Return 100 (1 - norm of errors / norm of deviations from the mean): 100 is perfect, 0 is the mean itself.
+
+        None as for `rmse`, and where the measurements do not vary; it can be any negative number.
+        """
+        varies = self.rmse is not None and 0.0 < self.spread < inf
+        return 100.0 * (1.0 - sqrt(self.squares / self.spread)) if varies else None
 
 
 class Prediction(NamedTuple):
@@ -46,7 +134,7 @@ class Prediction(NamedTuple):
         Sets of coefficients drawn from the estimate's covariance, and how many of these blew up on the way from
         one of the starts or another; those are in no band.
     independent : float or None
-        Of how many independent errors those of all starts say as much, see `auvid_cli.validation.independence`.
+        Of how many independent errors those of all starts say as much, see `auvid_cli.validation.results`.
     """
 
     signal: str

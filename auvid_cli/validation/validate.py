@@ -8,31 +8,40 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.check import Checks
+from auvid_cli.data.checks import Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.judgement import judge_one
-from auvid_cli.identification.prepared_data import PreparedData, prepare
-from auvid_cli.identification.segmentation import used_segments
+from auvid_cli.identification.prepared_data import PreparedData, prepare, used_segments
 from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.validation.data_leakage import other_vehicle
-from auvid_cli.validation.error_growth import ErrorGrowth, error_growth
-from auvid_cli.validation.free_run_fit import fit_free_runs, free_run_rows
-from auvid_cli.validation.horizon_prediction import Bundle, Collected, evenly_spaced, predict_ahead, rows_ahead
+from auvid_cli.validation.free_run import fit_free_runs, free_run_rows
+from auvid_cli.validation.horizons import (
+    Bundle,
+    Collected,
+    ErrorGrowth,
+    error_growth,
+    evenly_spaced,
+    predict_ahead,
+    rows_ahead,
+)
 from auvid_cli.validation.initial_states import (
+    Draws,
     InitialStates,
+    Models,
+    drawn_models,
     errors_of_each_run,
     filtered_initial_states,
+    models_of,
     own_of_each_run,
     with_model,
 )
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
-from auvid_cli.validation.model_bundle import Draws, Models, drawn_models, models_of
+from auvid_cli.validation.motion_prediction import MeasuredSignal, measured_signals, signal_sizes
 from auvid_cli.validation.results import ManoeuvreNumber, Validation
-from auvid_cli.validation.signals import MeasuredSignal, measured_signals, signal_sizes
 from auvid_cli.validation.verdicts import verdicts
-from auvid_cli.vehicle.dynamics import NO_ERRORS
+from auvid_cli.vehicle.equations import NO_ERRORS
 
 Array = NDArray[np.float64]
 

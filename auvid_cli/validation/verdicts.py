@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from auvid_cli.data.check import Check
+from auvid_cli.data.checks import Check
 from auvid_cli.validation.initial_states import LARGEST_NIS
 from auvid_cli.validation.results import AHEAD, NO_WIDER, Prediction
 

@@ -1,17 +1,14 @@
-"""The coefficients of a vehicle: the 22 that every one has, as one table, and the terms that its file adds.
-
-Sabet et al. 2018, Table II, in the order of Table IV. The configuration schema, the Jacobian,
-the priors, the exports, the tables, the figures and the documentation derive from it; the compiled right-hand side
-writes the same terms out for speed, and tests hold the two together. Terms of a vehicle's own stand behind them.
-"""
+"""The hydrodynamic coefficients of the model, and the terms that a vehicle's equations may have beyond them."""
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import combinations_with_replacement
 from typing import Literal, NamedTuple
 
-CoefficientGroup = Literal["damping", "lift", "control", "term"]
+from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 
+CoefficientGroup = Literal["damping", "lift", "control", "term"]
 # Surge, sway and heave forces; roll, pitch and yaw moments.
 EQUATION_ROWS = "XYZKMN"
 # What a factor may be, bare or as a modulus: velocities in body axes, fins, the propeller's thrust and revolutions per
@@ -27,9 +24,13 @@ _TURNS, _VOLTAGE = (0, 0, -1, 0, 0), (0, 0, 0, 0, 1)
 _DIMENSIONS: dict[str, tuple[int, ...]] = dict(
     zip(SIGNALS, (*[_VELOCITY] * 3, *[_RATE] * 3, *[_ANGLE] * 2, _FORCE, _TURNS, _VOLTAGE), strict=True)
 )
-
 # Row and, of each signal, how often it is a factor, and whether its sign counts: what makes two terms the same.
 Regressor = tuple[int, frozenset[tuple[str, int, bool]]]
+# A row of the equations, an underscore, and a word.
+TERM_NAME = rf"^[{EQUATION_ROWS}]_[A-Za-z0-9_|]{{1,40}}$"
+_VELOCITIES, _FINS = ("u", "v", "w", "p", "q", "r"), ("rudder", "elevator")
+# What changes its sign in a mirror from port to starboard.
+_MIRRORED = frozenset(("Y", "K", "N", "v", "p", "r", "rudder"))
 
 
 class Coefficient(NamedTuple):
@@ -145,10 +146,6 @@ COEFFICIENTS = CoefficientSet(
 )
 
 
-# A row of the equations, an underscore, and a word.
-TERM_NAME = rf"^[{EQUATION_ROWS}]_[A-Za-z0-9_|]{{1,40}}$"
-
-
 def is_name_of_term(name: str) -> bool:
     """Say whether a term of a vehicle's own may be called so."""
     return re.fullmatch(TERM_NAME, name) is not None
@@ -191,7 +188,79 @@ def check_table(coefficients: Iterable[Coefficient]) -> None:
 
 
 check_table(COEFFICIENTS)
+
+
 SYMBOLS: tuple[str, ...] = COEFFICIENTS.symbols
+
+
 # Damping of a motion by itself: it takes energy out, so that its sign is sure.
 DRAG_SYMBOLS = tuple(c.symbol for c in COEFFICIENTS if c.group == "damping" and SIGNALS.index(c.signals[0]) == c.row)
+
+
 N_COEFFICIENTS = len(COEFFICIENTS)
+
+
+# Of each name in code that is taken, whose it is: a product that would be called so gets a name of its own.
+TAKEN = {c.identifier: c.symbol for c in COEFFICIENTS} | {symbol: symbol for symbol in PARAMETER_SYMBOLS}
+
+
+def admissible_terms(any_symmetry: bool = False) -> tuple[Coefficient, ...]:
+    """Return all that a force may be made of, less what the 22 are.
+
+    Parameters
+    ----------
+    any_symmetry : bool
+        Whether those too that a vehicle has only if port and starboard differ.
+    """
+    there = {regressor_ahead(c) for c in COEFFICIENTS}
+    terms = (term(row, factors) for row in range(len(EQUATION_ROWS)) for factors in _factors())
+    return tuple(t for t in terms if regressor_ahead(t) not in there and (any_symmetry or is_mirror_image(t)))
+
+
+def term(row: int, factors: tuple[str, ...]) -> Coefficient:
+    """Return a product by its usual name, for example ``N_|v|r``.
+
+    Parameters
+    ----------
+    row : int
+        0..5 for X, Y, Z, K, M, N.
+    factors : tuple of str
+        See `Coefficient`.
+    """
+    name = f"{EQUATION_ROWS[row]}_{''.join(factors)}"
+    if name.replace("|", "") in TAKEN:
+        name += "_even"
+    return Coefficient(name, unit_of(row, factors), f"missing term {' '.join(factors)}", row, factors, "term")
+
+
+def is_mirror_image(coefficient: Coefficient) -> bool:
+    """Say whether a term is the same on a vehicle whose port side is the mirror image of its starboard side."""
+    changes = sum(factor in _MIRRORED for factor in coefficient.factors)
+    return changes % 2 == (EQUATION_ROWS[coefficient.row] in _MIRRORED)
+
+
+def regressor_ahead(coefficient: Coefficient) -> Regressor:
+    """Return what two terms share that are the same for a vehicle that goes ahead, so that u is its modulus."""
+    row, factors = coefficient.regressor
+    return row, frozenset((signal, n, odd and signal != "u") for signal, n, odd in factors)
+
+
+def _factors() -> Iterator[tuple[str, ...]]:
+    """Yield each velocity, each product of two, with and without a modulus, and u u times a fin and its modulus."""
+    for velocity in _VELOCITIES:
+        yield (velocity,)
+    for first, second in combinations_with_replacement(_VELOCITIES, 2):
+        if first == second == "u":
+            yield "u", "u"
+        elif first == "u":
+            yield "u", second
+            yield "u", f"|{second}|"
+        else:
+            yield first, second
+            yield f"|{first}|", second
+            if first != second:
+                yield f"|{second}|", first
+                yield f"|{first}|", f"|{second}|"
+    for fin in _FINS:
+        yield "u", "u", fin
+        yield "u", "u", f"|{fin}|"

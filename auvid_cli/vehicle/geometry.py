@@ -1,7 +1,4 @@
-"""Inertia, added mass and coefficients from a vehicle's shape, each with mean, standard deviation, formula and source.
-
-Means and standard deviations are such that four published vehicles scatter by about as much (see docs/theory.md).
-"""
+"""Coefficients from a vehicle's shape: added mass by slender-body theory, lift and drag of hull and fins."""
 
 from collections.abc import Iterator
 from itertools import chain
@@ -9,20 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.vehicle.added_mass import roll_added_inertia, spheroid_factors, strip_added_mass, surge_added_mass
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, term
+from auvid_cli.vehicle.hull import Array, Geometry
 from auvid_cli.vehicle.parameters import PARAMETERS
-from auvid_cli.vehicle.shape import Geometry
-from auvid_cli.vehicle.steady_flow import (
-    appendage_drag,
-    bare_hull_drag,
-    cross_flow,
-    fin_drag,
-    fin_lift,
-    hull_lift,
-)
-from auvid_cli.vehicle.term_library import term
 
+_N_STRIPS_OF_FINS = 201
+# Of sea water at 15 degrees, m^2/s.
+VISCOSITY = 1.19e-6
+# A cylinder across the flow: Hoerner, as in Prestero (2001), ch. 4.
+_CYLINDER = 1.1
+# The lift of a hull acts at this share of its length behind the nose: Hoerner's 0.6 to 0.7.
+_CENTRE_OF_LIFT = 0.65
 # Times the drag of the bare hull, where nobody says what sticks out of it.
 _WITH_UNKNOWN_APPENDAGES = 2.2
 # Of differences of large integrals: of the integral of the sizes.
@@ -31,6 +25,168 @@ _DIGITS = 4
 # Beyond the 22 coefficients: terms of a vehicle's own.
 DERIVED_TERMS = (term(EQUATION_ROWS.index("K"), ("u", "p")),)
 _UNITS = {quantity.symbol: quantity.unit for quantity in (*PARAMETERS, *COEFFICIENTS, *DERIVED_TERMS)}
+
+
+class SpheroidFactors(NamedTuple):
+    """Added mass of a prolate spheroid as shares of the mass or inertia of the water that it displaces.
+
+    Attributes
+    ----------
+    surge, sway, turn : float
+        k1, k2 and k' of Lamb: along the axis, across it, and turning about an axis across.
+    """
+
+    surge: float
+    sway: float
+    turn: float
+
+
+def spheroid_factors(slenderness: float) -> SpheroidFactors:
+    """Return Lamb's factors, in the form of Imlay (1961).
+
+    Parameters
+    ----------
+    slenderness : float
+        Length in diameters, greater than 1.
+    """
+    squared = 1.0 - slenderness**-2
+    e = np.sqrt(squared)
+    logarithm = np.log((1.0 + e) / (1.0 - e))
+    along = 2.0 * (1.0 - squared) / e**3 * (0.5 * logarithm - e)
+    across = 1.0 / squared - (1.0 - squared) / (2.0 * e**3) * logarithm
+    turn = squared**2 * (across - along) / ((2.0 - squared) * (2.0 * squared - (2.0 - squared) * (across - along)))
+    return SpheroidFactors(along / (2.0 - along), across / (2.0 - across), turn)
+
+
+class StripMoments(NamedTuple):
+    """Added mass across the axis by strips, and its moments along the axis.
+
+    Attributes
+    ----------
+    mass : float
+        kg.
+    first, gross : float
+        Integral of mass times x, and times ``|x|``, kg m.
+    second : float
+        Integral of mass times x^2, kg m^2.
+    """
+
+    mass: float
+    first: float
+    gross: float
+    second: float
+
+
+def strip_added_mass(geometry: Geometry) -> StripMoments:
+    """Return the added mass across the axis by strips without loss at the ends, as in Prestero (2001), ch. 4.
+
+    A strip of the bare hull moves the mass of the water that it displaces. Fins with tips at `a` on a hull of radius R
+    make of it ``pi rho (a^2 - R^2 + R^4 / a^2)``, that is ``pi rho (a^2 - R^2)^2 / a^2`` more.
+    """
+    fins, x = geometry.fins, geometry.x
+    hull = np.pi * geometry.density * geometry.hull.radius**2
+    station = np.linspace(*fins.extent, _N_STRIPS_OF_FINS)
+    tip, radius = fins.tip_radius**2, np.minimum(geometry.hull.radius_at(station), fins.tip_radius) ** 2
+    more, fin_x = np.pi * geometry.density * (tip - radius) ** 2 / tip, geometry.centre_of_buoyancy - station
+
+    def moment(of_hull: Array, of_fins: Array) -> float:
+        return geometry.along_hull(hull * of_hull) + float(np.trapezoid(more * of_fins, station))
+
+    return StripMoments(
+        moment(np.ones_like(x), np.ones_like(fin_x)),
+        moment(x, fin_x),
+        moment(np.abs(x), np.abs(fin_x)),
+        moment(x**2, fin_x**2),
+    )
+
+
+def surge_added_mass(geometry: Geometry) -> float:
+    """Return the added mass along the axis of a spheroid of the hull's length and diameter, kg: Lamb's k1."""
+    hull = geometry.hull
+    displaced = geometry.density * np.pi / 6.0 * hull.length * hull.diameter**2
+    return float(spheroid_factors(hull.slenderness).surge * displaced)
+
+
+def roll_added_inertia(geometry: Geometry) -> float:
+    """Return the added inertia of four fins that turn about the axis, kg m^2: ``2/pi rho a^4`` for each length."""
+    fins = geometry.fins
+    return 2.0 / np.pi * geometry.density * fins.tip_radius**4 * fins.chord
+
+
+def bare_hull_drag(geometry: Geometry, speed: float) -> float:
+    """Return the axial drag of the bare hull as ``rho/2 c_d A``, kg/m: friction by ITTC (1957), form by Hoerner."""
+    hull = geometry.hull
+    friction = 0.075 / (np.log10(speed * hull.length / VISCOSITY) - 2.0) ** 2
+    form = 1.0 + 1.5 * hull.slenderness**-1.5 + 7.0 * hull.slenderness**-3
+    return float(0.5 * geometry.density * friction * form * hull.wetted_area)
+
+
+def appendage_drag(geometry: Geometry) -> float:
+    """Return the axial drag of all appendages as ``rho/2 c_d A``, kg/m."""
+    return 0.5 * geometry.density * sum(each.area * each.drag_coefficient for each in geometry.appendages)
+
+
+class CrossFlow(NamedTuple):
+    """Drag across the axis by strips, and its moments along the axis.
+
+    Attributes
+    ----------
+    force : float
+        kg/m.
+    moment, gross_moment : float
+        Of force times x, of hull and fins, and times ``|x|``, of the hull alone, kg.
+    force_of_turn, gross_force_of_turn : float
+        Of force times ``x |x|``, of hull and fins, and times x^2, of the hull alone, kg m.
+    moment_of_turn : float
+        Of force times ``|x|^3``, kg m^2.
+    """
+
+    force: float
+    moment: float
+    gross_moment: float
+    force_of_turn: float
+    gross_force_of_turn: float
+    moment_of_turn: float
+
+
+def cross_flow(geometry: Geometry) -> CrossFlow:
+    """Return the integrals of strips that are cylinders across the flow, as Prestero (2001) but for a sign in (4.8)."""
+    x, at_fins = geometry.x, geometry.fin_x
+    hull = 0.5 * geometry.density * _CYLINDER * 2.0 * geometry.hull.radius
+    fins = geometry.fins.per_plane * fin_drag(geometry)
+    return CrossFlow(
+        geometry.along_hull(hull) + fins,
+        geometry.along_hull(hull * x) + fins * at_fins,
+        geometry.along_hull(hull * np.abs(x)),
+        geometry.along_hull(hull * x * np.abs(x)) + fins * at_fins * abs(at_fins),
+        geometry.along_hull(hull * x**2),
+        geometry.along_hull(hull * np.abs(x) ** 3) + fins * abs(at_fins) ** 3,
+    )
+
+
+def fin_drag(geometry: Geometry) -> float:
+    """Return the drag of one fin across the flow as ``rho/2 c_d S``, kg/m."""
+    return 0.5 * geometry.density * geometry.fins.area * geometry.fins.drag_coefficient
+
+
+def fin_lift(geometry: Geometry) -> float:
+    """Return the lift of one fin for each radian as ``rho/2 c_L S``, kg/m."""
+    return 0.5 * geometry.density * geometry.fins.area * geometry.fins.lift_slope
+
+
+class HullLift(NamedTuple):
+    """Lift of the hull as ``rho/2 c d^2`` for each radian, kg/m, and its moment, kg, less than 0 behind the origin."""
+
+    force: float
+    moment: float
+
+
+def hull_lift(geometry: Geometry) -> HullLift:
+    """Return the lift of the hull: Hoerner's ``0.003 l/d`` for each degree, as Prestero (2001), (4.27) to (4.36)."""
+    hull = geometry.hull
+    slope = 0.003 * hull.slenderness * 180.0 / np.pi
+    force = 0.5 * geometry.density * hull.diameter**2 * slope
+    return HullLift(float(force), float(force * (geometry.centre_of_buoyancy - _CENTRE_OF_LIFT * hull.length)))
 
 
 class DerivedValue(NamedTuple):
@@ -63,20 +219,50 @@ class _Formula(NamedTuple):
 
 
 _INERTIA = _Formula("G1, uniform solid of the hull", "mechanics")
+
+
 _SURGE = _Formula("G2, 1.5 times a spheroid", "Lamb; Imlay 1961")
+
+
 _SWAY = _Formula("G3, strips with fins times k2 of a spheroid", "Prestero 2001, ch. 4; Imlay 1961")
+
+
 _TURN = _Formula("G4, strips with fins times k' of a spheroid", "Prestero 2001, ch. 4; Imlay 1961")
+
+
 _COUPLED = _Formula("G5, strips with fins", "Prestero 2001, ch. 4")
+
+
 _ROLL_MASS = _Formula("G6, four fins about their axis", "Prestero 2001, ch. 4")
+
+
 _AXIAL = _Formula("G7, skin friction, form and appendages", "ITTC 1957; Hoerner 1965; Prestero 2001, eqs. 4.6-4.7")
+
+
 _ACROSS = _Formula("G8, cross-flow of hull and fins", "Prestero 2001, ch. 4; Hoerner 1965; Whicker and Fehlner 1958")
+
+
 _ASKEW = _Formula("G9, cross-flow ahead less cross-flow behind", "Prestero 2001, eq. 4.8, sign corrected")
+
+
 _TURNING = _Formula("G10, cross-flow of turning", "Prestero 2001, ch. 4")
+
+
 _ROLLING = _Formula("G11, cross-flow of the fins in roll", "Prestero 2001, ch. 4")
+
+
 _LIFT = _Formula("G12, 0.7 times lift of hull and fins", "Hoerner 1985; Prestero 2001, eqs. 4.27-4.38")
+
+
 _LIFT_MOMENT = _Formula("G13, 0.6 times moment of that lift", "Hoerner 1985; Prestero 2001, eqs. 4.27-4.44")
+
+
 _RATE = _Formula("G14, lift of the fins as the tail swings", "Prestero 2001, eq. 4.44")
+
+
 _CONTROL = _Formula("G15, 0.6 times lift of the fins that turn", "Hoerner 1985; Prestero 2001, eqs. 4.38-4.44")
+
+
 _ROLL_LIFT = _Formula("G16, lift of the fins in roll", "strip theory of the fins")
 
 

@@ -1,14 +1,9 @@
-"""What holds for every rigid body in the earth's field: gravity, and turns between body axes and north, east, down.
-
-Attitudes are Euler angles roll, pitch, yaw, in which the vehicle yaws first, then pitches, then rolls (Fossen, SNAME).
-What is compiled writes the same turns out once more, lane by lane, and is held to these by the tests.
-"""
+"""Rotations between axes of body and earth, motion of lever arms, and dead reckoning."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-
 # m/s^2, standard gravity.
 GRAVITY = 9.80665
 
@@ -150,3 +145,24 @@ def dvl_axes(scale: float, yaw: float) -> Array:
     """Return the matrix from the velocity over ground to what a DVL measures of it, ``(1 + scale) Rz(yaw)'``."""
     sine, cosine = np.sin(yaw), np.cos(yaw)
     return (1.0 + scale) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def dead_reckoned(time: Array, motion: Array) -> Array:
+    """Integrate the path from the origin by the trapezoidal rule.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s.
+    motion : ndarray, shape (n, 9)
+
+    Returns
+    -------
+    ndarray, shape (m, 3)
+        North, east, down, m; ends before the first motion that is not finite.
+    """
+    broken = ~np.isfinite(motion).all(axis=1)
+    end = int(broken.argmax()) if broken.any() else time.size
+    velocity = body_to_earth(motion[:end, 6:9], motion[:end, :3])
+    steps = 0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time[:end])[:, None]
+    return np.concatenate([np.zeros((min(end, 1), 3)), np.cumsum(steps, axis=0)])

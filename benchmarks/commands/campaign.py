@@ -19,8 +19,7 @@ from typing import NamedTuple
 import psutil
 from distributed import Client
 
-from auvid_cli.campaign.engine import cluster_client, perform_groups
-from auvid_cli.campaign.perform import perform
+from auvid_cli.campaign.cluster import cluster_client, perform_groups, run_group
 from auvid_cli.campaign.plan import CampaignPlan, RunGroup
 from auvid_cli.campaign.store import Store
 from auvid_cli.config.campaign import load_campaign
@@ -53,13 +52,13 @@ def timed(groups: list[RunGroup], folder: Path) -> Round:
     """Do the same groups in every way, with processes that are there and have loaded everything."""
     start = time.perf_counter()
     for group in groups:
-        perform(group)
+        run_group(group)
     alone = time.perf_counter() - start
     one, two = (_seconds_on(workers, groups, folder / str(workers)) for workers in (1, 2))
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        list(pool.map(perform, _warm(folder, 2)))
+        list(pool.map(run_group, _warm(folder, 2)))
         start = time.perf_counter()
-        list(pool.map(perform, groups))
+        list(pool.map(run_group, groups))
         return Round(alone, one, two, time.perf_counter() - start)
 
 
@@ -113,7 +112,7 @@ def main() -> None:
         plan = planned(folder, f"seeds: {-(-options.runs // 3)}\n")
         groups = list(plan.groups())
         for group in _warm(folder / "warm", 1):
-            perform(group)
+            run_group(group)
         rounds = []
         for k in range(options.rounds):
             rounds.append(timed(groups, folder / f"round-{k}"))

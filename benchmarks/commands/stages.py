@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
 
-from auvid_cli.config.filter_name import JUDGE, FilterName
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.enums import JUDGE, FilterName
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import new_estimate, read_estimate
 from auvid_cli.evaluation.bounds import Bounds, BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
-from auvid_cli.identification.identify import set_up_filters
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.run import set_up_filters
 from auvid_cli.simulation.simulate import simulate
 
 _FILTERS = "all filters"

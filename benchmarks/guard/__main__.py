@@ -40,10 +40,10 @@ _VALGRIND = ("valgrind", "--tool=cachegrind", "--cache-sim=no", "--cachegrind-ou
 
 def run_case(case: str, passes: int) -> None:
     """Do what is counted: run a filter over the same few seconds, several times, and print how many events it has."""
-    from auvid_cli.config.filter_name import FilterName
-    from auvid_cli.config.load import find_experiment, load_experiment
-    from auvid_cli.identification.identify import set_up_filters
+    from auvid_cli.config.enums import FilterName
+    from auvid_cli.config.loading import find_experiment, load_experiment
     from auvid_cli.identification.prepared_data import prepare
+    from auvid_cli.identification.run import set_up_filters
     from auvid_cli.simulation.simulate import simulate
 
     name, settings = CASES[case]

@@ -7,7 +7,7 @@ from numba import njit
 
 from auvid_cli.filters.problem import Process
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.dynamics import N_BLOCK, N_CONSTANTS, N_SLOPE, NO_ERRORS, motion_derivative
+from auvid_cli.vehicle.equations import N_BLOCK, N_CONSTANTS, N_SLOPE, NO_ERRORS, motion_derivative
 from auvid_cli.vehicle.parameters import N_MOTION
 from benchmarks.peers.problem import N_COEFFICIENTS, Array, units_of
 

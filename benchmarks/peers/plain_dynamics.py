@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from auvid_cli.filters.problem import Process
-from auvid_cli.vehicle.dynamics import N_CONSTANTS
+from auvid_cli.vehicle.equations import N_CONSTANTS
 from benchmarks.peers.problem import N_COEFFICIENTS, Array, units_of
 
 

@@ -25,8 +25,7 @@ _ROUNDS = 9
 
 def settings(count: int) -> tuple[str, ...]:
     """Return the settings that estimate so many coefficients."""
-    from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS
-    from auvid_cli.vehicle.term_library import admissible_terms
+    from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, admissible_terms
 
     symbols = [coefficient.symbol for coefficient in COEFFICIENTS[:count]]
     # Of two whose names in code are the same, one.
@@ -45,10 +44,10 @@ def settings(count: int) -> tuple[str, ...]:
 def main() -> None:
     """Time all in turns, and write the table."""
     hold_to_one_core()
-    from auvid_cli.config.filter_name import FilterName
-    from auvid_cli.config.load import find_experiment, load_experiment
-    from auvid_cli.identification.identify import set_up_filters
+    from auvid_cli.config.enums import FilterName
+    from auvid_cli.config.loading import find_experiment, load_experiment
     from auvid_cli.identification.prepared_data import prepare
+    from auvid_cli.identification.run import set_up_filters
     from auvid_cli.simulation.simulate import simulate
 
     plain = load_experiment(find_experiment(None), ("manoeuvre.duration=20 s",))

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from auvid_cli.campaign.comparison import compare_filters, median_interval
 from auvid_cli.campaign.measures import Measure
+from auvid_cli.campaign.summary import compare_filters, median_interval
 
 N = 50
 

@@ -8,7 +8,7 @@ import dask.config
 import pytest
 from distributed import LocalCluster
 
-from auvid_cli.campaign.engine import cluster_client, perform_groups
+from auvid_cli.campaign.cluster import cluster_client, perform_groups
 from auvid_cli.campaign.plan import RunGroup
 from auvid_cli.errors import ClusterError
 
@@ -35,7 +35,7 @@ def test_a_worker_that_dies_while_it_starts_is_one_line(monkeypatch):
     def cluster(**options):
         raise RuntimeError("Nanny failed to start.")
 
-    monkeypatch.setattr("auvid_cli.campaign.engine.LocalCluster", cluster)
+    monkeypatch.setattr("auvid_cli.campaign.cluster.LocalCluster", cluster)
     with pytest.raises(ClusterError, match=r"^the workers on this machine do not start, .*; fewer may: --workers 1$"):
         cluster_client(None, 1).__enter__()
 
@@ -83,7 +83,7 @@ def test_no_more_is_sent_than_is_worked_on_soon(planned):
 
 
 def test_a_scheduler_that_does_not_answer_is_said(monkeypatch):
-    monkeypatch.setattr("auvid_cli.campaign.engine._PATIENCE", 1.0)
+    monkeypatch.setattr("auvid_cli.campaign.cluster._PATIENCE", 1.0)
     with (
         pytest.raises(ClusterError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler with workers answers"),
         cluster_client("tcp://127.0.0.1:9", 1),
@@ -92,7 +92,7 @@ def test_a_scheduler_that_does_not_answer_is_said(monkeypatch):
 
 
 def test_a_scheduler_that_goes_away_is_said_and_what_came_is_there(planned, monkeypatch):
-    monkeypatch.setattr("auvid_cli.campaign.engine._PATIENCE", 4.0)
+    monkeypatch.setattr("auvid_cli.campaign.cluster._PATIENCE", 4.0)
     plan, came = planned(MANY, "seeds=100"), []
     cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")
 

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from auvid_cli.campaign.perform import perform, shortened_group
+from auvid_cli.campaign.cluster import run_group, shortened_group
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
-from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.run import identify
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
@@ -30,14 +30,14 @@ filters: [ckf, {name: wide, filter: ckf, settings: {identification.prior.factor:
 @pytest.fixture
 def performed(planned):
     (group,) = planned(TEXT).groups()
-    return group, perform(group, with_estimates=True)
+    return group, run_group(group, with_estimates=True)
 
 
 def test_a_shortened_group_is_the_beginning_of_its_data(planned):
     (group,) = planned(TEXT).groups()
     short, share = shortened_group(group, 5.0)
     assert share == 0.25
-    assert [done.failure for done in perform(short)] == ["", ""]
+    assert [done.failure for done in run_group(short)] == ["", ""]
     assert json.loads(short.simulated)["manoeuvre"]["duration"] == 5.0
 
 
@@ -78,7 +78,7 @@ def test_runs_are_measured_as_the_report_does(performed):
 def test_bounds_are_of_the_sensors_that_the_filter_uses(planned):
     text = TEXT + "vary: [{setting: identification.attitude_from, values: [ahrs, inertial]}]\n"
     (group,) = planned(text).groups()
-    for assumed, result in zip(group.assumed, perform(group), strict=True):
+    for assumed, result in zip(group.assumed, run_group(group), strict=True):
         experiment = Experiment.model_validate_json(assumed)
         prepared = prepare(simulate(experiment))
         wanted = BoundsOf(prepared)(identify(prepared.dataset, experiment.identification.filters[0])).of_data
@@ -88,13 +88,13 @@ def test_bounds_are_of_the_sensors_that_the_filter_uses(planned):
 
 def test_estimates_stay_where_they_are_unless_asked_for(planned):
     (group,) = planned(TEXT).groups()
-    assert [done.estimate for done in perform(group)] == [None, None]
+    assert [done.estimate for done in run_group(group)] == [None, None]
 
 
 def test_a_filter_that_is_not_told_keeps_the_noise_it_knows(planned):
     text = TEXT + "vary: [{setting: sensors.dvl.noise, values: [0.05 m/s], known: false}]\n"
     (group,) = planned(text).groups()
-    rows = perform(group)[0].rows
+    rows = run_group(group)[0].rows
     (dvl,) = [row for row in rows if row.kind == "sensor" and row.name == "dvl"]
     nominal = Experiment.model_validate_json(group.assumed[0]).sensors.dvl.stated_standard_deviation()[0]
     # Innovations are larger by about the square of how much more noise there is than the filter believes.
@@ -106,7 +106,7 @@ def test_what_goes_wrong_in_one_run_is_its_failure(planned):
     (group,) = planned(TEXT).groups()
     broken = group.assumed[0].replace('"length": 2.194', '"length": -1.0')
     assert broken != group.assumed[0]
-    first, second = perform(replace_assumed(group, [broken, group.assumed[1]]))
+    first, second = run_group(replace_assumed(group, [broken, group.assumed[1]]))
     assert "length" in first.failure
     assert first.rows == []
     assert second.failure == ""
@@ -116,13 +116,13 @@ def test_what_goes_wrong_in_one_run_is_its_failure(planned):
 def test_a_worker_of_another_version_does_nothing(planned):
     (group,) = planned(TEXT).groups()
     with pytest.raises(ConfigError, match=r"the worker has auvid \d.*, the campaign is of auvid 0\.0\.1"):
-        perform(group._replace(version="0.0.1"))
+        run_group(group._replace(version="0.0.1"))
 
 
 def test_data_that_cannot_be_simulated_fail_all_their_runs(planned):
     text = TEXT.replace("duration: 20 s", "duration: 20 s\n  manoeuvre.pitch: 1.5\n  manoeuvre.initial_pitch: 1.5")
     (group,) = planned(text).groups()
-    for done in perform(group):
+    for done in run_group(group):
         assert done.failure
         assert done.rows == []
 

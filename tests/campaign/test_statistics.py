@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import chi2
 
 from auvid_cli.campaign.measures import Measure
-from auvid_cli.campaign.statistics import by_coefficient, by_filter
+from auvid_cli.campaign.summary import by_coefficient, by_filter
 
 RANDOM = np.random.default_rng(1)
 SYMBOLS = ("X_u|u|", "Y_v|v|", "N_r|r|")

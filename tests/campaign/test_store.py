@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from auvid_cli.campaign.cluster import Performed
 from auvid_cli.campaign.measures import Measure
-from auvid_cli.campaign.perform import Performed
 from auvid_cli.campaign.plan import CampaignRun
 from auvid_cli.campaign.store import Store, _read
-from auvid_cli.data.results_folder import locked
+from auvid_cli.data.files import locked
 from auvid_cli.errors import FileError
 
 COLUMNS = {"factor": True, "rate": False}

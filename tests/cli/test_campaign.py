@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from distributed import LocalCluster
 
-from auvid_cli.campaign import engine
+from auvid_cli.campaign import cluster
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 
@@ -41,7 +41,7 @@ def quick(monkeypatch, without_figures):
     def one_thread(workers):
         return LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")
 
-    monkeypatch.setattr(engine, "_local_cluster", one_thread)
+    monkeypatch.setattr(cluster, "_local_cluster", one_thread)
 
 
 def rows(folder):

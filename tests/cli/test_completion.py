@@ -8,7 +8,7 @@ import yaml
 from typer.testing import CliRunner
 
 from auvid_cli.cli.app import app
-from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment
+from auvid_cli.config.loading import dump_experiment, find_experiment, load_experiment
 
 ROOT = Path(__file__).parents[2]
 KEYS = (ROOT / "auvid_cli/cli/setting_keys.txt").read_text(encoding="utf-8").split()

@@ -7,7 +7,7 @@ import pytest
 from distributed import LocalCluster
 
 from auvid_cli.api import design as api
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import write_dataset
 from auvid_cli.simulation.simulate import simulate
 

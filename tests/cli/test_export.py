@@ -13,13 +13,12 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 from auvid_cli.cli.data import export
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.format_name import FormatName
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.enums import FilterName, FormatName
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import write_estimate
-from auvid_cli.data.results_folder import products
-from auvid_cli.identification.identify import identify
+from auvid_cli.data.files import products
+from auvid_cli.identification.run import identify
 
 SUFFIXES = {"yaml": ".yaml", "json": ".json", "python": ".py", "matlab": ".m", "sdf": ".sdf"}
 SUFFIXES |= {"holoocean": "_holoocean.py", "simulator": "_simulator.py", "mss": "_mss.m"}

@@ -7,10 +7,10 @@ import pytest
 from typer.testing import CliRunner
 
 from auvid_cli.cli.app import app
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import write_estimate
-from auvid_cli.identification.identify import identify
+from auvid_cli.identification.run import identify
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ import sys
 import time
 
 from auvid_cli.data.dataset_file import read_dataset
+from auvid_cli.data.files import locked
 from auvid_cli.data.results import read_results
-from auvid_cli.data.results_folder import locked
 
 from .conftest import assert_one_clear_complaint, auvid
 
@@ -37,7 +37,7 @@ def test_command_waits_a_moment_for_another_to_end(tmp_path):
     code = """
 import sys, time
 from pathlib import Path
-from auvid_cli.data.results_folder import locked
+from auvid_cli.data.files import locked
 with locked(Path(sys.argv[1])):
     print(flush=True)
     time.sleep(0.3)
@@ -53,7 +53,7 @@ def test_lock_of_a_killed_command_does_not_stay(tmp_path):
     code = """
 import os, signal, sys
 from pathlib import Path
-from auvid_cli.data.results_folder import locked
+from auvid_cli.data.files import locked
 with locked(Path(sys.argv[1])):
     os.kill(os.getpid(), signal.SIGKILL)
 """

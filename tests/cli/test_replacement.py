@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-import auvid_cli.data.replacement
+import auvid_cli.data.results
 from auvid_cli.config.shipped import shipped_configs
-from auvid_cli.data.results_folder import dataset_in, products
+from auvid_cli.data.files import dataset_in, products
 from auvid_cli.errors import SimulationError
 
 from .conftest import assert_one_clear_complaint, auvid
@@ -142,7 +142,7 @@ def test_a_repetition_keeps_the_dataset_and_estimates_of_other_filters(here):
 
 
 def test_other_numbers_by_the_same_settings_are_not_replaced(here, monkeypatch):
-    monkeypatch.setattr(auvid_cli.data.replacement, "holds_data", lambda path, dataset: False)
+    monkeypatch.setattr(auvid_cli.data.results, "holds_data", lambda path, dataset: False)
     assert_refused("run", *SHORT, words=("other data than auvid",))
 
 

@@ -9,12 +9,12 @@ import typer
 from typer.testing import CliRunner
 
 from auvid_cli.cli.judge import validate
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.config.identification import Use
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import new_estimate, write_estimate
-from auvid_cli.identification.identify import identify, set_up_filters
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.run import identify, set_up_filters
 
 WHITE = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
 CIRCLE = "manoeuvre={type: turning_circle, duration: 60 s, speed: 3.9 m/s, rudder: -15 deg, approach: 10 s}"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.config.load import dump_experiment, parse_experiment
+from auvid_cli.config.loading import dump_experiment, parse_experiment
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.actuators import IDEAL, Actuator
 

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from auvid_cli.config.load import dump_experiment, parse_experiment
+from auvid_cli.config.loading import dump_experiment, parse_experiment
 from auvid_cli.errors import ConfigError
 
 HULL = "{type: nose_cylinder_tail, nose: 20 cm, tail: 0.45 m}"

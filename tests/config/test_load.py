@@ -6,13 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auvid_cli.config import shipped
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import (
-    dump_experiment,
-    find_experiment,
-    load_experiment,
-    parse_experiment,
-)
+from auvid_cli.config.enums import FilterName
+from auvid_cli.config.loading import dump_experiment, find_experiment, load_experiment, parse_experiment
 from auvid_cli.config.manoeuvre import Recorded, Spiral
 from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.errors import ConfigError

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from auvid_cli.config.load import parse_experiment
+from auvid_cli.config.loading import parse_experiment
 from auvid_cli.errors import ConfigError
 
 

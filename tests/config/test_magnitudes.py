@@ -1,7 +1,7 @@
 import pytest
 
-from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.config.magnitudes import check_amount, magnitude_of
+from auvid_cli.config.loading import find_experiment, load_experiment
+from auvid_cli.config.units import check_amount, magnitude_of
 from auvid_cli.errors import ConfigError
 
 

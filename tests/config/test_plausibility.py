@@ -1,6 +1,6 @@
 import pytest
 
-from auvid_cli.config import plausibility
+from auvid_cli.config import sanity
 from auvid_cli.errors import ConfigError
 
 DRAWN_TOO_THIN = {"the geometry's diameter", "the geometry's hull"}
@@ -13,13 +13,13 @@ def doubts(experiment_with):
 
     def of(*changes):
         vehicle = experiment_with(*(f"vehicle.{change}" for change in changes)).vehicle
-        return {doubt.subject: str(doubt) for doubt in plausibility.doubts(vehicle)}
+        return {doubt.subject: str(doubt) for doubt in sanity.doubts(vehicle)}
 
     return of
 
 
 def test_nothing_is_doubtful_about_a_vehicle_that_ships(vehicle_file, experiment_with):
-    assert plausibility.doubts(experiment_with(f"vehicle=vehicles/{vehicle_file}").vehicle) == []
+    assert sanity.doubts(experiment_with(f"vehicle=vehicles/{vehicle_file}").vehicle) == []
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from auvid_cli.config.position import ConfigSource, Mistake, Position, mistakes_text
+from auvid_cli.config.source_positions import ConfigSource, Mistake, Position, mistakes_text
 
 SOURCE = ConfigSource("a.yaml", Path(), "name: x\n\tlong: " + "y" * 300 + "\n\x1b[31mred: 1\n")
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
-from auvid_cli.config.quantity import Unit, parse_components, parse_quantity
+from auvid_cli.config.units import Unit, parse_components, parse_quantity
 
 DEG = math.pi / 180.0
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -133,7 +133,7 @@ def test_unit_of_a_field():
 
 
 def test_pint_is_not_loaded_before_a_unit_is_stated():
-    code = "import sys, auvid_cli.config.load; sys.exit('pint' in sys.modules)"
+    code = "import sys, auvid_cli.config.loading; sys.exit('pint' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -150,7 +150,7 @@ def test_usual_units_are_of_the_sizes_that_pint_says():
 
 def test_what_ships_is_loaded_without_pint():
     code = (
-        "import sys; from auvid_cli.config.load import find_experiment, load_experiment;"
+        "import sys; from auvid_cli.config.loading import find_experiment, load_experiment;"
         "load_experiment(find_experiment(None), ()); print('pint' in sys.modules)"
     )
     command = [sys.executable, "-c", code]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from auvid_cli.config.load import parse_experiment
+from auvid_cli.config.loading import parse_experiment
 from auvid_cli.errors import ConfigError
 
 DIRECT = "sensors={dvl: {rate: 7 Hz, noise: 1 cm/s}, attitude: {source: direct, rate: 10 Hz}}"

@@ -3,7 +3,7 @@
 import pytest
 
 from auvid_cli.config import shipped
-from auvid_cli.config.load import load_experiment
+from auvid_cli.config.loading import load_experiment
 from auvid_cli.config.shipped import KINDS, shipped_configs, shipped_files, shipped_part
 
 

@@ -3,7 +3,7 @@ from math import inf
 import pytest
 
 from auvid_cli.config.identification import Use
-from auvid_cli.config.spans import parse_separate_spans, parse_spans
+from auvid_cli.config.settings import parse_separate_spans, parse_spans
 
 
 @pytest.mark.parametrize("parse", [parse_spans, parse_separate_spans])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from auvid_cli.config.load import dump_experiment, parse_experiment
+from auvid_cli.config.loading import dump_experiment, parse_experiment
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import SYMBOLS
 

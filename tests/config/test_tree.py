@@ -5,8 +5,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.config.position import ConfigSource, Position
-from auvid_cli.config.tree import Tree, read_tree
+from auvid_cli.config.source_positions import ConfigSource, Position, Tree, read_tree
 
 TEXT = """\
 # comment

@@ -1,6 +1,6 @@
 import pytest
 
-from auvid_cli.config.load import dump_experiment, parse_experiment
+from auvid_cli.config.loading import dump_experiment, parse_experiment
 from auvid_cli.errors import ConfigError
 
 ENTRY = "vehicle.coefficients.M_w|w|="

@@ -4,11 +4,11 @@ import shutil
 
 import pytest
 
-from auvid_cli.config.experiment import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.data import estimate_file
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import write_dataset
-from auvid_cli.identification.identify import identify
+from auvid_cli.identification.run import identify
 
 
 @pytest.fixture(scope="session")

@@ -8,12 +8,12 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.config.identification import Identification
-from auvid_cli.data.acting_inputs import acted, as_acting
+from auvid_cli.data.acting_inputs import as_acting, with_actuator_dynamics
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.errors import ConfigError
-from auvid_cli.identification.identify import identify
+from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.actuators import Actuator, Actuators
 
 TIMES = np.array([0.0, 0.13, 0.5, 0.52, 2.0])
@@ -48,7 +48,7 @@ def acting_with(commands, experiment_with):
     ],
 )
 def test_each_piece_holds_the_mean_of_what_moves(commands, actuator):
-    record = acted(commands, Actuators(actuator, actuator), 0.02)
+    record = with_actuator_dynamics(commands, Actuators(actuator, actuator), 0.02)
     step = 1e-5
     time = np.arange(250_000) * step
     sizes = np.maximum(np.minimum(abs(COMMANDS), actuator.saturation) - actuator.dead_band, 0.0)
@@ -64,7 +64,7 @@ def test_each_piece_holds_the_mean_of_what_moves(commands, actuator):
 
 
 def test_a_fin_that_lags_is_the_mean_of_its_equations_solution(commands):
-    record = acted(commands, LAGGING_FINS, 0.02)
+    record = with_actuator_dynamics(commands, LAGGING_FINS, 0.02)
 
     def slope(t, state):
         command = COMMANDS[np.searchsorted(TIMES, t, side="right") - 1]
@@ -80,7 +80,7 @@ def test_a_fin_that_lags_is_the_mean_of_its_equations_solution(commands):
 def test_commands_within_the_dead_band_do_nothing_and_those_beyond_saturation_no_more():
     values = np.zeros((6, 4))
     values[:, 2] = [0.0, 4.9, -5.0, 7.0, -40.0, 90.0]
-    record = acted(InputRecord(np.arange(6.0), values), Actuators(thrust=Actuator(5.0, 40.0)), 0.02)
+    record = with_actuator_dynamics(InputRecord(np.arange(6.0), values), Actuators(thrust=Actuator(5.0, 40.0)), 0.02)
     assert np.array_equal(record.time, np.arange(6.0))
     assert_allclose(record.values[:, 2], [0.0, 0.0, 0.0, 2.0, -35.0, 35.0])
 
@@ -88,12 +88,14 @@ def test_commands_within_the_dead_band_do_nothing_and_those_beyond_saturation_no
 def test_a_stalled_fin_acts_as_a_smaller_angle_until_nothing_is_left():
     values = np.zeros((5, 4))
     values[:, 1] = [0.1, 0.2, -0.3, 0.4, 0.9]
-    record = acted(InputRecord(np.arange(5.0), values), Actuators(elevator=Actuator(stall=0.2, stall_slope=-0.5)), 0.02)
+    record = with_actuator_dynamics(
+        InputRecord(np.arange(5.0), values), Actuators(elevator=Actuator(stall=0.2, stall_slope=-0.5)), 0.02
+    )
     assert_allclose(record.values[:, 1], [0.1, 0.2, -0.15, 0.1, 0.0], atol=1e-15)
 
 
 def test_what_has_no_actuator_is_left_alone_and_pieces_are_short(commands):
-    record = acted(commands, LAGGING_FINS, 0.02)
+    record = with_actuator_dynamics(commands, LAGGING_FINS, 0.02)
     held = np.searchsorted(TIMES, record.time, side="right") - 1
     assert np.array_equal(record.values[:, 2:], commands.values[held][:, 2:])
     assert np.diff(record.time).max() <= 0.02 + 1e-12
@@ -101,17 +103,19 @@ def test_what_has_no_actuator_is_left_alone_and_pieces_are_short(commands):
 
 
 def test_with_ideal_actuators_nothing_changes(commands):
-    assert acted(commands, Actuators(), 0.02) is commands
+    assert with_actuator_dynamics(commands, Actuators(), 0.02) is commands
 
 
 def test_a_command_long_ago_needs_no_pieces():
-    record = acted(InputRecord(np.array([0.0, 1e5]), np.ones((2, 4))), Actuators(Actuator(time_constant=0.1)), 0.02)
+    record = with_actuator_dynamics(
+        InputRecord(np.array([0.0, 1e5]), np.ones((2, 4))), Actuators(Actuator(time_constant=0.1)), 0.02
+    )
     assert record.time.size < 1000
 
 
 def test_a_single_input_acts(commands):
     one = InputRecord(TIMES[:1], commands.values[:1])
-    assert np.isfinite(acted(one, Actuators(Actuator(dead_band=0.01)), 0.02).values).all()
+    assert np.isfinite(with_actuator_dynamics(one, Actuators(Actuator(dead_band=0.01)), 0.02).values).all()
 
 
 def test_straight_lines_have_the_mean_of_each_step(commands, acting_with):

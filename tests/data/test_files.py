@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from auvid_cli.data.files import keep_apart, remove_abandoned, replacing, temporary_in, write_folder, write_text
+from auvid_cli.data.files import check_no_overlap, remove_abandoned, replacing, temporary_in, write_folder, write_text
 from auvid_cli.errors import FileError
 
 KILLED = """
@@ -113,10 +113,10 @@ def test_a_loop_of_links_is_one_clear_complaint(tmp_path):
 def test_what_is_read_is_known_by_any_name(link, tmp_path):
     (tmp_path / "read.yaml").write_text("a")
     link(tmp_path / "other", tmp_path / "read.yaml")
-    keep_apart([tmp_path / "new"], [tmp_path / "read.yaml", tmp_path / "missing"])
+    check_no_overlap([tmp_path / "new"], [tmp_path / "read.yaml", tmp_path / "missing"])
     for name in ("read.yaml", "other"):
         with pytest.raises(FileError, match="would be written over"):
-            keep_apart([tmp_path / name], [tmp_path / "read.yaml"])
+            check_no_overlap([tmp_path / name], [tmp_path / "read.yaml"])
 
 
 def test_a_new_folder_is_there_whole_with_rights_as_any_other(tmp_path):

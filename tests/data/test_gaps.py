@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.gaps import repeats, rounded_repeats, rounding_steps, stuck_times
-from auvid_cli.inspection.data_checks import data_checks
+from auvid_cli.data.signals import repeats, rounded_repeats, rounding_steps, stuck_times
+from auvid_cli.inspection.inspection import data_checks
 
 TIME = 0.1 * np.arange(1200)
 # Down to 30 m and held there, as a vehicle does, for 40 s and more within a centimetre.

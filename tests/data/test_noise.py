@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.data.noise import estimate_noise, is_smoothed, quantisation_step
+from auvid_cli.data.signals import estimate_noise, is_smoothed, quantisation_step
 
 TIME = np.arange(2000) * 0.02
 SLOW = np.sin(0.3 * TIME)

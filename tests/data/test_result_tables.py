@@ -2,7 +2,7 @@
 
 import pytest
 
-from auvid_cli.data.result_tables import read_result_tables
+from auvid_cli.data.checks import read_result_tables
 from auvid_cli.errors import FileError
 
 HEADER = "filter,coefficient,estimate\n"

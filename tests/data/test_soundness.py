@@ -8,14 +8,14 @@ import h5py
 import numpy as np
 import pytest
 
+from auvid_cli.config.enums import FilterName
 from auvid_cli.config.extra_states import AugmentedStates, BiasName
-from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate import STATES
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.errors import AuvidError, FileError
-from auvid_cli.identification.identify import identify
+from auvid_cli.identification.run import identify
 
 pytestmark = pytest.mark.usefixtures("walked_here")
 

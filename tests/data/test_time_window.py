@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.data.dataset import InputRecord, SensorRecord
-from auvid_cli.data.time_window import within
+from auvid_cli.data.dataset import InputRecord, SensorRecord, within
 from auvid_cli.errors import DataError
 
 

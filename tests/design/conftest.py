@@ -2,9 +2,9 @@
 
 import pytest
 
-from auvid_cli.config.envelope import Envelope
-from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.design.task import Wish
+from auvid_cli.config.loading import find_experiment, load_experiment
+from auvid_cli.config.manoeuvre import Envelope
+from auvid_cli.design.problem import Requirement
 
 
 @pytest.fixture(scope="session")
@@ -18,7 +18,7 @@ def wish():
     """Function: a wish for 20 s and two vehicles, with limits or other changes."""
 
     def make(limits=None, **changes):
-        few = Wish(20.0, Envelope(**(limits or {})), None, None, (), "D", 2, None)
+        few = Requirement(20.0, Envelope(**(limits or {})), None, None, (), "D", 2, None)
         return few._replace(**changes)
 
     return make

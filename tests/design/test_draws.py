@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.vehicle import CoefficientTable
-from auvid_cli.design.draws import belief_of_estimate, belief_of_vehicle, drawn_vehicles
+from auvid_cli.design.problem import belief_of_estimate, belief_of_vehicle, drawn_vehicles
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import SYMBOLS
 

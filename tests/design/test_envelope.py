@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.config.envelope import Envelope
-from auvid_cli.config.quantity import parse_quantity
+from auvid_cli.config.manoeuvre import Envelope
+from auvid_cli.config.units import parse_quantity
 from auvid_cli.design.envelope import Extent, excess, extent_of, least_speed, tightened, to_relax
 from auvid_cli.errors import ConfigError
-from auvid_cli.simulation.true_motion import Truth
+from auvid_cli.simulation.motion import Truth
 
 UNITS = {"box": "m", "depth": "m", "pitch": "rad", "roll": "rad", "speed": "m/s", "energy": "J"}
 

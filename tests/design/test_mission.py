@@ -8,18 +8,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.envelope import Envelope
 from auvid_cli.config.geometry import FinSettings
-from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.design.band import band_of
-from auvid_cli.design.mission import (
-    checklist_markdown,
-    inputs_csv,
-    manoeuvre_yaml,
-    timeline_markdown,
-    track_geojson,
-)
-from auvid_cli.design.trials import sail
+from auvid_cli.config.loading import find_experiment, load_experiment
+from auvid_cli.config.manoeuvre import Envelope
+from auvid_cli.design.envelope import band_of
+from auvid_cli.design.mission import checklist_markdown, inputs_csv, manoeuvre_yaml, timeline_markdown, track_geojson
+from auvid_cli.design.trials import simulate_trial
 from auvid_cli.design.variables import candidates, own_manoeuvre, space_about
 from auvid_cli.errors import DataError
 
@@ -34,7 +28,7 @@ def manoeuvre(remus):
 @pytest.fixture(scope="module")
 def band(remus, manoeuvre):
     softer = remus("vehicle.coefficients.N_uudr=-5 kg/rad").vehicle
-    return band_of([sail(remus().vehicle, manoeuvre), sail(softer, manoeuvre)])
+    return band_of([simulate_trial(remus().vehicle, manoeuvre), simulate_trial(softer, manoeuvre)])
 
 
 def table(text):
@@ -102,9 +96,9 @@ def test_a_band_is_between_its_vehicles(band, remus, manoeuvre):
         low, middle, high = getattr(band, name).T
         assert (low <= middle).all()
         assert (middle <= high).all()
-    only = band_of([sail(remus().vehicle, manoeuvre)])
+    only = band_of([simulate_trial(remus().vehicle, manoeuvre)])
     assert_allclose(only.position[..., 0], only.position[..., 2])
-    assert only.box == pytest.approx(np.ptp(sail(remus().vehicle, manoeuvre).position[:, :2], axis=0))
+    assert only.box == pytest.approx(np.ptp(simulate_trial(remus().vehicle, manoeuvre).position[:, :2], axis=0))
     with pytest.raises(DataError, match="every vehicle that was drawn for the track is lost"):
         band_of([])
 
@@ -115,11 +109,13 @@ def test_a_person_reads_when_to_end_the_run_and_how_deep_to_begin(remus, manoeuv
     assert len(rows) >= 12
     assert "roll beyond 29 deg" in text
     assert "slower than 0.62 m/s for more than 5 s after the first 30 s" in text
-    runs = [sail(remus(*softer).vehicle, manoeuvre) for softer in ((), ("vehicle.coefficients.N_uudr=-5 kg/rad",))]
+    runs = [
+        simulate_trial(remus(*softer).vehicle, manoeuvre) for softer in ((), ("vehicle.coefficients.N_uudr=-5 kg/rad",))
+    ]
     ways = [float(np.linalg.norm(np.diff(run.position, axis=0), axis=1).sum()) for run in runs]
     assert min(ways) <= band.length[0] < band.length[1] <= max(ways)
     assert f"In all: 30 s, {band.length[0]:.0f} to {band.length[1]:.0f} m through the water" in text
-    rising = sail(remus().vehicle, manoeuvre)
+    rising = simulate_trial(remus().vehicle, manoeuvre)
     shallow = band_of([rising._replace(position=rising.position * [1.0, 1.0, 0.0] + [0.0, 0.0, -3.2])])
     assert "Begin at least 5 m deep" in checklist_markdown(manoeuvre, remus().vehicle, shallow)
 
@@ -132,10 +128,10 @@ def test_what_is_usually_sailed_can_be_sailed_by_the_same_files(remus):
     header, rows = table(inputs_csv(usual["zigzag"], None))
     assert not rows[:, header.index("rudder [deg]")].any()
     assert header[-2:] == ["held change of depth [m]", "held speed [m/s]"]
-    around = band_of([sail(remus().vehicle, usual["zigzag"])])
+    around = band_of([simulate_trial(remus().vehicle, usual["zigzag"])])
     said = checklist_markdown(usual["zigzag"], remus().vehicle, around)
     assert "straight for 10 s, then 20 deg to\n      starboard" in said
     assert "whenever the heading is 20 deg from" in said
-    truth = sail(remus().vehicle, usual["zigzag"])
+    truth = simulate_trial(remus().vehicle, usual["zigzag"])
     first = truth.inputs[np.searchsorted(truth.time, 11.0), 0]
     assert first * remus().vehicle.all_coefficients()["N_uudr"] > 0.0, "to starboard"

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from auvid_cli.design.posterior import knowledge_of, posterior_along
-from auvid_cli.evaluation.bounds import bounds_at, information_with_process_noise
-from auvid_cli.evaluation.motion_along import probable_motion
+from auvid_cli.evaluation.bounds import bounds_at, information_with_process_noise, probable_motion
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.simulation.manoeuvre_plan import make_plan
+from auvid_cli.simulation.manoeuvres import make_plan
+from auvid_cli.simulation.motion import simulate_motion
 from auvid_cli.simulation.simulate import simulate
-from auvid_cli.simulation.true_motion import simulate_motion
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import N_MOTION
 

@@ -5,11 +5,10 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from auvid_cli.config.envelope import Envelope
-from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.design.conclusion import WORTH_WHILE, conclude
-from auvid_cli.design.search import Reached, search
-from auvid_cli.design.task import Wish, set_task
+from auvid_cli.config.loading import find_experiment, load_experiment
+from auvid_cli.config.manoeuvre import Envelope
+from auvid_cli.design.problem import Requirement, set_task
+from auvid_cli.design.search import WORTH_WHILE, Reached, conclude, search
 from auvid_cli.design.trials import Flight, Trial
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -18,7 +17,7 @@ from auvid_cli.vehicle.coefficients import SYMBOLS
 @pytest.fixture(scope="module")
 def reached(remus):
     """A task, and how far two generations of a search come."""
-    task = set_task(remus(), Wish(20.0, Envelope(), None, None, (), "D", 2, None))
+    task = set_task(remus(), Requirement(20.0, Envelope(), None, None, (), "D", 2, None))
     return task, list(islice(search(task.space, task.seen, 1), 2))
 
 

@@ -6,11 +6,10 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auvid_cli.config.envelope import Envelope
-from auvid_cli.config.manoeuvre import Spiral
+from auvid_cli.config.manoeuvre import Envelope, Spiral
 from auvid_cli.design.variables import candidates, own_manoeuvre, space_about
 from auvid_cli.errors import ConfigError
-from auvid_cli.simulation.manoeuvre_plan import make_plan
+from auvid_cli.simulation.manoeuvres import make_plan
 
 
 def space_of(experiment, duration=60.0):

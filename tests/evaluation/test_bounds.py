@@ -6,23 +6,24 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.enums import FilterName
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.evaluation.bounds import (
     Bounds,
     BoundsOf,
     bounds_at,
     bounds_with_process_noise,
     information_with_process_noise,
+    probable_motion,
+    true_motion,
 )
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.evaluation.judgement import judge_one
-from auvid_cli.evaluation.motion_along import probable_motion, true_motion
-from auvid_cli.identification.augmented import augmented_problem
-from auvid_cli.identification.fisher import information_at
-from auvid_cli.identification.identify import identify
+from auvid_cli.identification.information import information_at
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.problem_setup import augmented_problem
+from auvid_cli.identification.run import identify
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import SYMBOLS
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from auvid_cli.evaluation.consistency import mean_nis, sensor_consistency, status_of
-from auvid_cli.identification.identify import identify
+from auvid_cli.evaluation.innovations import mean_nis, sensor_consistency, status_of
+from auvid_cli.identification.run import identify
 
 
 def estimate_with(hand_made, **innovations):

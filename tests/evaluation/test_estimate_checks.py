@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.data.check import Checks
+from auvid_cli.config.enums import FilterName
+from auvid_cli.data.checks import Checks
 from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.causes import likely_causes
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.judgement import judge_one
-from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.run import identify
 
 
 def with_values(dataset, name, change):

@@ -1,10 +1,10 @@
 """What a report has to say about its estimates together."""
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
-from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.run import identify
 
 
 def test_estimates_of_different_parts_of_the_data_are_told_apart(short_run, short_estimates, with_settings):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.evaluation.geometry_check import near_its_geometry
+from auvid_cli.evaluation.estimate_checks import near_its_geometry
 
 
 @pytest.fixture

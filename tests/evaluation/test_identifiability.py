@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.evaluation.bounds import DataInformation
-from auvid_cli.evaluation.identifiability import Assessed, assess, assess_dataset, what_to_hold
-from auvid_cli.filters.information import Information
+from auvid_cli.evaluation.identifiability import Assessed, assess, assess_dataset, coefficients_to_fix
+from auvid_cli.filters.least_squares import Information
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 
 NAMES = ("X_u|u|", "Y_uvl", "Y_uudr", "K_p|p|")
@@ -112,14 +112,16 @@ def test_the_least_known_are_held_until_the_rest_is_known():
     """Of two that only their sum is known of, one is enough; what nothing tells is held as well."""
     rows = np.array([[100.0, 0, 0, 0], [0, 100.0, 100.0, 0], [0, 0.01, 0, 0]])
     values = {name: Assessed(1.0, "kg", 1.0) for name in NAMES}
-    holding = what_to_hold(DataInformation(NAMES, rows.T @ rows, np.ones(4)), values, {"K_p|p|"}, COEFFICIENTS)
+    holding = coefficients_to_fix(DataInformation(NAMES, rows.T @ rows, np.ones(4)), values, {"K_p|p|"}, COEFFICIENTS)
     assert holding is not None
     assert holding.kept in (("X_u|u|", "Y_uvl"), ("X_u|u|", "Y_uudr"))
     assert holding.worst_percent == pytest.approx(1.0)
     assert holding.motions == ("surge", "sway")
     assert holding.unstated == tuple(name for name in holding.held if name != "K_p|p|")
-    assert what_to_hold(DataInformation(NAMES, 1e4 * np.eye(4), np.ones(4)), values, NAMES, COEFFICIENTS) is None
-    assert what_to_hold(DataInformation(NAMES, np.zeros((4, 4)), np.ones(4)), values, NAMES, COEFFICIENTS) is None
+    assert coefficients_to_fix(DataInformation(NAMES, 1e4 * np.eye(4), np.ones(4)), values, NAMES, COEFFICIENTS) is None
+    assert (
+        coefficients_to_fix(DataInformation(NAMES, np.zeros((4, 4)), np.ones(4)), values, NAMES, COEFFICIENTS) is None
+    )
 
 
 LATERAL = (

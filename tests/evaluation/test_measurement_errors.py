@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.evaluation.measurement_errors import MeasurementErrors, estimated_errors, measured_motion, motion_behind
+from auvid_cli.evaluation.free_run import MeasurementErrors, estimated_errors, measured_motion, motion_behind
 
 SCALE, YAW, NORTH, EAST = 0.03, 0.08, 0.3, -0.2
 ARM = np.array([0.4, -0.2, 0.1])

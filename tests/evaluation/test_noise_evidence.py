@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.data.faults import Cause
-from auvid_cli.evaluation.noise_evidence import far_from_bound, process_noise_score
-from auvid_cli.filters.linear_smoothing import LinearSmoothing
+from auvid_cli.evaluation.bounds import efficiency_warning, process_noise_score
+from auvid_cli.filters.linear_smoother import LinearSmoothing
 from auvid_cli.filters.noise_likelihood import log_likelihood, noise_scores_about, scaled
 from auvid_cli.filters.smoother import follow_measurements
-from auvid_cli.identification.augmented import augmented_problem
-from auvid_cli.identification.identify import identify
-from auvid_cli.identification.noise_tuning import process_noises
+from auvid_cli.identification.noise import process_noises
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.problem_setup import augmented_problem
+from auvid_cli.identification.run import identify
 
 SHORT = "manoeuvre.duration=20 s", "sensors.attitude.source=direct"
 
@@ -29,14 +29,14 @@ def identified(simulated_with, *settings):
 def test_where_nothing_disturbs_much_process_noise_is_told_to_be_lowered(simulated_with):
     prepared, estimate = identified(simulated_with, noise(0.03))
     assert process_noise_score(prepared, estimate) < -20.0
-    assert "lower it" in far_from_bound(prepared, estimate, [])
+    assert "lower it" in efficiency_warning(prepared, estimate, [])
 
 
 def test_where_waves_push_little_process_noise_is_not_told_to_be_lowered(simulated_with):
     waves = "manoeuvre.disturbance.moment={standard_deviation: [0.2 N*m, 2 N*m, 2 N*m], time_constant: 0.3 s}"
     prepared, estimate = identified(simulated_with, waves, noise(1e-3))
     assert process_noise_score(prepared, estimate) > 3.5
-    advice = far_from_bound(prepared, estimate, [])
+    advice = efficiency_warning(prepared, estimate, [])
     assert "more of it is likelier" in advice
     assert "lower" not in advice
 
@@ -44,7 +44,7 @@ def test_where_waves_push_little_process_noise_is_not_told_to_be_lowered(simulat
 def test_a_cause_that_was_found_stands_before_what_the_noise_is_worth(simulated_with):
     prepared, estimate = identified(simulated_with, noise(0.03))
     cause = Cause(100.0, "errors of gyroscope that last", "its bias", lasts=True)
-    assert "lower" not in far_from_bound(prepared, estimate, [cause])
+    assert "lower" not in efficiency_warning(prepared, estimate, [cause])
 
 
 def test_the_score_is_the_slope_of_the_likelihood(simulated_with):

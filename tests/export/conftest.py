@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 
-from auvid_cli.config.actuators import ActuatorSettings
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.loading import find_experiment, load_experiment
+from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.export.actuation import Actuation
-from auvid_cli.export.fin_surfaces import surface_changes
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, Origin
-from auvid_cli.export.terms import term_histories, term_sizes
+from auvid_cli.export.model_parts import Actuation, surface_changes, term_histories, term_sizes
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.dynamics import N_SLOPE, motion_derivative, vehicle_constants, with_errors
+from auvid_cli.vehicle.equations import N_SLOPE, motion_derivative, vehicle_constants, with_errors
 from auvid_cli.vehicle.parameters import N_MOTION
 
 SOUND = Judgement(Grade.SOUND)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.config.actuators import ActuatorSettings
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
+from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.data.dataset import InputRecord
-from auvid_cli.export.actuation import acting_inputs, actuation
-from auvid_cli.identification.identify import identify
+from auvid_cli.export.model_parts import acting_inputs, actuation
+from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 SPEED, FORCE, STEP, LAG = 2.0, 50.0, 0.1, 0.2

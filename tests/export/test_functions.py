@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from auvid_cli.export.losses import losses_of
-from auvid_cli.export.matlab_function import matlab_text
-from auvid_cli.export.python_function import python_text
+from auvid_cli.export.functions import matlab_text, python_text
+from auvid_cli.export.losses import unsupported_features
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -48,12 +47,12 @@ def assert_same(actual, expected):
 
 @pytest.fixture(scope="module")
 def python(skewed, tmp_path_factory):
-    return read_python(python_text(skewed, losses_of(skewed), "model"), tmp_path_factory.mktemp("python"))
+    return read_python(python_text(skewed, unsupported_features(skewed), "model"), tmp_path_factory.mktemp("python"))
 
 
 @pytest.fixture(scope="module")
 def matlab(skewed):
-    return read_matlab(matlab_text(skewed, losses_of(skewed), "my_model"))[1]
+    return read_matlab(matlab_text(skewed, unsupported_features(skewed), "my_model"))[1]
 
 
 @given(seed=seeds)
@@ -72,19 +71,21 @@ def test_both_hold_every_shipped_vehicle(vehicle_file, model_with, derivative_of
     model = model_with(vehicle_file=vehicle_file)
     motion, inputs = draw(3)
     expected = derivative_of(model, motion, inputs)
-    module = read_python(python_text(model, losses_of(model), "m"), tmp_path)
+    module = read_python(python_text(model, unsupported_features(model), "m"), tmp_path)
     assert_same(module["motion_derivative"](motion, inputs), expected)
-    assert_same(read_matlab(matlab_text(model, losses_of(model), "m"))[1](motion, inputs), expected)
+    assert_same(read_matlab(matlab_text(model, unsupported_features(model), "m"))[1](motion, inputs), expected)
 
 
 def test_the_python_module_needs_nothing_but_numpy(skewed):
-    imports = re.findall(r"^(?:import|from) (\w+)", python_text(skewed, losses_of(skewed), "m"), re.MULTILINE)
+    imports = re.findall(
+        r"^(?:import|from) (\w+)", python_text(skewed, unsupported_features(skewed), "m"), re.MULTILINE
+    )
     assert [name for name in imports if name not in sys.stdlib_module_names] == ["numpy"]
 
 
 def test_the_python_module_says_how_sure_it_is(model_with, tmp_path):
     model = model_with(held=("N_uudr",), not_identified=("Y_r|r|",))
-    text = python_text(model, losses_of(model), "m")
+    text = python_text(model, unsupported_features(model), "m")
     module = read_python(text, tmp_path)
     assert module["NOT_IDENTIFIED"] == ("Y_r|r|",)
     assert set(module["STANDARD_DEVIATION"]) == {c.symbol for c in model.coefficients} - {"N_uudr"}
@@ -94,14 +95,14 @@ def test_the_python_module_says_how_sure_it_is(model_with, tmp_path):
 
 
 def test_the_matlab_function_bears_the_name_of_its_file(skewed):
-    assert read_matlab(matlab_text(skewed, losses_of(skewed), "my_model"))[0] == "my_model"
+    assert read_matlab(matlab_text(skewed, unsupported_features(skewed), "my_model"))[0] == "my_model"
 
 
 def test_no_name_of_a_vehicle_ends_a_comment(model_with, tmp_path):
     model = model_with('vehicle.name="one\\ntwo = 3"')
     assert "\n" in model.experiment.vehicle.name
-    assert "two" not in read_python(python_text(model, losses_of(model), "m"), tmp_path)
-    read_matlab(matlab_text(model, losses_of(model), "m"))
+    assert "two" not in read_python(python_text(model, unsupported_features(model), "m"), tmp_path)
+    read_matlab(matlab_text(model, unsupported_features(model), "m"))
 
 
 def test_terms_of_revolutions_and_voltage_take_two_more_inputs(model_with, tmp_path, derivative_of, draw):
@@ -114,8 +115,8 @@ def test_terms_of_revolutions_and_voltage_take_two_more_inputs(model_with, tmp_p
     motion, inputs = draw(5)
     inputs = np.array([*inputs, -14.0, 22.0])
     expected = derivative_of(model, motion, inputs)
-    text = python_text(model, losses_of(model), "model")
+    text = python_text(model, unsupported_features(model), "model")
     assert_same(read_python(text, tmp_path)["motion_derivative"](motion, inputs), expected)
-    _, function = read_matlab(matlab_text(model, losses_of(model), "model"))
+    _, function = read_matlab(matlab_text(model, unsupported_features(model), "model"))
     assert_same(np.asarray(function(motion, inputs), dtype=float), expected)
     assert "revolutions (turn/s), voltage (V)" in text

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.export.holoocean import holoocean_losses, holoocean_text
+from auvid_cli.export.simulators import holoocean_losses, holoocean_text
 from auvid_cli.vehicle.kinematics import rotation_matrix
 
 HALF_TURN = np.diag([1.0, -1.0, -1.0])

@@ -14,16 +14,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.export.as_json import json_losses, json_text
-from auvid_cli.export.formats import FORMATS, check_stem, file_stem
+from auvid_cli.export.formats import FORMATS, check_stem, file_stem, json_losses, json_text, yaml_text
+from auvid_cli.export.functions import matlab_text, mss_text, python_text
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
-from auvid_cli.export.holoocean import holoocean_text
-from auvid_cli.export.losses import losses_of
-from auvid_cli.export.matlab_function import matlab_text
-from auvid_cli.export.mss import mss_text
-from auvid_cli.export.python_function import python_text
-from auvid_cli.export.vehicle_simulator import simulator_text
-from auvid_cli.export.vehicle_yaml import yaml_text
+from auvid_cli.export.losses import unsupported_features
+from auvid_cli.export.simulators import holoocean_text, simulator_text
 
 HOSTILE = (
     "  x\nimport os; os.system('true')\n#",
@@ -68,7 +63,7 @@ def tame(model_with):
 @pytest.mark.parametrize("write", [python_text, holoocean_text, simulator_text])
 @hostile
 def test_a_python_module_is_the_same_but_for_its_comments(text, write, tame):
-    code, as_it_was = (write(model, losses_of(model), "m").encode() for model in (named(tame, text), tame))
+    code, as_it_was = (write(model, unsupported_features(model), "m").encode() for model in (named(tame, text), tame))
     assert tokenize.detect_encoding(io.BytesIO(code).readline)[0] == "utf-8"
     assert ast.dump(ast.parse(code)) == ast.dump(ast.parse(as_it_was))
     exec(compile(code, "model.py", "exec"), {})
@@ -80,14 +75,14 @@ def test_a_matlab_function_is_the_same_but_for_its_comments(text, write, tame):
     code, as_it_was = (
         [line for line in re.split(r"[\n\r\x0b\x0c\x85\u2028\u2029]", matlab) if not line.startswith("% ")]
         for model in (named(tame, text), tame)
-        for matlab in [write(model, losses_of(model), "m")]
+        for matlab in [write(model, unsupported_features(model), "m")]
     )
     assert code == as_it_was
 
 
 @hostile
 def test_a_vehicle_file_holds_the_text_as_it_is(text, tame):
-    held = yaml.safe_load(yaml_text(named(tame, text), losses_of(tame), "m"))
+    held = yaml.safe_load(yaml_text(named(tame, text), unsupported_features(tame), "m"))
     assert (held["name"], held["source"], held["notes"][0]) == (text, text, text)
     assert held.keys() == VehicleSettings.model_fields.keys() - {"terms", "actuators"}
     assert held["parameters"]["m"]["source"] == text

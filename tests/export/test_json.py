@@ -2,12 +2,12 @@ import json
 
 import numpy as np
 
-from auvid_cli.config.actuators import ActuatorSettings
-from auvid_cli.config.load import parse_experiment
-from auvid_cli.export.actuation import Actuation
-from auvid_cli.export.as_json import json_losses, json_text
-from auvid_cli.export.losses import loss_lines
+from auvid_cli.config.loading import parse_experiment
+from auvid_cli.config.vehicle import ActuatorSettings
+from auvid_cli.export.formats import json_losses, json_text
+from auvid_cli.export.losses import unsupported_lines
 from auvid_cli.export.model import EstimatedState
+from auvid_cli.export.model_parts import Actuation
 
 LAGGING = ActuatorSettings.model_validate({"fins": {"time_constant": "0.1 s"}})
 
@@ -51,7 +51,7 @@ def test_states_gain_and_lag_are_there_with_their_covariance(model_with):
     assert held["actuators"]["rms_of_change"] == {"N_uudr": 2.5}
     assert held["covariance"]["order"][-3:] == ["N_uudr", "thrust_scale", "bias_q"]
     assert np.shape(held["covariance"]["values"]) == (23, 23)
-    assert loss_lines(json_losses(model)) == ["Nothing is lost."]
+    assert unsupported_lines(json_losses(model)) == ["Nothing is lost."]
 
 
 def test_its_settings_are_those_of_the_estimate(model_with):
@@ -65,4 +65,4 @@ def test_its_settings_are_those_of_the_estimate(model_with):
 def test_nothing_is_lost(model_with):
     model = model_with()
     assert written(model)["lost"] == {"terms": [], "notes": []}
-    assert loss_lines(json_losses(model)) == ["Nothing is lost."]
+    assert unsupported_lines(json_losses(model)) == ["Nothing is lost."]

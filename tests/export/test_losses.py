@@ -1,11 +1,11 @@
 import pytest
 
-from auvid_cli.config.actuators import ActuatorSettings
-from auvid_cli.config.format_name import FormatName
-from auvid_cli.export.actuation import Actuation
+from auvid_cli.config.enums import FormatName
+from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.export.formats import FORMATS
-from auvid_cli.export.losses import loss_lines
+from auvid_cli.export.losses import unsupported_lines
 from auvid_cli.export.model import EstimatedState
+from auvid_cli.export.model_parts import Actuation
 
 STATES = (
     EstimatedState("thrust_scale", "1", 0.2, 0.0123),
@@ -46,13 +46,13 @@ def test_every_form_but_json_says_what_it_loses_beside_the_terms_and_how_large_i
         "  trim_moment: -4.7 N*m, standard deviation 0.01 N*m",
     )
     for sentence in said:
-        assert sentence in "\n".join(loss_lines(losses))
+        assert sentence in "\n".join(unsupported_lines(losses))
         assert sentence in text
 
 
 @pytest.mark.parametrize("target", POOR)
 def test_nothing_is_said_of_what_was_not_asked_for(target, model_with):
-    lines = loss_lines(FORMATS[target].losses(model_with()))
+    lines = unsupported_lines(FORMATS[target].losses(model_with()))
     assert not [
         line
         for line in lines
@@ -67,6 +67,6 @@ def test_the_covariances_are_told_of_once(target, model):
 
 
 def test_a_vehicle_file_holds_the_actuators_and_not_the_gain(model):
-    said = " ".join(loss_lines(FORMATS[FormatName.YAML].losses(model)))
+    said = " ".join(unsupported_lines(FORMATS[FormatName.YAML].losses(model)))
     assert "gain" in said
     assert "actuators" not in said

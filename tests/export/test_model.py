@@ -3,14 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import coefficient_results
-from auvid_cli.export.actuation import acting_inputs
-from auvid_cli.export.heading import heading_lines, reservations
-from auvid_cli.export.losses import Losses
+from auvid_cli.export.losses import UnsupportedFeatures, caveats, heading_lines
 from auvid_cli.export.model import Origin, identified_model
-from auvid_cli.identification.identify import identify
+from auvid_cli.export.model_parts import acting_inputs
+from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, N_COEFFICIENTS
 
 ORIGIN = Origin("d" * 64, "e" * 64, "1.2.3", "2026-01-01T00:00:00+00:00")
@@ -67,7 +66,7 @@ def test_what_is_identified_is_what_the_tables_say(estimate, dataset):
         result.coefficient: result.identified for result in coefficient_results(estimate, dataset.truth, bounds, True)
     }
     assert {c.symbol: c.identified for c in model.coefficients if c.identified is not None} == said
-    assert "Z_uude" in reservations(model)[0]
+    assert "Z_uude" in caveats(model)[0]
 
 
 def test_terms_are_sized_along_the_estimated_motion_with_the_inputs_of_the_dataset(model, estimate, dataset):
@@ -149,6 +148,6 @@ def test_an_estimate_that_its_data_belie_is_not_to_be_relied_on(estimate, datase
     }
     model = identified_model(replace(estimate, innovations=belied), dataset, {}, ORIGIN)
     assert model.not_identified() == CHOSEN
-    lines = heading_lines(model, Losses((), ()))
+    lines = heading_lines(model, UnsupportedFeatures((), ()))
     assert any(line.startswith("Do not rely on these values, inconsistent: ") for line in lines)
     assert "Nothing is lost." in lines

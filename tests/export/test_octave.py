@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.export.losses import losses_of
-from auvid_cli.export.matlab_function import matlab_text
-from auvid_cli.export.mss import mss_losses, mss_text
+from auvid_cli.export.functions import matlab_text, mss_losses, mss_text
+from auvid_cli.export.losses import unsupported_features
 from auvid_cli.vehicle.kinematics import euler_rates, rotation_matrix
 
 OCTAVE = shutil.which("octave-cli")
@@ -27,7 +26,7 @@ def results(skewed, cases, tmp_path_factory):
     """One row for each case: the bare function, the vessel in still water, and in a current with speed and mass."""
     assert OCTAVE is not None
     folder = tmp_path_factory.mktemp("octave")
-    (folder / "bare.m").write_text(matlab_text(skewed, losses_of(skewed), "bare"), encoding="utf-8")
+    (folder / "bare.m").write_text(matlab_text(skewed, unsupported_features(skewed), "bare"), encoding="utf-8")
     (folder / "vessel.m").write_text(mss_text(skewed, mss_losses(skewed), "vessel"), encoding="utf-8")
     script = ["format long"]
     for motion, inputs in cases:

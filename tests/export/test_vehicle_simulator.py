@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.actuators import ActuatorSettings
-from auvid_cli.export.actuation import Actuation
-from auvid_cli.export.vehicle_simulator import simulator_losses, simulator_text
+from auvid_cli.config.vehicle import ActuatorSettings
+from auvid_cli.export.model_parts import Actuation
+from auvid_cli.export.simulators import simulator_losses, simulator_text
 from auvid_cli.vehicle.kinematics import current_in_body_axes, euler_rates
 
 STEP = 0.02

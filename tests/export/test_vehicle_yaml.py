@@ -3,9 +3,9 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.export.losses import losses_of
-from auvid_cli.export.vehicle_yaml import yaml_text
+from auvid_cli.config.loading import find_experiment, load_experiment
+from auvid_cli.export.formats import yaml_text
+from auvid_cli.export.losses import unsupported_features
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def load_as_vehicle(tmp_path_factory):
 
 
 def written(model):
-    return yaml_text(model, losses_of(model), "identified")
+    return yaml_text(model, unsupported_features(model), "identified")
 
 
 def test_an_experiment_takes_it_and_gets_every_number_back(vehicle_file, model_with, load_as_vehicle):
@@ -50,7 +50,7 @@ def test_a_model_exported_again_reads_the_same(model_with, load_as_vehicle):
     model = model_with(held=("N_uudr",))
     vehicle = load_as_vehicle(written(model))
     later = replace(model, experiment=model.experiment.model_copy(update={"vehicle": vehicle}))
-    text = yaml_text(later, losses_of(later), "again")
+    text = yaml_text(later, unsupported_features(later), "again")
     assert load_as_vehicle(text).coefficients == vehicle.coefficients
 
 

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from auvid_cli.filters.autocorrelation import corrected_deviation
-from auvid_cli.filters.hac_windows import Influence
+from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
 
 SPACING, EVENTS, CHANNELS = 0.1, 2000, 2
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.candidate_scores import correlation, explained, gains, sizes
+from auvid_cli.filters.fault_scores import correlation, explained, gains, sizes
 from auvid_cli.filters.problem import FaultScores
 
 N, N_PARAMETERS, N_CANDIDATES = 300, 3, 6

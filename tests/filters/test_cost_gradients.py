@@ -6,7 +6,7 @@ from numba import njit
 from scipy.optimize import minimize
 
 from auvid_cli.filters.fault_scores import FaultEffects
-from auvid_cli.filters.linear_smoothing import LinearSmoothing
+from auvid_cli.filters.linear_smoother import LinearSmoothing
 from auvid_cli.filters.marginal import marginal_scores, without_motion
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Gaussian, Process, Sensors, Timeline
 from auvid_cli.filters.segments import JointProblem

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.extended import run_extended_filter
-from auvid_cli.filters.point_sets import cubature
+from auvid_cli.filters.ekf import run_extended_filter
 from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.filters.workspace import cubature
 
 
 @pytest.fixture(params=["ekf", "ckf"])

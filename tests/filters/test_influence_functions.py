@@ -7,9 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.filters.influence_functions import of_free_motion, of_smoothing
-from auvid_cli.filters.information import Information
-from auvid_cli.filters.least_squares import fit_free_motion
-from auvid_cli.filters.linear_smoothing import LinearSmoothing
+from auvid_cli.filters.least_squares import Information, fit_free_motion
+from auvid_cli.filters.linear_smoother import LinearSmoothing
 from auvid_cli.filters.problem import Gaussian
 from auvid_cli.filters.segments import JointProblem, joint_gaussian
 from auvid_cli.filters.smoother import most_probable

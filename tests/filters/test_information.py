@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.information import Information
+from auvid_cli.filters.least_squares import Information
 from auvid_cli.filters.problem import Gaussian
 
 seeds = st.integers(0, 2**32 - 1)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters import extended
-from auvid_cli.filters.extended import run_extended_filter
-from auvid_cli.filters.point_sets import cubature, transformed, unscented
+from auvid_cli.filters import ekf
+from auvid_cli.filters.ekf import run_extended_filter
 from auvid_cli.filters.problem import OK, PREDICTION, Gaussian
 from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.filters.workspace import cubature, transformed, unscented
 
 POINT_SETS = {
     "ckf": cubature,
@@ -131,7 +131,7 @@ def test_how_many_events_the_extended_filter_judges_together_changes_nothing(
         measurement[linear_problem.timeline.measurement_offset[20]] = np.inf
         linear_problem = with_timeline(linear_problem, measurement=measurement)
     whole = run("ekf", linear_problem)
-    monkeypatch.setattr(extended, "_BLOCK", together)
+    monkeypatch.setattr(ekf, "_BLOCK", together)
     parts = run("ekf", linear_problem)
     assert (parts.n_good, parts.failure) == (whole.n_good, whole.failure)
     assert (whole.failure != OK) == broken

@@ -6,7 +6,7 @@ from numba import njit
 from scipy.optimize import minimize
 
 from auvid_cli.filters.fault_scores import FaultEffects
-from auvid_cli.filters.linear_smoothing import LinearSmoothing
+from auvid_cli.filters.linear_smoother import LinearSmoothing
 from auvid_cli.filters.marginal import without_motion
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,

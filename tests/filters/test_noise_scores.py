@@ -7,7 +7,7 @@ import pytest
 from numba import njit
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.linear_smoothing import LinearSmoothing, Trajectory
+from auvid_cli.filters.linear_smoother import LinearSmoothing, Trajectory
 from auvid_cli.filters.noise_likelihood import scaled
 from auvid_cli.filters.noise_scores import NoiseGroup, noise_scores
 from auvid_cli.filters.problem import TRANSITION_SIGNATURE, Gaussian

@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.filters import square_root
-from auvid_cli.filters.extended import run_extended_filter
-from auvid_cli.filters.point_sets import cubature, transformed, unscented
+from auvid_cli.filters.ekf import run_extended_filter
 from auvid_cli.filters.problem import OK
 from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.filters.workspace import cubature, transformed, unscented
 
 N_MOVING, ALPHA = 4, 0.5
 

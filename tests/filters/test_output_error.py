@@ -8,9 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
-from auvid_cli.filters.extended import run_extended_filter
-from auvid_cli.filters.information import Information
-from auvid_cli.filters.least_squares import LeastSquaresFit, fit_free_motion
+from auvid_cli.filters.ekf import run_extended_filter
+from auvid_cli.filters.least_squares import Information, LeastSquaresFit, fit_free_motion
 from auvid_cli.filters.output_error import FirstEvents, run_output_error
 from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Gaussian
 from auvid_cli.filters.segments import JointProblem

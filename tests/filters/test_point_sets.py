@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.point_sets import cubature, transformed, unscented
+from auvid_cli.filters.workspace import cubature, transformed, unscented
 
 DIMENSIONS = range(1, 41)
 SETS = {

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
-from auvid_cli.filters.huber import SET_ASIDE, weight
 from auvid_cli.filters.output_error import run_output_error
 from auvid_cli.filters.problem import OK
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import run_smoother
+from auvid_cli.filters.smoother_forward import SET_ASIDE, weight
 
 THRESHOLD = 2.0
 
@@ -66,7 +66,7 @@ def weighed_by_hand(problem, run):
 @pytest.mark.parametrize("linear_problem", [1], indirect=True)
 @pytest.mark.parametrize("fit", FITS.values(), ids=FITS)
 def test_a_robust_fit_is_where_reweighting_ends(fit, with_outliers, run_whole, monkeypatch):
-    monkeypatch.setattr("auvid_cli.filters.linear_smoothing._NEGLIGIBLE", 1e-9)
+    monkeypatch.setattr("auvid_cli.filters.linear_smoother._NEGLIGIBLE", 1e-9)
     expected, weights = weighed_by_hand(with_outliers, partial(run_whole, fit))
     history = run_whole(fit, with_outliers)
     assert history.failure == OK

@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.extended import run_extended_filter
-from auvid_cli.filters.information import Information, jointly
+from auvid_cli.filters.ekf import run_extended_filter
+from auvid_cli.filters.least_squares import Information, jointly
 from auvid_cli.filters.output_error import run_output_error
-from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import OK, PREDICTION, Gaussian
 from auvid_cli.filters.segments import JointProblem, joint_gaussian, of_segment, one_after_the_other, places
 from auvid_cli.filters.smoother import run_smoother
 from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.filters.workspace import cubature
 
 N_MOVING = 4
 CUT = 13

@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.filters.sensitivities import responses
-from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import SYMBOLS
 

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from auvid_cli.filters.problem import OK, PREDICTION
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import run_smoother
-from auvid_cli.filters.smoothing_backward import backward
+from auvid_cli.filters.smoother_backward import backward
 
 
 def smooth_one(process, sensors, timelines, prior, on_chunk):
@@ -147,6 +147,6 @@ def test_a_variance_that_is_lost_to_rounding_is_no_zero(linear_problem, run_whol
         backward(timeline, about, forward_pass, adjoint, step, variance)
         variance[12:, 1] = -1e-20
 
-    monkeypatch.setattr("auvid_cli.filters.linear_smoothing.backward", lossy)
+    monkeypatch.setattr("auvid_cli.filters.linear_smoother.backward", lossy)
     history = run_whole(smooth_one, linear_problem, chunk=30)
     assert (history.n_good, history.failure) == (12, PREDICTION)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.identification.identify import identify
+from auvid_cli.config.enums import FilterName
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.simulation.manoeuvre_plan import make_plan
-from auvid_cli.simulation.true_motion import simulate_motion
+from auvid_cli.identification.run import identify
+from auvid_cli.simulation.manoeuvres import make_plan
+from auvid_cli.simulation.motion import simulate_motion
 
 FINS = (
     "{dead_band: 1 deg, saturation: 18 deg, rate_limit: 30 deg/s, time_constant: 0.1 s, "

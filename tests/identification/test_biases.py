@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import DataError
-from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
-from auvid_cli.evaluation.consistency import status_of
-from auvid_cli.evaluation.sensor_errors import sensor_error_results
-from auvid_cli.identification.identify import identify
-from auvid_cli.vehicle.ballast import NO_BALLAST, Ballast
+from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, sensor_error_results
+from auvid_cli.evaluation.innovations import status_of
+from auvid_cli.identification.run import identify
+from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
 
 GYRO = np.array([0.004, -0.003, 0.005])
 ATTITUDE = np.array([0.003, -0.004, 0.03])

@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.evaluation.bounds import information_with_process_noise
+from auvid_cli.evaluation.accuracy import sensor_error_results
+from auvid_cli.evaluation.bounds import information_with_process_noise, probable_motion
 from auvid_cli.evaluation.judgement import judge
-from auvid_cli.evaluation.motion_along import probable_motion
-from auvid_cli.evaluation.sensor_errors import sensor_error_results
-from auvid_cli.identification.delays import settle_delays, unrecorded_time
-from auvid_cli.identification.found_delays import FoundDelays
-from auvid_cli.identification.identify import identify, set_up_filters, with_noise_settled
-from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.delays import estimate_delays, unrecorded_time
+from auvid_cli.identification.prepared_data import FoundDelays, prepare
+from auvid_cli.identification.run import identify, resolve_settings, set_up_filters
 
 LATE, STAMPED = 0.05, 0.03
 SOUGHT = "identification.estimate={biases: [delay], delay: {of: [inputs, dvl]}}"
@@ -43,7 +41,7 @@ def late(simulated_with):
 
 @pytest.fixture(scope="module")
 def prepared(late, with_settings):
-    return settle_delays(prepare(with_settings(late, SOUGHT)))
+    return estimate_delays(prepare(with_settings(late, SOUGHT)))
 
 
 def off(estimate, truth):
@@ -111,7 +109,7 @@ def test_delays_of_raw_sensors_are_found_to_ten_milliseconds(simulated_with):
         name: replace(dataset.sensors[name], time=dataset.sensors[name].time + by).between(0.0, end)
         for name, by in late.items()
     }
-    found = settle_delays(prepare(replace(dataset, sensors=dataset.sensors | shifted))).delays
+    found = estimate_delays(prepare(replace(dataset, sensors=dataset.sensors | shifted))).delays
     assert found.symbols == ("delay_accelerometer", "delay_magnetic_field")
     error = np.abs(found.value - [*late.values()])
     assert (error < 0.01).all()
@@ -145,4 +143,4 @@ def test_of_few_changes_between_samples_the_time_is_less_known():
 def test_the_delay_of_a_sensor_that_is_not_there_is_refused(late, with_settings):
     asked = with_settings(late, "identification.estimate={biases: [delay], delay: {of: [depth]}}")
     with pytest.raises(DataError, match=r"estimate\.delay\.of has depth, of which estimators hear nothing"):
-        with_noise_settled(prepare(asked))
+        resolve_settings(prepare(asked))

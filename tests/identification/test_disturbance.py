@@ -7,19 +7,19 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.config.identification import Identification
 from auvid_cli.errors import ConfigError, DataError
-from auvid_cli.filters.extended import run_extended_filter
-from auvid_cli.filters.point_sets import cubature, transformed
+from auvid_cli.filters.ekf import run_extended_filter
 from auvid_cli.filters.problem import OK, Gaussian, Sensors, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
-from auvid_cli.identification.identify import identify
+from auvid_cli.filters.workspace import cubature, transformed
 from auvid_cli.identification.process import first_order_transition, vehicle_process
-from auvid_cli.identification.state_layout import state_layout
+from auvid_cli.identification.run import identify
+from auvid_cli.identification.states import state_layout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import SYMBOLS
-from auvid_cli.vehicle.dynamics import factors, motion_derivative, vehicle_constants
+from auvid_cli.vehicle.equations import factors, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import DISTURBANCE, PARAMETER_SYMBOLS
 

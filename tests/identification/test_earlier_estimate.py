@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.data.estimate_file import new_estimate
 from auvid_cli.errors import DataError, FileError
-from auvid_cli.identification.identify import identify, set_up_filters
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.identification.prior import earlier_gaussian
+from auvid_cli.identification.run import identify, set_up_filters
+from auvid_cli.identification.states import earlier_gaussian
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 

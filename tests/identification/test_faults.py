@@ -7,22 +7,21 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.data.faults import Fault, FaultKind
 from auvid_cli.evaluation.causes import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import FARTHEST_SEGMENT, judge
-from auvid_cli.filters.smoothing_forward import Linearised
-from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.filters.smoother_forward import Linearised
 from auvid_cli.identification.fault_effects import VehicleFaults
-from auvid_cli.identification.faulted_vehicle import FaultedVehicle, Motion
-from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS
-from auvid_cli.identification.identify import identify
+from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, FaultedVehicle, Motion
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.process import vehicle_process
+from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.dynamics import factors, vehicle_constants
+from auvid_cli.vehicle.equations import factors, vehicle_constants
 from auvid_cli.vehicle.kinematics import GRAVITY, dvl_axes, rotation_matrix
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import INERTIAL

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.experiment import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.evaluate import evaluate
-from auvid_cli.identification.identify import identify, set_up_filters
+from auvid_cli.evaluation.innovations import status_of
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
+from auvid_cli.identification.run import identify, set_up_filters
 from auvid_cli.identification.timeline import Timelines
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
@@ -285,7 +285,7 @@ def test_a_filter_that_fails_at_its_first_event_leaves_the_prior(short_run, kalm
         process = vehicle_process(*arguments, **options)
         return process._replace(noise_density=np.full(9, np.inf))
 
-    monkeypatch.setattr("auvid_cli.identification.augmented.vehicle_process", hopeless)
+    monkeypatch.setattr("auvid_cli.identification.problem_setup.vehicle_process", hopeless)
     estimate = identify(short_run, kalman_filter)
     assert estimate.status.startswith("diverged")
     assert estimate.time.size >= 1

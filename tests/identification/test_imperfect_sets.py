@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
-from auvid_cli.evaluation.consistency import status_of
-from auvid_cli.identification.identify import identify
+from auvid_cli.evaluation.innovations import status_of
+from auvid_cli.identification.run import identify
 
 DIRECT = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
 DEPTH = "sensors.depth={rate: 10 Hz, noise: 0.02 m}"

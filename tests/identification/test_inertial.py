@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import ConfigError, DataError
-from auvid_cli.evaluation.motion_along import true_initial_motions
+from auvid_cli.evaluation.bounds import true_initial_motions
 from auvid_cli.filters.sensitivities import responses
-from auvid_cli.identification.augmented import augmented_problem
-from auvid_cli.identification.fisher import information_at
-from auvid_cli.identification.identify import identify
+from auvid_cli.identification.information import information_at
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.problem_setup import augmented_problem
+from auvid_cli.identification.run import identify
 from auvid_cli.identification.timeline import initial_motion, measuring_sensors
 from auvid_cli.vehicle.kinematics import GRAVITY
 

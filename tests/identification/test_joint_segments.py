@@ -7,15 +7,15 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.free_run import free_motion
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.filters.sensitivities import responses
-from auvid_cli.identification.augmented import augmented_problem
-from auvid_cli.identification.fisher import information_at
-from auvid_cli.identification.identify import identify
+from auvid_cli.identification.information import information_at
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.problem_setup import augmented_problem
+from auvid_cli.identification.run import identify
 from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION, SENSORS

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import yaml
 
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.identification.augmented import augmented_problem
-from auvid_cli.identification.identify import identify
-from auvid_cli.identification.noise_tuning import choose_disturbance, process_noises, tune_noise
+from auvid_cli.config.enums import FilterName
+from auvid_cli.identification.noise import choose_disturbance, process_noises, tune_noise
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.problem_setup import augmented_problem
+from auvid_cli.identification.run import identify
 
 FEW = "identification.coefficients=[X_u|u|, N_url, N_uudr]"
 SLOW = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz"

@@ -8,14 +8,14 @@ from scipy.spatial.transform import Rotation
 from auvid_cli.config.extra_states import AugmentedStates
 from auvid_cli.config.identification import Identification
 from auvid_cli.identification.compiled_layout import KnownSensor, KnownSensors
-from auvid_cli.identification.dvl import VELOCITY_ERRORS, measured_velocity, velocity_behind
 from auvid_cli.identification.observation import linearise, observe
 from auvid_cli.identification.process import vehicle_process
-from auvid_cli.identification.state_layout import state_layout
+from auvid_cli.identification.sensors import VELOCITY_ERRORS, measured_velocity, velocity_behind
+from auvid_cli.identification.states import state_layout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import SYMBOLS
-from auvid_cli.vehicle.dynamics import factors, motion_derivative, vehicle_constants
+from auvid_cli.vehicle.equations import factors, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS

@@ -7,15 +7,15 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
-from auvid_cli.config.experiment import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.consistency import sensor_consistency, status_of
 from auvid_cli.evaluation.evaluate import evaluate
-from auvid_cli.identification.fisher import information_at
-from auvid_cli.identification.identify import identify
+from auvid_cli.evaluation.innovations import sensor_consistency, status_of
+from auvid_cli.identification.information import information_at
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
+from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
@@ -94,7 +94,7 @@ def test_it_needs_no_filter_that_reaches_the_end(short_run, short_estimates, mon
     def hopeless(*arguments):
         return vehicle_process(*arguments)._replace(noise_density=np.full(9, np.inf))
 
-    monkeypatch.setattr("auvid_cli.identification.augmented.vehicle_process", hopeless)
+    monkeypatch.setattr("auvid_cli.identification.problem_setup.vehicle_process", hopeless)
     estimate, usual = identify(short_run, FilterName.OUTPUT_ERROR), short_estimates[FilterName.OUTPUT_ERROR]
     assert estimate.status == "completed"
     assert np.abs((estimate.mean - usual.mean)[-1, :N] / usual.standard_deviation[-1, :N]).max() < 0.01
@@ -122,7 +122,7 @@ def test_a_vehicle_whose_motion_blows_up_from_every_start_is_reported(white_run,
         vehicle[36:72] *= 1e6
         return vehicle_process(vehicle, *arguments)
 
-    monkeypatch.setattr("auvid_cli.identification.augmented.vehicle_process", impossible)
+    monkeypatch.setattr("auvid_cli.identification.problem_setup.vehicle_process", impossible)
     estimate = identify(white_run, FilterName.OUTPUT_ERROR)
     assert estimate.status.startswith("diverged at t = ")
     assert np.isfinite(estimate.mean).all()

@@ -5,15 +5,15 @@ import pint
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.prior import Prior
+from auvid_cli.config.enums import FilterName
+from auvid_cli.config.filters import Prior
 from auvid_cli.config.vehicle import Size
 from auvid_cli.errors import ConfigError, DataError
-from auvid_cli.identification.augmented import augmented_problem
-from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.identification.prior import coefficient_priors, natural_magnitude
-from auvid_cli.validation.model_bundle import models_of
+from auvid_cli.identification.problem_setup import augmented_problem
+from auvid_cli.identification.run import identify
+from auvid_cli.identification.states import coefficient_priors, natural_magnitude
+from auvid_cli.validation.initial_states import models_of
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 UNITS = pint.UnitRegistry()

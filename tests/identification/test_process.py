@@ -8,10 +8,10 @@ from auvid_cli.config.extra_states import AugmentedStates
 from auvid_cli.config.identification import Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.identification.process import first_order_transition, vehicle_process
-from auvid_cli.identification.state_layout import state_layout
+from auvid_cli.identification.states import state_layout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.dynamics import vehicle_constants
+from auvid_cli.vehicle.equations import vehicle_constants
 
 SCALE = np.linspace(0.5, 2.0, N_COEFFICIENTS)
 LEAST = (SYMBOLS[0],)

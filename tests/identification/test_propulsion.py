@@ -4,12 +4,12 @@ import h5py
 import numpy as np
 import pytest
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.data.dataset_file import holds_data, read_dataset, write_dataset
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.identifiability import assess_dataset
-from auvid_cli.identification.identify import identify
-from auvid_cli.identification.prior import natural_magnitude
+from auvid_cli.identification.run import identify
+from auvid_cli.identification.states import natural_magnitude
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import Coefficient, unit_of
 

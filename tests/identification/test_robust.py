@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.data.estimate_file import read_estimate, write_estimate
-from auvid_cli.evaluation.consistency import sensor_consistency, status_of
-from auvid_cli.evaluation.innovation_checks import innovation_checks
-from auvid_cli.identification.identify import identify
+from auvid_cli.evaluation.innovations import innovation_checks, sensor_consistency, status_of
+from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 N = len(SYMBOLS)

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
-from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.free_run import free_run
-from auvid_cli.identification.identify import identify
-from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.identification.segmentation import used_data, used_spans
+from auvid_cli.evaluation.innovations import status_of
+from auvid_cli.identification.prepared_data import prepare, used_data, used_spans
+from auvid_cli.identification.run import identify
 from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 

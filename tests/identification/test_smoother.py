@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import ConfigError
-from auvid_cli.identification.identify import identify
+from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 ZIGZAG = (

@@ -5,11 +5,11 @@ import pytest
 
 from auvid_cli.config.extra_states import ERROR_BLOCKS, ErrorBlock
 from auvid_cli.config.identification import Identification
-from auvid_cli.identification import accelerometer, compiled_coefficients, dvl, magnetic_field, process
+from auvid_cli.identification import compiled_layout, process, sensors
 from auvid_cli.identification.compiled_layout import KnownSensors, check_named, model_constants
-from auvid_cli.identification.state_layout import StateBlock, StateLayout, state_layout
+from auvid_cli.identification.states import StateBlock, StateLayout, state_layout
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import N_CONSTANTS
+from auvid_cli.vehicle.equations import N_CONSTANTS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, Quantity
 
 
@@ -47,11 +47,11 @@ def test_scaled_components_have_a_prior_of_one(layout):
 
 def test_an_error_that_no_compiled_code_names_is_refused_at_import():
     errors = [quantity.symbol for block in ERROR_BLOCKS if block.is_named for quantity in block.quantities]
-    check_named(errors, (accelerometer, compiled_coefficients, dvl, magnetic_field), by=2)
+    check_named(errors, (sensors, compiled_layout, sensors, sensors), by=2)
     with pytest.raises(TypeError, match="no compiled code says what comes of dvl_pitch"):
-        check_named(["dvl_pitch"], (dvl,), by=2)
+        check_named(["dvl_pitch"], (sensors,), by=2)
     with pytest.raises(TypeError, match="says what comes of dvl_scale, dvl_yaw, dvl_x, dvl_y, dvl_z, current_north"):
-        check_named(errors, (accelerometer, compiled_coefficients, magnetic_field), by=2)
+        check_named(errors, (sensors, compiled_layout, sensors), by=2)
 
 
 def test_a_moving_state_that_no_compiled_code_moves_is_refused_at_import():

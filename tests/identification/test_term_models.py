@@ -3,7 +3,7 @@
 import numpy as np
 
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.identification.term_models import split
+from auvid_cli.identification.terms import split
 
 
 def test_a_third_of_the_time_is_held_out_wherever_segments_end(multisine_with, with_settings):

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from auvid_cli.config.load import dump_experiment, parse_run
+from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.errors import DataError
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.identification.term_search import search_terms
+from auvid_cli.identification.terms import search_terms
 
 TRUE = -1500.0
 PLANTED = f'vehicle.terms=[{{name: "N_|v|r", row: N, factors: ["|v|", r], value: {TRUE}}}]'

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.enums import FilterName
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import read_estimate, write_estimate
 from auvid_cli.evaluation.free_run import free_run
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.evaluation.judgement import Grade, judge_one
-from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.identification.prior import coefficient_priors, natural_magnitude
+from auvid_cli.identification.run import identify
+from auvid_cli.identification.states import coefficient_priors, natural_magnitude
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, Coefficient, unit_of
 

@@ -9,13 +9,8 @@ from numpy.testing import assert_allclose
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Timeline
-from auvid_cli.identification.state_layout import StateBlock, StateLayout
-from auvid_cli.identification.timeline import (
-    Timelines,
-    initial_motion,
-    measurement_model,
-    measuring_sensors,
-)
+from auvid_cli.identification.states import StateBlock, StateLayout
+from auvid_cli.identification.timeline import Timelines, initial_motion, measurement_model, measuring_sensors
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, Quantity
 
 # Clocks in whole microseconds, some instants in common.

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import InputRecord
-from auvid_cli.inspection.actuator_limits import actuator_checks
+from auvid_cli.inspection.excitation import actuator_checks
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.vehicle.actuators import Actuator, Actuators
 

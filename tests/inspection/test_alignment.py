@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.inspection.alignment import Alignment, input_alignment
-from auvid_cli.inspection.grid import Grid, Signals
+from auvid_cli.inspection.delays import Alignment, input_alignment
+from auvid_cli.inspection.fins import SmallMotion
 from auvid_cli.inspection.inspect import inspect_dataset
-from auvid_cli.inspection.small_motion import SmallMotion
+from auvid_cli.inspection.kinematic_relations import Grid, Signals
 
 DELAY, EXCHANGED = ("inputs", "delay"), ("inputs", "rudder and elevator")
 

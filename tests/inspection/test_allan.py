@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.inspection.allan import allan_deviation, bias_instability
+from auvid_cli.inspection.single_sensor import allan_deviation, bias_instability
 
 STEP = 0.1
 

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import InputRecord
-from auvid_cli.inspection.forces import doubled_thrust_check
+from auvid_cli.inspection.excitation import doubled_thrust_check
 from auvid_cli.inspection.inspect import inspect_dataset
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet, term
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
-from auvid_cli.vehicle.term_library import term
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import InputRecord, SensorRecord
-from auvid_cli.inspection.grid import change, derivative, signals_of, smoothed
+from auvid_cli.inspection.kinematic_relations import change, derivative, signals_of, smoothed
 
 
 def signals(time, values, inputs=None, end=10.0):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.experiment import ImportedRun, Recording
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS

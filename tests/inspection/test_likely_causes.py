@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.inspection.alignment import Alignment
-from auvid_cli.inspection.current import Drift
-from auvid_cli.inspection.grid import Grid, Signals
+from auvid_cli.inspection.delays import Alignment
+from auvid_cli.inspection.fins import RudderTrim
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.inspection import cannot_tell, judged
+from auvid_cli.inspection.kinematic_relations import Grid, Signals
 from auvid_cli.inspection.lasting_errors import LastingError, lasting_errors
 from auvid_cli.inspection.likely_causes import causes_check
-from auvid_cli.inspection.rudder_trim import RudderTrim
+from auvid_cli.inspection.responses import Drift
 
 DIRECT = "sensors.attitude={source: direct, rate: 20 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=20 Hz"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from auvid_cli.inspection.mistaken_units import mistaken_unit, mistaken_units
+from auvid_cli.inspection.agreement import mistaken_unit, mistaken_units
 
 
 @pytest.mark.parametrize(

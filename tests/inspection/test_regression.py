@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.inspection.regression import fit
+from auvid_cli.inspection.kinematic_relations import fit
 
 
 def test_the_gain_is_that_of_least_squares_where_the_noise_is_normal(rng):

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvid_cli.inspection.fins import RudderTrim, rudder_trim_checks
 from auvid_cli.inspection.inspect import inspect_dataset
-from auvid_cli.inspection.rudder_trim import RudderTrim, rudder_trim_checks
 
 DEGREE = np.pi / 180.0
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from auvid_cli.inspection.delays import likeliest_lag, peak, shifted
 from auvid_cli.inspection.inspect import inspect_dataset
-from auvid_cli.inspection.lags import likeliest_lag, peak, shifted
 
 PAIRS = {"gyroscope": "attitude", "depth": "attitude", "dvl": "accelerometer"}
 

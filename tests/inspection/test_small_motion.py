@@ -6,12 +6,12 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 import auvid_cli as auvid
-from auvid_cli.inspection.small_motion import SmallMotion, small_motion
+from auvid_cli.inspection.fins import SmallMotion, small_motion
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import N_FACTORS, vehicle_constants
+from auvid_cli.vehicle.equations import N_FACTORS, vehicle_constants
+from auvid_cli.vehicle.jacobian import N_COLUMNS, N_JACOBIAN_WORK, motion_jacobian
 from auvid_cli.vehicle.parameters import N_MOTION
-from auvid_cli.vehicle.sensitivity import N_COLUMNS, N_JACOBIAN_WORK, motion_jacobian
 
 SPEED = 1.8
 PLACES = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.inspection.steps import angle_steps, gimbal_check, step_check
+from auvid_cli.inspection.single_sensor import angle_steps, gimbal_check, step_check
 
 TIME = 0.1 * np.arange(600)
 RATE = 0.4

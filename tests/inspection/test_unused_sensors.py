@@ -2,8 +2,8 @@
 
 import pytest
 
-from auvid_cli.inspection.unused_sensors import contradictions_of_unused
-from auvid_cli.report.judgements import contradiction_sentences
+from auvid_cli.inspection.inspect import contradictions_of_unused
+from auvid_cli.report.shared_checks import contradiction_sentences
 
 
 @pytest.fixture

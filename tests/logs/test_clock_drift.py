@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.logs.clock_drift import find_clock_drift
+from auvid_cli.logs.clock import find_clock_drift
 
 EVEN = 1e9 + 0.1 * np.arange(1000)
 NAMES = "taken", "other"

@@ -11,21 +11,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from auvid_cli.config.enums import FilterName
 from auvid_cli.config.experiment import ImportedRun, RecordedFile, Recording
-from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import dump_experiment, parse_run
+from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset, InputRecord
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.estimate_checks import check_estimate
+from auvid_cli.evaluation.innovations import status_of
 from auvid_cli.evaluation.judgement import judge_one
-from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.run import identify
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.simulation.imperfections import corrupt
-from auvid_cli.simulation.sensors import sample_times
+from auvid_cli.simulation.simulate import sample_times
 from auvid_cli.validation.data_leakage import check_unseen
 from auvid_cli.validation.results import Prediction
 from auvid_cli.validation.validate import validate

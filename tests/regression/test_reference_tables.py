@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
-from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.report.csv_tables import write_csv_tables
+from auvid_cli.identification.run import identify
+from auvid_cli.report.text_tables import write_csv_tables
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 

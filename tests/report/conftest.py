@@ -11,10 +11,11 @@ from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthReco
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, relative_rmse
-from auvid_cli.evaluation.consistency import mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
-from auvid_cli.evaluation.free_run import FreeRun, VelocityError
+from auvid_cli.evaluation.free_run import VelocityError
+from auvid_cli.evaluation.innovations import mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, SENSORS
 

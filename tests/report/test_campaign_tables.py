@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from auvid_cli.campaign.findings import find
 from auvid_cli.campaign.measures import Measure
+from auvid_cli.campaign.summary import find
 from auvid_cli.report.campaign_tables import comparison_sentences, print_findings, write_findings
 from auvid_cli.report.figures.campaign_errors import map_figure, spread_figure
 

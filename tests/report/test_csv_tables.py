@@ -2,8 +2,8 @@ import csv
 
 import numpy as np
 
-from auvid_cli.data.csv_text import csv_text
-from auvid_cli.report.csv_tables import write_csv_tables
+from auvid_cli.data.checks import csv_text
+from auvid_cli.report.text_tables import write_csv_tables
 
 COLUMNS = {
     "coefficients": "filter,coefficient,unit,true,estimate,standard_deviation,rmse,steady_state_error_percent,"

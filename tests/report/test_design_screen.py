@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from auvid_cli.design.band import Band
-from auvid_cli.design.conclusion import Design, Poor
-from auvid_cli.design.envelope import Extent
+from auvid_cli.design.envelope import Band, Extent
 from auvid_cli.design.posterior import Posterior
-from auvid_cli.design.search import Reached
+from auvid_cli.design.search import Design, Reached, WeakCoefficient
 from auvid_cli.design.trials import Flight, Trial
-from auvid_cli.report.design_screen import print_design, sentences
-from auvid_cli.report.figures.mission import mission_figure
+from auvid_cli.report.figures.timeline import mission_figure
+from auvid_cli.report.screens import print_design, sentences
 
 SYMBOLS = "X_u|u|", "N_uvl", "K_up"
 GROWTH = (60.0, 3.14), (120.0, 1.0)
@@ -35,7 +33,7 @@ def design():
     def make(designed, spiral, chosen="designed"):
         posterior = Posterior(np.array([0.0, 120.0]), np.ones((2, 3)), np.eye(3))
         trials = {"designed": designed, "spiral": spiral, "zigzag": trial(8.0, lost=4), "doublets": trial(0.5)}
-        poor = (Poor("N_uvl", 31.0, "cannot be told from N_url: correlation 0.97"),)
+        poor = (WeakCoefficient("N_uvl", 31.0, "cannot be told from N_url: correlation 0.97"),)
         gain = trials["designed" if chosen == "spiral" else chosen].mean_gain_over(spiral)
         end = Reached(1, 13, designed), SYMBOLS
         return Design(None, chosen, gain, trials, poor, None, posterior, 40.0, GROWTH, *end)

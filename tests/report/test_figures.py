@@ -10,25 +10,18 @@ from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from auvid_cli.config.figure_format import FigureFormat
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FigureFormat, FilterName
 from auvid_cli.errors import FileError
 from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.evaluation.predicted_motion import FreeRun
-from auvid_cli.report.convergence import shown_range
-from auvid_cli.report.figures import canvas
-from auvid_cli.report.figures.convergence import convergence_figure
+from auvid_cli.report.figures import kinds
+from auvid_cli.report.figures.coefficients import bounds_figure, convergence_figure, correlation_figure
 from auvid_cli.report.figures.draw import FigureQueue
-from auvid_cli.report.figures.free_runs import free_run_figure
-from auvid_cli.report.figures.identifiability import bounds_figure, correlation_figure
-from auvid_cli.report.figures.innovations import innovation_figure
-from auvid_cli.report.figures.limits import around, value_range, with_margin, with_near_zero
-from auvid_cli.report.figures.motion import motion_figure
-from auvid_cli.report.figures.motion_errors import motion_error_figure
-from auvid_cli.report.figures.path import path_figure
-from auvid_cli.report.figures.series import log_spaced, spaced, thin, unwrapped
-from auvid_cli.report.figures.style import new_figure, plain_log_ticks
-from auvid_cli.report.write import write_tables
+from auvid_cli.report.figures.motion import motion_error_figure, motion_figure, path_figure
+from auvid_cli.report.figures.style import around, new_figure, plain_log_ticks, value_range, with_margin, with_near_zero
+from auvid_cli.report.figures.validation import free_run_figure, innovation_figure
+from auvid_cli.report.layout import write_tables
+from auvid_cli.report.plot_data import log_spaced, shown_range, spaced, thin, unwrapped
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS
 
@@ -124,7 +117,7 @@ def test_a_coefficient_that_is_infinitely_uncertain_is_drawn_and_printed(tmp_pat
     estimate.standard_deviation[:, 0] = np.inf
     evaluation = evaluation_of(dataset, [estimate])
     figure = convergence_figure(FEW[:1], [estimate.course(FEW)], {"X_u|u|": 10.0})
-    assert len(canvas.save(figure, tmp_path / "figures", "convergence", EVERY_FORMAT[:1])) == 1
+    assert len(kinds.save(figure, tmp_path / "figures", "convergence", EVERY_FORMAT[:1])) == 1
     write_tables(evaluation, tmp_path)
     assert "output_error,X_u|u|,kg/m,10.0,10.1,inf," in (tmp_path / "coefficients.csv").read_text(encoding="utf-8")
     assert "| 10.10 ± — † |" in (tmp_path / "tables.md").read_text(encoding="utf-8")
@@ -139,7 +132,7 @@ def test_missing_sensors_and_no_filter(tmp_path, dataset, draw_figures):
 @pytest.mark.parametrize(("canvas_class", "form"), CANVASES)
 def test_a_figure_that_fails_leaves_no_half_file_and_the_earlier_one(tmp_path, monkeypatch, canvas_class, form):
     folder = tmp_path / "figures"
-    before = {path: path.read_bytes() for path in canvas.save(Figure(), folder, "path", EVERY_FORMAT)}
+    before = {path: path.read_bytes() for path in kinds.save(Figure(), folder, "path", EVERY_FORMAT)}
 
     def fail(self, filename, **options):
         filename.write_bytes(b"half")
@@ -147,20 +140,20 @@ def test_a_figure_that_fails_leaves_no_half_file_and_the_earlier_one(tmp_path, m
 
     monkeypatch.setattr(canvas_class, f"print_{form}", fail)
     with pytest.raises(FileError, match="No space left"):
-        canvas.save(Figure(), folder, "path", EVERY_FORMAT)
+        kinds.save(Figure(), folder, "path", EVERY_FORMAT)
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
 def test_each_format_is_what_it_is_called(tmp_path, dataset):
-    png, svg, pdf = canvas.save(free_run_figure(dataset.sensors, {}), tmp_path, "free_runs", EVERY_FORMAT)
+    png, svg, pdf = kinds.save(free_run_figure(dataset.sensors, {}), tmp_path, "free_runs", EVERY_FORMAT)
     assert png.read_bytes().startswith(b"\x89PNG")
     assert ElementTree.parse(svg).getroot().tag.endswith("svg")
     assert pdf.read_bytes().startswith(b"%PDF")
 
 
 def test_a_figure_that_is_drawn_again_leaves_no_earlier_one_in_another_format(tmp_path):
-    canvas.save(Figure(), tmp_path, "path", EVERY_FORMAT)
-    canvas.save(Figure(), tmp_path, "path", (FigureFormat.SVG,))
+    kinds.save(Figure(), tmp_path, "path", EVERY_FORMAT)
+    kinds.save(Figure(), tmp_path, "path", (FigureFormat.SVG,))
     assert [path.name for path in tmp_path.iterdir()] == ["path.svg"]
 
 

@@ -12,15 +12,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.table import Table as ScreenTable
 from rich.text import Text
 
-from auvid_cli.config.figure_format import FigureFormat
-from auvid_cli.data.csv_text import csv_text, csv_value
-from auvid_cli.printable import printable
-from auvid_cli.report.console import PlainConsole
-from auvid_cli.report.figures.canvas import save
+from auvid_cli.config.enums import FigureFormat
+from auvid_cli.data.checks import csv_text, csv_value
+from auvid_cli.report.figures.kinds import save
 from auvid_cli.report.figures.style import head, new_figure, plain
-from auvid_cli.report.latex import render_latex
-from auvid_cli.report.markdown import render_markdown
+from auvid_cli.report.screen_table import PlainConsole
 from auvid_cli.report.table import Column, Table
+from auvid_cli.report.text_tables import render_latex, render_markdown
+from auvid_cli.text import printable
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=40)
 pieces = st.lists(st.sampled_from([*"=+-@'\"\t\r\n,;|\\$%&#_{}[]*`<>~^ab1.", "\x1b[2J", "\u202e"]), max_size=12)

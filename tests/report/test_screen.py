@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from auvid_cli.data.check import Check
+from auvid_cli.data.checks import Check
 from auvid_cli.evaluation.assessment import CoefficientBound, Identifiability
 from auvid_cli.report.screen import print_checks, print_files, print_identifiability, print_summary
 from auvid_cli.report.screen_table import printed as printed_number

@@ -2,9 +2,9 @@
 
 from rich.console import Console
 
-from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.data.term_findings import ScoredTerm, TermFindings
-from auvid_cli.report.term_screen import print_terms
+from auvid_cli.config.loading import find_experiment, load_experiment
+from auvid_cli.data.findings import ScoredTerm, TermFindings
+from auvid_cli.report.screens import print_terms
 
 
 def scored(term: str, held_out_gain: float | None, found: bool = False) -> ScoredTerm:

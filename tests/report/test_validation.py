@@ -8,12 +8,12 @@ import pytest
 from matplotlib.colors import to_rgba
 from rich.console import Console
 
-from auvid_cli.data.check import Check, Checks
+from auvid_cli.data.checks import Check, Checks
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.predicted_motion import FreeRun
-from auvid_cli.report.csv_tables import write_csv_tables
 from auvid_cli.report.figures.validation import horizon_figure
-from auvid_cli.report.validation_screen import print_validation
+from auvid_cli.report.screen import print_validation
+from auvid_cli.report.text_tables import write_csv_tables
 from auvid_cli.validation.results import AHEAD, FREE_RUN, NO_WIDER, ManoeuvreNumber, Prediction, Validation
 from auvid_cli.vehicle.parameters import MOTION
 

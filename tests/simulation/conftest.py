@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from auvid_cli.simulation.manoeuvre_plan import make_plan
-from auvid_cli.simulation.true_motion import LONGEST_STEP, Truth, simulate_motion
-from auvid_cli.simulation.unrecorded import draw_disturbance
-from auvid_cli.vehicle.dynamics import N_FACTORS, vehicle_constants
+from auvid_cli.simulation.imperfections import draw_disturbance
+from auvid_cli.simulation.manoeuvres import make_plan
+from auvid_cli.simulation.motion import LONGEST_STEP, Truth, simulate_motion
+from auvid_cli.vehicle.equations import N_FACTORS, vehicle_constants
 
 
 @pytest.fixture(scope="session")

@@ -8,8 +8,7 @@ import pytest
 from auvid_cli.angles import wrap
 from auvid_cli.errors import SimulationError
 from auvid_cli.simulation.ahrs import attitude_reference
-from auvid_cli.simulation.sensors import measure
-from auvid_cli.simulation.simulate import simulate
+from auvid_cli.simulation.simulate import measure, simulate
 
 STRAIGHT = "manoeuvre={type: multisine, duration: 60 s, speed: 2 m/s}"
 NOISELESS = tuple(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.simulation.field_log import field_log
 from auvid_cli.simulation.simulate import simulate
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.errors import ConfigError
-from auvid_cli.simulation.manoeuvre_plan import make_plan, multisine
+from auvid_cli.simulation.manoeuvres import make_plan, multisine
 
 
 @pytest.fixture

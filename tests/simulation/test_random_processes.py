@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from auvid_cli.simulation.random_processes import gauss_markov, stream
+from auvid_cli.simulation.imperfections import gauss_markov, stream
 
 
 def test_a_gauss_markov_process_has_its_variance_and_autocorrelation_at_any_times():

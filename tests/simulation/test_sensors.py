@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from auvid_cli.simulation.sensors import measure
-from auvid_cli.simulation.true_motion import sample_motion
+from auvid_cli.simulation.motion import sample_motion
+from auvid_cli.simulation.simulate import measure
 from auvid_cli.vehicle.kinematics import GRAVITY
 
 RAW = ("gyroscope", "accelerometer", "magnetometer", "dvl")

@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 
 from auvid_cli.errors import SimulationError
 from auvid_cli.lanes import LANES
-from auvid_cli.simulation.true_motion import sample_motion
-from auvid_cli.simulation.unrecorded import draw_disturbance
-from auvid_cli.vehicle.dynamics import motion_derivative
+from auvid_cli.simulation.imperfections import draw_disturbance
+from auvid_cli.simulation.motion import sample_motion
+from auvid_cli.vehicle.equations import motion_derivative
 from auvid_cli.vehicle.matrices import mass_matrix
 
 STRAIGHT = "{type: multisine, duration: 60 s, speed: 2 m/s, initial_speed: 1 m/s}"

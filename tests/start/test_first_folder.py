@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.config.log_map import load_map
 from auvid_cli.config.outline import outline_of_options
 from auvid_cli.data.files import write_folder
@@ -15,7 +15,7 @@ from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.start import first_spiral
 from auvid_cli.start.first_folder import folder_like, folder_of_outline
-from auvid_cli.start.sanity import sanity_notes, sanity_rows
+from auvid_cli.start.first_spiral import sanity_notes, sanity_rows
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 OUTLINE = {"length": 2, "diameter": 0.2, "mass": 60, "fin_span": 0.1, "fin_area": 0.012}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from auvid_cli.config.load import parse_vehicle
+from auvid_cli.config.loading import parse_vehicle
 from auvid_cli.config.manoeuvre import Spiral
 from auvid_cli.config.outline import outline_of_options
 from auvid_cli.config.shipped import shipped_configs

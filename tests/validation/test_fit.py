@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.validation.fit import PredictionFit
+from auvid_cli.validation.results import PredictionFit
 
 PHASE = 2.0 * np.pi * np.arange(1000) / 1000
 

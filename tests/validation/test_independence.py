@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.validation.independence import independent_errors
+from auvid_cli.validation.results import independent_errors
 
 
 def test_errors_of_white_noise_count_each(rng):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.validation.model_bundle import drawn_models, models_of
+from auvid_cli.validation.initial_states import drawn_models, models_of
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.identification.timeline import Timelines
-from auvid_cli.validation.signals import SAME, MeasuredSignal, SignalSize, measured_signals, signal_sizes
+from auvid_cli.validation.motion_prediction import SAME, MeasuredSignal, SignalSize, measured_signals, signal_sizes
 
 
 def test_signals_hold_what_is_finite_of_each_component_in_the_order_of_the_motion():

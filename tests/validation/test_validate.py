@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.judgement import Grade
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.validation.horizon_prediction import HORIZONS
+from auvid_cli.validation.horizons import HORIZONS
 from auvid_cli.validation.results import AHEAD, FREE_RUN
 from auvid_cli.validation.validate import validate
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS
@@ -32,7 +32,7 @@ def free_fits(validation):
 @pytest.fixture(scope="module")
 def identified(simulated_with):
     """From a spiral."""
-    from auvid_cli.identification.identify import identify
+    from auvid_cli.identification.run import identify
 
     return identify(simulated_with("manoeuvre.duration=150 s", WHITE), FilterName.CKF)
 
@@ -152,7 +152,7 @@ def test_a_gyroscope_with_a_bias_is_seen_through_where_the_settings_ask_for_it(
 
 def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with):
     from auvid_cli.evaluation.free_run import free_run
-    from auvid_cli.identification.identify import identify
+    from auvid_cli.identification.run import identify
 
     current = "manoeuvre.current_north=0.3 m/s", "manoeuvre.current_east=-0.2 m/s"
     asking = "identification.estimate.biases=[current]", "identification.estimate.current.walk=0"

@@ -7,7 +7,7 @@ import pytest
 
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import N_SLOPE, N_WORK, NO_ERRORS, motion_derivative, runge_kutta_step
+from auvid_cli.vehicle.equations import N_SLOPE, N_WORK, NO_ERRORS, motion_derivative, runge_kutta_step
 from auvid_cli.vehicle.parameters import N_MOTION
 
 

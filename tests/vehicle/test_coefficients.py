@@ -4,7 +4,7 @@ import pint
 import pytest
 
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS, check_table
-from auvid_cli.vehicle.dynamics import check_terms, motion_derivative
+from auvid_cli.vehicle.equations import check_terms, motion_derivative
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, PARAMETERS
 
 UNITS = pint.UnitRegistry()

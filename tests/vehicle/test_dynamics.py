@@ -12,9 +12,8 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import AS_STATED
-from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.dynamics import (
+from auvid_cli.vehicle.equations import (
     N_FACTORS,
     NO_ERRORS,
     motion_derivative,
@@ -22,6 +21,7 @@ from auvid_cli.vehicle.dynamics import (
     sine_cosine,
     vehicle_constants,
 )
+from auvid_cli.vehicle.matrices import Ballast
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS, N_MOTION, PARAMETER_SYMBOLS
 
 seeds = st.integers(0, 2**32 - 1)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.dynamics import vehicle_constants
+from auvid_cli.vehicle.equations import vehicle_constants
 
 NO_COEFFICIENTS = np.zeros(N_COEFFICIENTS)
 NO_INPUTS = np.zeros(4)

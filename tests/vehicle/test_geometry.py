@@ -7,12 +7,29 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from auvid_cli.vehicle.added_mass import roll_added_inertia, spheroid_factors, strip_added_mass, surge_added_mass
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.geometry import DERIVED_TERMS, coefficients_from_geometry
-from auvid_cli.vehicle.hull import MyringLengths, hull_of_radii, myring_hull, nose_cylinder_tail_hull
-from auvid_cli.vehicle.shape import Appendage, Geometry, TailFins
-from auvid_cli.vehicle.steady_flow import bare_hull_drag, cross_flow, fin_drag, fin_lift, hull_lift
+from auvid_cli.vehicle.geometry import (
+    DERIVED_TERMS,
+    bare_hull_drag,
+    coefficients_from_geometry,
+    cross_flow,
+    fin_drag,
+    fin_lift,
+    hull_lift,
+    roll_added_inertia,
+    spheroid_factors,
+    strip_added_mass,
+    surge_added_mass,
+)
+from auvid_cli.vehicle.hull import (
+    Appendage,
+    Geometry,
+    MyringLengths,
+    TailFins,
+    hull_of_radii,
+    myring_hull,
+    nose_cylinder_tail_hull,
+)
 
 UNITS = pint.UnitRegistry()
 HULL = myring_hull(MyringLengths(0.191, 0.0165, 0.654, 0.541, 0.0368, 0.191, 2.0, 0.436))

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SIGNALS
-from auvid_cli.vehicle.term_library import admissible_terms, term
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, SIGNALS, admissible_terms, term
 
 MIRROR = {signal: -1.0 if signal in ("v", "p", "r", "rudder") else 1.0 for signal in SIGNALS}
 

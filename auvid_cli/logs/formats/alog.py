@@ -6,9 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn
-from auvid_cli.logs.formats.lookup import look_up
-from auvid_cli.logs.formats.units import is_number
+from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
+from auvid_cli.logs.formats.text_layout import is_number
 
 _VALUE = "value"
 

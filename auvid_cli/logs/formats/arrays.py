@@ -17,11 +17,10 @@ from scipy.io import loadmat
 from scipy.io.matlab import mat_struct
 
 from auvid_cli.child_processes import WorkerPool
-from auvid_cli.data.damage import refusing_damage
+from auvid_cli.data.files import refusing_damage
 from auvid_cli.data.hdf5 import numbers_in, open_hdf5
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import ColumnValues, Log, LogColumn
-from auvid_cli.logs.formats.lookup import look_up
+from auvid_cli.logs.formats.log import ColumnValues, Log, LogColumn, look_up
 
 # Wider arrays and longer lists of structs are pictures and the like, no columns.
 _MOST_COLUMNS = 100

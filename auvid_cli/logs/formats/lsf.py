@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from auvid_cli.data.damage import refusing_damage
+from auvid_cli.data.files import refusing_damage
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn
-from auvid_cli.logs.formats.lookup import look_up
+from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
 
 try:
     import imcpy

@@ -8,7 +8,7 @@ from enum import Enum
 from pathlib import Path
 from typing import assert_never
 
-from auvid_cli.data.damage import refusing_damage
+from auvid_cli.data.files import refusing_damage
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.formats.text_layout import TextLayout

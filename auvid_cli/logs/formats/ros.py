@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auvid_cli.data.damage import refusing_damage
+from auvid_cli.data.files import refusing_damage
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn
-from auvid_cli.logs.formats.lookup import missing
+from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, missing
 
 try:
     from rosbags.highlevel import AnyReader

@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.logs.formats.log import Log, LogColumn
-from auvid_cli.logs.suggest.commented_yaml import Comment, Flow, Line, Phrase, YamlEntry
-from auvid_cli.logs.suggest.found import tracks_of
 from auvid_cli.logs.suggest.judge import Evidence
 from auvid_cli.logs.suggest.names import INPUT_NAMES, SIDES, find_columns, find_in_logs, named_unit
-from auvid_cli.logs.suggest.rows import row_entries, time_of
+from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, row_entries, time_of, tracks_of
 from auvid_cli.logs.suggest.ties import PITCHING, TURNING, Track
 
 Array = NDArray[np.float64]

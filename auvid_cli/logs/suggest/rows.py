@@ -1,14 +1,110 @@
-"""Entries of a suggested map that say where columns stand."""
+"""Columns of a log that a suggested map uses, and the YAML with comments that it is written in."""
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.config.log_columns import unit_factor
-from auvid_cli.logs.clock import FARTHEST
-from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log
-from auvid_cli.logs.suggest.commented_yaml import Flow, Phrase, YamlEntry
-from auvid_cli.logs.suggest.names import find_time
+from auvid_cli.config.units import magnitude_of
+from auvid_cli.logs.clock import FARTHEST, order_rows, to_seconds
+from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
+from auvid_cli.logs.frames import euler_of_quaternion
+from auvid_cli.logs.suggest.names import QUATERNION_NAMES, Match, find_time, named_unit
+from auvid_cli.logs.suggest.ties import Track
+from auvid_cli.text import printable
+from auvid_cli.vehicle.parameters import SENSORS
+
+_WORDS_OF_YAML = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
+_PLAIN = re.compile(r"[A-Za-z_/][\w./-]*", re.ASCII)
+Flow: TypeAlias = "str | int | Mapping[str, Flow] | tuple[Flow, ...] | None"
+Value: TypeAlias = "Flow | list[Line] | list[YamlEntry]"
+Array = NDArray[np.float64]
+# Larger than that is not in SI; sizes of the 99 % quantile that other units have, from the largest on.
+_OTHER_UNITS: dict[str, tuple[tuple[float, str], ...]] = {
+    "rad": ((2.0 * np.pi, "deg"),),
+    "rad/s": ((3.0, "deg/s"),),
+    "m/s": ((200.0, "mm/s"), (20.0, "cm/s")),
+    "m/s^2": ((3000.0, "mm/s^2"), (300.0, "cm/s^2")),
+}
+# What a mean specific force along the vertical is rather in g.
+_ONE_G = (0.8, 1.2)
+
+
+class Phrase(str):
+    """Text with blanks that is to stand without quotes, such as a number with its unit."""
+
+    __slots__ = ()
+
+
+class Comment(NamedTuple):
+    """A line that is nothing but a comment."""
+
+    text: str
+
+
+class YamlEntry(NamedTuple):
+    """A key and its value, with a comment behind.
+
+    Attributes
+    ----------
+    key : str
+    value : Value
+        A list of lines is a block of its own; a mapping and a tuple stand in braces and brackets.
+    comment : str
+    """
+
+    key: str
+    value: "Value"
+    comment: str = ""
+
+
+Line: TypeAlias = YamlEntry | Comment
+
+
+def commented_text(lines: Iterable[Line]) -> str:
+    """Write a mapping."""
+    return "".join(f"{printable(line)}\n" for line in _block(lines, ""))
+
+
+def quoted(name: str) -> str:
+    """Quote a name as YAML needs it."""
+    if _PLAIN.fullmatch(name) and name.lower() not in _WORDS_OF_YAML:
+        return name
+    if not name.isprintable():
+        escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{printable(escaped)}"'
+    return "'" + name.replace("'", "''") + "'"
+
+
+def _block(lines: Iterable[Line], indent: str) -> Iterator[str]:
+    for line in lines:
+        if isinstance(line, Comment):
+            yield f"{indent}# {line.text}"
+            continue
+        comment = f" # {line.comment}" if line.comment else ""
+        if isinstance(line.value, list):
+            yield f"{indent}{line.key}:{comment}"
+            yield from _block(line.value, f"{indent}  ")
+        else:
+            yield f"{indent}{line.key}: {_flow(line.value)}{comment}"
+
+
+def _flow(value: Flow) -> str:
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return str(value).lower()
+        case int() | Phrase():
+            return str(value)
+        case str():
+            return quoted(value)
+        case tuple():
+            return f"[{', '.join(map(_flow, value))}]"
+    return f"{{{', '.join(f'{key}: {_flow(item)}' for key, item in value.items())}}}"
 
 
 def row_entries(logs: Mapping[str, Log], name: str, table: str, delay: float = 0.0) -> Iterator[YamlEntry]:
@@ -53,3 +149,94 @@ def _is_time(unit: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+class Found(NamedTuple):
+    """A sensor that was found by names.
+
+    Attributes
+    ----------
+    sensor : str
+    log : str
+    match : Match
+    numbers : dict of ndarray
+        By component, as the log has them.
+    unit : str
+        Guessed, unless it is stated.
+    comment : str
+        Why that unit.
+    is_stated : bool
+        Whether the log or a name states the unit.
+    """
+
+    sensor: str
+    log: str
+    match: Match
+    numbers: dict[str, Array]
+    unit: str
+    comment: str
+    is_stated: bool
+
+    @property
+    def is_quaternion(self) -> bool:
+        """Say whether it is an attitude as a quaternion."""
+        return set(self.numbers) == set(QUATERNION_NAMES)
+
+    def si(self) -> dict[str, Array]:
+        """Return the components in SI, a quaternion as angles; what nothing measures is missing."""
+        if self.is_quaternion:
+            angles = euler_of_quaternion(np.column_stack([self.numbers[axis] for axis in "wxyz"]))
+            return dict(zip(("phi", "theta", "psi"), angles.T, strict=True))
+        si = SENSORS[self.sensor][0].unit
+        factor = unit_factor(self.unit, si)
+        most = magnitude_of(si).most / factor
+        return {
+            component: factor * np.where(np.abs(raw) <= most, raw, np.nan) for component, raw in self.numbers.items()
+        }
+
+
+def found_in(logs: Mapping[str, Log], sensor: str, name: str, match: Match) -> Found:
+    """Read what was found of a sensor, and guess its unit."""
+    values = logs[name].read(match.table, [column.name for column in match.columns.values()])
+    numbers = {component: np.asarray(values[column.name], np.float64) for component, column in match.columns.items()}
+    return Found(sensor, name, match, numbers, *_unit(list(match.columns.values()), numbers, SENSORS[sensor][0].unit))
+
+
+def tracks_of(log: Log, table: str, signals: Mapping[str, Array]) -> dict[str, Track]:
+    """Return signals with their times; none if the table has no column that looks like times, or one is no time."""
+    flow, _ = time_of(log, table)
+    if flow is None:
+        return {}
+    name, unit = (flow["column"], flow.get("unit")) if isinstance(flow, Mapping) else (flow, None)
+    column = next(column for column in log.tables()[table] if column.name == name)
+    try:
+        seconds = to_seconds(
+            log.read(table, [column.name])[column.name], unit_factor(str(unit or column.unit or "s"), "s")
+        )
+    except ValueError:
+        return {}
+    order = order_rows(seconds.seconds)
+    time = seconds.seconds[order.rows]
+    return {symbol: Track(time, values[order.rows]) for symbol, values in signals.items()} if time.size > 1 else {}
+
+
+def _unit(columns: Sequence[LogColumn], numbers: Mapping[str, Array], si: str) -> tuple[str, str, bool]:
+    """Guess the unit of columns, say why, and whether the log states it."""
+    units = {column.unit for column in columns}
+    if len(units) == 1 and (unit := units.pop()):
+        try:
+            unit_factor(unit, si)
+        except ValueError:
+            return si, f"check: the log says {unit!r}", False
+        return unit, "as the log says", True
+    largest = max(float(np.nanmax(np.abs(values), initial=0.0)) for values in numbers.values())
+    named = {named_unit(column.name, si) for column in columns}
+    if len(named) == 1 and (unit := named.pop()):
+        return unit, f"as the name says; check: values reach {largest:.4g}", True
+    known = np.concatenate([np.abs(values[np.isfinite(values)]) for values in numbers.values()])
+    usual = float(np.quantile(known, 0.99)) if known.size else 0.0
+    size = largest if si.startswith("rad") else usual
+    unit = next((unit for least, unit in _OTHER_UNITS.get(si, ()) if size > least), si)
+    if si == "m/s^2" and "fz" in numbers and _ONE_G[0] < abs(float(np.nanmean(numbers["fz"]))) < _ONE_G[1]:
+        unit = "g"
+    return unit, f"check: values reach {largest:.4g}", False

@@ -7,12 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.noise import estimate_noise
+from auvid_cli.data.signals import estimate_noise
 from auvid_cli.logs.formats.log import Log
-from auvid_cli.logs.suggest.commented_yaml import Comment, Flow, Line, Phrase, YamlEntry
-from auvid_cli.logs.suggest.evidence import TRIPLES, USUAL_AXES
-from auvid_cli.logs.suggest.found import Found, found_in, tracks_of
-from auvid_cli.logs.suggest.judge import OVER_GROUND, Evidence
+from auvid_cli.logs.suggest.judge import OVER_GROUND, TRIPLES, USUAL_AXES, Evidence
 from auvid_cli.logs.suggest.names import (
     EARTH_VELOCITY,
     QUATERNION_NAMES,
@@ -22,7 +19,18 @@ from auvid_cli.logs.suggest.names import (
     is_over_ground,
     standard_message,
 )
-from auvid_cli.logs.suggest.rows import row_entries, time_of
+from auvid_cli.logs.suggest.rows import (
+    Comment,
+    Flow,
+    Found,
+    Line,
+    Phrase,
+    YamlEntry,
+    found_in,
+    row_entries,
+    time_of,
+    tracks_of,
+)
 from auvid_cli.logs.suggest.ties import Track
 from auvid_cli.vehicle.parameters import SENSORS
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.logs.sensor_motion import interpolate
+from auvid_cli.logs.frames import interpolate
 from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]

@@ -10,9 +10,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from auvid_cli.campaign.status import ended
+from auvid_cli.campaign.axes import ended
 from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure, plain, plain_log_ticks
-from auvid_cli.report.notation import setting_text
+from auvid_cli.report.table import setting_text
 
 if TYPE_CHECKING:
     # Who draws something else does not need it.
@@ -147,7 +147,7 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     Parameters
     ----------
     table : DataFrame
-        As of `auvid_cli.campaign.statistics.by_filter`; over further axes the median is taken, of shares the mean.
+        As of `auvid_cli.campaign.summary.by_filter`; over further axes the median is taken, of shares the mean.
     columns, filters
         As of `spread_figure`; the last two axes are the map's.
     """

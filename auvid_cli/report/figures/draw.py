@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from auvid_cli.config.figure_format import FigureFormat
+from auvid_cli.config.enums import FigureFormat
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.report.figures import workers
@@ -14,11 +14,11 @@ from auvid_cli.report.figures.workers import Submit, draw_and_save
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_SYMBOLS, SENSORS, Quantity, state_of
 
 if TYPE_CHECKING:
-    from auvid_cli.campaign.findings import Findings
+    from auvid_cli.campaign.summary import Findings
 
     # They bring the compiled core along, which is loaded elsewhere, and said to be.
-    from auvid_cli.design.band import Band
-    from auvid_cli.design.conclusion import Design
+    from auvid_cli.design.envelope import Band
+    from auvid_cli.design.search import Design
     from auvid_cli.evaluation.assessment import Identifiability
     from auvid_cli.evaluation.evaluate import Evaluation
     from auvid_cli.inspection.inspection import Inspection

@@ -1,20 +1,21 @@
-"""The kinds of figures there are, by name: what a worker loads, and nobody else."""
+"""All kinds of figures by name, and the files that they are saved to.
 
-from collections.abc import Callable
+Only the processes that draw load this module.
+"""
+
+import warnings
+from collections.abc import Callable, Collection
+from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from auvid_cli.config.enums import FigureFormat
+from auvid_cli.data.files import remove, replacing
 from auvid_cli.report.figures.campaign_errors import map_figure, spread_figure
-from auvid_cli.report.figures.convergence import convergence_figure, estimate_figure
-from auvid_cli.report.figures.free_runs import free_run_figure
-from auvid_cli.report.figures.identifiability import bounds_figure, correlation_figure
-from auvid_cli.report.figures.innovations import innovation_figure
-from auvid_cli.report.figures.mission import mission_figure
-from auvid_cli.report.figures.motion import motion_figure
-from auvid_cli.report.figures.motion_errors import motion_error_figure
-from auvid_cli.report.figures.path import path_figure
-from auvid_cli.report.figures.timeline import timeline_figure
-from auvid_cli.report.figures.validation import horizon_figure
+from auvid_cli.report.figures.coefficients import bounds_figure, convergence_figure, correlation_figure, estimate_figure
+from auvid_cli.report.figures.motion import motion_error_figure, motion_figure, path_figure
+from auvid_cli.report.figures.timeline import mission_figure, timeline_figure
+from auvid_cli.report.figures.validation import free_run_figure, horizon_figure, innovation_figure
 
 KINDS: dict[str, Callable[..., Figure]] = {
     "path": path_figure,
@@ -32,3 +33,35 @@ KINDS: dict[str, Callable[..., Figure]] = {
     "map": map_figure,
     "mission": mission_figure,
 }
+
+
+def save(figure: Figure, folder: Path, name: str, formats: Collection[FigureFormat]) -> list[Path]:
+    """Write a figure in some formats, each whole or not at all; those in others, of what was before, go."""
+    with warnings.catch_warnings():
+        # A sign that the font lacks, of a name, stands as a box.
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        paths = [_save(figure, folder / f"{name}.{form}", form) for form in FigureFormat if form in formats]
+    remove(folder / f"{name}.{form}" for form in FigureFormat if form not in formats)
+    return paths
+
+
+def _save(figure: Figure, path: Path, form: FigureFormat) -> Path:
+    # `Figure.savefig` would draw everything twice for each file, the first time for the layout alone.
+    with replacing(path) as temporary:
+        match form:
+            case FigureFormat.PNG:
+                from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+                options = {"metadata": {"Software": "auvid"}, "pil_kwargs": {"compress_level": 4}}
+                FigureCanvasAgg(figure).print_png(temporary, **options)
+            case FigureFormat.SVG:
+                from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+                FigureCanvasSVG(figure).print_svg(temporary, metadata={"Date": None})
+            case FigureFormat.PDF:
+                from matplotlib.backends.backend_pdf import FigureCanvasPdf
+
+                FigureCanvasPdf(figure).print_pdf(temporary, metadata={"CreationDate": None})
+    # The layout is found, and is the same for the next format.
+    figure.set_layout_engine("none")
+    return path

@@ -1,4 +1,4 @@
-"""What was measured against what the identified model predicts from the inputs alone."""
+"""Figures of the path, of the motion and of its errors."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -7,31 +7,199 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.axes3d import Axes3D
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.angles import wrap
+from auvid_cli.data.dataset import SensorRecord, TruthRecord
+from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.evaluation.predicted_motion import FreeRun
-from auvid_cli.report.figures.limits import around, value_range
-from auvid_cli.report.figures.series import finite, thin, unwrapped
 from auvid_cli.report.figures.style import (
+    BAND_SHADE,
     FILTER_STYLES,
     MEASURED,
+    TRUE_LINE,
+    WIDTH,
+    Room,
+    around,
+    draw_band,
     filter_handles,
     head,
     legend_above,
+    name_panel,
+    name_values,
     new_figure,
+    new_panels,
+    plain_decades,
     say,
+    sized_figure,
     tidy,
+    value_range,
+    with_margin,
 )
-from auvid_cli.report.notation import symbol_math
-from auvid_cli.report.scales import scale_of
-from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity
+from auvid_cli.report.plot_data import finite, scale_of, spaced, thin, travelled, travelled_paths, unwrapped
+from auvid_cli.report.table import filter_label, symbol_math
+from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
-
+_HEIGHT = 5.8
+_PATH_POINTS, _POINTS_IN_SPACE = 1000, 500
+# From its start a path is drawn, in extents of the first.
+_FARTHEST = 2.0
+_SHADOW: dict[str, Any] = {"color": "0.75", "linewidth": 0.8}
+_ENDS = (("start", "o", "white"), ("end", "s", "0.4"))
 # s, of the end of the run that is drawn once more, larger.
 _ZOOM = 30.0
-_POINTS = 1200
+_MOTION_POINTS = 1200
+_ERROR_POINTS = 250
+# Half the height of a panel in usual bands, or in usual errors: those that so many percent do not reach.
+_HIGHEST, _MOST = 2.0, 90.0
+
+
+class _Track(NamedTuple):
+    """A path, m: north, east, down over time, s; and how its line looks."""
+
+    label: str
+    time: Array
+    position: Array
+    line: dict[str, Any]
+
+
+def path_figure(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> Figure:
+    """Draw the true path, and those that follow from the estimated motion alone, from its start or from zero."""
+    tracks = _tracks(truth, estimates)
+    figure = sized_figure(WIDTH, _HEIGHT)
+    has_distance = truth is not None and len(tracks) > 1
+    grid = figure.add_gridspec(
+        3,
+        2,
+        **{"left": 0.02, "right": 0.98, "bottom": 0.085, "top": 0.93, "wspace": 0.14, "hspace": 0.55},
+        width_ratios=[1.15, 1.0],
+        height_ratios=[2.2, 1.0, 1.0],
+    )
+    views, plan = figure.add_subplot(grid[:, 0], projection="3d"), figure.add_subplot(grid[0, 1])
+    assert isinstance(views, Axes3D)
+    if not tracks:
+        say(plan, "no finite position")
+        return figure
+    profile = figure.add_subplot(grid[1, 1] if has_distance else grid[1:, 1])
+    _draw_in_space(views, tracks)
+    _draw_plan(plan, tracks)
+    _draw_profile(profile, tracks)
+    if has_distance:
+        _draw_distance(figure.add_subplot(grid[2, 1]), tracks[0], tracks[1:])
+    ends = [Line2D([], [], label=label, **_end(marker, face)) for label, marker, face in _ENDS]
+    legend_above(figure, [*(Line2D([], [], label=track.label, **track.line) for track in tracks), *ends])
+    return figure
+
+
+def _tracks(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> list[_Track]:
+    tracks: list[_Track] = []
+    # Those that ended set the scale where there is no truth.
+    for track in travelled_paths(truth, sorted(estimates, key=lambda estimate: not estimate.completed)):
+        position = _as_far_as_others(track.position, tracks[0].position) if tracks else track.position
+        if track.filter is None:
+            tracks.append(_Track("true", track.time, position, TRUE_LINE))
+        elif len(position) > 1:
+            line = FILTER_STYLES[track.filter].line()
+            tracks.append(_Track(filter_label(track.filter), track.time[: len(position)], position, line))
+    return tracks
+
+
+def _as_far_as_others(position: Array, first: Array) -> Array:
+    """Cut a path, of a filter that diverged, where it has left the surroundings of the first."""
+    room = _FARTHEST * max(float(np.ptp(first, axis=0).max()), 1.0)
+    beyond = np.linalg.norm(position - first[0], axis=1) > room
+    return position[: int(beyond.argmax())] if beyond.any() else position
+
+
+def _draw_in_space(axes: Axes3D, tracks: list[_Track]) -> None:
+    """Draw the first path and its plan below; others can hardly be told from it here."""
+    position = tracks[0].position
+    north, east, down = position[spaced(len(position), _POINTS_IN_SPACE)].T
+    # East, north and up, in this order, make a right-handed view with depth growing downwards.
+    wide = _square(east, north)
+    depth = _range(down)
+    axes.plot(east, north, np.full(down.size, depth[1]), **_SHADOW)
+    axes.plot(east, north, down, color="black", linewidth=1.1)
+    for (_, marker, face), at in zip(_ENDS, (0, -1), strict=True):
+        axes.plot(east[[at]], north[[at]], down[[at]], **_end(marker, face))
+    axes.set(xlim=wide[0], ylim=wide[1], zlim=depth[::-1])
+    axes.set_xlabel("east (m)", fontsize=9)
+    axes.set_ylabel("north (m)", fontsize=9)
+    axes.set_zlabel("depth (m)", fontsize=9)
+    axes.tick_params(labelsize=8)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(5))
+    axes.set_box_aspect((1.0, 1.0, 0.75))
+    axes.grid(False)
+    words = (
+        f"{tracks[0].label}, above its plan; depth not to scale\nestimates: dead reckoning from velocity and attitude"
+    )
+    axes.text2D(0.03, 0.94, words, transform=axes.transAxes, fontsize=9, color="0.35")
+
+
+def _draw_plan(axes: Axes, tracks: list[_Track]) -> None:
+    for track in _upwards(tracks):
+        some = spaced(len(track.position), _PATH_POINTS)
+        _draw(axes, track.position[some, 1], track.position[some, 0], track)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("east (m)", fontsize=9)
+    axes.set_ylabel("north (m)", fontsize=9)
+
+
+def _upwards(tracks: list[_Track]) -> list[_Track]:
+    """Return them as they are drawn, wide lines below narrow ones, the true path last."""
+    return [*tracks[1:], tracks[0]]
+
+
+def _draw_profile(axes: Axes, tracks: list[_Track]) -> None:
+    for track in _upwards(tracks):
+        some = spaced(len(track.position), _PATH_POINTS)
+        position = track.position[some]
+        _draw(axes, travelled(position), position[:, 2], track)
+    axes.set_ylim(*_range(tracks[0].position[:, 2])[::-1])
+    axes.set_xlabel("distance along the track (m)", fontsize=9)
+    axes.set_ylabel("depth (m)", fontsize=9)
+
+
+def _draw_distance(axes: Axes, true: _Track, others: list[_Track]) -> None:
+    """Draw how far dead reckoning is from the true path over time."""
+    tidy(axes)
+    for position, track in enumerate(others):
+        some = spaced(len(track.position), _PATH_POINTS)[1:]
+        time = track.time[some]
+        at = np.stack([np.interp(time, true.time, column) for column in true.position.T], axis=1)
+        distance = np.linalg.norm(track.position[some] - at, axis=1)
+        axes.plot(time, distance, **track.line, zorder=2.0 + 0.1 * position)
+    axes.set_yscale("log")
+    plain_decades(axes.yaxis)
+    axes.set_xlabel("time (s)", fontsize=9)
+    axes.set_ylabel("off by (m)", fontsize=9)
+
+
+def _draw(axes: Axes, x: Array, y: Array, track: _Track) -> None:
+    tidy(axes)
+    axes.plot(x, y, **track.line)
+    for (_, marker, face), at in zip(_ENDS, (0, -1), strict=True):
+        axes.plot(x[[at]], y[[at]], **_end(marker, face), zorder=4.0)
+
+
+def _end(marker: str, face: str) -> dict[str, Any]:
+    return {"marker": marker, "markerfacecolor": face, "markeredgecolor": "black", "linestyle": "", "markersize": 6}
+
+
+def _range(values: Array) -> tuple[float, float]:
+    return with_margin(*(value_range(values) or (0.0, 0.0)))
+
+
+def _square(east: Array, north: Array) -> list[tuple[float, float]]:
+    """Return limits of equal length around both."""
+    ranges = [_range(east), _range(north)]
+    half = max(high - low for low, high in ranges) / 2.0
+    return [((low + high) / 2.0 - half, (low + high) / 2.0 + half) for low, high in ranges]
 
 
 class Curve(NamedTuple):
@@ -59,8 +227,8 @@ def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecor
     zoom = end - min(_ZOOM, 0.5 * (end - begin))
     for (whole, part), quantity, (measured, predicted) in zip(panels, quantities, signals, strict=True):
         whole.set_ylabel(f"{symbol_math(quantity.symbol)} ({scale_of(quantity).unit})", fontsize=9)
-        _draw_panel(whole, measured, predicted, (begin, end), 0.4)
-        _draw_panel(part, measured, predicted, (zoom, end), 1.0)
+        _draw_motion_panel(whole, measured, predicted, (begin, end), 0.4)
+        _draw_motion_panel(part, measured, predicted, (zoom, end), 1.0)
         if measured is None:
             whole.text(0.01, 0.97, "not measured", transform=whole.transAxes, va="top", fontsize=8, color="0.35")
     head(panels[0, 0], "whole run")
@@ -74,7 +242,7 @@ def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecor
     return figure
 
 
-def _draw_panel(
+def _draw_motion_panel(
     axes: Axes, measured: Curve | None, predicted: dict[str, Curve], span: tuple[float, float], width: float
 ) -> None:
     """Draw a span of time, s, with lines of `width` times their usual width."""
@@ -86,13 +254,13 @@ def _draw_panel(
         if np.isfinite(values).all():
             sound.append(values)
         line = _narrowed(FILTER_STYLES[name].line(), width)
-        axes.plot(*thin(time, values, _POINTS), **line, zorder=2.0 + 0.1 * position)
+        axes.plot(*thin(time, values, _MOTION_POINTS), **line, zorder=2.0 + 0.1 * position)
     # What was measured sets the scale, or else the runs that did not blow up.
     reference = value_range(*sound)
     if measured is not None:
         time, values = _part(measured, span[0])
         known = np.isfinite(values)
-        axes.plot(*thin(time[known], values[known], _POINTS), **_narrowed(MEASURED, width), zorder=1.9)
+        axes.plot(*thin(time[known], values[known], _MOTION_POINTS), **_narrowed(MEASURED, width), zorder=1.9)
         reference = value_range(values) or reference
     others = value_range(*every)
     if reference is None and others is None:
@@ -135,3 +303,55 @@ def _span(series: list[Curve | None]) -> tuple[float, float]:
 def _part(series: Curve, since: float) -> Curve:
     begin = int(np.searchsorted(series.time, since))
     return Curve(series.time[begin:], series.values[begin:])
+
+
+def motion_error_figure(truth: TruthRecord, estimates: list[EstimateHistory]) -> Figure:
+    """Draw a panel for each motion state: estimates minus truth, within bands of two standard deviations."""
+    handles = [
+        *filter_handles((estimate.filter for estimate in estimates), marked=True),
+        Patch(color="0.5", alpha=BAND_SHADE, linewidth=0, label="±2 standard deviations"),
+    ]
+    span = value_range(*(estimate.time for estimate in estimates)) or (0.0, 1.0)
+    figure, panels = new_panels(len(MOTION), 3, 1.7, handles, Room(), span)
+    for column, (axes, quantity) in enumerate(zip(panels, MOTION, strict=True)):
+        _draw_error_panel(axes, quantity, truth.time, truth.motion[:, column], estimates)
+    name_values(figure, "estimate - truth")
+    return figure
+
+
+def _draw_error_panel(
+    axes: Axes, quantity: Quantity, time: Array, true: Array, estimates: list[EstimateHistory]
+) -> None:
+    scale = scale_of(quantity)
+    name_panel(axes, f"{symbol_math(quantity.symbol)} ({scale.unit})")
+    is_angle = scale.unit == "°"
+    sound, others = [], []
+    for position, estimate in enumerate(estimates):
+        if quantity.symbol not in estimate.state or not estimate.time.size:
+            continue
+        some = spaced(estimate.time.size, _ERROR_POINTS)
+        column, at = estimate.state.index(quantity.symbol), estimate.time[some]
+        error = finite(estimate.mean[some, column]) - np.interp(at, time, np.unwrap(true) if is_angle else true)
+        error = scale.factor * (wrap(error) if is_angle else error)
+        band = 2.0 * scale.factor * finite(estimate.standard_deviation[some, column])
+        style = FILTER_STYLES[estimate.filter]
+        draw_band(axes, at, -band, band, style.color, len(estimates))
+        axes.plot(at, error, **style.marked_line(position, at.size), zorder=2.0 + 0.1 * position)
+        (sound if estimate.completed else others).append((error, band))
+    if not sound + others:
+        say(axes, "no estimate")
+        return
+    height = _height(sound or others)
+    axes.set_ylim(-height, height)
+
+
+def _height(drawn: list[tuple[Array, Array]]) -> float:
+    """Return half the height of a panel: all errors, but no more than a few times what is usual later on."""
+    usual = 0.0
+    for error, band in drawn:
+        for values, share in ((band, 50.0), (np.abs(error), _MOST)):
+            late = values[values.size // 2 :]
+            late = late[np.isfinite(late)]
+            usual = max(usual, float(np.percentile(late, share)) if late.size else 0.0)
+    _, largest = value_range(*(np.abs(error) for error, _ in drawn)) or (0.0, 0.0)
+    return max(1.2 * usual, min(1.1 * largest, _HIGHEST * usual)) or 1.1 * largest or 1.0

@@ -1,21 +1,65 @@
-"""How errors of predictions grow with the horizon, and how much of that was to be expected."""
+"""Figures of innovations, of free runs and of predictions over horizons."""
 
 from collections.abc import Sequence
 from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
-from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, name_panel, new_figure, plain_decades, say
-from auvid_cli.report.notation import filter_label, symbol_math
-from auvid_cli.report.scales import scale_of
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.innovations import Innovations
+from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.report.figures.style import (
+    FILTER_STYLES,
+    Room,
+    around,
+    filter_handles,
+    head,
+    legend_above,
+    name_panel,
+    name_values,
+    new_figure,
+    new_panels,
+    plain_decades,
+    say,
+    value_range,
+)
+from auvid_cli.report.plot_data import free_run_residual, scale_of
+from auvid_cli.report.table import filter_label, symbol_math
 from auvid_cli.validation.results import AHEAD, Prediction
-from auvid_cli.vehicle.parameters import DEPTH, MOTION, MOTION_AND_DEPTH
+from auvid_cli.vehicle.parameters import (
+    DEPTH,
+    MOTION,
+    MOTION_AND_DEPTH,
+    MOTION_AND_DEPTH_SYMBOLS,
+    SENSORS,
+    Quantity,
+    state_of,
+)
 
+Array = NDArray[np.float64]
+# Half the height of a panel in standard deviations: what is beyond it is counted, not drawn.
+_HIGHEST = 4.0
+_BINS = 32
+# Samples that a bin of time has about, and the most bins.
+_SAMPLES_PER_BIN, _MOST_BINS = 40, 120
+# Height of a strip, inches.
+_STRIP = 0.62
+_BOUND = {"color": "#D55E00", "linewidth": 1.1, "linestyle": (0, (5, 2))}
+_DARKEST = "0.15"
+# Parts of a run of which the residuals are averaged at most, and samples that each has about, at least.
+_MOST_PARTS, _FEWEST = 120, 3
+# Of the means of all filters, so many percent set the scale, where noise does not.
+_MOST = 95.0
+_FREE_RUN_NOISE = "0.85"
 _COLUMNS = 3
 # What sets the scale, beyond which there is this factor of room.
 _SCALING = ("rmse", "noise", "expected_rmse", "constant_velocity_rmse")
@@ -23,13 +67,190 @@ _MARGIN = 1.4
 # Of the height of a panel, in decades.
 _ROOM_FOR_WORDS = 0.15
 _EXPECTED = "0.85"
-_NOISE = {"color": "0.35", "linewidth": 0.9, "linestyle": (0, (1, 2))}
+_HORIZON_NOISE = {"color": "0.35", "linewidth": 0.9, "linestyle": (0, (1, 2))}
 # Okabe and Ito's, not those of a filter.
 _OTHERS = {
     "constant_velocity_rmse": ("unchanged", {"color": "#E69F00", "linestyle": (0, (5, 2)), "marker": "v"}),
     "prior_rmse": ("prior", {"color": "#0072B2", "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"}),
     "vehicle_file_rmse": ("vehicle file", {"color": "black", "linestyle": (0, (9, 2)), "marker": "D"}),
 }
+
+
+class _Strip(NamedTuple):
+    """A component of a sensor, and where the middle of its strip stands."""
+
+    sensor: str
+    component: int
+    middle: float
+
+
+def innovation_figure(innovations: dict[str, dict[str, Innovations]]) -> Figure:
+    """Draw a panel for each filter, and in it a strip for each component of each sensor.
+
+    Each shows how many innovations there are over time and over their own standard deviations: the darker the more.
+
+    Parameters
+    ----------
+    innovations : dict
+        By filter, then by sensor.
+    """
+    sensors = dict.fromkeys(sensor for of_filter in innovations.values() for sensor in of_filter)
+    components = [(sensor, component) for sensor in sensors for component in range(len(SENSORS[sensor]))]
+    strips = [_Strip(*row, -2.0 * _HIGHEST * place) for place, row in enumerate(components)]
+    handles = [
+        Patch(color=_DARKEST, label="innovations, the darker the more"),
+        Line2D(
+            [],
+            [],
+            label="±2 standard deviations; of the innovations so many % within, so many beyond the strip",
+            **_BOUND,
+        ),
+    ]
+    room = Room(left=1.6, across=0.12)
+    span = value_range(*(of.time for of_filter in innovations.values() for of in of_filter.values())) or (0.0, 1.0)
+    figure, panels = new_panels(
+        len(innovations), len(innovations), _STRIP * len(strips), handles, room, span, with_heads=True
+    )
+    for place, (axes, (name, of_filter)) in enumerate(zip(panels, innovations.items(), strict=True)):
+        head(axes, filter_label(name))
+        axes.grid(visible=False)
+        for strip in strips:
+            _draw_strip(axes, of_filter.get(strip.sensor), strip)
+        middles = np.array([strip.middle for strip in strips])
+        axes.hlines([*(middles - 2.0), *(middles + 2.0)], *axes.get_xlim(), **_BOUND, zorder=3.0)
+        axes.hlines(middles - _HIGHEST, *axes.get_xlim(), color="0.5", linewidth=0.6)
+        axes.set_ylim(middles[-1] - _HIGHEST, _HIGHEST)
+        axes.set_yticks(middles, [_name(strip, innovations) for strip in strips] if place == 0 else [])
+        axes.tick_params(axis="y", left=False)
+    return figure
+
+
+def _name(strip: _Strip, innovations: dict[str, dict[str, Innovations]]) -> str:
+    """Name a component, with its usual standard deviation by the first filter that has any."""
+    quantity = SENSORS[strip.sensor][strip.component]
+    scale = scale_of(quantity)
+    name = f"{symbol_math(quantity.symbol)}, {strip.sensor}"
+    for of_filter in innovations.values():
+        if strip.sensor in of_filter:
+            variance = of_filter[strip.sensor].variance[:, strip.component]
+            known = variance[np.isfinite(variance)]
+            if known.size:
+                return f"{name}\nsd {scale.factor * float(np.sqrt(np.median(known))):.2g} {scale.unit}"
+    return name
+
+
+def _draw_strip(axes: Axes, innovations: Innovations | None, strip: _Strip) -> None:
+    time, normalised = _normalised(innovations, strip.component)
+    if not time.size:
+        words = "not used" if innovations is None else "no finite innovations"
+    else:
+        bins = int(np.clip(time.size // _SAMPLES_PER_BIN, 4, _MOST_BINS))
+        span = float(time[0]), max(float(time[-1]), float(time[0]) + 1e-3)
+        number, *_ = np.histogram2d(time, normalised, bins=(bins, _BINS), range=(span, (-_HIGHEST, _HIGHEST)))
+        image = AxesImage(
+            axes,
+            cmap="Greys",
+            # An image of one sample in a bin here and there would be black and white.
+            norm=Normalize(0.0, 1.15 * max(float(number.max()), 2.0)),
+            extent=(*span, strip.middle - _HIGHEST, strip.middle + _HIGHEST),
+            origin="lower",
+            interpolation="nearest",
+        )
+        image.set_data(number.T)
+        axes.add_image(image)
+        beyond = int((np.abs(normalised) > _HIGHEST).sum())
+        words = f"{100.0 * (np.abs(normalised) <= 2.0).mean():.1f} %"
+        words += f", {beyond} beyond" if beyond else ""
+    # Above the upper bound.
+    place = axes.get_xlim()[1], strip.middle + _HIGHEST
+    axes.annotate(words, place, (-2.0, -2.0), textcoords="offset points", ha="right", va="top", fontsize=7.5)
+
+
+def _normalised(innovations: Innovations | None, component: int) -> tuple[Array, Array]:
+    """Return times, s, and innovations as multiples of their standard deviations, those that are finite."""
+    if innovations is None:
+        return np.empty(0), np.empty(0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normalised = innovations.innovation[:, component] / np.sqrt(innovations.variance[:, component])
+    known = np.isfinite(normalised)
+    return innovations.time[known], normalised[known]
+
+
+class _Panel(NamedTuple):
+    """A component of a sensor."""
+
+    sensor: str
+    quantity: Quantity
+    time: Array
+    values: Array
+    noise: float
+
+
+def free_run_figure(sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) -> Figure:
+    """Draw a panel for each motion state that is measured, and the depth: means of what free runs leave of it.
+
+    Parameters
+    ----------
+    sensors : dict of SensorRecord
+    runs : dict of FreeRun
+        By filter.
+    """
+    handles: list[Artist] = [*filter_handles(runs, marked=True)]
+    wanted = _panels(sensors)
+    begin, end = value_range(*(panel.time for panel in wanted)) or (0.0, 1.0)
+    handles.append(
+        Patch(color=_FREE_RUN_NOISE, linewidth=0, label="±2 standard deviations of the means, of noise alone")
+    )
+    figure, panels = new_panels(len(wanted), 3, 1.7, handles, Room(), (begin, end))
+    for axes, panel in zip(panels, wanted, strict=True):
+        _draw_panel(axes, panel, runs, (begin, max(end, begin + 1e-3)))
+    name_values(figure, "means of measured - free run")
+    return figure
+
+
+def _panels(sensors: dict[str, SensorRecord]) -> list[_Panel]:
+    """Return what is measured of the motion, in its order."""
+    found = []
+    for name, record in sensors.items():
+        for column, quantity in enumerate(SENSORS[name]):
+            known = np.isfinite(record.values[:, column])
+            if state_of(quantity) in MOTION_AND_DEPTH_SYMBOLS and known.any():
+                values, noise = record.values[known, column], float(record.standard_deviation[column])
+                found.append(_Panel(name, quantity, record.time[known], values, noise))
+    return sorted(found, key=lambda panel: MOTION_AND_DEPTH_SYMBOLS.index(state_of(panel.quantity)))
+
+
+def _draw_panel(axes: Axes, panel: _Panel, runs: dict[str, FreeRun], span: tuple[float, float]) -> None:
+    scale = scale_of(panel.quantity)
+    name_panel(axes, f"{symbol_math(panel.quantity.symbol)}, {panel.sensor} ({scale.unit})")
+    parts = int(np.clip(panel.time.size // _FEWEST, 1, _MOST_PARTS))
+    edges = np.linspace(*span, parts + 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    place = np.clip(np.searchsorted(edges, panel.time, side="right") - 1, 0, parts - 1)
+    count = np.bincount(place, minlength=parts).astype(np.float64)
+    count[count == 0.0] = np.nan
+    noise = 2.0 * scale.factor * panel.noise / np.sqrt(count)
+    axes.fill_between(middle, -noise, noise, color=_FREE_RUN_NOISE, linewidth=0, zorder=1.0)
+    means = []
+    for position, (name, run) in enumerate(runs.items()):
+        left = free_run_residual(panel.quantity, panel.time, panel.values, run)
+        if left is None:
+            continue
+        mean = scale.factor * np.bincount(place, left, parts) / count
+        means.append(mean)
+        axes.plot(middle, mean, **FILTER_STYLES[name].marked_line(position, parts), zorder=2.0 + 0.1 * position)
+    if value_range(*means) is None:
+        say(axes, "no free run")
+        return
+    axes.set_ylim(*_free_run_limits(noise, means, scale.factor * float(np.ptp(panel.values))))
+
+
+def _free_run_limits(noise: Array, means: list[Array], height: float) -> tuple[float, float]:
+    """Leave room for the noise, and for most of what the best model leaves, up to the height of what was measured."""
+    sizes = [np.percentile(np.abs(mean[np.isfinite(mean)]), _MOST) for mean in means if np.isfinite(mean).any()]
+    largest = max(float(np.nanmax(noise)), min(1.3 * float(min(sizes)), height))
+    every = value_range(*means)
+    return around((-largest, largest), every)
 
 
 def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figure:
@@ -77,10 +298,10 @@ def _draw(axes: Axes, filter_name: str, rows: Sequence[Prediction], scale: float
         axes.plot(horizons, values(field), linewidth=1.2, markersize=4.0, zorder=2.0 + 0.1 * position, **style)
     style = FILTER_STYLES[filter_name]
     axes.plot(horizons, values("rmse"), **style.line() | {"linestyle": "-"}, **style.mark(), zorder=3.0)
-    axes.plot(horizons, values("noise"), **_NOISE)
+    axes.plot(horizons, values("noise"), **_HORIZON_NOISE)
     axes.set_yscale("log")
     axes.set_xscale("log")
-    expected, (low, high) = values("expected_rmse"), _limits([values(field) for field in _SCALING])
+    expected, (low, high) = values("expected_rmse"), _horizon_limits([values(field) for field in _SCALING])
     axes.fill_between(horizons, np.full(len(rows), low), expected, color=_EXPECTED, linewidth=0.0, zorder=1.0)
     prior = [value for value in values("prior_rmse") if not np.isnan(value)]
     if prior and min(prior) > high:
@@ -97,7 +318,7 @@ def _draw(axes: Axes, filter_name: str, rows: Sequence[Prediction], scale: float
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _limits(series: Sequence[list[float]]) -> tuple[float, float]:
+def _horizon_limits(series: Sequence[list[float]]) -> tuple[float, float]:
     """Return limits of a logarithmic axis around all that is positive."""
     drawn = np.array([value for values in series for value in values if np.isfinite(value) and value > 0.0])
     return (drawn.min() / _MARGIN, drawn.max() * _MARGIN) if drawn.size else (0.1, 1.0)
@@ -112,6 +333,6 @@ def _handles(filter_name: str, predictions: Sequence[Prediction]) -> list[Artist
     for field, (label, line) in _OTHERS.items():
         if any(getattr(row, field) is not None for row in predictions):
             handles.append(Line2D([], [], label=label, linewidth=1.2, markersize=4.0, **line))
-    handles.append(Line2D([], [], label="noise of the sensor", **_NOISE))
+    handles.append(Line2D([], [], label="noise of the sensor", **_HORIZON_NOISE))
     handles.append(Patch(color=_EXPECTED, label="explained by the stated uncertainty"))
     return handles

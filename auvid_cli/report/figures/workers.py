@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from auvid_cli.child_processes import WorkerPool, starting_children
-from auvid_cli.config.figure_format import FigureFormat
+from auvid_cli.config.enums import FigureFormat
 from auvid_cli.errors import FileError
 
 Submit = Callable[..., Future[Any]]
@@ -99,8 +99,7 @@ def draw_and_save(
     kind: str, arguments: tuple[Any, ...], folder: Path, name: str, formats: Collection[FigureFormat]
 ) -> list[Path]:
     """Draw a figure of a kind, see `kinds`, and write it; only here is matplotlib loaded."""
-    from auvid_cli.report.figures.canvas import save
-    from auvid_cli.report.figures.kinds import KINDS
+    from auvid_cli.report.figures.kinds import KINDS, save
 
     paths = save(KINDS[kind](*arguments), folder, name, formats)
     # A figure refers to itself and would stay in memory while the next is drawn.

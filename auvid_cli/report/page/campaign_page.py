@@ -5,14 +5,26 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from auvid_cli.campaign.findings import Findings
-from auvid_cli.campaign.status import ended
+from auvid_cli.campaign.axes import ended
+from auvid_cli.campaign.summary import Findings
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.report.campaign_tables import comparison_table, filters_table
-from auvid_cli.report.notation import setting_text
-from auvid_cli.report.page.parts import Page, Part, Section, TablePart, Words
-from auvid_cli.report.page.picture import Axis, Dot, Picture, Rule, Shape, TextLabel, decades
-from auvid_cli.report.page.provenance import campaign_provenance
+from auvid_cli.report.page.parts import (
+    Axis,
+    Dot,
+    Page,
+    Part,
+    Picture,
+    Rule,
+    Section,
+    Shape,
+    TablePart,
+    TextLabel,
+    Words,
+    decades,
+)
+from auvid_cli.report.page.sections import campaign_provenance
+from auvid_cli.report.table import setting_text
 
 _ROW, _LEFT, _WIDTH, _TOP = 22.0, 170.0, 560.0, 12.0
 # Combinations that are drawn, and percent beyond which errors stand at the edge.

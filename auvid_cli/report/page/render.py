@@ -1,28 +1,201 @@
-"""A page as one HTML file that needs no other."""
+"""Pages as HTML: cells, packed series and templates."""
 
 import base64
 import json
+import re
 from collections.abc import Sequence
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
+from math import isfinite
+from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from numpy.typing import NDArray
 
-from auvid_cli import __version__
-from auvid_cli.printable import one_line, printable, printable_lines
-from auvid_cli.report.page.cells import heading_rows, shown, symbol_parts, with_code, with_symbols, with_ties
-from auvid_cli.report.page.packed import PackedArrays
+from auvid_cli._version import __version__
+from auvid_cli.data.files import write_text
+from auvid_cli.data.results import refuse_other_page
 from auvid_cli.report.page.parts import Page, Part, PlotLine, Plots, Section, Space
+from auvid_cli.report.table import (
+    DEVIATION_DIGITS,
+    Cell,
+    Column,
+    PlusMinus,
+    Symbol,
+    Table,
+    Unidentified,
+    UnitCell,
+    capitalised,
+    number,
+    symbol_math,
+    unit_text,
+)
+from auvid_cli.text import one_line, printable, printable_lines
+from auvid_cli.vehicle.coefficients import SYMBOLS, is_name_of_term
 
+Array = NDArray[np.float64]
+_LARGEST = float(np.finfo(np.float32).max)
+MISSING = "—"
+# Signs of a word that no narrow screen has room for.
+_LONG = 40
+# Whole names: those of a vehicle's own terms may begin like one of these.
+_NAMED = re.compile(rf"(?<![\w|])(?:{'|'.join(map(re.escape, sorted(SYMBOLS, key=len, reverse=True)))})(?![\w|])")
+# Between a name, or a sign, and the number that ends what is said of it; between a number and its percent or degrees.
+_TIED = re.compile(r"(?<=[\w|=±<>]) (?=[-+]?\d[\d.e+-]*(?: [%°][\w/]*)?(?:[,;)]|\.(?!\d)|$))|(?<=\d) (?=[%°])")
+# Where browsers end a line within a number.
+_EXPONENT = re.compile(r"(?<=\de)-(?=\d)")
+# A backtick without its like is text.
+_CODE = re.compile(r"`([^`]+)`")
+_GREEK = {"phi": "φ", "theta": "θ", "psi": "ψ", "delta": "δ"}
 _STYLES = ("uPlot.min.css", "page.css")
 _SCRIPTS = ("uPlot.iife.min.js", "plots.js", "space.js", "tables.js")
 # Of what may end a script or begin markup; JSON and JavaScript read these back.
 _UNSAFE = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
 # Classes of correlations from -1 to 1: tenths.
 _SHADES = 10
+
+
+class PackedArrays:
+    """Arrays as base64 of little-endian float32, each that occurs more than once kept once.
+
+    Seven digits are more than a screen shows; times are to be told from near their first, so that those of a long
+    record keep their fractions. What is too large, and so what is not finite, is a gap.
+
+    Attributes
+    ----------
+    texts : list of str
+    """
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+        self._places: dict[bytes, int] = {}
+
+    def add(self, values: Array) -> int:
+        """Return the place of an array in `texts`, and put it there if it is new."""
+        fits = np.abs(values) <= _LARGEST
+        content = np.where(fits, values, np.nan).astype("<f4").tobytes()
+        place = self._places.setdefault(content, len(self.texts))
+        if place == len(self.texts):
+            self.texts.append(base64.b64encode(content).decode("ascii"))
+        return place
+
+
+class ShownCell(NamedTuple):
+    """A cell: what stands there, what stands lower behind it, and by what it is sorted and found."""
+
+    text: str
+    below: str = ""
+    order: float | str = ""
+    found: str = ""
+
+    @property
+    def is_long(self) -> bool:
+        """Say whether it has a word, such as a hash, that may break anywhere."""
+        return any(len(word) >= _LONG for word in self.text.split())
+
+
+class Heading(NamedTuple):
+    """A heading over so many columns, `rows` high."""
+
+    text: str
+    columns: int
+    rows: int
+    numeric: bool
+
+
+def symbol_parts(symbol: str) -> tuple[str, str]:
+    """Return a symbol as a letter and its subscript in Unicode, for example ``("X", "u|u|")``; of a word the word."""
+    text = re.sub(r"\\mathrm\{(\w+)\}", r"\1", symbol_math(symbol)).strip("$")
+    text = re.sub(r"\\(\w+?)(?=_|\b)", lambda name: _GREEK.get(name[1], name[1]), text)
+    match = re.fullmatch(r"(.+?)_\{(.*)\}", text)
+    letter, below = match.groups() if match else (text, "")
+    return letter, below.replace("_", "")
+
+
+def with_code(text: str) -> list[tuple[str, bool]]:
+    """Cut a text at what stands between backticks: pieces, each with whether it is code."""
+    pieces = _CODE.split(text)
+    return [(piece, bool(place % 2)) for place, piece in enumerate(pieces) if piece]
+
+
+def with_symbols(text: str) -> list[tuple[str, str]]:
+    """Cut a text at the coefficients that it names: pieces, each with the subscript that follows it, or none."""
+    pieces = []
+    last = 0
+    for match in _NAMED.finditer(text):
+        letter, below = symbol_parts(match[0])
+        pieces.append((text[last : match.start()] + letter, below))
+        last = match.end()
+    return [*pieces, (text[last:], "")]
+
+
+def with_ties(text: str) -> str:
+    """Let no line end between a name and its number, or within a number."""
+    return _EXPONENT.sub("-\N{WORD JOINER}", _TIED.sub("\N{NO-BREAK SPACE}", text))
+
+
+def shown(cell: Cell) -> ShownCell:
+    """Return what a cell looks like."""
+    match cell:
+        case None:
+            return ShownCell(MISSING)
+        case Symbol(name):
+            return ShownCell(*symbol_parts(name), order=name.lower(), found=name)
+        case UnitCell(name):
+            return ShownCell(unit_text(name))
+        case PlusMinus(value, deviation):
+            text = f"{number(value) or MISSING} ± {number(deviation, DEVIATION_DIGITS) or MISSING}"
+            return ShownCell(text, order=_order(value))
+        case Unidentified(marked):
+            inner = shown(marked)
+            return inner._replace(text=f"{inner.text} †")
+        case str() if is_name_of_term(cell):
+            return shown(Symbol(cell))
+        case str():
+            text = one_line(cell)
+            return ShownCell(text, order=_number_or(text.lower()))
+    return ShownCell(number(cell) or MISSING, order=_order(cell))
+
+
+def _number_or(text: str) -> float | str:
+    """Read a number that comes with the digits to be shown."""
+    try:
+        return _order(float(text))
+    except ValueError:
+        return text
+
+
+def _order(value: float) -> float | str:
+    return value if isfinite(value) else ""
+
+
+def heading_rows(table: Table) -> list[list[Heading]]:
+    """Return one row of headings, or two if columns belong to groups."""
+    names = [_Name(column) for column in table.columns]
+    if not any(name.group for name in names):
+        return [[Heading(name.header, 1, 1, name.numeric) for name in names]]
+    upper: list[Heading] = []
+    previous = ""
+    for name in names:
+        if name.group and name.group == previous:
+            upper[-1] = upper[-1]._replace(columns=upper[-1].columns + 1)
+        else:
+            upper.append(Heading(name.group or name.header, 1, 1 if name.group else 2, name.numeric))
+        previous = name.group
+    return [upper, [Heading(name.header, 1, 1, name.numeric) for name in names if name.group]]
+
+
+class _Name:
+    """Names of a column in plain text; what Markdown writes in italics has asterisks around it."""
+
+    def __init__(self, column: Column) -> None:
+        self.header = one_line(capitalised(column.header))
+        self.group = one_line(column.group).replace("*", "")
+        self.numeric = column.numeric
 
 
 class _Block(NamedTuple):
@@ -174,3 +347,16 @@ def _line(line: PlotLine, arrays: PackedArrays) -> dict[str, Any]:
         "t": arrays.add(line.time - origin),
         "v": arrays.add(line.values),
     }
+
+
+def write_page(page: Page, path: Path) -> Path:
+    """Write a page, whole or not at all, and return its path.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written, or another file than a page of auvid's has its name.
+    """
+    refuse_other_page(path)
+    write_text(path, render_page(page))
+    return path

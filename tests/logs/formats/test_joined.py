@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.joined import JoinedLog
-from auvid_cli.logs.formats.log import Log, LogColumn
+from auvid_cli.logs.formats.log import JoinedLog, Log, LogColumn
 from auvid_cli.logs.formats.open_log import open_log
 
 

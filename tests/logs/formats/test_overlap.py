@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.logs.formats.overlap import Overlap, find_overlaps
+from auvid_cli.logs.formats.log import Overlap, find_overlaps
 
 
 def found(*files):

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from auvid_cli.data.check import Check
+from auvid_cli.data.checks import Check
+from auvid_cli.report.page.pages import run_page
 from auvid_cli.report.page.parts import Page
-from auvid_cli.report.page.run_page import run_page
 
 from ..conftest import TRUE, evaluation_of, make_dataset, make_estimate
 

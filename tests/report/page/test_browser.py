@@ -5,8 +5,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 from auvid_cli.report.page.parts import Page, Plot, PlotLine, Plots, Section
-from auvid_cli.report.page.render import render_page
-from auvid_cli.report.page.write_page import write_page
+from auvid_cli.report.page.render import render_page, write_page
 
 from .test_render import page_of
 

@@ -1,6 +1,6 @@
 import pytest
 
-from auvid_cli.report.page.cells import heading_rows, shown, symbol_parts, with_symbols, with_ties
+from auvid_cli.report.page.render import heading_rows, shown, symbol_parts, with_symbols, with_ties
 from auvid_cli.report.table import Column, PlusMinus, Symbol, Table, Unidentified, UnitCell
 from auvid_cli.vehicle.coefficients import SYMBOLS
 

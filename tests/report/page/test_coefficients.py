@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from auvid_cli.evaluation.accuracy import shares_of_prior
-from auvid_cli.identification.prior import coefficient_priors
-from auvid_cli.report.page.coefficients import coefficient_list, convergence
-from auvid_cli.report.page.correlation import correlation_of, correlation_parts
-from auvid_cli.report.page.forest import forest
-from auvid_cli.report.page.picture import Dot, TextLabel
+from auvid_cli.identification.states import coefficient_priors
+from auvid_cli.report.page.coefficients import coefficient_list, convergence, forest
+from auvid_cli.report.page.parts import Dot, TextLabel
+from auvid_cli.report.page.sections import correlation_of, correlation_parts
 from auvid_cli.report.table import Symbol
 
 from ..conftest import TRUE, evaluation_of, make_estimate

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from auvid_cli.report.page.envelope import envelope
+from auvid_cli.report.page.curves import envelope
 
 signals = arrays(np.float64, st.tuples(st.integers(1, 200), st.integers(1, 3)), elements=st.floats(-1e6, 1e6))
 

@@ -5,7 +5,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.report.page.packed import PackedArrays
+from auvid_cli.report.page.render import PackedArrays
 
 
 @given(st.lists(st.floats(width=32, allow_infinity=False)))

@@ -7,24 +7,19 @@ import pandas as pd
 import pytest
 import yaml
 
-from auvid_cli.campaign.findings import Findings
+from auvid_cli.campaign.summary import Findings
 from auvid_cli.config.campaign import Campaign
-from auvid_cli.data.check import Checks
-from auvid_cli.data.named_rows import NamedRows
+from auvid_cli.data.checks import Checks, NamedRows
 from auvid_cli.evaluation.assessment import CoefficientBound, Identifiability
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.inspection.inspection import Inspection, Mark
 from auvid_cli.report.page import campaign_page as campaign
-from auvid_cli.report.page.identifiability_page import identifiability_page
-from auvid_cli.report.page.inspection_page import inspection_page
-from auvid_cli.report.page.parts import Listing, Plots
-from auvid_cli.report.page.path import path_parts
-from auvid_cli.report.page.picture import Box, Dot, Picture, TextLabel
+from auvid_cli.report.page.curves import path_parts
+from auvid_cli.report.page.pages import identifiability_page, inspection_page, run_page, validation_page
+from auvid_cli.report.page.parts import Box, Dot, Listing, Picture, Plots, TextLabel
 from auvid_cli.report.page.render import render_page
-from auvid_cli.report.page.rows import table_of_rows
-from auvid_cli.report.page.run_page import run_page
-from auvid_cli.report.page.validation_page import validation_page
+from auvid_cli.report.page.sections import table_of_rows
 from auvid_cli.report.table import Symbol, UnitCell
 from auvid_cli.validation.results import AHEAD, Prediction, Validation
 from auvid_cli.vehicle.parameters import MOTION

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.report.page.picture import Axis, TextLabel, decades, stroke
+from auvid_cli.report.page.parts import Axis, TextLabel, decades, stroke
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6), st.integers(2, 12))

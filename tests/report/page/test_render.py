@@ -12,29 +12,29 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import FileError
-from auvid_cli.printable import one_line
-from auvid_cli.report.page.cells import with_code
 from auvid_cli.report.page.parts import (
     Card,
     Cards,
+    Dot,
     Listing,
     Matrix,
     Page,
     PathTrack,
+    Picture,
     Plot,
     PlotLine,
     Plots,
     Section,
     Space,
     TablePart,
+    TextLabel,
     Words,
 )
-from auvid_cli.report.page.picture import Dot, Picture, TextLabel
-from auvid_cli.report.page.render import _asset, render_page
-from auvid_cli.report.page.write_page import write_page
+from auvid_cli.report.page.render import _asset, render_page, with_code, write_page
 from auvid_cli.report.table import Column, Table
+from auvid_cli.text import one_line
 
 _VOID = {"meta", "input", "rect", "circle", "path", "line", "polyline"}
 hostile = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=30) | st.lists(

@@ -4,9 +4,8 @@ from scipy.stats import chi2
 
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.evaluation.predicted_motion import FreeRun
-from auvid_cli.report.free_run_residuals import interpolated
-from auvid_cli.report.page.course import sensor_plots
-from auvid_cli.report.page.residuals import innovation_parts
+from auvid_cli.report.page.curves import innovation_parts, sensor_plots
+from auvid_cli.report.plot_data import interpolated
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 from ..conftest import TIME, diverged, make_estimate

@@ -1,0 +1,285 @@
+"""Consistency of a filter with its innovations, and checks of them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from auvid_cli.data.checks import Check
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.innovations import LAGS, WINDOW, Innovations
+from auvid_cli.vehicle.parameters import INPUTS, SENSORS
+
+# Limits of the mean NIS of a sensor, over a whole run and over any `WINDOW` of it. Neither chance nor the
+# coloured noise of an AHRS reaches them (400 components scatter by 0.07). The window is for a filter that was
+# thrown off course early and looks settled later: what it learned then was wrong.
+LARGEST_MEAN_NIS, LARGEST_NIS_IN_WINDOW = 1.5, 2.0
+_FEWEST_COMPONENTS = 200
+# Standard deviations within which 99 % of a Gaussian are.
+_QUANTILE = 2.576
+Array = NDArray[np.float64]
+# A model that raises the NIS by less than this beyond chance is good enough for anybody's vehicle.
+_TOLERANCE = 0.05
+_CONFIDENCE = 0.99
+# Correlation that is allowed beyond chance (three standard deviations of a white sequence's).
+_LARGEST_CORRELATION = 0.1
+_LARGEST_REJECTED = 0.05
+# So many samples say enough of a correlation.
+_FEWEST = 50
+
+
+class SensorConsistency(NamedTuple):
+    """Innovations of one sensor in one filter; a row of ``consistency.csv``.
+
+    Attributes
+    ----------
+    filter, sensor : str
+    measurements : int
+        Measurements used.
+    rejected : int
+        Components beyond the gate, or of which a robust fit counted less than half.
+    mean_weight : float or None
+        Of all components in a robust fit; None where there are no weights.
+    mean_nis : float
+        Normalised innovation squared per component: 1 for a consistent filter with white noise,
+        more if the data contradict the model, less if the stated noise is larger than the scatter.
+    expected_low, expected_high : float
+        Between which chance leaves it 99 times of 100, were the innovations independent.
+    """
+
+    filter: str
+    sensor: str
+    measurements: int
+    rejected: int
+    mean_weight: float | None
+    mean_nis: float
+    expected_low: float
+    expected_high: float
+
+
+def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
+    """Return the consistency of every sensor, in the order of the estimate."""
+    results = []
+    for name, innovations in estimate.innovations.items():
+        tally = innovations.tally()
+        components = tally.components.sum()
+        # Of chi-squared with so many components, whose mean is its number, and its variance twice that.
+        scatter = _QUANTILE * float(np.sqrt(2.0 / components)) if components else float("nan")
+        counts = tally.measurements, tally.rejected, innovations.mean_weight()
+        results.append(
+            SensorConsistency(estimate.filter, name, *counts, tally.mean_nis, max(1.0 - scatter, 0.0), 1.0 + scatter)
+        )
+    return results
+
+
+def status_of(estimate: Estimate) -> str:
+    """Return the status of an estimate: as the filter ended, or "inconsistent" where its innovations belie it.
+
+    A filter can reach the end of the data with a covariance that says all is well and coefficients
+    that are far off; its innovations then are, or were, larger than their stated variance.
+    """
+    if not estimate.completed:
+        return estimate.status
+    for sensor, innovations in estimate.innovations.items():
+        tally = innovations.tally()
+        if tally.squares.sum() > LARGEST_MEAN_NIS * tally.components.sum():
+            return _belied(sensor, tally.mean_nis, "")
+        for start, nis in windowed_nis(innovations):
+            if nis > LARGEST_NIS_IN_WINDOW:
+                return _belied(sensor, nis, f" from t = {start:.0f} s on for {WINDOW:.0f} s")
+    return estimate.status
+
+
+def windowed_nis(innovations: Innovations) -> NDArray[np.float64]:
+    """Return start, s, and mean NIS per component of every `WINDOW` that has enough measurements to tell.
+
+    Returns
+    -------
+    ndarray, shape (k, 2)
+    """
+    tally = innovations.tally()
+    enough = np.flatnonzero(tally.components >= _FEWEST_COMPONENTS)
+    starts = tally.start + WINDOW * enough.astype(np.float64)
+    return np.stack([starts, tally.squares[enough] / tally.components[enough]], axis=1).astype(np.float64)
+
+
+def _belied(sensor: str, nis: float, when: str) -> str:
+    return (
+        f"inconsistent: innovations of {sensor} are {np.sqrt(nis):.3g} times as large as the filter says{when} "
+        f"(NIS {nis:.3g}, expected 1)"
+    )
+
+
+def mean_nis(estimate: Estimate) -> float:
+    """Return the normalised innovation squared per component, over all sensors."""
+    tallies = [innovations.tally() for innovations in estimate.innovations.values()]
+    components = sum(float(tally.components.sum()) for tally in tallies)
+    return sum(float(tally.squares.sum()) for tally in tallies) / components if components else float("nan")
+
+
+def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
+    """Judge NIS, whiteness and freedom from the inputs, sensor by sensor."""
+    checks = []
+    for sensor, innovations in estimate.innovations.items():
+        if innovations.used().any():
+            checks.append(_nis(estimate.filter, sensor, innovations))
+            checks.append(_nis_in_windows(estimate.filter, sensor, innovations))
+            checks.append(_whiteness(estimate.filter, sensor, innovations))
+            if innovations.weight is not None or estimate.experiment.identification.gate is not None:
+                checks.append(_outliers(estimate.filter, sensor, innovations))
+            checks.append(_inputs(estimate.filter, sensor, innovations, dataset))
+    return checks
+
+
+def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
+    tally = innovations.tally()
+    components = int(tally.components.sum())
+    nis = tally.mean_nis
+    tails = 0.5 + _CONFIDENCE / 2, 0.5 - _CONFIDENCE / 2
+    low, high = (float(chdtri(components, tail)) / components for tail in tails)
+    passed = None if nis < low - _TOLERANCE else nis <= high + _TOLERANCE
+    too_large = (
+        f"The data contradict the model or the stated noise of {sensor}: look at what `explained by noise` names, for "
+        "outliers, wrong signs, and terms that the model lacks. Do not use the coefficients."
+    )
+    return Check.of(
+        filter_name,
+        sensor,
+        "NIS",
+        statistic=f"{nis:.4g}",
+        threshold=f"{low:.4g} to {high:.4g} (chi-squared, {_CONFIDENCE:.0%}), tolerance {_TOLERANCE}",
+        passed=passed,
+        advice=_told_larger(sensor) if passed is None else too_large,
+    )
+
+
+def _told_larger(sensor: str) -> str:
+    """Say what to do where more noise is stated than there is: of each verdict that this explains the same."""
+    return (
+        f"The stated noise of {sensor} is larger than its scatter. Of an AHRS, whose errors last and follow the "
+        "motion, that is on purpose, and there is nothing to do; of another sensor state less, and learn more."
+    )
+
+
+def _nis_in_windows(filter_name: str, sensor: str, innovations: Innovations) -> Check:
+    windows = windowed_nis(innovations)
+    if not windows.size:
+        windows = np.array([[innovations.time[0], 0.0]])
+    start, largest = windows[windows[:, 1].argmax()]
+    return Check.of(
+        filter_name,
+        sensor,
+        f"NIS in any {WINDOW:.0f} s",
+        statistic=f"{largest:.4g} from t = {start:.6g} s on",
+        threshold=f"<= {LARGEST_NIS_IN_WINDOW:g}",
+        passed=bool(largest <= LARGEST_NIS_IN_WINDOW),
+        advice=f"Something happened to {sensor} or to the vehicle then, or the filter was thrown off course: look at "
+        "figures/innovations, leave the time out, gate outliers (`identification.gate`) or weigh them down "
+        "(`identification.robust=huber`, smoother and output_error), or narrow the prior.",
+    )
+
+
+def _outliers(filter_name: str, sensor: str, innovations: Innovations) -> Check:
+    """Judge how much the gate rejects, or weights take away: much means that the filter no longer listens."""
+    name, what, without = "gate", "components rejected", "the gate"
+    if innovations.weight is not None:
+        name, what, without = "robust", "components counted less than half", "identification.robust"
+    rejected, used = innovations.tally().rejected, int(innovations.tally().components.sum())
+    share = rejected / (rejected + used)
+    return Check.of(
+        filter_name,
+        sensor,
+        name,
+        statistic=f"{rejected} of {rejected + used} {what}",
+        threshold=f"<= {_LARGEST_REJECTED:.0%}",
+        passed=True if not rejected else None if share <= _LARGEST_REJECTED else False,
+        advice=f"Outliers of {sensor} were left out; where they are many, the filter has lost its way and no longer "
+        "listens: look at figures/innovations, and run without "
+        f"{without}.",
+    )
+
+
+def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check:
+    """Judge the largest autocorrelation of the normalised innovations over some lags."""
+    lags = np.arange(1, LAGS + 1)
+    # Of few, later pairs are fewer: each correlation by the number of its own.
+    largest = {
+        quantity.symbol: float(np.max(np.abs(correlation) * n / (n - lags)))
+        for quantity, correlation, n in zip(SENSORS[sensor], *innovations.memory, strict=True)
+        if n
+    }
+    if not largest:
+        return Check.of(
+            filter_name, sensor, "whiteness", statistic="too few measurements", threshold="", passed=True, advice=""
+        )
+    return _uncorrelated(
+        filter_name,
+        sensor,
+        "whiteness",
+        innovations,
+        largest,
+        f"correlation over {LAGS} lags",
+        f"Errors of {sensor} last from sample to sample: standard deviations of the coefficients are too small, unless "
+        "its noise was stated larger for that. What would explain it stands under `explained by noise`.",
+    )
+
+
+def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Dataset) -> Check:
+    """Judge the correlation of the innovations with what the actuators did shortly before."""
+    correlations = {}
+    held = np.searchsorted(dataset.inputs.time, innovations.time, side="right") - 1
+    for column, quantity in enumerate(SENSORS[sensor]):
+        values = _normalised(innovations, column)
+        for place, given in enumerate(INPUTS):
+            signal = dataset.inputs.values[np.maximum(held, 0), place]
+            if np.isfinite(values).sum() >= _FEWEST and signal.std() > 0.0:
+                correlations[f"{quantity.symbol} by {given.symbol}"] = abs(_correlation(values, signal))
+    if not correlations:
+        return Check.of(
+            filter_name, sensor, "free of inputs", statistic="nothing to compare", threshold="", passed=True, advice=""
+        )
+    return _uncorrelated(
+        filter_name,
+        sensor,
+        "free of inputs",
+        innovations,
+        correlations,
+        "correlation with an input",
+        "What an actuator does still shows in what should be noise: its model is wrong (delay, saturation, sign, a "
+        "term that is missing; see `explained by noise`), or the filter has not settled.",
+    )
+
+
+def _uncorrelated(
+    filter_name: str,
+    sensor: str,
+    name: str,
+    innovations: Innovations,
+    correlations: dict[str, float],
+    meaning: str,
+    advice: str,
+) -> Check:
+    """Judge correlations.
+
+    A sensor told to be more than twice as bad as it is, as an AHRS is, has paid for the memory of its errors.
+    """
+    limit = _LARGEST_CORRELATION + 3.0 / np.sqrt(len(innovations.time))
+    check = Check.of_values(filter_name, sensor, name, correlations, limit=limit, meaning=meaning, advice=advice)
+    tally = innovations.tally()
+    small = tally.squares.sum() < 0.25 * tally.components.sum()
+    return check._replace(passed=None, advice=_told_larger(sensor)) if check.passed is False and small else check
+
+
+def _normalised(innovations: Innovations, column: int) -> Array:
+    """Divide innovations by their standard deviations; NaN where a fit left a residual no room."""
+    variance = innovations.variance[:, column]
+    return innovations.innovation[:, column] / np.sqrt(np.where(variance > 0.0, variance, np.nan))
+
+
+def _correlation(a: Array, b: Array) -> float:
+    both = np.isfinite(a) & np.isfinite(b)
+    a, b = a[both] - a[both].mean(), b[both] - b[both].mean()
+    product = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / product if product > 0.0 else 0.0

@@ -1,0 +1,439 @@
+"""Forward pass of a smoother linearised about a trajectory: a square-root Kalman filter with Huber's weights."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
+from auvid_cli.filters.factor import SPARE_ROWS, TILE, carlson_update, triangularise
+from auvid_cli.filters.problem import (
+    LINEARISATION_SIGNATURE,
+    MODEL_DATA,
+    SENSORS_TYPE,
+    TIMELINE,
+    TRANSITION_SIGNATURE,
+    Gaussian,
+    Process,
+)
+from auvid_cli.filters.sigma_points import four_products, wrapped
+from auvid_cli.filters.workspace import STATE, State, padded
+from auvid_cli.lanes import zeros_on_lines
+
+# Standard deviations: clean data lose 1 % of their information.
+THRESHOLD = 2.0
+# A component that counts less than this is one that was set aside: of Gaussian noise none in ten thousand.
+SET_ASIDE = 0.5
+Array = NDArray[np.float64]
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_stack = types.float64[:, :, ::1]
+_1 = np.uint64(1)
+# Moving rows that are worked on at once.
+_ROWS = 16
+_products = four_products(_ROWS)
+
+
+def weight(square: Any, threshold: float) -> Any:
+    """Return weights of squared residuals, r^2; compiled code compiles it for itself."""
+    return 1.0 / np.sqrt(np.maximum(square / threshold**2, 1.0))
+
+
+class Linearised(NamedTuple):
+    """A chunk of the data about a trajectory.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (n_parameters,)
+    before : ndarray, shape (n_moving,)
+        Moving states of the trajectory at the event before the first.
+    moving : ndarray, shape (n_events, n_moving)
+        Those at the events.
+    residual : ndarray, shape (n_measurements, c)
+        Measured less what the trajectory predicts; NaN where missing.
+    rows : ndarray, shape (n_measurements, c, n)
+        Derivative of what is predicted by the state.
+    defect : ndarray, shape (n_events, n_moving)
+        Where the process takes the trajectory from the event before, less the trajectory; zero where nothing leads.
+    transition : ndarray, shape (n_events, n_moving, n)
+        Moving rows of the transition matrix that leads to an event, if anything does.
+    """
+
+    parameters: Array
+    before: Array
+    moving: Array
+    residual: Array
+    rows: Array
+    defect: Array
+    transition: Array
+
+
+class ForwardPass(NamedTuple):
+    """What the way back needs of the way forward.
+
+    Attributes
+    ----------
+    filtered : ndarray, shape (n_events, n)
+        Deviation after its measurements.
+    covariance : ndarray, shape (n_events, n_moving, n)
+        Moving rows of its covariance.
+    gain : ndarray, shape (n_measurements, c, n)
+        Covariance of the state with a component, before that; components come one after the other.
+    total, error : ndarray, shape (n_measurements, c)
+        Variance of what is new in it, and that.
+    innovation, variance : ndarray, shape (n_measurements, c)
+        The same of each component by itself, before any of its measurement; NaN where missing.
+    weight : ndarray, shape (n_measurements, c)
+        By how much each counts: the variance of its noise is by so much larger.
+    """
+
+    filtered: Array
+    covariance: Array
+    gain: Array
+    total: Array
+    error: Array
+    innovation: Array
+    variance: Array
+    weight: Array
+
+    @classmethod
+    def of(cls, about: Linearised) -> "ForwardPass":
+        """Make room for that of a chunk."""
+        (n_events, n_moving), (n_measurements, n_components, n) = about.moving.shape, about.rows.shape
+        return cls(
+            np.empty((n_events, n)),
+            np.empty((n_events, n_moving, n)),
+            np.empty((n_measurements, n_components, n)),
+            *(np.ones((n_measurements, n_components)) for _ in range(2)),
+            *(np.full((n_measurements, n_components), np.nan) for _ in range(2)),
+            weight=np.ones((n_measurements, n_components)),
+        )
+
+
+class SmootherWorkspace(NamedTuple):
+    """Arrays that hold nothing from one use to the next.
+
+    Attributes
+    ----------
+    point : ndarray, shape (n,)
+    matrix : ndarray, shape (n, n)
+    transposed : ndarray, shape (n_parts, width of the factor * _ROWS)
+        Moving rows of a transition, or of the factor: their columns one after the other, `_ROWS` rows to a part; zero
+        beyond.
+    moved : ndarray, shape (n_parts, _ROWS)
+        Moving rows of the mean.
+    product : ndarray, shape (n_parts, 4 * _ROWS)
+        Of these with four columns, or rows, of the factor.
+    spread : ndarray, shape (moving states and `SPARE_ROWS`, whole tiles)
+    lower : ndarray, shape (as many, as many)
+    gain : ndarray, shape (width of the factor,)
+    measured, ratio, share : ndarray, shape (width and one more,)
+    predictions : ndarray, shape (c,)
+        What a sensor sees of a state.
+    process : ndarray
+        For the process itself.
+    """
+
+    point: Array
+    matrix: Array
+    transposed: Array
+    moved: Array
+    product: Array
+    spread: Array
+    lower: Array
+    gain: Array
+    measured: Array
+    ratio: Array
+    share: Array
+    predictions: Array
+    process: Array
+
+    @classmethod
+    def of(cls, process: Process, n: int, n_components: int) -> "SmootherWorkspace":
+        """Make it for a state of n entries, and sensors of up to `n_components`."""
+        n_moving = process.noise_density.size
+        rows, width, n_parts = n_moving + SPARE_ROWS, padded(n), -(-n_moving // _ROWS)
+        return cls(
+            point=zeros_on_lines(n),
+            matrix=np.eye(n),
+            transposed=zeros_on_lines(n_parts, width * _ROWS),
+            moved=zeros_on_lines(n_parts, _ROWS),
+            product=zeros_on_lines(n_parts, 4 * _ROWS),
+            spread=zeros_on_lines(rows, padded(2 * n_moving)),
+            lower=zeros_on_lines(rows, rows),
+            gain=zeros_on_lines(width),
+            measured=zeros_on_lines(width + 1),
+            ratio=zeros_on_lines(width + 1),
+            share=zeros_on_lines(width + 1),
+            predictions=zeros_on_lines(n_components),
+            process=zeros_on_lines(process.scratch_size),
+        )
+
+
+def new_state(gaussian: Gaussian) -> State:
+    """Lay out a Gaussian."""
+    width = padded(gaussian.mean.size)
+    return State.of(gaussian, width, width)
+
+
+LINEARISED = types.NamedTuple((_vector, _vector, _matrix, _matrix, _stack, _matrix, _stack), Linearised)
+
+
+FORWARD_PASS = types.NamedTuple((_matrix, _stack, _stack, *[_matrix] * 5), ForwardPass)
+
+
+SMOOTHER_WORKSPACE = types.NamedTuple((_vector, *[_matrix] * 6, *[_vector] * 6), SmootherWorkspace)
+
+
+_weight = compiled(types.float64(types.float64, types.float64), inline=True)(weight)
+
+
+@compiled(types.void(types.FunctionType(LINEARISATION_SIGNATURE), MODEL_DATA, TIMELINE, LINEARISED, SMOOTHER_WORKSPACE))
+def linearise_measurements(linearise, data, timeline, about, work):
+    """Fill in residuals and derivatives."""
+    sensors, constants, selection, predictions = data.sensors, data.constants, data.selection, work.predictions
+    n, n_parameters = about.rows.shape[2], about.parameters.size
+    for event in range(timeline.time.size):
+        for i in range(n):
+            work.point[i] = about.parameters[i] if i < n_parameters else about.moving[event, i - n_parameters]
+        inputs = timeline.inputs[timeline.event_input[event]]
+        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
+            sensor = timeline.measurement_sensor[k]
+            nonlinear = sensors.nonlinear[sensor]
+            if nonlinear:
+                linearise(work.point, sensor, inputs, constants, selection, predictions, about.rows[k], work.process)
+            for c in range(about.residual.shape[1]):
+                predicted = predictions[c] if nonlinear else 0.0
+                for i in range(0 if nonlinear else n):
+                    h = sensors.matrix[sensor, c, i]
+                    about.rows[k, c, i] = h
+                    if h != 0.0:
+                        predicted += h * work.point[i]
+                difference = timeline.measurement[k, c] - predicted
+                about.residual[k, c] = wrapped(difference, sensors.angular[sensor, c])
+
+
+@compiled(types.void(types.FunctionType(TRANSITION_SIGNATURE), MODEL_DATA, TIMELINE, LINEARISED, SMOOTHER_WORKSPACE))
+def linearise_process(transition, data, timeline, about, work):
+    """Fill in transitions, and by how much they miss the trajectory."""
+    n_moving, n_parameters, moved = about.moving.shape[1], about.parameters.size, work.point
+    for event in range(timeline.time.size):
+        first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
+        if last > first:
+            for j in range(n_parameters):
+                moved[j] = about.parameters[j]
+            for i in range(n_moving):
+                moved[n_parameters + i] = about.before[i] if event == 0 else about.moving[event - 1, i]
+            substeps = timeline.substep_input[first:last], timeline.substep_duration[first:last]
+            inputs, constants, selection = timeline.inputs, data.constants, data.selection
+            transition(moved, inputs, substeps[0], substeps[1], constants, selection, work.matrix, work.process)
+            for i in range(n_moving):
+                about.defect[event, i] = moved[n_parameters + i] - about.moving[event, i]
+                for j in range(moved.size):
+                    about.transition[event, i, j] = work.matrix[n_parameters + i, j]
+
+
+@compiled(types.void(_matrix, _vector, SMOOTHER_WORKSPACE), reassociate=True, internal=True)
+def _transpose_tiles(transition, mean, work):
+    """Turn the moving rows of a transition, and move the mean by them."""
+    n_moving, n = transition.shape
+    for part in range(work.transposed.shape[0]):
+        transposed, moved, first = work.transposed[part], work.moved[part], part * _ROWS
+        for i in range(min(_ROWS, n_moving - first)):
+            for k in range(n):
+                transposed[k * _ROWS + i] = transition[first + i, k]
+        for i in range(_ROWS):
+            moved[i] = 0.0
+        for k in range(n):
+            for i in range(_ROWS):
+                moved[i] += mean[k] * transposed[k * _ROWS + i]
+
+
+@compiled(types.boolean(_matrix, _vector, STATE, SMOOTHER_WORKSPACE), reassociate=True, internal=True)
+def _predict(transition, noise, state, work):
+    """Move mean and factor of the deviation; False if there is no factor."""
+    n, mean, columns, spread, product = state.n, state.mean, state.columns, work.spread, work.product
+    n_moving, width, n_parts = noise.size, columns.shape[1], work.transposed.shape[0]
+    n_parameters = n - n_moving
+    factor = columns.reshape(-1)
+    _transpose_tiles(transition, mean, work)
+    for i in range(n_moving):
+        mean[n_parameters + i] = work.moved[i // _ROWS, i % _ROWS]
+        for k in range(spread.shape[1]):
+            spread[i, k] = 0.0
+        spread[i, n_moving + i] = np.sqrt(noise[i])
+    # Four columns at a time, from a tile's edge on: what stands before the diagonal is zero.
+    for j in range(0, n, 4):
+        edge = j // TILE * TILE
+        first, n_terms = np.uint64(j * width + edge), np.uint64(n - edge)
+        for part in range(n_parts):
+            _products(
+                factor, first, np.uint64(width), _1, n_terms, work.transposed[part, edge * _ROWS :], product[part]
+            )
+        for r in range(min(4, n - j)):
+            for i in range(n_moving):
+                moved = product[i // _ROWS, r * _ROWS + i % _ROWS]
+                if j + r < n_parameters:
+                    columns[j + r, n_parameters + i] = moved
+                else:
+                    spread[i, j + r - n_parameters] = moved
+    if not triangularise(spread, n_moving, work.lower):
+        return False
+    for j in range(n_moving):
+        for i in range(j, n_moving):
+            columns[n_parameters + j, n_parameters + i] = work.lower[i, j]
+    return True
+
+
+@compiled(types.void(_vector, STATE, _vector), reassociate=True, inline=True)
+def _project_row(row, state, measured):
+    """Fill in a combination of the state's rows in the basis of the factor."""
+    columns = state.columns
+    for j in range(state.n):
+        measured[j] = 0.0
+    for i in range(state.n):
+        h = row[i]
+        if h != 0.0:
+            for j in range(i + 1):
+                measured[j] += h * columns[j, i]
+
+
+@compiled(types.float64(_vector, _vector), reassociate=True, inline=True)
+def _dot(row, values):
+    total = 0.0
+    for i in range(row.size):
+        total += row[i] * values[i]
+    return total
+
+
+@compiled(
+    types.float64(types.int64, _matrix, _vector, LINEARISED, STATE, FORWARD_PASS, SMOOTHER_WORKSPACE),
+    reassociate=True,
+    internal=True,
+)
+def _update(k, rows, noise, about, state, forward_pass, work):
+    """Condition on measurement k, component by component; returns the sum of their NIS."""
+    n, mean, columns, measured, error = state.n, state.mean, state.columns, work.measured, forward_pass.error[k]
+    for c in range(rows.shape[0]):
+        forward_pass.innovation[k, c] = np.nan
+        forward_pass.variance[k, c] = np.nan
+        if np.isnan(about.residual[k, c]):
+            continue
+        _project_row(rows[c], state, measured)
+        total = noise[c] / forward_pass.weight[k, c]
+        for j in range(n):
+            total += measured[j] * measured[j]
+        error[c] = about.residual[k, c] - _dot(rows[c], mean)
+        forward_pass.innovation[k, c] = error[c]
+        forward_pass.variance[k, c] = total
+    nis = 0.0
+    for c in range(rows.shape[0]):
+        if np.isnan(about.residual[k, c]):
+            continue
+        _project_row(rows[c], state, measured)
+        variance = noise[c] / forward_pass.weight[k, c]
+        total = carlson_update(columns, n, measured, variance, work.gain, work.ratio, work.share)
+        step = error[c] / total
+        nis += error[c] * step
+        for i in range(work.gain.size):
+            mean[i] += work.gain[i] * step
+        # The innovations of the others are carried on.
+        for other in range(c + 1, rows.shape[0]):
+            error[other] -= _dot(rows[other], work.gain) * step
+        forward_pass.total[k, c] = total
+        for i in range(n):
+            forward_pass.gain[k, c, i] = work.gain[i]
+    return nis
+
+
+@compiled(
+    types.void(types.int64, STATE, types.int64, FORWARD_PASS, SMOOTHER_WORKSPACE), reassociate=True, internal=True
+)
+def _store_event(event, state, n_parameters, forward_pass, work):
+    """Write down the mean, and the moving rows of the covariance, four columns of these at a time."""
+    n, columns, covariance = state.n, state.columns, forward_pass.covariance[event]
+    width = columns.shape[1]
+    factor = columns.reshape(-1)
+    for i in range(n):
+        forward_pass.filtered[event, i] = state.mean[i]
+    for part in range(work.transposed.shape[0]):
+        first, moving, product = n_parameters + part * _ROWS, work.transposed[part], work.product[part]
+        rows = min(_ROWS, n - first)
+        for j in range(n):
+            for i in range(rows):
+                moving[j * _ROWS + i] = columns[j, first + i]
+        for k in range(0, n, 4):
+            # Of the triangle nothing stands behind the diagonal.
+            _products(factor, np.uint64(k), _1, np.uint64(width), np.uint64(k + 4), moving, product)
+            for r in range(min(4, n - k)):
+                for i in range(rows):
+                    covariance[part * _ROWS + i, k + r] = product[r * _ROWS + i]
+
+
+@compiled(
+    types.Tuple((types.int64, types.float64, types.float64, types.float64))(
+        SENSORS_TYPE, _matrix, TIMELINE, LINEARISED, STATE, FORWARD_PASS, SMOOTHER_WORKSPACE
+    ),
+    reassociate=True,
+)
+def forward(sensors, noise, timeline, about, state, forward_pass, work):
+    """Filter the deviations from a trajectory through a chunk of the data.
+
+    Parameters
+    ----------
+    sensors : Sensors
+    noise : ndarray, shape (n_events, n_moving)
+        Variance of what process noise leaves at each event.
+    timeline : Timeline
+    about : Linearised
+    state : State
+        Deviation at the event before the chunk; moved to its last one.
+    forward_pass : ForwardPass
+        Filled in.
+    work : SmootherWorkspace
+
+    Returns
+    -------
+    good : int
+        How many events went well.
+    cost : float
+        Of the trajectory: squares of process noise and residuals that it needs, by their variances.
+    least : float
+        What is left of it at the minimum of the linear problem: the sum of the NIS, and what is beyond the weights.
+    log_determinant : float
+        Sum of the logarithms of the innovations' variances, by their weights.
+    """
+    n, n_moving = state.n, noise.shape[1]
+    n_parameters = n - n_moving
+    cost, least, log_determinant = 0.0, 0.0, 0.0
+    for event in range(timeline.time.size):
+        first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
+        if last > first:
+            for i in range(n_moving):
+                cost += about.defect[event, i] * about.defect[event, i] / noise[event, i]
+            if not _predict(about.transition[event], noise[event], state, work):
+                return event, cost, least, log_determinant
+            for i in range(n_moving):
+                state.mean[n_parameters + i] += about.defect[event, i]
+        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
+            sensor = timeline.measurement_sensor[k]
+            for c in range(about.residual.shape[1]):
+                residual = about.residual[k, c]
+                if not np.isnan(residual):
+                    square = residual * residual / sensors.variance[sensor, c]
+                    weight = _weight(square, sensors.threshold)
+                    forward_pass.weight[k, c] = weight
+                    cost += weight * (2.0 - weight) * square
+                    least += weight * (1.0 - weight) * square
+            nis = _update(k, about.rows[k], sensors.variance[sensor], about, state, forward_pass, work)
+            if not nis >= 0.0:
+                return event, cost, least, log_determinant
+            least += nis
+            for c in range(about.residual.shape[1]):
+                if not np.isnan(about.residual[k, c]):
+                    log_determinant += np.log(forward_pass.total[k, c] * forward_pass.weight[k, c])
+        if not cost < np.inf:
+            return event, cost, least, log_determinant
+        _store_event(event, state, n_parameters, forward_pass, work)
+    return timeline.time.size, cost, least, log_determinant

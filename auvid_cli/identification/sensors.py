@@ -1,0 +1,356 @@
+"""Nonlinear sensors of the augmented state: accelerometer, DVL and magnetometer, with their derivatives."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
+from auvid_cli.config.extra_states import CURRENT, DVL_ARM, DVL_SCALE, DVL_YAW
+from auvid_cli.identification.compiled_layout import (
+    ACCELEROMETER,
+    MAGNETOMETER,
+    ROW,
+    fill_in_all,
+    fill_in_lanes,
+    fill_in_row,
+    first_moving_row,
+    is_disturbed,
+    known_vector,
+    row_of,
+    value_of,
+)
+from auvid_cli.identification.disturbance import fill_in_specific_force, push
+from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.equations import (
+    N_BLOCK,
+    N_COEFFICIENT_BLOCK,
+    N_FACTORS,
+    N_SLOPE,
+    motion_derivative,
+    n_terms,
+    sine_cosine,
+)
+from auvid_cli.vehicle.jacobian import N_COLUMNS, N_JACOBIAN_WORK, motion_jacobian
+from auvid_cli.vehicle.kinematics import GRAVITY, current_in_body_axes, dvl_axes
+from auvid_cli.vehicle.parameters import N_MOTION
+
+Array = NDArray[np.float64]
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_indices = types.int64[::1]
+# Where those of them end that are as long whatever terms a vehicle has.
+_SLOPE, _BLOCK, _FOR_JACOBIAN, _FORCE = (
+    N_SLOPE,
+    N_SLOPE + N_BLOCK,
+    N_SLOPE + N_BLOCK + N_JACOBIAN_WORK,
+    N_SLOPE + N_BLOCK + N_JACOBIAN_WORK + 3 * LANES,
+)
+VELOCITY_ERRORS = tuple(quantity.symbol for quantity in (DVL_SCALE, DVL_YAW, *CURRENT, *DVL_ARM))
+"""Symbols of what lies between the velocity through the water and its measurement, but for what adds to that."""
+_three = types.UniTuple(types.float64, 3)
+
+
+class _Workspace(NamedTuple):
+    """Arrays that hold nothing from one use to the next.
+
+    Attributes
+    ----------
+    slope : ndarray, shape (N_SLOPE,)
+        Time derivative of the motion.
+    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK + terms * LANES,)
+    block : ndarray, shape (N_BLOCK,)
+        One state in the first lane.
+    coefficients : ndarray, shape (N_FACTORS + terms,)
+    jacobian : ndarray, shape (9, N_COLUMNS + terms)
+        See `motion_jacobian`.
+    for_jacobian : ndarray, shape (N_JACOBIAN_WORK,)
+    force : ndarray, shape (3 * LANES,)
+        Specific force, without bias.
+    """
+
+    slope: Array
+    coefficient_block: Array
+    block: Array
+    coefficients: Array
+    jacobian: Array
+    for_jacobian: Array
+    force: Array
+
+
+def accelerometer_work(terms: int) -> int:
+    """Return the length of the scratch that is handed over."""
+    return _FORCE + N_COEFFICIENT_BLOCK + terms * LANES + N_FACTORS + terms + N_MOTION * (N_COLUMNS + terms)
+
+
+@compiled(types.NamedTuple((*[_vector] * 4, _matrix, *[_vector] * 2), _Workspace)(_vector, types.int64), inline=True)
+def _workspace(scratch, terms):
+    lanes = _FORCE + N_COEFFICIENT_BLOCK + terms * LANES
+    single = lanes + N_FACTORS + terms
+    return _Workspace(
+        slope=scratch[:_SLOPE],
+        coefficient_block=scratch[_FORCE:lanes],
+        block=scratch[_SLOPE:_BLOCK],
+        coefficients=scratch[lanes:single],
+        jacobian=scratch[single : single + N_MOTION * (N_COLUMNS + terms)].reshape(N_MOTION, N_COLUMNS + terms),
+        for_jacobian=scratch[_BLOCK:_FOR_JACOBIAN],
+        force=scratch[_FOR_JACOBIAN:_FORCE],
+    )
+
+
+@compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
+def _specific_force(motion, slope, constants, n_lanes, force):
+    """Fill in the specific force of a block of motions, without bias."""
+    x, y, z = known_vector(constants, ACCELEROMETER)
+    for k in range(n_lanes):
+        u, v, w = motion[k], motion[LANES + k], motion[2 * LANES + k]
+        p, q, r = motion[3 * LANES + k], motion[4 * LANES + k], motion[5 * LANES + k]
+        p_dot, q_dot, r_dot = slope[3 * LANES + k], slope[4 * LANES + k], slope[5 * LANES + k]
+        sin_phi, cos_phi = sine_cosine(motion[6 * LANES + k])
+        sin_theta, cos_theta = sine_cosine(motion[7 * LANES + k])
+        along, square = p * x + q * y + r * z, p * p + q * q + r * r
+        at_x = slope[k] + q * w - r * v + q_dot * z - r_dot * y + p * along - x * square
+        at_y = slope[LANES + k] + r * u - p * w + r_dot * x - p_dot * z + q * along - y * square
+        at_z = slope[2 * LANES + k] + p * v - q * u + p_dot * y - q_dot * x + r * along - z * square
+        force[k] = at_x + GRAVITY * sin_theta
+        force[LANES + k] = at_y - GRAVITY * cos_theta * sin_phi
+        force[2 * LANES + k] = at_z - GRAVITY * cos_theta * cos_phi
+
+
+@compiled(types.void(*[_vector] * 4, _indices, types.uint64, _vector, _vector), internal=True)
+def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, predicted, scratch):
+    """Predict what it says of a block of states under inputs; `scratch` has `accelerometer_work`."""
+    work = _workspace(scratch, n_terms(constants))
+    fill_in_lanes(moving, parameters, constants, selection, n_lanes, work.coefficient_block)
+    motion_derivative(moving, work.coefficient_block, inputs, constants, n_lanes, work.slope)
+    if is_disturbed(constants):
+        push(moving, LANES, constants, n_lanes, 1.0, work.slope, LANES)
+    _specific_force(moving, work.slope, constants, n_lanes, predicted)
+    scales, biases = (ROW.scale_fx, ROW.scale_fy, ROW.scale_fz), (ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)
+    for axis in range(3):
+        for k in range(n_lanes):
+            gain = 1.0 + value_of(constants, scales[axis], parameters, moving, k)
+            bias = value_of(constants, biases[axis], parameters, moving, k)
+            predicted[axis * LANES + k] = gain * predicted[axis * LANES + k] + bias
+
+
+@compiled(types.void(_vector, _vector, _vector, _indices, _vector, _matrix, _vector), internal=True)
+def linearise_force(mean, inputs, constants, selection, predicted, matrix, scratch):
+    """Predict what it says of one state, shape (3,), and the derivative by the state, whose other columns stay."""
+    work, first = _workspace(scratch, n_terms(constants)), first_moving_row(constants)
+    n_columns = N_COLUMNS + n_terms(constants)
+    motion, jacobian = mean[first : first + N_MOTION], work.jacobian
+    fill_in_all(mean, constants, selection, work.coefficients)
+    for m in range(n_columns - N_MOTION):
+        work.coefficient_block[m * LANES] = work.coefficients[m]
+    for i in range(N_MOTION):
+        work.block[i * LANES] = motion[i]
+    motion_derivative(work.block, work.coefficient_block, inputs, constants, 1, work.slope)
+    if is_disturbed(constants):
+        push(mean[first:], 1, constants, 1, 1.0, work.slope, LANES)
+    _specific_force(work.block, work.slope, constants, 1, work.force)
+    motion_jacobian(motion, work.coefficients, inputs, constants, jacobian, jacobian, N_COLUMNS, work.for_jacobian)
+
+    scales, biases = (ROW.scale_fx, ROW.scale_fy, ROW.scale_fz), (ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)
+    arm = known_vector(constants, ACCELEROMETER)
+    sin_phi, cos_phi = sine_cosine(motion[6])
+    sin_theta, cos_theta = sine_cosine(motion[7])
+    up = (sin_theta, -cos_theta * sin_phi, -cos_theta * cos_phi)
+    by_roll = (0.0, up[2], -up[1])
+    by_pitch = (cos_theta, sin_theta * sin_phi, sin_theta * cos_phi)
+    along = motion[3] * arm[0] + motion[4] * arm[1] + motion[5] * arm[2]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        row = jacobian[i]
+        for column in range(n_columns):
+            row[column] += jacobian[3 + j, column] * arm[k] - jacobian[3 + k, column] * arm[j]
+        # The products omega x nu1 and omega (omega . l) - l omega^2.
+        row[k] += motion[3 + j]
+        row[j] -= motion[3 + k]
+        row[3 + j] += motion[k]
+        row[3 + k] -= motion[j]
+        row[3 + i] += along
+        for axis in range(3):
+            row[3 + axis] += motion[3 + i] * arm[axis] - 2.0 * arm[i] * motion[3 + axis]
+        row[6] += GRAVITY * by_roll[i]
+        row[7] += GRAVITY * by_pitch[i]
+        scale, bias = row_of(constants, scales[i]), row_of(constants, biases[i])
+        gain = 1.0 + mean[scale] if scale >= 0 else 1.0
+        for column in range(n_columns):
+            row[column] *= gain
+        fill_in_row(row, constants, selection, matrix[i])
+        if is_disturbed(constants):
+            fill_in_specific_force(constants, arm, i, gain, matrix[i])
+        predicted[i] = gain * work.force[i * LANES]
+        if scale >= 0:
+            matrix[i, scale] = work.force[i * LANES]
+        if bias >= 0:
+            matrix[i, bias] = 1.0
+            predicted[i] += mean[bias]
+
+
+@compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
+def measure_velocities(moving, parameters, constants, n_lanes, predicted):
+    """Predict what it measures of a block of states."""
+    for k in range(n_lanes):
+        north = value_of(constants, ROW.current_north, parameters, moving, k)
+        east = value_of(constants, ROW.current_east, parameters, moving, k)
+        sin_phi, cos_phi = sine_cosine(moving[6 * LANES + k])
+        sin_theta, cos_theta = sine_cosine(moving[7 * LANES + k])
+        sin_psi, cos_psi = sine_cosine(moving[8 * LANES + k])
+        ahead, aside = cos_psi * north + sin_psi * east, cos_psi * east - sin_psi * north
+        p, q, r = moving[3 * LANES + k], moving[4 * LANES + k], moving[5 * LANES + k]
+        x = value_of(constants, ROW.dvl_x, parameters, moving, k)
+        y = value_of(constants, ROW.dvl_y, parameters, moving, k)
+        z = value_of(constants, ROW.dvl_z, parameters, moving, k)
+        u = moving[k] + cos_theta * ahead + q * z - r * y
+        v = moving[LANES + k] + sin_phi * sin_theta * ahead + cos_phi * aside + r * x - p * z
+        w = moving[2 * LANES + k] + cos_phi * sin_theta * ahead - sin_phi * aside + p * y - q * x
+        sin_yaw, cos_yaw = sine_cosine(value_of(constants, ROW.dvl_yaw, parameters, moving, k))
+        gain = 1.0 + value_of(constants, ROW.dvl_scale, parameters, moving, k)
+        predicted[k] = gain * (cos_yaw * u + sin_yaw * v)
+        predicted[LANES + k] = gain * (cos_yaw * v - sin_yaw * u)
+        predicted[2 * LANES + k] = gain * w
+
+
+@compiled(types.float64(_vector, _vector, types.int64), internal=True)
+def _value(constants, mean, which):
+    row = row_of(constants, which)
+    return mean[row] if row >= 0 else 0.0
+
+
+@compiled(types.void(_matrix, types.int64, types.float64, types.float64, _three), internal=True)
+def _put(matrix, column, gain, yaw, vector):
+    """Turn a vector of the vehicle's axes to those of the DVL, times its gain; as a column, if there is one."""
+    if column >= 0:
+        sine, cosine = sine_cosine(yaw)
+        matrix[0, column] = gain * (cosine * vector[0] + sine * vector[1])
+        matrix[1, column] = gain * (cosine * vector[1] - sine * vector[0])
+        matrix[2, column] = gain * vector[2]
+
+
+@compiled(types.void(_vector, _vector, _vector, _matrix), internal=True)
+def linearise_velocity(mean, constants, predicted, matrix):
+    """Predict what it measures of one state, shape (3,), and the derivative by the state, whose other columns stay."""
+    first, scale_row, yaw_row = (
+        first_moving_row(constants),
+        row_of(constants, ROW.dvl_scale),
+        row_of(constants, ROW.dvl_yaw),
+    )
+    gain, yaw = 1.0 + _value(constants, mean, ROW.dvl_scale), _value(constants, mean, ROW.dvl_yaw)
+    north, east = _value(constants, mean, ROW.current_north), _value(constants, mean, ROW.current_east)
+    sin_phi, cos_phi = sine_cosine(mean[first + 6])
+    sin_theta, cos_theta = sine_cosine(mean[first + 7])
+    sin_psi, cos_psi = sine_cosine(mean[first + 8])
+    ahead, aside = cos_psi * north + sin_psi * east, cos_psi * east - sin_psi * north
+    drift_v = sin_phi * sin_theta * ahead + cos_phi * aside
+    drift_w = cos_phi * sin_theta * ahead - sin_phi * aside
+    p, q, r = mean[first + 3], mean[first + 4], mean[first + 5]
+    x, y, z = (
+        _value(constants, mean, ROW.dvl_x),
+        _value(constants, mean, ROW.dvl_y),
+        _value(constants, mean, ROW.dvl_z),
+    )
+    u = mean[first] + cos_theta * ahead + q * z - r * y
+    v = mean[first + 1] + drift_v + r * x - p * z
+    w = mean[first + 2] + drift_w + p * y - q * x
+
+    # By the rates it moves at right angles to its arm, by the arm at right angles to the rates.
+    for column, by in (
+        (first + 3, (0.0, -z, y)),
+        (first + 4, (z, 0.0, -x)),
+        (first + 5, (-y, x, 0.0)),
+        (row_of(constants, ROW.dvl_x), (0.0, r, -q)),
+        (row_of(constants, ROW.dvl_y), (-r, 0.0, p)),
+        (row_of(constants, ROW.dvl_z), (q, -p, 0.0)),
+    ):
+        _put(matrix, column, gain, yaw, by)
+    # Along a horizontal direction with so much ahead and aside of the heading, in the vehicle's axes.
+    for column, f, s in (
+        (row_of(constants, ROW.current_north), cos_psi, -sin_psi),
+        (row_of(constants, ROW.current_east), sin_psi, cos_psi),
+        (first + 8, aside, -ahead),
+    ):
+        along = cos_theta * f, sin_phi * sin_theta * f + cos_phi * s, cos_phi * sin_theta * f - sin_phi * s
+        _put(matrix, column, gain, yaw, along)
+    down = -sin_theta * ahead, sin_phi * cos_theta * ahead, cos_phi * cos_theta * ahead
+    _put(matrix, first + 7, gain, yaw, down)
+    _put(matrix, first + 6, gain, yaw, (0.0, drift_w, -drift_v))
+    for axis in range(3):
+        unit = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
+        _put(matrix, first + axis, gain, yaw, unit)
+    # A quarter of a turn further is the derivative by the mounting.
+    _put(matrix, yaw_row, gain, yaw, (v, -u, 0.0))
+    _put(matrix, scale_row, 1.0, yaw, (u, v, w))
+    sine, cosine = sine_cosine(yaw)
+    predicted[0], predicted[1], predicted[2] = gain * (cosine * u + sine * v), gain * (cosine * v - sine * u), gain * w
+
+
+def measured_velocity(motion: Array, errors: Array) -> Array:
+    """Return what it measures of motions, shape (..., 9): velocities, shape (..., 3), m/s.
+
+    Parameters
+    ----------
+    motion : ndarray, shape (..., 9)
+        Its velocity is that through the water.
+    errors : ndarray, shape (7,)
+        In the order of `VELOCITY_ERRORS`.
+    """
+    return (motion[..., :3] + _beyond(motion, errors)) @ dvl_axes(*errors[:2]).T
+
+
+def velocity_behind(motion: Array, errors: Array) -> Array:
+    """Return the velocity through the water, where that of a motion is as measured; inverts `measured_velocity`."""
+    return motion[..., :3] @ np.linalg.inv(dvl_axes(*errors[:2])).T - _beyond(motion, errors)
+
+
+def _beyond(motion: Array, errors: Array) -> Array:
+    """Return the velocity of the DVL over ground less that of the origin through the water."""
+    _, _, north, east, *arm = errors
+    return current_in_body_axes(motion[..., 6:9], north, east) + np.cross(motion[..., 3:6], arm)
+
+
+@compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
+def measure_field(moving, parameters, constants, n_lanes, predicted):
+    """Predict what it measures of a block of states."""
+    north, east, down = known_vector(constants, MAGNETOMETER)
+    biases = ROW.bias_mx, ROW.bias_my, ROW.bias_mz
+    for k in range(n_lanes):
+        sin_phi, cos_phi = sine_cosine(moving[6 * LANES + k])
+        sin_theta, cos_theta = sine_cosine(moving[7 * LANES + k])
+        sin_psi, cos_psi = sine_cosine(moving[8 * LANES + k])
+        ahead, aside = cos_psi * north + sin_psi * east, cos_psi * east - sin_psi * north
+        steep = sin_theta * ahead + cos_theta * down
+        predicted[k] = cos_theta * ahead - sin_theta * down
+        predicted[LANES + k] = sin_phi * steep + cos_phi * aside
+        predicted[2 * LANES + k] = cos_phi * steep - sin_phi * aside
+        for axis in range(3):
+            predicted[axis * LANES + k] += value_of(constants, biases[axis], parameters, moving, k)
+
+
+@compiled(types.void(_vector, _vector, _vector, _matrix), internal=True)
+def linearise_field(mean, constants, predicted, matrix):
+    """Predict what it measures of one state, shape (3,), and the derivative by the state, whose other columns stay."""
+    first = first_moving_row(constants)
+    north, east, down = known_vector(constants, MAGNETOMETER)
+    biases = ROW.bias_mx, ROW.bias_my, ROW.bias_mz
+    sin_phi, cos_phi = sine_cosine(mean[first + 6])
+    sin_theta, cos_theta = sine_cosine(mean[first + 7])
+    sin_psi, cos_psi = sine_cosine(mean[first + 8])
+    ahead, aside = cos_psi * north + sin_psi * east, cos_psi * east - sin_psi * north
+    steep, level = sin_theta * ahead + cos_theta * down, cos_theta * ahead - sin_theta * down
+    y, z = sin_phi * steep + cos_phi * aside, cos_phi * steep - sin_phi * aside
+    predicted[0], predicted[1], predicted[2] = level, y, z
+    by_roll, by_pitch = (0.0, z, -y), (-steep, sin_phi * level, cos_phi * level)
+    # By the heading what is ahead grows by what is aside, and that falls by what is ahead.
+    rising = sin_theta * aside
+    by_yaw = cos_theta * aside, sin_phi * rising - cos_phi * ahead, cos_phi * rising + sin_phi * ahead
+    for axis in range(3):
+        matrix[axis, first + 6] = by_roll[axis]
+        matrix[axis, first + 7] = by_pitch[axis]
+        matrix[axis, first + 8] = by_yaw[axis]
+        bias = row_of(constants, biases[axis])
+        if bias >= 0:
+            matrix[axis, bias] = 1.0
+            predicted[axis] += mean[bias]

@@ -1,0 +1,339 @@
+"""Curves of a page: motion, path, residuals and their envelopes."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.innovations import LAGS, Innovations
+from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.report.page.parts import (
+    Axis,
+    Part,
+    PathTrack,
+    Picture,
+    Plot,
+    PlotLine,
+    Plots,
+    Shape,
+    Space,
+    Words,
+    frame,
+    stroke,
+)
+from auvid_cli.report.plot_data import free_run_residual, scale_of, spaced, travelled, travelled_paths
+from auvid_cli.report.table import filter_label
+from auvid_cli.text import sentence
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
+
+Array = NDArray[np.float64]
+# Of the usual interval, and s: a line does not bridge more.
+_JUMP, _LEAST_JUMP = 20.0, 1.0
+# Parts of a run of which the extremes are drawn; and about as many samples as a free run keeps, so many residuals.
+_MOTION_SPANS, _MOST_RESIDUALS = 700, 100_000
+HOW_TO_LOOK = (
+    "Drag over any of these to look closer at all of them; double-click, or press 0, for the whole run. Of long series "
+    "the least and the greatest value of each of many short spans are drawn."
+)
+_WIDTH, _HEIGHT, _LEFT, _TOP, _BOTTOM, _RIGHT = 520.0, 420.0, 58.0, 30.0, 48.0, 16.0
+_MARGIN = 0.05
+# Most points of a path that is turned.
+_MOST_POINTS = 500
+# Parts of a run of which the extremes are drawn, of which the NIS is averaged, and points of a smooth bound.
+_RESIDUAL_SPANS, _WINDOWS, _BOUND_POINTS = 400, 60, 120
+# Half the height of a plot in usual bounds of two standard deviations.
+_HIGHEST = 2.5
+# Of all mean NIS by chance this share lies within the band.
+_WITHIN = 0.95
+_TWO_SIDED = 1.96
+
+
+def envelope(time: Array, values: Array, spans: int) -> tuple[Array, Array]:
+    """Keep of each column the least and the greatest value in each of equal parts, in the order in which they come.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+    values : ndarray, shape (n, c)
+        What is not finite is a gap; a gap that fills a part remains one, and so does a jump of time.
+    spans : int
+        How many parts, each of the same number of samples.
+
+    Returns
+    -------
+    time : ndarray, shape (m,)
+        Those of the samples if they are few; else beginning and middle of each part.
+    values : ndarray, shape (m, c)
+    """
+    time, values = _with_gaps(time, np.where(np.isfinite(values), values, np.nan))
+    n, columns = values.shape
+    if n <= 2 * spans:
+        return time, values
+    length = -(-n // spans)
+    parts = -(-n // length)
+    padded = np.full((parts * length, columns), np.nan)
+    padded[:n] = values
+    block = padded.reshape(parts, length, columns)
+    gap = np.isnan(block)
+    least = np.where(gap, np.inf, block).argmin(axis=1)
+    greatest = np.where(gap, -np.inf, block).argmax(axis=1)
+    order = np.stack([np.minimum(least, greatest), np.maximum(least, greatest)], axis=1)
+    kept = np.take_along_axis(block, order, axis=1).reshape(2 * parts, columns)
+    begin = np.arange(parts) * length
+    middle = np.minimum(begin + length // 2, n - 1)
+    return time[np.stack([begin, middle], axis=1).ravel()], kept
+
+
+def _with_gaps(time: Array, values: Array) -> tuple[Array, Array]:
+    """Put a gap wherever time jumps on."""
+    steps = np.diff(time)
+    if not steps.size:
+        return time, values
+    jumps = np.flatnonzero(steps > max(_JUMP * float(np.median(steps)), _LEAST_JUMP)) + 1
+    return np.insert(time, jumps, time[jumps]), np.insert(values, jumps, np.nan, axis=0)
+
+
+def course_parts(dataset: Dataset, runs: Mapping[str, FreeRun]) -> list[Part]:
+    """Return plots that are zoomed together: inputs, then what each sensor read, and what free runs leave of that."""
+    plots = [*input_plots(dataset.inputs), *sensor_plots(dataset.sensors, runs)]
+    residuals = "Residuals are measurements minus the free run: the final model, moved by the inputs alone."
+    return [Words([f"{HOW_TO_LOOK} {residuals}"]), Plots(plots, linked="time", wide=True)]
+
+
+def input_plots(inputs: InputRecord) -> list[Plot]:
+    """Plot each input."""
+    plots = []
+    for column, quantity in enumerate(inputs.quantities):
+        scale = scale_of(quantity)
+        time, values = envelope(inputs.time, inputs.values[:, [column]] * scale.factor, _MOTION_SPANS)
+        says = sentence(f"{quantity.meaning}, {_range(values, scale.unit)}")
+        line = PlotLine(quantity.symbol, "input", time, values[:, 0], "steps")
+        plots.append(Plot(f"input: {quantity.symbol.replace('_', ' ')}", says, scale.unit, [line]))
+    return plots
+
+
+def sensor_plots(
+    sensors: Mapping[str, SensorRecord],
+    runs: Mapping[str, FreeRun],
+    marks: Mapping[str, list[tuple[float, float]]] | None = None,
+) -> list[Plot]:
+    """Plot what each component of each sensor read, shaded at its marks, and its residuals."""
+    plots = []
+    for name, record in sensors.items():
+        for column, quantity in enumerate(SENSORS[name]):
+            if not np.isfinite(record.values[:, column]).any():
+                continue
+            scale = scale_of(quantity)
+            time, values = envelope(record.time, record.values[:, [column]] * scale.factor, _MOTION_SPANS)
+            says = sentence(f"{quantity.meaning} by {name}, {_range(values, scale.unit)}")
+            line = PlotLine("measured", "measured", time, values[:, 0])
+            shaded = () if marks is None else marks.get(name, ())
+            plots.append(Plot(f"{name}: {quantity.symbol}", says, scale.unit, [line], marks=shaded))
+            plots += _residual(name, quantity, record.time, record.values[:, column], runs)
+    return plots
+
+
+def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, runs: Mapping[str, FreeRun]) -> list[Plot]:
+    """Plot measurements minus free runs, of motion states."""
+    scale = scale_of(quantity)
+    known = np.isfinite(measured)
+    time, measured = time[known], measured[known]
+    some = slice(None, None, 1 + time.size // _MOST_RESIDUALS)
+    time, measured = time[some], measured[some]
+    lines, words = [], []
+    # Of a model that blew up no more is shown than of what was measured; the rest would hide the others.
+    height = scale.factor * float(np.ptp(measured))
+    beyond = False
+    for name, run in runs.items():
+        left = free_run_residual(quantity, time, measured, run)
+        if left is None:
+            continue
+        left *= scale.factor
+        finite = left[np.isfinite(left)]
+        if finite.size:
+            at, drawn = envelope(time, left[:, None], _MOTION_SPANS)
+            beyond |= height > 0.0 and bool((np.abs(finite) > height).any())
+            lines.append(PlotLine(filter_label(name), name, at, drawn[:, 0]))
+            words.append(f"{filter_label(name)} {_root_mean_square(finite):.3g} {scale.unit}")
+    if not lines:
+        return []
+    says = f"Measured minus free run; root mean square {', '.join(words)}."
+    if beyond:
+        says += " Not all of it is within the axis."
+    limits = (-height, height) if height > 0.0 else None
+    return [Plot(f"{sensor}: {quantity.symbol}, residual", says, scale.unit, lines, limits=limits)]
+
+
+def _root_mean_square(values: Array) -> float:
+    """Return it also of values whose squares are too large for a number."""
+    largest = float(np.abs(values).max())
+    return largest * float(np.sqrt(np.mean((values / largest) ** 2))) if largest else 0.0
+
+
+def _range(values: Array, unit: str) -> str:
+    known = values[np.isfinite(values)]
+    return f"{known.min():.4g} to {known.max():.4g} {unit}" if known.size else "nothing finite"
+
+
+def path_parts(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list[Part]:
+    """Draw the true path, where it is known, and those that follow from the estimated motion alone."""
+    tracks = _tracks(truth, estimates)
+    if not tracks:
+        return []
+    ends = ", ".join(
+        f"{track.label} {np.linalg.norm(track.position[-1] - tracks[0].position[-1]):.3g} m" for track in tracks[1:]
+    )
+    words = "An estimate's path is dead reckoning: its velocities, turned by its attitude, added up"
+    words += " from the true start." if truth is not None else " from its start."
+    if ends and truth is not None:
+        words += f" At the end they are off by: {ends}."
+    says = f"Paths of {', '.join(track.label for track in tracks)} in space."
+    return [Words([words]), _plan(tracks), _profile(tracks), Space(says, tracks)]
+
+
+def _tracks(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list[PathTrack]:
+    tracks = []
+    for track in travelled_paths(truth, (estimate.course(MOTION_SYMBOLS) for estimate in estimates)):
+        names = ("truth", "true") if track.filter is None else (filter_label(track.filter), track.filter)
+        tracks.append(PathTrack(*names, track.position[spaced(len(track.position), _MOST_POINTS)]))
+    return tracks
+
+
+def _legend(tracks: Sequence[PathTrack]) -> list[tuple[str, str]]:
+    return [(track.look, track.label) for track in tracks]
+
+
+def _plan(tracks: Sequence[PathTrack]) -> Picture:
+    """Draw north over east, both to one scale."""
+    every = np.concatenate([track.position for track in tracks])
+    (north, east), ranges = every[:, :2].max(axis=0), np.ptp(every[:, :2], axis=0)
+    wide, high = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
+    metres = (1.0 + 2.0 * _MARGIN) * max(ranges[1] / wide, ranges[0] / high, 1e-3)
+    middle = north - 0.5 * ranges[0], east - 0.5 * ranges[1]
+    across = Axis(middle[1] - 0.5 * metres * wide, middle[1] + 0.5 * metres * wide, _LEFT, _LEFT + wide)
+    up = Axis(middle[0] - 0.5 * metres * high, middle[0] + 0.5 * metres * high, _TOP + high, _TOP)
+    shapes = frame(across, up, "east (m)", "north (m)")
+    shapes += [stroke(t.position[:, 1], t.position[:, 0], across, up, t.look) for t in tracks]
+    says = f"The paths reach over {ranges[0]:.3g} m north and {ranges[1]:.3g} m east."
+    return Picture("Plan", says, _WIDTH, _HEIGHT, shapes, _legend(tracks))
+
+
+def _profile(tracks: Sequence[PathTrack]) -> Picture:
+    """Draw depth, growing downwards, over the distance along the track."""
+    along = [travelled(track.position) for track in tracks]
+    depths = np.concatenate([track.position[:, 2] for track in tracks])
+    room = max(_MARGIN * float(np.ptp(depths)), 0.5)
+    across = Axis(0.0, max(float(max(x[-1] for x in along)), 1.0), _LEFT, _WIDTH - _RIGHT)
+    down = Axis(float(depths.min()) - room, float(depths.max()) + room, _TOP, _HEIGHT - _BOTTOM)
+    shapes: list[Shape] = frame(across, down, "distance along the track (m)", "depth (m)")
+    shapes += [
+        stroke(x, track.position[:, 2], across, down, track.look) for x, track in zip(along, tracks, strict=True)
+    ]
+    says = f"Depth from {depths.min():.3g} to {depths.max():.3g} m along {across.high:.4g} m of track."
+    return Picture("Profile", says, _WIDTH, _HEIGHT, shapes, _legend(tracks))
+
+
+def innovation_parts(estimates: Sequence[Estimate]) -> list[Part]:
+    """Return, sensor by sensor, innovations within their bounds, NIS over time and autocorrelation."""
+    sensors = dict.fromkeys(sensor for estimate in estimates for sensor in estimate.innovations)
+    plots: list[Plot] = []
+    for sensor in sensors:
+        of_sensor = [(e.filter, e.innovations[sensor]) for e in estimates if sensor in e.innovations]
+        for component, quantity in enumerate(SENSORS[sensor]):
+            plots += _components(sensor, quantity, component, of_sensor)
+        plots += [*_nis(sensor, of_sensor), *_memory(sensor, of_sensor)]
+    if not plots:
+        return []
+    choice = {estimate.filter: filter_label(estimate.filter) for estimate in estimates if estimate.innovations}
+    words = (
+        "Innovations are measurements minus predictions. They should lie within the lines of two standard deviations "
+        "95 times of 100, their normalised squares (NIS, per component) around 1 within the shaded band, and their "
+        "autocorrelation within its band. Choose the estimator here."
+    )
+    return [Words([words]), Plots(plots, choice=choice)]
+
+
+def _components(
+    sensor: str, quantity: Quantity, component: int, of_sensor: Iterable[tuple[str, Innovations]]
+) -> list[Plot]:
+    scale = scale_of(quantity)
+    lines, shares, height, beyond = [], [], 0.0, 0
+    for name, innovations in of_sensor:
+        known = innovations.used()[:, component] & np.isfinite(innovations.innovation[:, component])
+        if not known.any():
+            continue
+        time = innovations.time[known]
+        values = innovations.innovation[known, component] * scale.factor
+        bound = 2.0 * np.sqrt(innovations.variance[known, component]) * scale.factor
+        shares.append(f"{filter_label(name)} {100.0 * float((np.abs(values) <= bound).mean()):.1f} %")
+        # At the start the bounds are those of the prior.
+        usual = _HIGHEST * float(np.median(bound))
+        height = max(height, usual)
+        beyond += int((np.abs(values) > usual).sum())
+        at, drawn = envelope(time, values[:, None], _RESIDUAL_SPANS)
+        lines.append(PlotLine(f"{filter_label(name)} innovation", "measured", at, drawn[:, 0], of=name))
+        some = spaced(time.size, _BOUND_POINTS)
+        for sign, word in ((1.0, "+2 sd"), (-1.0, "-2 sd")):
+            lines.append(PlotLine(f"{filter_label(name)} {word}", name, time[some], sign * bound[some], of=name))
+    if not lines:
+        return []
+    outside = f" Beyond the axis: {beyond}." if beyond else ""
+    says = f"Innovations of {quantity.symbol}; within two standard deviations: {', '.join(shares)}.{outside}"
+    limits = (-height, height) if height > 0.0 else None
+    return [Plot(f"{sensor}: {quantity.symbol}", says, scale.unit, lines, limits=limits)]
+
+
+def _nis(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[Plot]:
+    """Plot the mean NIS per component of equal windows, with the band that chance leaves it in."""
+    lines: list[PlotLine] = []
+    words, band = [], None
+    for name, innovations in of_sensor:
+        components = innovations.used().sum(axis=1)
+        if not components.any():
+            continue
+        edges = np.linspace(innovations.time[0], innovations.time[-1], _WINDOWS + 1)
+        window = np.clip(np.searchsorted(edges, innovations.time, side="right") - 1, 0, _WINDOWS - 1)
+        count = np.bincount(window, components, _WINDOWS)
+        squares = np.bincount(window, np.nan_to_num(innovations.nis), _WINDOWS)
+        with np.errstate(invalid="ignore"):
+            mean = np.where(count > 0.0, squares / count, np.nan)
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        lines.append(PlotLine(filter_label(name), name, middle, mean))
+        words.append(f"{filter_label(name)} {innovations.tally().mean_nis:.3g}")
+        band = (middle, count) if band is None else band
+    if band is None:
+        return []
+    middle, count = band
+    enough = np.where(count > 0.0, count, np.nan)
+    tails = ("chance, upper", 0.5 - _WITHIN / 2.0), ("chance, lower", 0.5 + _WITHIN / 2.0)
+    chance = [PlotLine(label, "chance", middle, chdtri(enough, tail) / enough) for label, tail in tails]
+    says = f"Mean NIS of {sensor} per component, 1 by right noise: {', '.join(words)}."
+    return [Plot(f"{sensor}: NIS", says, "per component", [*chance, *lines])]
+
+
+def _memory(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[Plot]:
+    """Plot how innovations correlate with those before, of each component."""
+    lines: list[PlotLine] = []
+    largest = []
+    lags = np.arange(1.0, LAGS + 1.0)
+    samples = 0.0
+    for name, innovations in of_sensor:
+        memory = innovations.memory
+        rows = zip(SENSORS[sensor], memory.correlation, memory.samples, strict=True)
+        for component, (quantity, values, n) in enumerate(rows):
+            if n:
+                label = f"{filter_label(name)} {quantity.symbol}"
+                look = f"component{component % 3}"
+                lines.append(PlotLine(label, look, lags, values, of=name, key=quantity.symbol))
+                largest.append((float(np.abs(values).max()), label))
+                samples = max(samples, float(n))
+    if not lines:
+        return []
+    bound = np.full(LAGS, _TWO_SIDED / np.sqrt(samples))
+    chance = [PlotLine("chance, upper", "chance", lags, bound), PlotLine("chance, lower", "chance", lags, -bound)]
+    size, label = max(largest)
+    says = f"Autocorrelation of the innovations of {sensor}; largest {size:.2g}, of {label}."
+    return [Plot(f"{sensor}: autocorrelation", says, "correlation", [*chance, *lines], x_label="samples later")]

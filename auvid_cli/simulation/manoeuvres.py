@@ -1,0 +1,258 @@
+"""A manoeuvre as arrays: what is fed forward and what is held, tick by tick."""
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple, assert_never
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.config.manoeuvre import (
+    AnyManoeuvre,
+    Doublets,
+    Excitation,
+    Lawnmower,
+    Multisine,
+    MultisineRun,
+    Recorded,
+    Spiral,
+    TurningCircle,
+    Zigzag,
+)
+from auvid_cli.config.units import parse_number
+from auvid_cli.errors import ConfigError
+from auvid_cli.regular import check_regular
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+
+Array = NDArray[np.float64]
+
+
+_vector = types.float64[::1]
+# Of an interval of a tick, until it is as narrow as a double.
+_HALVINGS = 50
+
+
+class Wanted(NamedTuple):
+    """What a plan commands tick by tick, see `ManoeuvrePlan`."""
+
+    time: Array
+    feedforward: Array
+    speed: Array
+    turn_rate: Array
+
+
+WANTED = types.NamedTuple((_vector, types.float64[:, ::1], _vector, _vector), Wanted)
+
+
+class ManoeuvrePlan(NamedTuple):
+    """What a manoeuvre commands.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Start of each tick, s; inputs are constant within a tick.
+    feedforward : ndarray, shape (n, 4)
+        Rudder, elevator (rad), surge force (N), roll moment (N m), before the autopilot's share.
+    speed, turn_rate : ndarray, shape (n,)
+        What the thrust and rudder loops hold, m/s and rad/s; to hold less speed the thrust may also brake, and is cut
+        only where the manoeuvre has the thrust loop off.
+    pitch : float
+        What the elevator loop holds, rad; with a depth loop, pitch at the start only.
+    propulsion : ndarray, shape (n, 2) or (n, 0)
+        Revolutions (turn/s) and voltage (V), where the manoeuvre states them.
+    zigzag : tuple of float
+        Rudder (rad), heading (rad) and approach (s) of a zigzag; rudder 0 for none.
+    """
+
+    time: Array
+    feedforward: Array
+    speed: Array
+    turn_rate: Array
+    propulsion: Array
+    pitch: float = 0.0
+    zigzag: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def wanted(self) -> Wanted:
+        """Return what it commands tick by tick."""
+        return Wanted(self.time, self.feedforward, self.speed, self.turn_rate)
+
+
+def make_plan(manoeuvre: AnyManoeuvre) -> ManoeuvrePlan:
+    """Turn the settings of a manoeuvre into a plan.
+
+    Raises
+    ------
+    ConfigError
+        If a recorded manoeuvre's file cannot be read or ends too early.
+    """
+    ticks = round(manoeuvre.duration * manoeuvre.input_rate)
+    time = np.arange(ticks + 1) / manoeuvre.input_rate
+    ramp = _ramp(time, manoeuvre.excitation.fade_in)
+    feedforward = _excitation(manoeuvre.excitation, time)
+    feedforward *= ramp[:, None]
+    first = manoeuvre.speed if manoeuvre.initial_speed is None else manoeuvre.initial_speed
+    speed = first + (manoeuvre.speed - first) * ramp
+    plan = ManoeuvrePlan(time, feedforward, speed, np.zeros(time.size), _propulsion(manoeuvre, time, ramp))
+    match manoeuvre:
+        case Spiral():
+            return plan._replace(turn_rate=manoeuvre.turn_rate * ramp, pitch=manoeuvre.pitch)
+        case Zigzag():
+            return plan._replace(zigzag=(manoeuvre.rudder, manoeuvre.heading, manoeuvre.approach))
+        case TurningCircle():
+            feedforward[time >= manoeuvre.approach, 0] += manoeuvre.rudder
+        case Lawnmower():
+            return plan._replace(turn_rate=_half_turns(manoeuvre, time) * ramp)
+        case Doublets():
+            feedforward[:, :2] += _doublets(manoeuvre, time)
+        case Recorded():
+            feedforward += _recorded(Path(manoeuvre.file), time)
+        case MultisineRun():
+            pass
+        case _:
+            assert_never(manoeuvre)
+    return plan
+
+
+def multisine(settings: Multisine, time: Array) -> Array:
+    """Sum equal sines with the phases of Schroeder (1970), which keep the peak low, scaled to `amplitude`."""
+    k = np.arange(settings.lines)
+    frequencies = np.linspace(settings.lowest, settings.highest, settings.lines)
+    phases = settings.phase - np.pi * k * (k + 1) / settings.lines
+    signal = np.zeros(time.size)
+    for frequency, phase in zip(frequencies, phases, strict=True):
+        signal += np.sin(2.0 * np.pi * frequency * time + phase)
+    return settings.amplitude * signal / np.abs(signal).max()
+
+
+def _ramp(time: Array, fade_in: float) -> Array:
+    """Grow smoothly from 0 to 1.
+
+    A filter that starts with wide priors learns from a small motion first: while the motion is small
+    the unknown terms are nearly linear, and no prior can throw the predicted vehicle off its course.
+    """
+    if fade_in == 0.0:
+        return np.ones(time.size)
+    return np.sin(0.5 * np.pi * np.clip(time / fade_in, 0.0, 1.0)) ** 2
+
+
+def _propulsion(manoeuvre: AnyManoeuvre, time: Array, ramp: Array) -> Array:
+    propeller = manoeuvre.propeller
+    if propeller is None:
+        return np.zeros((time.size, 0))
+    revolutions = np.full(time.size, propeller.revolutions)
+    if propeller.excitation is not None:
+        revolutions += multisine(propeller.excitation, time)
+    last = propeller.voltage if propeller.final_voltage is None else propeller.final_voltage
+    voltage = propeller.voltage + (last - propeller.voltage) * time / time[-1]
+    return np.column_stack([ramp * revolutions, voltage])
+
+
+def _excitation(excitation: Excitation, time: Array) -> Array:
+    columns = np.zeros((time.size, len(INPUT_SYMBOLS)))
+    given = [(place, channel) for place, channel in enumerate(excitation.channels()) if channel is not None]
+    for turn, (place, channel) in enumerate(given):
+        if excitation.orthogonal:
+            columns[:, place] = orthogonal_multisine(channel, time, turn, len(given))
+        else:
+            columns[:, place] = multisine(channel, time)
+    return columns
+
+
+def orthogonal_multisine(settings: Multisine, time: Array, turn: int, channels: int) -> Array:
+    """Sum sines of a channel's own harmonics, shifted in time so that the sum starts and ends at zero.
+
+    Parameters
+    ----------
+    settings : Multisine
+        Takes `lines` of them, evenly spread over its band, or all where there are fewer.
+    time : ndarray
+        From 0 to the end of the run, whose length is the common period.
+    turn, channels : int
+        Of so many channels this is the so-manyth, from 0: every `channels`-th harmonic is its own.
+
+    Notes
+    -----
+    Whole numbers of periods of different frequencies are orthogonal over the run (Morelli, Flight test maneuver design
+    for efficient aerodynamic modeling, 2012).
+    """
+    period = time[-1]
+    # The ends of a band that are harmonics belong to it, however they are rounded.
+    first, last = np.ceil(settings.lowest * period - 1e-6), np.floor(settings.highest * period + 1e-6)
+    own = np.arange(max(first, 1.0), last + 1.0)
+    own = own[own % channels == turn]
+    own = own[np.unique(np.linspace(0, own.size - 1, min(settings.lines, own.size)).round().astype(int))]
+    k = np.arange(own.size)
+    phases = settings.phase - np.pi * k * (k + 1) / own.size
+    omega = 2.0 * np.pi * own / period
+    signal = _sines(omega, phases, time)
+    # All its sines have a mean of zero, so it changes sign somewhere.
+    after = int(np.flatnonzero(np.signbit(signal[1:]) != np.signbit(signal[:-1]))[0])
+    low, high = time[after], time[after + 1]
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        same = np.signbit(_sines(omega, phases, np.array([middle]))[0]) == np.signbit(signal[after])
+        low, high = (middle, high) if same else (low, middle)
+    shifted = _sines(omega, phases + omega * low, time)
+    return settings.amplitude * shifted / np.abs(shifted).max()
+
+
+def _sines(omega: Array, phases: Array, time: Array) -> Array:
+    return np.sin(np.outer(time, omega) + phases).sum(axis=1)
+
+
+def _half_turns(manoeuvre: Lawnmower, time: Array) -> Array:
+    period = manoeuvre.leg + np.pi / manoeuvre.turn_rate
+    leg, within = np.divmod(time, period)
+    return np.where(within < manoeuvre.leg, 0.0, manoeuvre.turn_rate * (-1.0) ** leg)
+
+
+def _doublets(manoeuvre: Doublets, time: Array) -> Array:
+    # 3-2-1-1 input of the aircraft-identification literature (Marchand 1977): signs + - + -.
+    lengths = np.array([3.0, 2.0, 1.0, 1.0]) * manoeuvre.unit_time
+    edges = np.concatenate([[0.0], np.cumsum(lengths)])
+    period = edges[-1] + manoeuvre.pause
+    within = time % (2.0 * period)
+    fins = np.zeros((time.size, 2))
+    for channel, amplitude in enumerate((manoeuvre.rudder, manoeuvre.elevator)):
+        local = within - channel * period
+        for step in range(4):
+            active = (local >= edges[step]) & (local < edges[step + 1])
+            fins[active, channel] = amplitude * (-1.0) ** step
+    return fins
+
+
+def _recorded(path: Path, time: Array) -> Array:
+    """Read the inputs of a CSV file, held between its rows."""
+    try:
+        table = np.array(list(_rows(path))).reshape(-1, 1 + len(INPUT_SYMBOLS))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot be read as a recorded manoeuvre: {error}") from None
+    if table.shape[0] == 0 or np.any(np.diff(table[:, 0]) <= 0.0):
+        raise ConfigError(f"{path}: needs strictly increasing times, at least one row")
+    if table[0, 0] > time[0] or table[-1, 0] < time[-1] - 1.0:
+        raise ConfigError(
+            f"{path}: covers {table[0, 0]:g} to {table[-1, 0]:g} s, the manoeuvre lasts from 0 to {time[-1]:g} s"
+        )
+    return table[np.searchsorted(table[:, 0], time, side="right") - 1, 1:]
+
+
+def _rows(path: Path) -> Iterator[list[float]]:
+    """Read times and inputs of each row; ValueError where it is no table of numbers."""
+    wanted = ("time", *INPUT_SYMBOLS)
+    check_regular(path)
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        reader = csv.reader(file)
+        try:
+            header = next(reader, [])
+            if odd := [name for name in wanted if header.count(name) != 1]:
+                raise ValueError(f"no column {', '.join(odd)}, or several; it needs one each for {', '.join(wanted)}")
+            places = [header.index(name) for name in wanted]
+            for row in filter(None, reader):
+                if len(row) != len(header):
+                    raise ValueError(f"{len(row)} cells where the header has {len(header)}")
+                yield [parse_number(row[place]) for place in places]
+        except (csv.Error, ValueError) as error:
+            raise ValueError(f"line {reader.line_num}: {error}") from None

@@ -1,0 +1,174 @@
+"""The free run against every measurement: the identified model, what there was before, and an unchanged motion."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.evaluation.free_run import Keeper, MeasurementErrors, free_motion, measured_motion
+from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.filters.problem import Timeline
+from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.timeline import Timelines
+from auvid_cli.validation.initial_states import InitialStates, Models
+from auvid_cli.validation.motion_prediction import SAME, MeasuredSignal, SignalSize, is_angle, unchanged_motion
+from auvid_cli.validation.results import FREE_RUN, Prediction, PredictionFit
+from auvid_cli.vehicle.actuators import ActuatorErrors
+from auvid_cli.vehicle.matrices import Ballast
+from auvid_cli.vehicle.parameters import DEPTH, MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS, N_MOTION
+
+Array = NDArray[np.float64]
+# Times of events, s, and what is predicted of measurements there, shape (events, 10), chunk by chunk.
+_Run: TypeAlias = Iterator[tuple[Array, Array]]
+# What nothing brings back to where it was: a model that is a little off leaves it further and further behind.
+_GOES_ON = "psi", DEPTH.symbol
+
+
+class FreeRunFit(NamedTuple):
+    """Fit of the free runs to all measurements of a segment.
+
+    Attributes
+    ----------
+    run : FreeRun
+        Of the identified model, as the sensors read it: with their errors, and where a current is estimated over
+        ground; with the depth where that is measured. Of a long run evenly spaced samples.
+    length : float
+        s.
+    fits : dict of dict of PredictionFit
+        By model and motion symbol.
+    excursion : dict of float
+        How far the run went from the mean of each signal but heading and depth, over how far the measurements went;
+        infinite where it is not finite.
+    """
+
+    run: FreeRun
+    length: float
+    fits: dict[str, dict[str, PredictionFit]]
+    excursion: dict[str, float]
+
+
+def fit_free_runs(
+    prepared: PreparedData, signals: Mapping[str, MeasuredSignal], models: Models, starts: InitialStates
+) -> FreeRunFit:
+    """Run each model from the first start to the end of the data, and compare.
+
+    Parameters
+    ----------
+    prepared : PreparedData
+        From `with_model`, one segment.
+    signals : mapping
+        Of its measuring sensors.
+    models : Models
+    starts : InitialStates
+        At least one. The first measurements alone would be a poor start: their noise, and an attitude reference that
+        has not settled, would stay in all that follows. Measurements are predicted with the sensors' errors and the
+        current that the filter knows at the end, and with what of the vehicle is this run's own as it is known then;
+        where these walk, how they were before is left out.
+    """
+    start, motion = float(starts.time[0]), starts.motion[0]
+    whole = prepared.segments[0].timelines
+    timelines = whole.between(start, whole.span[1])
+    vehicle = prepared.experiment.vehicle
+    actuators, ballast = ActuatorErrors(*starts.final_vehicle[:3]), Ballast(*starts.final_vehicle[3:])
+    parameters, of_vehicle = ballast.added_to(vehicle.known_parameters()), vehicle.coefficient_set
+    motions = {
+        name: free_motion(timelines, motion, parameters, coefficients, actuators, of_vehicle)
+        for name, coefficients in models._asdict().items()
+        if coefficients
+    }
+    motions["constant_velocity"] = _constant_velocity(timelines, start, motion)
+    predictions = {name: _as_measured(run, starts.final_errors) for name, run in motions.items()}
+    keeper, farthest = Keeper(prepared.measuring), _Farthest(signals)
+    shown = len(MOTION_AND_DEPTH) if DEPTH.symbol in signals else N_MOTION
+    predictions["identified"] = _watched(predictions["identified"], shown, keeper, farthest)
+    fits = {name: _fits(run, signals) for name, run in predictions.items()}
+    return FreeRunFit(keeper.kept(), timelines.span[1] - start, fits, farthest.over_reach())
+
+
+def free_run_rows(segments: Sequence[FreeRunFit], sizes: Mapping[str, SignalSize]) -> Iterator[Prediction]:
+    """Yield a row for each signal of several segments."""
+    length = max(segment.length for segment in segments)
+    for symbol, size in sizes.items():
+        fits = dict.fromkeys(segments[0].fits, PredictionFit())
+        for segment in segments:
+            for name, by_symbol in segment.fits.items():
+                fits[name] = fits[name].beside(by_symbol.get(symbol, PredictionFit()))
+        yield _row(symbol, size, length, fits)
+
+
+class _Farthest:
+    """Farthest distances of a run from the mean of each signal."""
+
+    def __init__(self, signals: Mapping[str, MeasuredSignal]) -> None:
+        self._signals = signals
+        self._centres = np.array([signals[s].values.mean() if s in signals else 0.0 for s in MOTION_AND_DEPTH_SYMBOLS])
+        self._distance = np.zeros(len(MOTION_AND_DEPTH))
+
+    def take(self, predicted: Array) -> None:
+        """Take the next chunk of the run."""
+        with np.errstate(invalid="ignore"):
+            self._distance = np.maximum(self._distance, np.abs(predicted - self._centres).max(axis=0))
+
+    def over_reach(self) -> dict[str, float]:
+        """Return it over how far the measurements went, but of heading and depth; infinite if not finite."""
+        reach = {s: float(np.abs(g.values - g.values.mean()).max()) + g.deviation for s, g in self._signals.items()}
+        return {
+            symbol: float(np.nan_to_num(self._distance[column], nan=np.inf)) / reach[symbol]
+            for column, symbol in enumerate(MOTION_AND_DEPTH_SYMBOLS)
+            if symbol in self._signals and symbol not in _GOES_ON
+        }
+
+
+def _constant_velocity(timelines: Timelines, start: float, motion: Array) -> Iterator[tuple[Timeline, Array]]:
+    angles = motion[6:9]
+    for timeline in timelines:
+        predicted = unchanged_motion(timeline.time - start, motion, angles)
+        angles = predicted[-1, 6:9]
+        yield timeline, predicted
+
+
+def _as_measured(run: Iterable[tuple[Timeline, Array]], errors: MeasurementErrors) -> _Run:
+    for timeline, predicted in run:
+        yield timeline.time, measured_motion(predicted, errors)
+
+
+def _watched(run: _Run, shown: int, keeper: Keeper, farthest: _Farthest) -> _Run:
+    for time, predicted in run:
+        keeper.keep(time, predicted[:, :shown])
+        farthest.take(predicted)
+        yield time, predicted
+
+
+def _fits(run: _Run, signals: Mapping[str, MeasuredSignal]) -> dict[str, PredictionFit]:
+    """Compare a run with the measurements of every signal, chunk by chunk."""
+    fits = dict.fromkeys(signals, PredictionFit())
+    turns: dict[str, float] = {}
+    for time, predicted in run:
+        for symbol, signal in signals.items():
+            in_chunk = slice(*np.searchsorted(signal.time, [time[0] - SAME, time[-1] + SAME]))
+            column = MOTION_AND_DEPTH_SYMBOLS.index(symbol)
+            expected = predicted[np.searchsorted(time, signal.time[in_chunk] - SAME), column]
+            if is_angle(symbol) and symbol not in turns:
+                turns[symbol] = signal.turns(float(time[0]), float(predicted[0, column]))
+            fits[symbol] = fits[symbol].plus(
+                PredictionFit.of(signal.values[in_chunk], expected + turns.get(symbol, 0.0))
+            )
+    return fits
+
+
+def _row(symbol: str, size: SignalSize, length: float, fits: Mapping[str, PredictionFit]) -> Prediction:
+    rmse, identified = {name: fit.rmse for name, fit in fits.items()}, fits["identified"]
+    return Prediction(
+        signal=symbol,
+        unit=MOTION_AND_DEPTH[MOTION_AND_DEPTH_SYMBOLS.index(symbol)].unit,
+        kind=FREE_RUN,
+        horizon_s=length,
+        measurements=identified.measurements,
+        noise=size.deviation,
+        fit_percent=identified.percent,
+        rmse=identified.rmse,
+        prior_rmse=rmse.get("prior"),
+        vehicle_file_rmse=rmse.get("vehicle_file"),
+        constant_velocity_rmse=rmse["constant_velocity"],
+    )

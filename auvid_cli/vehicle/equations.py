@@ -1,0 +1,452 @@
+"""The equations of motion, compiled, for one vehicle state or a block of them.
+
+The right-hand side is written once, here; the simulator and every filter call it. It works on
+blocks of up to `LANES` states, one array row per quantity and one lane per state, so that the
+compiler turns the loop over lanes into vector instructions. A constant row length is what lets it:
+with a length known only at run time the overlap checks between rows are too many, and the loop
+stays scalar (four times slower). Terms that a vehicle has besides the 22 are added behind them, one by one, from a
+table among its constants.
+"""
+
+from collections import namedtuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import align_stack, compiled
+from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, SIGNALS, Coefficient, CoefficientSet
+from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast, mass_matrix
+from auvid_cli.vehicle.parameters import N_MOTION
+
+Array = NDArray[np.float64]
+
+_COUPLING = 36 + 36 + 4
+_IS_COUPLED = _COUPLING + 36
+_N_OF_HULL = _IS_COUPLED + 1
+# Surge, heave and pitch are motions in the plane of symmetry, the others across it.
+_IN_PLANE, _ACROSS = [0, 2, 4], [1, 3, 5]
+# Behind these the number of the vehicle's own terms, and where the table of them begins.
+_N_TERMS, _TERMS_AT = _N_OF_HULL, _N_OF_HULL + 1
+N_CONSTANTS = _N_OF_HULL + 2
+# Of each term the value at which it is held, and then its row, how many factors it has, and which.
+TERM_WIDTH = 3 + MOST_FACTORS
+# What the forces are made with: the 22 coefficients, and what lies between stated and acting inputs, weight and
+# buoyancy, with these values where nothing does; behind them the coefficients of the vehicle's own terms.
+NO_ERRORS = (*AS_STATED, *NO_BALLAST)
+N_FACTORS = len(COEFFICIENTS) + len(NO_ERRORS)
+_vector = types.float64[::1]
+# Where the row of each of them begins in a block, by its name in code; signed like every index into a block, for with
+# unsigned ones among them the loop stays scalar.
+_FactorRows = namedtuple(
+    "_FactorRows", [*(c.identifier for c in COEFFICIENTS), *ActuatorErrors._fields, *Ballast._fields]
+)
+_AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
+_RUDDER, _ELEVATOR, _THRUST, _N = (SIGNALS.index(name) for name in ("rudder", "elevator", "thrust", "n"))
+_ONE = 2 * len(SIGNALS)
+_LANES, _TWO_ROWS, _FOUR_ROWS = (np.uint64(rows * LANES) for rows in (1, 2, 4))
+N_BLOCK = N_MOTION * LANES
+N_SLOPE = N_BLOCK + LANES
+
+
+class Constants(NamedTuple):
+    """What the compiled dynamics need of a vehicle.
+
+    Attributes
+    ----------
+    mass, inverse : ndarray, shape (36,)
+        Mass matrix, and its inverse, by rows: as matrices they would lengthen `motion_derivative` by a third.
+    excess : float
+        W - B, N.
+    lever_x, lever_y, lever_z : float
+        Of the restoring moments, N m.
+    """
+
+    mass: Array
+    inverse: Array
+    excess: float
+    lever_x: float
+    lever_y: float
+    lever_z: float
+
+
+def _coupling(inverse: Array) -> Array:
+    """Return C such that accelerations a, made of the forces in their own plane alone, are ``a + C a`` in truth."""
+    alone = np.zeros_like(inverse)
+    for motions in (_IN_PLANE, _ACROSS):
+        alone[np.ix_(motions, motions)] = inverse[np.ix_(motions, motions)]
+    return np.asarray((inverse - alone) @ np.linalg.inv(alone))
+
+
+def regressor_code(coefficient: Coefficient) -> list[float]:
+    """Return row, number of factors and factors as numbers: twice the place among `SIGNALS`, one more for a modulus.
+
+    Behind them, up to `MOST_FACTORS`, stands that of a factor of 1.
+    """
+    pairs = zip(coefficient.signals, coefficient.moduli, strict=True)
+    codes = [2 * SIGNALS.index(signal) + modulus for signal, modulus in pairs]
+    return [float(n) for n in (coefficient.row, len(codes), *codes, *[_ONE] * (MOST_FACTORS - len(codes)))]
+
+
+def vehicle_constants(parameters: Mapping[str, float], terms: Sequence[Coefficient] = ()) -> Array:
+    """Put what the compiled dynamics need of a vehicle into one vector, in the order of `Constants`, then its terms.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Known parameters by symbol, SI.
+    terms : sequence of Coefficient
+        Those beyond the 22.
+
+    Returns
+    -------
+    ndarray, shape (N_CONSTANTS + len(terms) * TERM_WIDTH,)
+    """
+    mass = mass_matrix(parameters)
+    levers = [parameters[f"{a}G"] * parameters["W"] - parameters[f"{a}B"] * parameters["B"] for a in "xyz"]
+    excess = parameters["W"] - parameters["B"]
+    table = [number for term in terms for number in (0.0, *regressor_code(term))]
+    inverse: Array = np.linalg.inv(mass).astype(np.float64)
+    coupling = _coupling(inverse)
+    hull = *mass.ravel(), *inverse.ravel(), excess, *levers, *coupling.ravel(), coupling.any()
+    return np.array([*hull, len(terms), N_CONSTANTS, *table])
+
+
+def with_table_at_end(vehicle: Array, held: Array, between: Array) -> Array:
+    """Put other constants between those of a vehicle and its terms, and the values at which terms are held with these.
+
+    Parameters
+    ----------
+    vehicle : ndarray
+        From `vehicle_constants`.
+    held : ndarray, shape (terms,)
+        SI.
+    between : ndarray
+    """
+    table = vehicle[N_CONSTANTS:].copy()
+    table[::TERM_WIDTH] = held
+    constants = np.concatenate([vehicle[:N_CONSTANTS], between, table])
+    constants[_TERMS_AT] = N_CONSTANTS + between.size
+    return constants
+
+
+@compiled(types.NamedTuple((_vector, _vector, *[types.float64] * 4), Constants)(_vector), inline=True)
+def named_constants(constants):
+    """Name the parts of a vector from `vehicle_constants`."""
+    return Constants(
+        mass=constants[:36],
+        inverse=constants[36:72],
+        excess=constants[72],
+        lever_x=constants[73],
+        lever_y=constants[74],
+        lever_z=constants[75],
+    )
+
+
+@compiled(types.int64(_vector))
+def n_terms(constants):
+    """Return how many terms of its own a vehicle has."""
+    return int(constants[_N_TERMS])
+
+
+@compiled(types.int64(_vector, types.int64), internal=True)
+def term_place(constants, t):
+    """Return where the table says of the t-th of them at which value it is held; its code stands behind that."""
+    return int(constants[_TERMS_AT]) + TERM_WIDTH * t
+
+
+def factors(
+    coefficients: Mapping[str, float],
+    actuators: ActuatorErrors = AS_STATED,
+    of_vehicle: CoefficientSet = COEFFICIENTS,
+) -> Array:
+    """Return what the forces are made with, shape (N_FACTORS + terms,), without ballast.
+
+    Parameters
+    ----------
+    coefficients : mapping
+        All of the vehicle by symbol, SI.
+    actuators : ActuatorErrors
+    of_vehicle : CoefficientSet
+    """
+    values = [coefficients[symbol] for symbol in of_vehicle.symbols]
+    return with_errors(np.array([values]), (*actuators, *NO_BALLAST))[0]
+
+
+def with_errors(coefficients: Array, errors: Sequence[float] | Array = NO_ERRORS) -> Array:
+    """Put errors of actuators and ballast, see `NO_ERRORS`, behind the 22 in rows of coefficients of a vehicle."""
+    n, shape = len(COEFFICIENTS), (len(coefficients), len(NO_ERRORS))
+    return np.hstack([coefficients[:, :n], np.broadcast_to(errors, shape), coefficients[:, n:]])
+
+
+@compiled(types.UniTuple(types.float64, 2)(types.float64))
+def sine_cosine(angle: float) -> tuple[float, float]:
+    """Compute sine and cosine to 1 ulp or so for |angle| < 1e5 rad, branch-free so that it vectorises.
+
+    Cody-Waite reduction to +-pi/4 and the minimax polynomials of Cephes (Moshier 1989).
+    """
+    quadrant = np.floor(angle * 0.6366197723675814 + 0.5)
+    z = (angle - quadrant * 1.5707963267341256) - quadrant * 6.077100506303966e-11
+    z = z - quadrant * 2.0222662487959506e-21
+    y = z * z
+    sine = -2.50507477628578072866e-8 + y * 1.58962301576546568060e-10
+    sine = -1.98412698295895385996e-4 + y * (2.75573136213857245213e-6 + y * sine)
+    sine = z + z * y * (-1.66666666666666307295e-1 + y * (8.33333333332211858878e-3 + y * sine))
+    cosine = 2.08757008419747316778e-9 - y * 1.13585365213876817300e-11
+    cosine = 2.48015872888517045348e-5 + y * (-2.75573141792967388112e-7 + y * cosine)
+    cosine = 4.16666666666665929218e-2 + y * (-1.38888888888730564116e-3 + y * cosine)
+    cosine = 1.0 - 0.5 * y + y * y * cosine
+    turn = quadrant - 4.0 * np.floor(quadrant * 0.25)
+    odd = (turn == 1.0) or (turn == 3.0)
+    s = cosine if odd else sine
+    c = sine if odd else cosine
+    s = -s if turn >= 2.0 else s
+    c = -c if (turn == 1.0 or turn == 2.0) else c
+    return s, c
+
+
+@compiled(types.void(_vector, types.uint64, _vector), internal=True)
+def _couple(constants, n_lanes, rates):
+    """Add to accelerations in the plane of symmetry what those across it make, and the reverse."""
+    coupling, n = constants[_COUPLING:_IS_COUPLED], LANES
+    for k in range(np.int64(n_lanes)):
+        surge, sway, heave = rates[k], rates[n + k], rates[2 * n + k]
+        roll, pitch, yaw = rates[3 * n + k], rates[4 * n + k], rates[5 * n + k]
+        for i in range(0, 6, 2):
+            rates[i * n + k] += coupling[6 * i + 1] * sway + coupling[6 * i + 3] * roll + coupling[6 * i + 5] * yaw
+            j = i + 1
+            rates[j * n + k] += coupling[6 * j] * surge + coupling[6 * j + 2] * heave + coupling[6 * j + 4] * pitch
+
+
+class _Factor(NamedTuple):
+    """A factor of a regressor as it acts, ``shift + gain * signal``; where the sign is negative the modulus of that."""
+
+    signal: Array
+    gain: float
+    shift: float
+    sign: float
+
+
+_FACTOR = types.NamedTuple((_vector, *[types.float64] * 3), _Factor)
+
+
+@compiled(_FACTOR(types.int64, _vector, _vector, _vector), inline=True)
+def _factor(code, motion, coefficients, inputs):
+    """Find a factor by its code, see `regressor_code`."""
+    # By arithmetic: of a choice the compiler would make a branch in the loop over lanes.
+    which, sign = code // 2, 1.0 - 2.0 * (code % 2)
+    if which < _RUDDER:
+        return _Factor(motion[which * LANES :], 1.0, 0.0, sign)
+    if which == _RUDDER:
+        return _Factor(coefficients[_AT.rudder_trim :], 1.0, inputs[0], sign)
+    if which == _ELEVATOR:
+        return _Factor(coefficients[_AT.elevator_trim :], 1.0, inputs[1], sign)
+    if which == _THRUST:
+        return _Factor(coefficients[_AT.thrust :], inputs[2], 0.0, sign)
+    return _Factor(motion, 0.0, 1.0 if code == _ONE else inputs[4 + which - _N], sign)
+
+
+@compiled(types.float64(_FACTOR, types.uint64), inline=True)
+def _value(factor, k):
+    """Compute a factor in one lane; a modulus is the greater of a value and its negative, without a branch."""
+    value = factor.shift + factor.gain * factor.signal[k]
+    return max(value, factor.sign * value)
+
+
+@compiled(types.void(_vector, _FACTOR, _FACTOR, types.UniTuple(types.float64, 3), types.uint64, _vector), inline=True)
+def _accelerate(value, first, second, shares, n_lanes, rates):
+    """Add the shares that three accelerations, every other row, have in a product with two factors.
+
+    A function of its own since arguments do not overlap: the loop then needs no checks of that.
+    """
+    share0, share1, share2 = shares
+    # That there are no more lanes than a row has the compiler does not know.
+    for k in range(min(n_lanes, _LANES)):
+        force = value[k] * _value(first, k) * _value(second, k)
+        rates[k] += share0 * force
+        rates[_TWO_ROWS + k] += share1 * force
+        rates[_FOUR_ROWS + k] += share2 * force
+
+
+@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector), internal=True)
+def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
+    """Add what the terms of a vehicle's own make of a motion to its derivative; arguments as of `motion_derivative`.
+
+    As there each accelerates the three motions of its own plane.
+    """
+    inverse, product = constants[36:72], derivative[N_BLOCK:]
+    for t in range(n_terms(constants)):
+        place, value = term_place(constants, t), coefficients[(N_FACTORS + t) * LANES :]
+        row, codes = int(constants[place + 1]), constants[place + 3 : place + TERM_WIDTH]
+        # Few have more than two factors.
+        for a in range(2, int(constants[place + 2])):
+            factor = _factor(int(codes[a]), motion, coefficients, inputs)
+            for k in range(n_lanes):
+                product[k] = value[k] * _value(factor, k)
+            value = product
+        first = _factor(int(codes[0]), motion, coefficients, inputs)
+        second = _factor(int(codes[1]), motion, coefficients, inputs)
+        plane = row % 2
+        shares = inverse[6 * plane + row], inverse[6 * plane + 12 + row], inverse[6 * plane + 24 + row]
+        _accelerate(value, first, second, shares, n_lanes, derivative[plane * LANES :])
+
+
+@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector), apart=True)
+def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivative):
+    """Differentiate the nine motion states by time, Sabet et al. 2018, eqs. (3), (8) and (13).
+
+    Parameters
+    ----------
+    motion : ndarray, shape (9 * LANES,)
+        Rows u, v, w, p, q, r, phi, theta, psi; m/s, rad/s, rad.
+    coefficients : ndarray, shape ((N_FACTORS + terms) * LANES,)
+        One row per coefficient, in the order of `COEFFICIENTS`, SI; then of `ActuatorErrors` and of `Ballast`; then one
+        per term of the vehicle's own.
+    inputs : ndarray, shape (4,) or (6,)
+        Rudder, elevator (rad), surge force (N), roll moment (N m), and where terms are made of them revolutions
+        (turn/s) and voltage (V); the same for all lanes.
+    constants : ndarray
+        From `vehicle_constants`.
+    n_lanes : int
+        How many of the lanes are in use.
+    derivative : ndarray, shape (N_SLOPE,)
+        Filled in; the last row of the ten is overwritten where there are terms of the vehicle's own.
+    """
+    align_stack()  # pyright: ignore[reportCallIssue]
+    n = LANES
+    stated_rudder, stated_elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
+    mass, inverse, stated_excess, stated_lever_x, lever_y, lever_z = named_constants(constants)
+    m11, m15, m16 = mass[0], mass[4], mass[5]
+    m22, m24, m26 = mass[7], mass[9], mass[11]
+    m33, m34, m35 = mass[14], mass[15], mass[16]
+    m44, m55, m66 = mass[21], mass[28], mass[35]
+    omega = coefficients
+    for k in range(np.int64(n_lanes)):
+        u, v, w = motion[k], motion[n + k], motion[2 * n + k]
+        p, q, r = motion[3 * n + k], motion[4 * n + k], motion[5 * n + k]
+        sin_phi, cos_phi = sine_cosine(motion[6 * n + k])
+        sin_theta, cos_theta = sine_cosine(motion[7 * n + k])
+
+        # Momentum M nu; the Coriolis forces are its cross products (Kirchhoff), C(nu) nu.
+        a1, a2, a3 = m11 * u + m15 * q + m16 * r, m22 * v + m24 * p + m26 * r, m33 * w + m34 * p + m35 * q
+        b1, b2, b3 = m24 * v + m34 * w + m44 * p, m15 * u + m35 * w + m55 * q, m16 * u + m26 * v + m66 * r
+        down_y, down_z = cos_theta * sin_phi, cos_theta * cos_phi
+
+        rudder = stated_rudder + omega[_AT.rudder_trim + k]
+        elevator = stated_elevator + omega[_AT.elevator_trim + k]
+        excess = stated_excess - omega[_AT.excess_buoyancy + k]
+        lever_x = stated_lever_x - omega[_AT.trim_moment + k]
+        uv, uw, uq, ur = u * v, u * w, u * q, u * r
+        uu_rudder, uu_elevator = u * u * rudder, u * u * elevator
+        vv, ww, pp, qq, rr = abs(v) * v, abs(w) * w, abs(p) * p, abs(q) * q, abs(r) * r
+        x = r * a2 - q * a3 - excess * sin_theta + omega[_AT.thrust + k] * surge_force
+        x += omega[_AT.X_uu + k] * abs(u) * u
+        y = p * a3 - r * a1 + excess * down_y
+        y += omega[_AT.Y_vv + k] * vv + omega[_AT.Y_rr + k] * rr
+        y += omega[_AT.Y_url + k] * ur + omega[_AT.Y_uvl + k] * uv + omega[_AT.Y_uudr + k] * uu_rudder
+        z = q * a1 - p * a2 + excess * down_z
+        z += omega[_AT.Z_ww + k] * ww + omega[_AT.Z_qq + k] * qq
+        z += omega[_AT.Z_uql + k] * uq + omega[_AT.Z_uwl + k] * uw + omega[_AT.Z_uude + k] * uu_elevator
+        roll = r * b2 - q * b3 + w * a2 - v * a3 + lever_y * down_z - lever_z * down_y + roll_moment
+        roll += omega[_AT.K_pp + k] * pp
+        pitch = p * b3 - r * b1 + u * a3 - w * a1 - lever_z * sin_theta - lever_x * down_z
+        pitch += omega[_AT.M_qq + k] * qq + omega[_AT.M_ww + k] * ww
+        pitch += omega[_AT.M_uql + k] * uq + omega[_AT.M_uwl + k] * uw + omega[_AT.M_uude + k] * uu_elevator
+        yaw = q * b1 - p * b2 + v * a1 - u * a2 + lever_x * down_y + lever_y * sin_theta
+        yaw += omega[_AT.N_rr + k] * rr + omega[_AT.N_vv + k] * vv
+        yaw += omega[_AT.N_url + k] * ur + omega[_AT.N_uvl + k] * uv + omega[_AT.N_uudr + k] * uu_rudder
+
+        # Motions in the plane of symmetry, and those across it; most vehicles have nothing between them.
+        for i in range(np.uint64(3)):
+            j = np.uint64(12) * i
+            derivative[i * (2 * n) + k] = (
+                inverse[j] * x + inverse[j + np.uint64(2)] * z + inverse[j + np.uint64(4)] * pitch
+            )
+            derivative[i * (2 * n) + (n + k)] = (
+                inverse[j + np.uint64(7)] * y + inverse[j + np.uint64(9)] * roll + inverse[j + np.uint64(11)] * yaw
+            )
+        heading_rate = (q * sin_phi + r * cos_phi) / cos_theta
+        derivative[6 * n + k] = p + sin_theta * heading_rate
+        derivative[7 * n + k] = q * cos_phi - r * sin_phi
+        derivative[8 * n + k] = heading_rate
+    if n_terms(constants) > 0:
+        add_terms(motion, coefficients, inputs, constants, n_lanes, derivative)
+    if constants[_IS_COUPLED] != 0.0:
+        _couple(constants, n_lanes, derivative)
+
+
+def check_terms(names: Iterable[str], equations: Callable) -> None:
+    """Refuse coefficients that compiled equations do not name.
+
+    Raises
+    ------
+    TypeError
+        If there are such.
+    """
+    if missing := {*names} - {*getattr(equations, "py_func", equations).__code__.co_names}:
+        raise TypeError(f"the equations of motion have no term with {', '.join(sorted(missing))}")
+
+
+check_terms(_FactorRows._fields, motion_derivative)
+
+N_WORK = 2 * N_BLOCK + N_SLOPE
+N_COEFFICIENT_BLOCK = N_FACTORS * LANES
+
+
+# Of these the loop over rows is unrolled, and that over the lanes in use becomes vector instructions.
+@compiled(types.void(_vector, _vector, types.float64, types.int64, _vector, _vector), internal=True)
+def _begin(motion, slope, advance, n_lanes, total, stage):
+    """Go from the motion along its slope, the first in their sum, to another stage."""
+    for k in range(n_lanes):
+        for row in range(N_MOTION):
+            i = row * LANES + k
+            total[i] = slope[i]
+            stage[i] = motion[i] + advance * slope[i]
+
+
+@compiled(types.void(_vector, _vector, types.float64, types.int64, _vector, _vector), internal=True)
+def _go_on(motion, slope, advance, n_lanes, total, stage):
+    """Go from the motion along the slope of a stage between, which counts twice, to the next."""
+    for k in range(n_lanes):
+        for row in range(N_MOTION):
+            i = row * LANES + k
+            total[i] += 2.0 * slope[i]
+            stage[i] = motion[i] + advance * slope[i]
+
+
+@compiled(types.void(_vector, _vector, types.float64, types.int64, _vector), internal=True)
+def _end(total, slope, share, n_lanes, motion):
+    """Move the motion by a share of all slopes."""
+    for k in range(n_lanes):
+        for row in range(N_MOTION):
+            i = row * LANES + k
+            motion[i] += share * (total[i] + slope[i])
+
+
+@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, types.float64, _vector), apart=True)
+def runge_kutta_step(motion, coefficients, inputs, constants, n_lanes, duration, work):
+    """Advance a block of motion states by one classical fourth-order Runge-Kutta step, in place.
+
+    Parameters
+    ----------
+    motion, coefficients, inputs, constants, n_lanes
+        As for `motion_derivative`.
+    duration : float
+        Step, s.
+    work : ndarray, shape (N_WORK,)
+        Overwritten.
+    """
+    stage, total, slope = work[:N_BLOCK], work[N_BLOCK : 2 * N_BLOCK], work[2 * N_BLOCK :]
+    used = np.int64(n_lanes)
+    motion_derivative(motion, coefficients, inputs, constants, n_lanes, slope)
+    _begin(motion, slope, 0.5 * duration, used, total, stage)
+    motion_derivative(stage, coefficients, inputs, constants, n_lanes, slope)
+    _go_on(motion, slope, 0.5 * duration, used, total, stage)
+    motion_derivative(stage, coefficients, inputs, constants, n_lanes, slope)
+    _go_on(motion, slope, duration, used, total, stage)
+    motion_derivative(stage, coefficients, inputs, constants, n_lanes, slope)
+    _end(total, slope, duration / 6.0, used, motion)
