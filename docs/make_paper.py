@@ -95,7 +95,7 @@ def main() -> None:
         f"- CKF minus TUKF, steady-state error: {difference(runs, 'ckf', 'tukf')}, mean and standard error.",
         f"- EKF minus CKF: {difference(runs, 'ekf', 'ckf')}; EKF with the exact transition minus EKF: "
         f"{difference(runs, 'ekf_exact', 'ekf')}.",
-        *(f"- Seed {seed}, not judged sound: {', '.join(map(labelled, names))}." for seed, names in doubted.items()),
+        *(f"- Seed {seed}, not judged sound: {names}." for seed, names in doubted.items()),
     ]
     replace_section("paper", "\n".join(lines), page="studies")
 
