@@ -273,16 +273,16 @@ def identify_data_into(
     overwrite, progress
         As of `auvid_cli.run`.
     """
-    folder = output or (folder_of_dataset(data) if isinstance(data, Path) else folder_of_run(data[0].name))
+    if isinstance(data, Path):
+        dataset, folder = read_dataset(data, *overrides), output or folder_of_dataset(data)
+    else:
+        folder = output or folder_of_run(data[0].name)
+        dataset = read_simulated(folder, data[0])
     with locked(folder):
+        files = dataset.experiment.data_files() if isinstance(data, Path) else data[1]
+        check_no_overlap(products(folder), files)
         if isinstance(data, Path):
-            dataset = read_dataset(data, *overrides)
-            files = dataset.experiment.data_files()
-            check_no_overlap(products(folder), files)
             put_copy(data, dataset, folder, files, overwrite)
-        else:
-            check_no_overlap(products(folder), data[1])
-            dataset = read_simulated(folder, data[0])
         settings, vehicle = dataset.experiment.identification, dataset.experiment.vehicle
         chosen = settings.with_judge(filters or settings.by_default())
         for doubt in doubts(vehicle):

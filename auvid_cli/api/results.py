@@ -223,17 +223,18 @@ def identifiability_into(
         As of `run`.
     """
     earlier = [] if at is None else [at]
+    read = read_dataset(data, *overrides) if isinstance(data, Path) else None
     folder = output or (folder_of_dataset(data) if isinstance(data, Path) else folder_of_run(data[0].name))
     page = folder / "identifiability.html"
     with locked(folder):
         refuse_other_page(page)
-        if isinstance(data, Path):
-            dataset = read_dataset(data, *overrides)
-            files = [data, *dataset.experiment.data_files(), *earlier]
-            put_copy(data, dataset, folder, files, overwrite)
+        if isinstance(data, tuple):
+            files = [*data[1], *earlier]
+            dataset = simulate_into(folder, data[0], files, overwrite, progress)
         else:
-            experiment, files = data[0], [*data[1], *earlier]
-            dataset = simulate_into(folder, experiment, files, overwrite, progress)
+            assert read is not None
+            dataset, files = read, [data, *read.experiment.data_files(), *earlier]
+            put_copy(data, dataset, folder, files, overwrite)
         check_no_overlap(tables_and_figures(folder), files)
         coefficients, where = _coefficients(dataset, at)
         with progress.stage("sensitivities"):

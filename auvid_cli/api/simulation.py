@@ -65,7 +65,8 @@ def simulate_into(
 ) -> Dataset:
     """Simulate an experiment into ``folder/dataset.h5`` and read it back, as any later step would.
 
-    The same settings give the same data, and then the file and all that was made from it stay as they are.
+    The caller holds the lock of the folder. The same settings give the same data, and then the file and all that was
+    made from it stay as they are.
 
     Parameters
     ----------
@@ -87,21 +88,20 @@ def simulate_into(
     path = dataset_in(folder)
     # Another process checks the files that are there, while this one needs the first of them.
     begin_scan([path, *estimates_in(folder).values()])
-    with locked(folder):
-        objection = other_run(path, experiment)
-        if not objection and filters and path.exists():
-            objection = next(iter(other_estimates(folder, experiment, digest(path), filters).values()), "")
-        refuse_unless(overwrite, objection)
-        with progress.stage("simulate"):
-            simulated = simulation.simulate(experiment)
-        put_dataset(path, simulated, inputs, overwrite, objection)
-        # Hours of data fill much of the memory.
-        del simulated
-        with progress.stage("read the dataset"):
-            dataset = read_dataset(path)
-        sensors = ", ".join(f"{name} {record.time.size}" for name, record in dataset.sensors.items())
-        progress.message(f"{path}: {dataset.inputs.time[-1]:g} s of {experiment.manoeuvre.type}; samples: {sensors}")
-        return dataset
+    objection = other_run(path, experiment)
+    if not objection and filters and path.exists():
+        objection = next(iter(other_estimates(folder, experiment, digest(path), filters).values()), "")
+    refuse_unless(overwrite, objection)
+    with progress.stage("simulate"):
+        simulated = simulation.simulate(experiment)
+    put_dataset(path, simulated, inputs, overwrite, objection)
+    # Hours of data fill much of the memory.
+    del simulated
+    with progress.stage("read the dataset"):
+        dataset = read_dataset(path)
+    sensors = ", ".join(f"{name} {record.time.size}" for name, record in dataset.sensors.items())
+    progress.message(f"{path}: {dataset.inputs.time[-1]:g} s of {experiment.manoeuvre.type}; samples: {sensors}")
+    return dataset
 
 
 def simulate_log(experiment: Experiment) -> dict[str, str]:

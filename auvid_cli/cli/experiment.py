@@ -82,7 +82,7 @@ def simulate(
     dry_run: DryRunOption = False,
 ) -> int:
     """Simulate an experiment's vehicle and sensors into results/NAME/dataset.h5."""
-    from auvid_cli.data.files import folder_of_run
+    from auvid_cli.data.files import folder_of_run, locked
 
     loaded, files = experiment.load()
     if dry_run:
@@ -93,7 +93,8 @@ def simulate(
 
     if not as_log:
         terminal.print_sanity_warnings(loaded.vehicle)
-        simulate_into(folder, loaded, files, output.overwrite, terminal)
+        with locked(folder):
+            simulate_into(folder, loaded, files, output.overwrite, terminal)
         return DONE
     written = simulate_log_into(folder, loaded, files, output.overwrite, terminal)
     terminal.print_lines(written)

@@ -220,8 +220,6 @@ def write_text(path: Path, text: str) -> None:
 def locked(folder: Path) -> Iterator[None]:
     """Keep other commands from writing into a results folder; the operating system ends the lock of a killed one.
 
-    A step within a locked step of the same command enters the same lock.
-
     Raises
     ------
     FileError
@@ -230,7 +228,7 @@ def locked(folder: Path) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     # A group of users may share the folder.
-    lock = FileLock(folder / ".lock", timeout=_LOCK_PATIENCE, mode=0o666, is_singleton=True)
+    lock = FileLock(folder / ".lock", timeout=_LOCK_PATIENCE, mode=0o666)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         # Some network disks have no locks.

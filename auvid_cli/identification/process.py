@@ -267,7 +267,7 @@ def vehicle_process(
 # Of errors what comes of them and the derivative; of moving states how they advance, and both transitions.
 check_named(
     [quantity.symbol for block in ERROR_BLOCKS if block.is_named for quantity in block.quantities],
-    (sensors, compiled_layout, sensors, sensors),
+    (sensors, compiled_layout),
     by=2,
 )
 

@@ -220,4 +220,7 @@ def test_a_mistake_ends_before_anything_is_made(tmp_path, text, words):
 def test_a_name_that_is_none_lists_the_campaigns_that_ship(tmp_path):
     result = campaign("nothing", cwd=tmp_path)
     assert result.exit_code == 2
-    assert "neither a file nor a campaign that ships with auvid: biased, coloured, judgement, regimes" in result.stderr
+    assert (
+        "neither a file nor a campaign that ships with auvid: biased, coloured, judgement, paper, regimes"
+        in result.stderr
+    )

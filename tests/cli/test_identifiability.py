@@ -36,7 +36,11 @@ def test_a_part_of_the_data_says_less_of_every_coefficient(bounds):
 
 
 def test_identifiability_says_before_any_filter_what_the_data_hold(tmp_path):
-    result = auvid("identifiability", "--set", "manoeuvre.duration=12 s", cwd=tmp_path)
+    result = auvid(
+        *("identifiability", "--set", "manoeuvre=manoeuvres/spiral_gentle.yaml"),
+        *("--set", "manoeuvre.duration=12 s"),
+        cwd=tmp_path,
+    )
     assert result.exit_code == 0, result.stderr
     assert "not identified" in result.stdout, "twelve seconds are not enough for all"
     assert "within 1 %" in result.stdout

@@ -48,6 +48,7 @@ def test_a_good_model_passes_and_leaves_tables_and_figures(results, tmp_path):
     assert result.stdout.count("The model of the CKF predicts these data.") == 1
     made = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert made == {
+        ".lock",
         "dataset.h5",
         "validation.html",
         *(f"tables/{name}.csv" for name in ("validation", "manoeuvres", "validation_checks")),
