@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.api import core
-from auvid_cli.compilation import compile_elsewhere, is_compiled
+from auvid_cli.numerics import compile_elsewhere, is_compiled
 
 # Where nothing is compiled yet, in two processes, as commands do it: the workers of the tests do not run before.
 if not is_compiled(core.FILTERS[0]):

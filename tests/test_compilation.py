@@ -1,38 +1,49 @@
-"""The cache of compiled code: filled by other processes, and made anew where there is nowhere to keep it."""
+"""Compiled functions and their cache on disk."""
 
 import ast
 import importlib
 import os
-import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from numba import types
 
 import auvid_cli
-from auvid_cli import code_cache
-from auvid_cli.code_cache import CORE
-from auvid_cli.compilation import compiled, on_compilation
+from auvid_cli.numerics import CORE, check_numba
 
+PACKAGE = Path(auvid_cli.__file__).parent
 ELSEWHERE = """
-from auvid_cli.compilation import compile_elsewhere, is_compiled, told_of_compilation
+from auvid_cli.numerics import compile_elsewhere, is_compiled, on_compilation
 before = is_compiled("auvid_cli.simulation.imperfections")
 code = compile_elsewhere("auvid_cli.simulation.imperfections").wait()
-told = []
-with told_of_compilation(lambda: told.append(1), list):
+events = []
+with on_compilation(lambda: events.append(1)):
     import auvid_cli.simulation.imperfections
-    after_one = len(told)
-    import auvid_cli.filters.problem
-print(before, code, is_compiled("auvid_cli.simulation.imperfections"), after_one, len(told) > 0)
+    after_one = len(events)
+    import auvid_cli.filters.least_squares
+print(before, code, is_compiled("auvid_cli.simulation.imperfections"), after_one, len(events) > 0)
+"""
+CACHED = """
+from numba import types
+from auvid_cli.numerics import compiled, on_compilation
+@compiled()
+def double(number):
+    return 2 * number
+events = []
+with on_compilation(lambda: events.append(1)):
+    @compiled(types.int64(types.int64))
+    def double_and_one(number):
+        return double(number) + 1
+print(double_and_one(20), len(events))
 """
 
 
 @pytest.mark.parametrize("place", ["{tmp}/new", "{tmp}/file/within"])
-def test_what_another_process_has_compiled_is_found(tmp_path, place):
-    (tmp_path / "file").write_text("where a folder cannot be")
+def test_code_compiled_by_another_process_is_found(tmp_path, place):
+    (tmp_path / "file").write_text("a file where a folder is expected")
     environment = os.environ | {"NUMBA_CACHE_DIR": place.format(tmp=tmp_path)}
     command = [sys.executable, "-c", ELSEWHERE]
     output = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
@@ -40,137 +51,45 @@ def test_what_another_process_has_compiled_is_found(tmp_path, place):
 
 
 @pytest.fixture
-def compiled_again(tmp_path, monkeypatch):
-    """Function: what is said of damage and of compiling while a function is compiled, or taken from the cache."""
-    monkeypatch.setattr(code_cache, "cache_folder", lambda: tmp_path)
+def compile_again(tmp_path):
+    """Function: result of a compiled function in a new process, and how many functions that process compiled."""
+    script = tmp_path / "doubling.py"
+    script.write_text(CACHED)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
 
-    def again():
-        told = []
-        with on_compilation(lambda: told.append("compiled"), lambda: told.append("damaged")):
-            double = compiled(types.int64(types.int64))(_double)
-        assert double(21) == 42
-        return told
+    def again() -> list[str]:
+        command = [sys.executable, script]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
 
-    assert again() == ["compiled"]
-    assert again() == []
+    assert again() == ["41", "2"]
     return again
 
 
-def _double(number):
-    return 2 * number
+def test_compiled_function_is_loaded_with_its_callees_inside(compile_again, tmp_path):
+    assert compile_again() == ["41", "0"]
+    assert len(list(tmp_path.rglob("*.nbc"))) == 1
 
 
-def flip(path):
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
-    path.write_bytes(content)
-
-
-DAMAGES = {
-    "cut short": lambda path: path.write_bytes(path.read_bytes()[:-100]),
-    "emptied": lambda path: path.write_bytes(b""),
-    "garbled": flip,
-    "of zeros": lambda path: path.write_bytes(bytes(path.stat().st_size)),
-    "of text": lambda path: path.write_text("no machine code\n" * 100),
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
-def test_damaged_machine_code_is_not_run_but_compiled_again_and_kept(compiled_again, tmp_path, kind, damage):
+@pytest.mark.parametrize("content", [b"", b"no machine code\n" * 100, bytes(1000)], ids=["empty", "text", "zeros"])
+def test_unreadable_cache_file_is_compiled_again(compile_again, tmp_path, kind, content):
     (path,) = tmp_path.rglob(f"*.{kind}")
-    damage(path)
-    assert compiled_again() == ["damaged", "compiled"]
-    assert compiled_again() == []
+    path.write_bytes(content)
+    assert [compile_again() for _ in range(3)] == [["41", "2"], ["41", "2"], ["41", "0"]]
 
 
-def test_what_cannot_be_kept_is_compiled_each_time(compiled_again, tmp_path):
-    (path,) = tmp_path.rglob("*.nbi")
-    path.unlink()
-    path.mkdir()
-    assert "compiled" in compiled_again()
-    assert "compiled" in compiled_again()
+@pytest.mark.parametrize("version", ["0.60.1", "0.69.0rc1", "1.0.0", "0.70.0dev0+12.gabc"])
+def test_unsupported_numba_is_refused(version):
+    with pytest.raises(ImportError, match=f"numba {version.split('+')[0]}.*install"):
+        check_numba(version)
 
 
-_part = compiled(types.int64(types.int64), internal=True)(_double)
-
-
-def _double_and_one(number):
-    return _part(number) + 1
-
-
-def test_what_only_compiled_functions_call_is_kept_inside_these(tmp_path, monkeypatch):
-    monkeypatch.setattr(code_cache, "cache_folder", lambda: tmp_path)
-    whole = compiled(types.int64(types.int64))(_double_and_one)
-    assert whole(20) == 41
-    assert {path.name.split("-")[0] for path in tmp_path.rglob("*.nb?")} == {"test_compilation._double_and_one"}
-
-
-APART = """
-import sys
-import numba
-import numpy
-from numba import types
-from auvid_cli.compilation import compiled, told_of_compilation
-vector = types.float64[::1]
-for _ in range(int(sys.argv[1])):
-    numba.njit("int64(int64)")(lambda number: number)
-told = []
-with told_of_compilation(lambda: told.append(1), list):
-    @compiled(types.void(vector), reassociate=True, apart=True)
-    def double(values):
-        for k in range(values.size):
-            values[k] *= 2.0
-    @compiled(types.void(vector), reassociate=True, internal=True)
-    def double_twice(values):
-        double(values)
-        double(values)
-    @compiled(types.void(vector), reassociate=True)
-    def eightfold(values):
-        double(values)
-        double_twice(values)
-values = numpy.ones(3)
-eightfold(values)
-print(values.tolist(), len(told))
-"""
-
-
-def test_what_stays_apart_is_found_by_what_another_process_compiled(tmp_path):
-    """Whatever else it compiled before, and however it orders sets."""
-    script, eight = tmp_path / "eightfold.py", "[8.0, 8.0, 8.0]"
-    script.write_text(APART)
-
-    def said(before):
-        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONHASHSEED": str(before)}
-        command = [sys.executable, script, str(before)]
-        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.strip()
-
-    assert said(0) == f"{eight} 3"
-    for before in range(1, 5):
-        (path,) = tmp_path.rglob("*double-*.nbc")
-        path.unlink()
-        assert said(before) == f"{eight} 1"
-
-
-@compiled(types.int64(types.int64), apart=True)
-def _triple(number):
-    return 3 * number
-
-
-def _triple_and_one(number):
-    return _triple(number) + 1
-
-
-def test_what_stays_apart_is_called_where_it_is(tmp_path, monkeypatch):
-    monkeypatch.setattr(code_cache, "cache_folder", lambda: tmp_path)
-    caller = compiled(types.int64(types.int64))(_triple_and_one)
-    assert caller(5) == 16
-    (code,) = caller.inspect_llvm().values()
-    assert re.findall(r"^declare .*_triple", code, re.MULTILINE)
-    assert not re.findall(r"^define .*_triple\b(?!_and)", code, re.MULTILINE)
-
-
-PACKAGE = Path(auvid_cli.__file__).parent
+def test_supported_numba_is_the_declared_one():
+    check_numba()
+    project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["project"]
+    (declared,) = (entry for entry in project["dependencies"] if entry.startswith("numba"))
+    with pytest.raises(ImportError, match=f'"{declared}"'):
+        check_numba("0.1")
 
 
 def compiling_modules():
@@ -182,13 +101,13 @@ def compiling_modules():
             yield path.relative_to(PACKAGE), tree
 
 
-def test_the_cache_depends_on_all_that_is_compiled():
+def test_cache_depends_on_all_compiled_modules():
     modules = dict(compiling_modules())
     assert len(modules) > 8
     assert {path.parts[0] for path in modules} <= set(CORE)
 
 
-def test_no_constant_of_a_compiled_function_comes_from_where_the_cache_does_not_look():
+def test_constants_of_compiled_functions_come_from_the_core():
     for path, tree in compiling_modules():
         for node in ast.walk(tree):
             if not isinstance(node, ast.ImportFrom) or not (node.module or "").startswith("auvid_cli."):
@@ -200,7 +119,7 @@ def test_no_constant_of_a_compiled_function_comes_from_where_the_cache_does_not_
                 assert not constants, (path, node.module, constants)
 
 
-def test_what_few_data_need_is_not_compiled_for_all():
+def test_code_for_few_data_is_not_compiled_for_all():
     code = (
         "import sys, auvid_cli.api.evaluation, auvid_cli.filters.smoother, auvid_cli.identification.run;"
         "print([m for m in ('filters.marginal', 'identification.observation') if f'auvid_cli.{m}' in sys.modules])"

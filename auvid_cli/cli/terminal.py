@@ -94,7 +94,6 @@ class Terminal(Progress):
         self._partner: subprocess.Popen | None = None
         # Whether this block compiles, and whether a screen that keeps its lines shows so.
         self._compiles = self._printed = False
-        self._damaged = False
         # Number of the signal that arrived while the core was loaded; 0 without one.
         self._interrupted = 0
 
@@ -151,7 +150,7 @@ class Terminal(Progress):
         numba swallows an interrupt or fails on it, so while it compiles one ends the process at once. Imports may
         swallow it as well, so before that it waits until all is loaded, which takes less than a second.
         """
-        from auvid_cli.compilation import on_compilation
+        from auvid_cli.numerics import on_compilation
 
         before = {number: signal.signal(number, self._interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
@@ -166,7 +165,7 @@ class Terminal(Progress):
                     if self._interrupted:
                         self._leave_at_once()
 
-                with on_compilation(print_compiling, self._on_damaged_cache):
+                with on_compilation(print_compiling):
                     yield print_compiling
                 if self._interrupted == signal.SIGINT:
                     raise KeyboardInterrupt
@@ -176,11 +175,6 @@ class Terminal(Progress):
             self._compiles = False
             for number, handler in before.items():
                 signal.signal(number, handler)
-
-    def _on_damaged_cache(self) -> None:
-        if not self._damaged:
-            self._err.print("auvid: what was compiled before is damaged; compiling that again", soft_wrap=True)
-        self._damaged = True
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         self._interrupted = number
@@ -205,7 +199,7 @@ class Terminal(Progress):
     @contextmanager
     def _compiling_beside(self, *modules: str) -> Iterator[None]:
         """Compile modules in another process during the block, unless the first of them is compiled already."""
-        from auvid_cli.compilation import compile_elsewhere, is_compiled
+        from auvid_cli.numerics import compile_elsewhere, is_compiled
 
         if is_compiled(modules[0]):
             yield

@@ -7,9 +7,9 @@ from numba import types
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from auvid_cli.compilation import compiled
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.identification.states import coefficient_priors
+from auvid_cli.numerics import compiled
 from auvid_cli.simulation.motion import Truth
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.jacobian import N_COLUMNS, transition_step, transition_work
@@ -154,7 +154,7 @@ _WORKSPACE = types.NamedTuple((_matrix, _matrix, _matrix, _vector, _vector, _mat
 _KNOWLEDGE = types.NamedTuple((_vector, _vector, _vector, _vector, _matrix), Knowledge)
 
 
-@compiled(types.void(_vector, _WORKSPACE), internal=True)
+@compiled()
 def _predict(prior_std, work):
     """Move the covariance by the transition matrix in the workspace."""
     covariance, moved, transition, by_coefficients = work.covariance, work.moved, work.transition, work.by_coefficients
@@ -184,7 +184,7 @@ def _predict(prior_std, work):
             covariance[m + i, m + j] = covariance[m + j, m + i] = total
 
 
-@compiled(types.void(_vector, types.float64, _WORKSPACE), internal=True)
+@compiled()
 def _measure_motion(density, duration, work):
     """Update with measurements of each motion state for so long."""
     covariance, column = work.covariance, work.column

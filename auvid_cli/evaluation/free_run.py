@@ -15,7 +15,7 @@ from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.process import N_PREDICTED, move_freely
 from auvid_cli.identification.sensors import VELOCITY_ERRORS, measured_velocity, velocity_behind
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet
 from auvid_cli.vehicle.equations import N_WORK, factors, vehicle_constants

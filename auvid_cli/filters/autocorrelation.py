@@ -9,8 +9,8 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import Indices
+from auvid_cli.numerics import compiled
 
 Array = NDArray[np.float64]
 _matrix = types.float64[:, ::1]
@@ -58,7 +58,7 @@ INFLUENCE = types.NamedTuple(
 )
 
 
-@compiled(types.int64(types.float64, types.float64), inline=True)
+@compiled(inline=True)
 def bin_at(time, start):
     """Return in which bin of a segment a time lies; what comes regularly is in its middle, safe from rounding."""
     return int((time - start) / BIN + 0.5)
@@ -92,7 +92,7 @@ class _Windows(NamedTuple):
 _WINDOWS = types.NamedTuple((_indices, _indices, _matrix, _matrix, _stack, _matrix), _Windows)
 
 
-@compiled(types.void(_WINDOWS), internal=True)
+@compiled()
 def _close_window_bin(windows):
     """Move the windows on by the bin that is full."""
     n_bins, n_groups, n = windows.scores.shape

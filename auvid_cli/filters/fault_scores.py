@@ -7,10 +7,10 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import TIMELINE, FaultScores, Timeline
 from auvid_cli.filters.smoother_forward import FORWARD_PASS, LINEARISED, Linearised
+from auvid_cli.numerics import compiled
 
 Array = NDArray[np.float64]
 _matrix = types.float64[:, ::1]

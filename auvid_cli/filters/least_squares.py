@@ -9,11 +9,11 @@ from numba import types
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import Gaussian, Indices
 from auvid_cli.filters.segments import JointProblem, places
 from auvid_cli.filters.sensitivities import Response, responses
 from auvid_cli.filters.smoother_forward import weight
+from auvid_cli.numerics import compiled
 
 Array = NDArray[np.float64]
 _matrix = types.float64[:, ::1]

@@ -7,7 +7,6 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
 from auvid_cli.filters.influence_functions import ConditionalFilter
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, gauss_newton, with_process_memory
@@ -22,6 +21,7 @@ from auvid_cli.filters.smoother_forward import (
     linearise_measurements,
     linearise_process,
 )
+from auvid_cli.numerics import compiled
 
 Array = NDArray[np.float64]
 _vector = types.float64[::1]

@@ -21,7 +21,6 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
 from auvid_cli.filters.fault_scores import FaultEffects, shown_faults
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, noise_variance, variance_by_time_constant
 from auvid_cli.filters.problem import TIMELINE, ModelData, Process, Timeline
@@ -34,6 +33,7 @@ from auvid_cli.filters.smoother_forward import (
     SmootherWorkspace,
     linearise_process,
 )
+from auvid_cli.numerics import compiled
 
 Array = NDArray[np.float64]
 
@@ -138,11 +138,7 @@ _TOLD = types.NamedUniTuple(_matrix, len(_Told._fields), _Told)
 _FADING = types.NamedTuple((_indices, _stack, types.float64[::1], _matrix), _Fading)
 
 
-@compiled(
-    types.void(types.int64, types.int64, _matrix, FORWARD_PASS, ADJOINT, _TOLD, _FADING),
-    reassociate=True,
-    internal=True,
-)
+@compiled(reassociate=True)
 def _look_at_fading(event, f, transition, forward_pass, adjoint, told, fading):
     """Write down what the adjoint at an event says of how one state faded before it."""
     mean, root, row, change = adjoint.mean, adjoint.root, fading.rows[f], fading.change[event]

@@ -11,7 +11,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
+from auvid_cli.numerics import compiled
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -23,23 +23,23 @@ _indices = types.int64[::1]
 # advance(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch), in place on blocks.
 # A compiled process has exactly this signature, explicit so that numba finds the filters in its
 # cache again in another interpreter session.
-PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, _indices, types.uint64, types.float64, _vector)
+PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, _indices, types.int64, types.float64, _vector)
 # transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch): one state, in place.
 TRANSITION_SIGNATURE = types.void(_vector, _matrix, _indices, _vector, _vector, _indices, _matrix, _vector)
 # observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch) fills `predicted`.
 OBSERVATION_SIGNATURE = types.void(
-    *(_vector, _vector, types.int64, _vector, _vector, _indices, types.uint64, _vector, _vector)
+    *(_vector, _vector, types.int64, _vector, _vector, _indices, types.int64, _vector, _vector)
 )
 # linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch): one state; fills rows of both.
 LINEARISATION_SIGNATURE = types.void(*(_vector, types.int64, _vector, _vector, _indices, _vector, _matrix, _vector))
 
 
-@compiled(OBSERVATION_SIGNATURE, pointer=True)
+@compiled(OBSERVATION_SIGNATURE)
 def nothing_nonlinear(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
     """Stand in for the observation of a problem without nonlinear sensors; never called."""
 
 
-@compiled(LINEARISATION_SIGNATURE, pointer=True)
+@compiled(LINEARISATION_SIGNATURE)
 def nothing_to_linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
     """Stand in for the derivative of that observation; never called."""
 

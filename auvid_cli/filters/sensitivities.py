@@ -10,7 +10,6 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     MODEL_DATA,
@@ -22,6 +21,7 @@ from auvid_cli.filters.problem import (
     Timeline,
 )
 from auvid_cli.filters.sigma_points import wrapped
+from auvid_cli.numerics import compiled
 
 Array = NDArray[np.float64]
 

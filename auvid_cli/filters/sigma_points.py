@@ -5,32 +5,32 @@ them.
 from collections.abc import Callable
 
 import numpy as np
-from numba import types
 
 from auvid_cli.angles import wrap
-from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import carlson_update, triangularise
-from auvid_cli.filters.problem import RECORDS, TIMELINE
-from auvid_cli.filters.workspace import BASIS, COMPONENTS, FEWER, MODEL, PAIRS, STATE, WORKSPACE, lanes_of, n_blocks
-from auvid_cli.lanes import LANES
+from auvid_cli.filters.workspace import FEWER, PAIRS, lanes_of, n_blocks
+from auvid_cli.numerics import LANES, compiled
 
-_0, _1, _2, _3, _4 = (np.uint64(number) for number in range(5))
-_vector = types.float64[::1]
-_matrix = types.float64[:, ::1]
-_wrap = compiled(types.float64(types.float64), inline=True)(wrap)
+# Unsigned: an index that may be negative keeps a loop scalar.
+_0, _2, _3, _4 = (np.uint64(number) for number in (0, 2, 3, 4))
+_wrap = compiled(inline=True)(wrap)
 
 
 def four_products(pairs: int) -> Callable:
-    """Compile it for one length of rows: with a known one the loop is all vector instructions."""
+    """Return a compiled matrix product for right-hand rows of one length: a known length becomes vector instructions.
+
+    It takes four rows and four terms at a time, so that each number is loaded and stored a quarter as often.
+    """
     row = np.uint64(pairs)
 
-    @compiled(types.void(_vector, *[types.uint64] * 4, _vector, _vector), reassociate=True, internal=True)
+    @compiled(reassociate=True)
     def products(left, first, across, along, n_terms, right, out):
-        """Fill `out` with four rows of a matrix product, each `pairs` long: ``sum_j left_j right_j``.
+        """Fill `out` with four rows ``sum_j left_j right_j`` of a matrix product, each `pairs` long.
 
-        Four rows and four terms at a time load and store a quarter as often as one by one; `n_terms` is rounded up to a
-        multiple of four. The rows of `left` begin `across` apart, from `first` on; their terms lie `along` apart.
+        `n_terms` is rounded up to a multiple of four. The rows of `left` begin `across` apart, from `first` on; their
+        terms lie `along` apart.
         """
+        first, across, along, n_terms = np.uint64(first), np.uint64(across), np.uint64(along), np.uint64(n_terms)
         for k in range(_4 * row):
             out[k] = 0.0
         for j in range(_0, n_terms, _4):
@@ -40,9 +40,8 @@ def four_products(pairs: int) -> Callable:
             b0, b1, b2, b3 = left[b], left[b + along], left[b + _2 * along], left[b + _3 * along]
             c0, c1, c2, c3 = left[c], left[c + along], left[c + _2 * along], left[c + _3 * along]
             d0, d1, d2, d3 = left[d], left[d + along], left[d + _2 * along], left[d + _3 * along]
-            terms = j * row
             for k in range(row):
-                t = terms + k
+                t = j * row + k
                 t0, t1, t2, t3 = right[t], right[t + row], right[t + _2 * row], right[t + _3 * row]
                 out[k] += a0 * t0 + a1 * t1 + a2 * t2 + a3 * t3
                 out[k + row] += b0 * t0 + b1 * t1 + b2 * t2 + b3 * t3
@@ -55,9 +54,9 @@ def four_products(pairs: int) -> Callable:
 _in_whole_tile, _in_half_tile, _in_quarter_tile = (four_products(pairs) for pairs in (PAIRS, FEWER[1], FEWER[0]))
 
 
-@compiled(types.void(_vector, *[types.uint64] * 4, _vector, types.int64, _vector), inline=True)
+@compiled(inline=True)
 def products_in_tile(left, first, across, along, n_terms, right, pairs, out):
-    """Do so for a tile with so many pairs."""
+    """Fill `out` with four rows of a matrix product, each `pairs` long; see `four_products`."""
     if pairs == PAIRS:
         _in_whole_tile(left, first, across, along, n_terms, right, out)
     elif pairs == FEWER[1]:
@@ -66,41 +65,13 @@ def products_in_tile(left, first, across, along, n_terms, right, pairs, out):
         _in_quarter_tile(left, first, across, along, n_terms, right, out)
 
 
-@compiled(types.int64(BASIS, types.int64), inline=True)
+@compiled(inline=True)
 def pairs_in(basis, tile):
     """Count the pairs that a tile holds."""
     return basis.last if tile == basis.directions.shape[0] - 1 else PAIRS
 
 
-@compiled(
-    types.void(types.float64, types.uint64, *[_vector, types.uint64] * 3),
-    reassociate=True,
-    internal=True,
-)
-def _set_out(centre, pairs, deviations, first, points, plus, others, minus):
-    """Put points on both sides of the centre; `others` is the same block again, of which other lanes are filled."""
-    for k in range(pairs):
-        points[plus + k] = centre + deviations[first + k]
-        others[minus + k] = centre - deviations[first + k]
-
-
-@compiled(
-    types.float64(types.float64, types.uint64, *[_vector, types.uint64] * 2, *[_vector] * 2),
-    reassociate=True,
-    internal=True,
-)
-def _take_apart(weight, pairs, points, plus, present, first, middle, difference):
-    """Take a row of pairs apart into middles and weighted differences; returns the sum of the middles."""
-    total = 0.0
-    for k in range(pairs):
-        one, other = points[plus + k], points[plus + pairs + k]
-        middle[first + k] = 0.5 * (one + other)
-        difference[first + k] = weight * (one - other)
-        total += middle[first + k] * present[first + k]
-    return total
-
-
-@compiled(types.void(BASIS, STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
+@compiled(reassociate=True, inline=True)
 def draw_points(basis, state, n_moving, work):
     """Fill blocks with the points ``mean +- S delta_k``, one block to a tile, and the centre behind them if it counts.
 
@@ -116,15 +87,17 @@ def draw_points(basis, state, n_moving, work):
     for tile in range(n_tiles):
         pairs = pairs_in(basis, tile)
         for i in range(0, n, 4):
-            first, n_terms = np.uint64(i), np.uint64(i + 4)
-            products_in_tile(factor, first, _1, np.uint64(width), n_terms, basis.directions[tile], pairs, scratch)
+            products_in_tile(factor, i, 1, width, i + 4, basis.directions[tile], pairs, scratch)
             for r in range(min(4, n - i)):
-                lane = i + r - n_parameters if i + r >= n_parameters else i + r + n_moving
-                block, plus, count = points[tile], np.uint64(lane * LANES), np.uint64(pairs)
-                _set_out(mean[i + r], count, scratch, np.uint64(r) * count, block, plus, block, plus + count)
+                row = i + r - n_parameters if i + r >= n_parameters else i + r + n_moving
+                centre, deviations = mean[i + r], scratch[r * pairs : (r + 1) * pairs]
+                plus, minus = points[tile, row * LANES :], points[tile, row * LANES + pairs :]
+                for k in range(pairs):
+                    plus[k] = centre + deviations[k]
+                    minus[k] = centre - deviations[k]
 
 
-@compiled(types.boolean(types.int64, _vector), reassociate=True, inline=True)
+@compiled(reassociate=True, inline=True)
 def all_finite(n, values):
     """Say whether the first n values are finite; a sum is one branch instead of n."""
     total = 0.0
@@ -133,11 +106,7 @@ def all_finite(n, values):
     return np.isfinite(total)
 
 
-@compiled(
-    types.void(_matrix, BASIS, types.int64, types.int64, _vector, WORKSPACE),
-    reassociate=True,
-    inline=True,
-)
+@compiled(reassociate=True, inline=True)
 def collect_points(images, basis, n_images, first_even, image_mean, work):
     """Collect mean, odd and even part of what a map made of the points.
 
@@ -161,11 +130,15 @@ def collect_points(images, basis, n_images, first_even, image_mean, work):
     n_tiles, m = basis.directions.shape[0], basis.present.size
     root, present = np.sqrt(2.0 * basis.weight), basis.present
     for i in range(n_images):
-        middle, difference = spread[i, first_even : first_even + m], odd[i]
-        total = 0.0
+        middle, total = spread[i, first_even : first_even + m], 0.0
         for tile in range(n_tiles):
-            pairs, plus, first = np.uint64(pairs_in(basis, tile)), np.uint64(i * LANES), np.uint64(tile * PAIRS)
-            total += _take_apart(basis.weight, pairs, images[tile], plus, present, first, middle, difference)
+            pairs, first = pairs_in(basis, tile), tile * PAIRS
+            plus, minus = images[tile, i * LANES :], images[tile, i * LANES + pairs :]
+            means, differences, used = middle[first:], odd[i, first:], present[first:]
+            for k in range(pairs):
+                means[k] = 0.5 * (plus[k] + minus[k])
+                differences[k] = basis.weight * (plus[k] - minus[k])
+                total += means[k] * used[k]
         centre = 2.0 * basis.weight * total if basis.centred else images[n_tiles, i * LANES]
         shift = 0.0
         for k in range(m):
@@ -181,12 +154,11 @@ def collect_points(images, basis, n_images, first_even, image_mean, work):
             for k in range(m):
                 regression[i, k] = basis.length * odd[i, k]
         return
-    differences = odd.reshape(-1)
-    row = np.uint64(m)
+    rows = odd.reshape(-1)
     for i in range(0, n_images, 4):
         for tile in range(n_tiles):
             pairs = pairs_in(basis, tile)
-            products_in_tile(differences, np.uint64(i) * row, row, _1, row, basis.transposed[tile], pairs, scratch)
+            products_in_tile(rows, i * m, m, 1, m, basis.transposed[tile], pairs, scratch)
             for r in range(4):
                 target = regression[i + r, tile * PAIRS : tile * PAIRS + pairs]
                 source = scratch[r * pairs : (r + 1) * pairs]
@@ -194,13 +166,13 @@ def collect_points(images, basis, n_images, first_even, image_mean, work):
                     target[k] = source[k]
 
 
-@compiled(types.float64(types.float64, types.boolean), internal=True)
+@compiled()
 def wrapped(difference, angular):
     """Bring a difference of angles to [-pi, pi), and leave any other as it is."""
     return _wrap(difference) if angular else difference
 
 
-@compiled(types.void(COMPONENTS, types.int64, STATE, _vector), reassociate=True, inline=True)
+@compiled(reassociate=True, inline=True)
 def gather(components, which, state, measured):
     """Fill in the row of a component in the basis of the factor; `which` counts the components of all sensors."""
     n, columns = state.n, state.columns
@@ -212,7 +184,7 @@ def gather(components, which, state, measured):
             measured[j] += weight * columns[j, place]
 
 
-@compiled(types.float64(COMPONENTS, types.int64, _vector), inline=True)
+@compiled(inline=True)
 def combined(components, which, values):
     """Add up values of the rows of the factor to that of a component."""
     total = 0.0
@@ -221,7 +193,7 @@ def combined(components, which, values):
     return total
 
 
-@compiled(types.void(MODEL, STATE, TIMELINE, types.int64, types.int64, WORKSPACE), reassociate=True, internal=True)
+@compiled(reassociate=True)
 def predict_nonlinearly(model, state, timeline, event, sensor, work):
     """Put a sensor's components behind the n-th place of mean and factor, and the even part in ``work.spread``."""
     n, mean, columns, data = state.n, state.mean, state.columns, model.data
@@ -245,9 +217,7 @@ def predict_nonlinearly(model, state, timeline, event, sensor, work):
             columns[j, n + c] = work.regression[c, j]
 
 
-@compiled(
-    types.int64(MODEL, STATE, TIMELINE, types.int64, types.int64, RECORDS, WORKSPACE), reassociate=True, inline=True
-)
+@compiled(reassociate=True, inline=True)
 def select(model, state, timeline, event, k, records, work):
     """Predict a measurement, and select the components that are present and within the gate.
 
@@ -290,7 +260,7 @@ def select(model, state, timeline, event, k, records, work):
     return n_present
 
 
-@compiled(types.boolean(STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
+@compiled(reassociate=True, inline=True)
 def decorrelate(state, n_present, work):
     """Replace what is predicted by combinations of it whose noise is independent; ``work.noise`` gets its variance.
 
@@ -310,7 +280,7 @@ def decorrelate(state, n_present, work):
     return True
 
 
-@compiled(types.float64(COMPONENTS, types.int64, STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
+@compiled(reassociate=True, inline=True)
 def condition(components, first, state, n_present, work):
     """Condition on components with independent noise, one after the other; returns the sum of their NIS.
 
@@ -331,9 +301,7 @@ def condition(components, first, state, n_present, work):
     return nis
 
 
-@compiled(
-    types.float64(MODEL, STATE, TIMELINE, types.int64, types.int64, RECORDS, WORKSPACE), reassociate=True, inline=True
-)
+@compiled(reassociate=True, inline=True)
 def update(model, state, timeline, event, k, records, work):
     """Condition on one measurement; components that are missing or outside the gate are left out.
 

@@ -12,11 +12,10 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
-from auvid_cli.filters.factor import LEAST, SPARE_ROWS, orthogonalise
+from auvid_cli.filters.factor import LEAST, orthogonalise
 from auvid_cli.filters.problem import TIMELINE
 from auvid_cli.filters.smoother_forward import FORWARD_PASS, LINEARISED
-from auvid_cli.lanes import zeros_on_lines
+from auvid_cli.numerics import compiled, zeros_on_lines
 
 Array = NDArray[np.float64]
 
@@ -35,7 +34,7 @@ class Adjoint(NamedTuple):
     ----------
     mean : ndarray, shape (n,)
         r.
-    root : ndarray, shape (n and `SPARE_ROWS`, a multiple of 16)
+    root : ndarray, shape (n, a multiple of 16)
         W, as far as `n_columns` says, zero beyond; of no size where variances are not asked for.
     n_columns : ndarray of int, shape (1,)
     work : ndarray, shape (as of `root`)
@@ -50,7 +49,7 @@ class Adjoint(NamedTuple):
     @classmethod
     def zeros(cls, n: int, with_variance: bool) -> "Adjoint":
         """Say nothing yet of a deviation of n components."""
-        shape = n + SPARE_ROWS, -(-(n + _MORE) // _WHOLE) * _WHOLE
+        shape = n, -(-(n + _MORE) // _WHOLE) * _WHOLE
         root = zeros_on_lines(*shape) if with_variance else np.zeros((0, 0))
         # The mean of a step needs some room as well.
         return cls(zeros_on_lines(n), root, np.zeros(1, dtype=np.int64), zeros_on_lines(*shape))
@@ -72,13 +71,13 @@ class Adjoint(NamedTuple):
 ADJOINT = types.NamedTuple((_vector, _matrix, types.int64[::1], _matrix), Adjoint)
 
 
-@compiled(types.int64(ADJOINT), inline=True)
+@compiled(inline=True)
 def _whole_columns(adjoint):
     """Count the columns of the root, rounded up: what is left over would be gone through one by one."""
     return (adjoint.n_columns[0] + (_WHOLE - 1)) // _WHOLE * _WHOLE
 
 
-@compiled(types.void(types.float64[:], _matrix, types.int64, _vector), reassociate=True, internal=True)
+@compiled(reassociate=True)
 def _add_rows(weight, rows, n_columns, total):
     """Add a weighted sum of rows, as far as so many columns, four at a time: the sum is stored once for four."""
     whole = weight.size - weight.size % 4
@@ -92,7 +91,7 @@ def _add_rows(weight, rows, n_columns, total):
             total[k] += weight[j] * rows[j, k]
 
 
-@compiled(types.float64(_vector, _vector, types.float64, types.float64, _vector), reassociate=True, internal=True)
+@compiled(reassociate=True)
 def _update_mean(row, gain, error, total, adjoint):
     """Carry the adjoint back over one component; returns what all data say of its noise, per variance of that."""
     known = 0.0
@@ -104,7 +103,7 @@ def _update_mean(row, gain, error, total, adjoint):
     return share
 
 
-@compiled(types.void(ADJOINT), reassociate=True, internal=True)
+@compiled(reassociate=True)
 def _make_square(adjoint):
     """Find the lower-triangular root of the same covariance, by modified Gram-Schmidt; see `triangularise`.
 
@@ -124,7 +123,7 @@ def _make_square(adjoint):
     adjoint.n_columns[0] = n
 
 
-@compiled(types.float64(_vector, _vector, types.float64, ADJOINT), reassociate=True, internal=True)
+@compiled(reassociate=True)
 def _update_root(row, gain, total, adjoint):
     """Carry the root back over one component: ``L' W`` with ``L = I - g h' / total``, and ``h / sqrt(total)``.
 
@@ -151,7 +150,7 @@ def _update_root(row, gain, total, adjoint):
     return inverse + known
 
 
-@compiled(types.void(_matrix, types.int64, ADJOINT), reassociate=True, internal=True)
+@compiled(reassociate=True)
 def adjoint_predict(transition, n_parameters, adjoint):
     """Carry adjoint and root back over a transition: ``F' r`` and ``F' W``; of F the upper rows are the identity's."""
     mean, root, moving = adjoint.mean, adjoint.root, adjoint.work
@@ -174,11 +173,7 @@ def adjoint_predict(transition, n_parameters, adjoint):
         _add_rows(transition[:, j], moving, n_columns, root[j])
 
 
-@compiled(
-    types.void(types.int64, TIMELINE, LINEARISED, FORWARD_PASS, ADJOINT, _matrix, _matrix),
-    reassociate=True,
-    inline=True,
-)
+@compiled(reassociate=True, inline=True)
 def adjoint_update(event, timeline, about, forward_pass, adjoint, told, variance):
     """Carry the adjoint back over the measurements of an event; write down what is said of their noise, if asked for.
 

@@ -6,8 +6,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
-from auvid_cli.filters.factor import SPARE_ROWS, TILE, carlson_update, triangularise
+from auvid_cli.filters.factor import TILE, carlson_update, triangularise
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     MODEL_DATA,
@@ -19,7 +18,7 @@ from auvid_cli.filters.problem import (
 )
 from auvid_cli.filters.sigma_points import four_products, wrapped
 from auvid_cli.filters.workspace import STATE, State, padded
-from auvid_cli.lanes import zeros_on_lines
+from auvid_cli.numerics import compiled, zeros_on_lines
 
 # Standard deviations: clean data lose 1 % of their information.
 THRESHOLD = 2.0
@@ -29,7 +28,6 @@ Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
-_1 = np.uint64(1)
 # Moving rows that are worked on at once.
 _ROWS = 16
 _products = four_products(_ROWS)
@@ -125,7 +123,7 @@ class SmootherWorkspace(NamedTuple):
         Moving rows of the mean.
     product : ndarray, shape (n_parts, 4 * _ROWS)
         Of these with four columns, or rows, of the factor.
-    spread : ndarray, shape (moving states and `SPARE_ROWS`, whole tiles)
+    spread : ndarray, shape (moving states, padded)
     lower : ndarray, shape (as many, as many)
     gain : ndarray, shape (width of the factor,)
     measured, ratio, share : ndarray, shape (width and one more,)
@@ -153,15 +151,15 @@ class SmootherWorkspace(NamedTuple):
     def of(cls, process: Process, n: int, n_components: int) -> "SmootherWorkspace":
         """Make it for a state of n entries, and sensors of up to `n_components`."""
         n_moving = process.noise_density.size
-        rows, width, n_parts = n_moving + SPARE_ROWS, padded(n), -(-n_moving // _ROWS)
+        width, n_parts = padded(n), -(-n_moving // _ROWS)
         return cls(
             point=zeros_on_lines(n),
             matrix=np.eye(n),
             transposed=zeros_on_lines(n_parts, width * _ROWS),
             moved=zeros_on_lines(n_parts, _ROWS),
             product=zeros_on_lines(n_parts, 4 * _ROWS),
-            spread=zeros_on_lines(rows, padded(2 * n_moving)),
-            lower=zeros_on_lines(rows, rows),
+            spread=zeros_on_lines(n_moving, padded(2 * n_moving)),
+            lower=zeros_on_lines(n_moving, n_moving),
             gain=zeros_on_lines(width),
             measured=zeros_on_lines(width + 1),
             ratio=zeros_on_lines(width + 1),
@@ -186,7 +184,7 @@ FORWARD_PASS = types.NamedTuple((_matrix, _stack, _stack, *[_matrix] * 5), Forwa
 SMOOTHER_WORKSPACE = types.NamedTuple((_vector, *[_matrix] * 6, *[_vector] * 6), SmootherWorkspace)
 
 
-_weight = compiled(types.float64(types.float64, types.float64), inline=True)(weight)
+_weight = compiled(inline=True)(weight)
 
 
 @compiled(types.void(types.FunctionType(LINEARISATION_SIGNATURE), MODEL_DATA, TIMELINE, LINEARISED, SMOOTHER_WORKSPACE))
@@ -234,7 +232,7 @@ def linearise_process(transition, data, timeline, about, work):
                     about.transition[event, i, j] = work.matrix[n_parameters + i, j]
 
 
-@compiled(types.void(_matrix, _vector, SMOOTHER_WORKSPACE), reassociate=True, internal=True)
+@compiled(reassociate=True)
 def _transpose_tiles(transition, mean, work):
     """Turn the moving rows of a transition, and move the mean by them."""
     n_moving, n = transition.shape
@@ -250,7 +248,7 @@ def _transpose_tiles(transition, mean, work):
                 moved[i] += mean[k] * transposed[k * _ROWS + i]
 
 
-@compiled(types.boolean(_matrix, _vector, STATE, SMOOTHER_WORKSPACE), reassociate=True, internal=True)
+@compiled(reassociate=True)
 def _predict(transition, noise, state, work):
     """Move mean and factor of the deviation; False if there is no factor."""
     n, mean, columns, spread, product = state.n, state.mean, state.columns, work.spread, work.product
@@ -266,11 +264,9 @@ def _predict(transition, noise, state, work):
     # Four columns at a time, from a tile's edge on: what stands before the diagonal is zero.
     for j in range(0, n, 4):
         edge = j // TILE * TILE
-        first, n_terms = np.uint64(j * width + edge), np.uint64(n - edge)
+        first, n_terms = j * width + edge, n - edge
         for part in range(n_parts):
-            _products(
-                factor, first, np.uint64(width), _1, n_terms, work.transposed[part, edge * _ROWS :], product[part]
-            )
+            _products(factor, first, width, 1, n_terms, work.transposed[part, edge * _ROWS :], product[part])
         for r in range(min(4, n - j)):
             for i in range(n_moving):
                 moved = product[i // _ROWS, r * _ROWS + i % _ROWS]
@@ -286,7 +282,7 @@ def _predict(transition, noise, state, work):
     return True
 
 
-@compiled(types.void(_vector, STATE, _vector), reassociate=True, inline=True)
+@compiled(reassociate=True, inline=True)
 def _project_row(row, state, measured):
     """Fill in a combination of the state's rows in the basis of the factor."""
     columns = state.columns
@@ -299,7 +295,7 @@ def _project_row(row, state, measured):
                 measured[j] += h * columns[j, i]
 
 
-@compiled(types.float64(_vector, _vector), reassociate=True, inline=True)
+@compiled(reassociate=True, inline=True)
 def _dot(row, values):
     total = 0.0
     for i in range(row.size):
@@ -307,11 +303,7 @@ def _dot(row, values):
     return total
 
 
-@compiled(
-    types.float64(types.int64, _matrix, _vector, LINEARISED, STATE, FORWARD_PASS, SMOOTHER_WORKSPACE),
-    reassociate=True,
-    internal=True,
-)
+@compiled(reassociate=True)
 def _update(k, rows, noise, about, state, forward_pass, work):
     """Condition on measurement k, component by component; returns the sum of their NIS."""
     n, mean, columns, measured, error = state.n, state.mean, state.columns, work.measured, forward_pass.error[k]
@@ -347,9 +339,7 @@ def _update(k, rows, noise, about, state, forward_pass, work):
     return nis
 
 
-@compiled(
-    types.void(types.int64, STATE, types.int64, FORWARD_PASS, SMOOTHER_WORKSPACE), reassociate=True, internal=True
-)
+@compiled(reassociate=True)
 def _store_event(event, state, n_parameters, forward_pass, work):
     """Write down the mean, and the moving rows of the covariance, four columns of these at a time."""
     n, columns, covariance = state.n, state.columns, forward_pass.covariance[event]
@@ -365,7 +355,7 @@ def _store_event(event, state, n_parameters, forward_pass, work):
                 moving[j * _ROWS + i] = columns[j, first + i]
         for k in range(0, n, 4):
             # Of the triangle nothing stands behind the diagonal.
-            _products(factor, np.uint64(k), _1, np.uint64(width), np.uint64(k + 4), moving, product)
+            _products(factor, k, 1, width, k + 4, moving, product)
             for r in range(min(4, n - k)):
                 for i in range(rows):
                     covariance[part * _ROWS + i, k + r] = product[r * _ROWS + i]

@@ -9,7 +9,6 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import triangularise
 from auvid_cli.filters.problem import (
     OK,
@@ -42,7 +41,7 @@ from auvid_cli.filters.workspace import (
     new_workspace,
     padded,
 )
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES, compiled
 
 if TYPE_CHECKING:
     from auvid_cli.filters.fault_scores import Faults
@@ -52,7 +51,7 @@ _matrix = types.float64[:, ::1]
 Array = NDArray[np.float64]
 
 
-@compiled(types.boolean(MODEL, STATE, TIMELINE, types.int64, WORKSPACE), reassociate=True, inline=True)
+@compiled(reassociate=True, inline=True)
 def predict(model, state, timeline, event, work):
     """Move a state over the substeps that lead to an event, in place.
 
@@ -97,7 +96,7 @@ def predict(model, state, timeline, event, work):
     return True
 
 
-@compiled(types.void(_matrix, types.int64, _vector, _vector), reassociate=True, internal=True)
+@compiled(reassociate=True)
 def deviations(columns, n, squares, result):
     """Fill in the standard deviations of the state: row norms of the factor. `squares` is overwritten."""
     width = columns.shape[1]
@@ -111,10 +110,7 @@ def deviations(columns, n, squares, result):
         result[i] = np.sqrt(squares[i])
 
 
-@compiled(
-    types.UniTuple(types.int64, 2)(*MODEL.types, TIMELINE, STATE, RECORDS, WORKSPACE),
-    reassociate=True,
-)
+@compiled(types.UniTuple(types.int64, 2)(*MODEL.types, TIMELINE, STATE, RECORDS, WORKSPACE), reassociate=True)
 def _run(advance, observe, data, components, basis, timeline, state, records, work):
     """Filter a chunk; returns (first event that failed or how many there are, what failed).
 

@@ -6,8 +6,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
-from auvid_cli.filters.factor import SPARE_ROWS, TILE
+from auvid_cli.filters.factor import TILE
 from auvid_cli.filters.problem import (
     MODEL_DATA,
     OBSERVATION_SIGNATURE,
@@ -18,7 +17,7 @@ from auvid_cli.filters.problem import (
     Process,
     Sensors,
 )
-from auvid_cli.lanes import LANES, zeros_on_lines
+from auvid_cli.numerics import LANES, compiled, zeros_on_lines
 
 Array = NDArray[np.float64]
 # A block of lanes holds this many pairs; the last one has room for as many of the others as it needs.
@@ -143,14 +142,14 @@ def basis_of(point_set: PointSet) -> Basis:
     return Basis(*tiles, present, last, length, point_set.weight, point_set.centred, point_set.curvature)
 
 
-@compiled(types.int64(BASIS), internal=True)
+@compiled()
 def n_blocks(basis):
     """Count the blocks of points that a map has to work on: the centre, where it is needed, has one of its own."""
     n_tiles = basis.directions.shape[0]
     return n_tiles if basis.centred else n_tiles + 1
 
 
-@compiled(types.uint64(BASIS, types.int64), internal=True)
+@compiled()
 def lanes_of(basis, block):
     """Count the lanes of a block that are in use."""
     n_tiles = basis.directions.shape[0]
@@ -265,9 +264,11 @@ class Workspace(NamedTuple):
     images : ndarray, shape (n_tiles + 1, c * LANES)
         What a sensor measures of them.
     odd, regression : ndarray, shape (r, m)
-        With r the number of moving states or of components of a sensor, whichever is more, and `SPARE_ROWS`.
-    spread : ndarray, shape (r, whole tiles)
+        With r the number of moving states or of components of a sensor, whichever is more. Three spare rows, because
+        matrix products come four rows at a time.
+    spread : ndarray, shape (r, padded)
     lower : ndarray, shape (r, r)
+        Without spare rows.
     product : ndarray, shape (4 * PAIRS,)
     process : ndarray
         For the process itself.
@@ -309,14 +310,13 @@ def new_workspace(basis: Basis, process: Process, n: int, n_components: int, wid
     n_tiles, m = basis.directions.shape[0], basis.present.size
     n_moving = process.noise_density.size
     most = max(n_moving, n_components)
-    rows = most + SPARE_ROWS
     return Workspace(
         points=zeros_on_lines(n_tiles + 1, n * LANES),
         images=zeros_on_lines(n_tiles + 1, n_components * LANES),
-        odd=zeros_on_lines(rows, m),
-        regression=zeros_on_lines(rows, m),
-        spread=zeros_on_lines(rows, padded(2 * most + m + 1)),
-        lower=zeros_on_lines(rows, rows),
+        odd=zeros_on_lines(most + 3, m),
+        regression=zeros_on_lines(most + 3, m),
+        spread=zeros_on_lines(most, padded(2 * most + m + 1)),
+        lower=zeros_on_lines(most, most),
         product=zeros_on_lines(4 * PAIRS),
         process=zeros_on_lines(process.scratch_size),
         gain=zeros_on_lines(width),

@@ -10,11 +10,10 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
 from auvid_cli.config.extra_states import ERROR_BLOCKS
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.identification.states import StateLayout
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES, compiled
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.equations import N_CONSTANTS, N_FACTORS, NO_ERRORS, n_terms, term_place, with_table_at_end
 from auvid_cli.vehicle.parameters import DISTURBANCE, N_MOTION
@@ -142,38 +141,38 @@ def check_named(symbols: Iterable[str], modules: Iterable[ModuleType], by: int) 
         raise TypeError(f"no compiled code says what comes of {', '.join(missing)}, or the derivative by it")
 
 
-@compiled(types.int64(_vector), internal=True)
+@compiled()
 def first_moving_row(constants):
     """Return the row of the first moving state, behind all parameters; the motion begins there."""
     return int(constants[constants.size - 1])
 
 
-@compiled(types.int64(_vector, types.int64), internal=True)
+@compiled()
 def row_of(constants, which):
     """Return the row of the state at which one of `ROW` stands; negative if nowhere."""
     return int(constants[constants.size - 1 - _N_ROWS + which])
 
 
-@compiled(types.int64(_vector, types.int64), internal=True)
+@compiled()
 def known_sensor(constants, which):
     """Return which sensor `ACCELEROMETER` or `MAGNETOMETER` is; negative if it is not used."""
     return int(constants[constants.size - _SENSORS + _N_KNOWN * which])
 
 
-@compiled(types.UniTuple(types.float64, 3)(_vector, types.int64), internal=True)
+@compiled()
 def known_vector(constants, which):
     """Return the vector of `ACCELEROMETER` or `MAGNETOMETER`, see `KnownSensor`."""
     place = constants.size - _SENSORS + _N_KNOWN * which + 1
     return constants[place], constants[place + 1], constants[place + 2]
 
 
-@compiled(types.boolean(_vector), internal=True)
+@compiled()
 def depth_is_state(constants):
     """Say whether it is."""
     return row_of(constants, ROW.down) >= 0
 
 
-@compiled(types.boolean(_vector), internal=True)
+@compiled()
 def is_disturbed(constants):
     """Say whether a disturbing force or moment is a state."""
     return constants[constants.size - _FASTEST] > 0.0
@@ -184,13 +183,13 @@ def place_of_fading_rate(constants: Array, axis: int) -> int:
     return constants.size - _FADING + axis
 
 
-@compiled(types.float64(_vector, types.int64), internal=True)
+@compiled()
 def fading_rate(constants, axis):
     """Return how fast the disturbing force or moment of an axis fades, 1/s; 0 if it is no state."""
     return constants[constants.size - _FADING + axis]
 
 
-@compiled(types.float64(_vector, types.int64, _vector, _vector, types.int64), internal=True)
+@compiled()
 def value_of(constants, which, parameters, moving, k):
     """Return one lane of one of `ROW`, parameter or moving state; 0 if it is no state."""
     row, n_parameters = row_of(constants, which), first_moving_row(constants)
@@ -199,7 +198,7 @@ def value_of(constants, which, parameters, moving, k):
     return parameters[row * LANES + k] if row < n_parameters else moving[(row - n_parameters) * LANES + k]
 
 
-@compiled(types.void(_vector, _vector, _vector, _indices, types.uint64, _vector), inline=True)
+@compiled(inline=True)
 def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficients):
     """Fill in the coefficients, estimated or held, the actuators' errors and the ballast of a block of states.
 
@@ -243,7 +242,7 @@ def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficient
                 row[k] = constants[term_place(constants, t)]
 
 
-@compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
+@compiled()
 def fill_in_all(mean, constants, selection, coefficients):
     """Do the same of one state: `coefficients` has shape (N_FACTORS + terms,)."""
     for m in range(N_COEFFICIENTS):
@@ -258,7 +257,7 @@ def fill_in_all(mean, constants, selection, coefficients):
         coefficients[N_COEFFICIENTS + a] = NO_ERRORS[a] + mean[row] if row >= 0 else NO_ERRORS[a]
 
 
-@compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
+@compiled()
 def fill_in_row(sensitivity, constants, selection, row):
     """Copy a derivative by the motion and all factors to a row of derivatives by the state; others stay."""
     n_coefficients, n_parameters = selection.size, first_moving_row(constants)

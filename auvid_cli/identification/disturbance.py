@@ -6,9 +6,8 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
 from auvid_cli.identification.compiled_layout import ROW, depth_is_state, fading_rate, first_moving_row, row_of
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES, compiled
 from auvid_cli.vehicle.equations import n_terms, named_constants, sine_cosine
 from auvid_cli.vehicle.jacobian import N_COLUMNS, transition_step
 from auvid_cli.vehicle.parameters import DISTURBANCE, N_MOTION
@@ -22,7 +21,7 @@ _ROWS = tuple(getattr(ROW, quantity.symbol) for quantity in DISTURBANCE)
 _LEFT, _MOTION = _N_AXES, _N_AXES + N_MOTION
 
 
-@compiled(types.void(_vector, types.int64, types.uint64, types.float64), internal=True)
+@compiled()
 def sink(moving, place, n_lanes, duration):
     """Move the depth on at the present rate: a half step before and one after the motion are the trapezoidal rule.
 
@@ -35,7 +34,7 @@ def sink(moving, place, n_lanes, duration):
         moving[place * LANES + k] += duration * (cos_theta * across - sin_theta * moving[k])
 
 
-@compiled(types.void(_matrix, _vector), internal=True)
+@compiled()
 def before_moving(sensitivity, sinking):
     """Begin: the motion depends on itself alone, and the depth has not changed."""
     for i in range(N_MOTION):
@@ -45,7 +44,7 @@ def before_moving(sensitivity, sinking):
         sinking[j] = 0.0
 
 
-@compiled(types.void(_vector, _matrix, types.float64, _vector), internal=True)
+@compiled()
 def sink_rate(motion, sensitivity, duration, sinking):
     """Add the derivative of the present vertical velocity, for so long, and in the last place the velocity itself."""
     u, v, w = motion[0], motion[1], motion[2]
@@ -88,7 +87,7 @@ def disturbance_work(terms):
     return _MOTION + (N_MOTION + 1) * (N_COLUMNS + terms) + 1
 
 
-@compiled(types.NamedTuple((_matrix, *[_vector] * 3), _Workspace)(_vector, types.int64), inline=True)
+@compiled(inline=True)
 def _workspace(scratch, terms):
     columns = N_COLUMNS + terms
     by_force = _MOTION + N_MOTION * columns
@@ -100,10 +99,7 @@ def _workspace(scratch, terms):
     )
 
 
-@compiled(
-    types.void(_vector, types.int64, _vector, types.uint64, types.float64, _vector, types.int64),
-    internal=True,
-)
+@compiled()
 def push(moving, row_length, constants, n_lanes, duration, velocity, velocity_row_length):
     """Let what disturbs some states act for so long on their velocities and rates, or for 1 on these' derivatives.
 
@@ -132,7 +128,7 @@ def push(moving, row_length, constants, n_lanes, duration, velocity, velocity_ro
                     velocity[i * velocity_row_length + k] += share * force[k]
 
 
-@compiled(types.void(_vector, types.int64, _vector, types.uint64, types.float64), internal=True)
+@compiled()
 def fade(moving, row_length, constants, n_lanes, duration):
     """Let what disturbs some states fade for so long; arguments as of `push`."""
     for axis in range(_N_AXES):
@@ -144,7 +140,7 @@ def fade(moving, row_length, constants, n_lanes, duration):
                 force[k] *= left
 
 
-@compiled(types.void(_vector, types.float64, _vector, _matrix), internal=True)
+@compiled()
 def _push_derivative(constants, duration, left, by_force):
     """Do to the derivative of the motion what `push` does to the motion."""
     inverse = named_constants(constants).inverse
@@ -153,13 +149,13 @@ def _push_derivative(constants, duration, left, by_force):
             by_force[i, axis] += duration * inverse[6 * i + axis] * left[axis]
 
 
-@compiled(types.void(_vector, types.float64, _vector), internal=True)
+@compiled()
 def _fade_derivative(constants, duration, left):
     for axis in range(_N_AXES):
         left[axis] *= np.exp(-duration * fading_rate(constants, axis))
 
 
-@compiled(types.void(_vector, _vector), internal=True)
+@compiled()
 def undisturbed(constants, scratch):
     """Begin the way of one state: all of the force is left, and nothing has come of it yet."""
     work = _workspace(scratch, n_terms(constants))
@@ -172,7 +168,7 @@ def undisturbed(constants, scratch):
         work.left[axis] = 1.0
 
 
-@compiled(types.void(*[_vector] * 4, types.float64, _vector, _vector), internal=True)
+@compiled()
 def begin_step(mean, coefficients, inputs, constants, duration, scratch, for_step):
     """Move what the pushes so far came to over a substep, and push one state for the first half of it.
 
@@ -201,7 +197,7 @@ def begin_step(mean, coefficients, inputs, constants, duration, scratch, for_ste
     transition_step(work.motion, coefficients, inputs, constants, duration, work.by_force, for_step)
 
 
-@compiled(types.void(_vector, _vector, types.float64, _vector), internal=True)
+@compiled()
 def end_step(mean, constants, duration, scratch):
     """Let the force fade, and push for the second half of the substep; arguments as of `begin_step`."""
     work, moving = _workspace(scratch, n_terms(constants)), mean[first_moving_row(constants) :]
@@ -213,7 +209,7 @@ def end_step(mean, constants, duration, scratch):
         sink_rate(moving[:N_MOTION], work.by_force, 0.5 * duration, work.sinking)
 
 
-@compiled(types.void(_vector, types.float64, _vector), internal=True)
+@compiled()
 def derive_at_once(constants, duration, scratch):
     """Find what comes of the forces to first order in the interval."""
     work = _workspace(scratch, n_terms(constants))
@@ -222,7 +218,7 @@ def derive_at_once(constants, duration, scratch):
     _fade_derivative(constants, duration, work.left)
 
 
-@compiled(types.void(_vector, _vector, _matrix), internal=True)
+@compiled()
 def fill_in_forces(constants, scratch, matrix):
     """Copy the derivatives by the forces to a transition matrix."""
     work, first = _workspace(scratch, n_terms(constants)), first_moving_row(constants)
@@ -236,7 +232,7 @@ def fill_in_forces(constants, scratch, matrix):
                 matrix[row_of(constants, ROW.down), row] = work.sinking[axis]
 
 
-@compiled(types.void(_vector, types.UniTuple(types.float64, 3), types.int64, types.float64, _vector), internal=True)
+@compiled()
 def fill_in_specific_force(constants, arm, component, gain, row):
     """Copy the derivative of a component of the acceleration at a lever arm to a row of derivatives by the state."""
     inverse = named_constants(constants).inverse

@@ -1,6 +1,5 @@
 """What nonlinear sensors measure of the state: accelerometer and magnetometer of three axes if used, else the DVL."""
 
-from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
 from auvid_cli.identification.compiled_layout import ACCELEROMETER, MAGNETOMETER, known_sensor
 from auvid_cli.identification.sensors import (
@@ -11,6 +10,7 @@ from auvid_cli.identification.sensors import (
     measure_forces,
     measure_velocities,
 )
+from auvid_cli.numerics import compiled
 
 # Of all others each component is a state, and errors just add to it.
 OBSERVED = {
@@ -20,7 +20,7 @@ OBSERVED = {
 }
 
 
-@compiled(OBSERVATION_SIGNATURE, pointer=True)
+@compiled(OBSERVATION_SIGNATURE)
 def observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
     """Predict what a sensor measures of a block of states."""
     if sensor == known_sensor(constants, ACCELEROMETER):
@@ -31,7 +31,7 @@ def observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, p
         measure_velocities(moving, parameters, constants, n_lanes, predicted)
 
 
-@compiled(LINEARISATION_SIGNATURE, pointer=True)
+@compiled(LINEARISATION_SIGNATURE)
 def linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
     """Predict what a sensor measures of one state, and the derivative by the state."""
     for i in range(matrix.shape[0]):

@@ -8,7 +8,6 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
 from auvid_cli.config.extra_states import ERROR_BLOCKS
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TIMELINE, TRANSITION_SIGNATURE, Process
@@ -42,7 +41,7 @@ from auvid_cli.identification.disturbance import (
 )
 from auvid_cli.identification.sensors import accelerometer_work
 from auvid_cli.identification.states import StateLayout
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES, compiled
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, CoefficientSet
 from auvid_cli.vehicle.equations import (
     N_BLOCK,
@@ -109,7 +108,7 @@ def _ends(terms):
     return coefficients, sensitivity, sinking, sinking + N_COEFFICIENT_BLOCK + terms * LANES
 
 
-@compiled(types.NamedTuple((_vector, _matrix, *[_vector] * 5), _Workspace)(_vector, types.int64), inline=True)
+@compiled(inline=True)
 def _workspace(scratch, terms):
     coefficients, sensitivity, sinking, coefficient_block = _ends(terms)
     disturbance = scratch.size - disturbance_work(terms)
@@ -124,7 +123,7 @@ def _workspace(scratch, terms):
     )
 
 
-@compiled(PROCESS_SIGNATURE, pointer=True)
+@compiled(PROCESS_SIGNATURE)
 def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     # Not from `_workspace`: with slices that begin at an offset a step of the sigma-point filters is 2 to 4 % longer.
     n = N_COEFFICIENT_BLOCK + n_terms(constants) * LANES
@@ -143,14 +142,14 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
         sink(motion, depth, n_lanes, 0.5 * duration)
 
 
-@compiled(types.void(_matrix, _vector, _indices, _matrix), internal=True)
+@compiled()
 def _fill_in(sensitivity, constants, selection, matrix):
     """Copy sensitivities to motion and to all factors to the moving rows of a transition matrix."""
     for i in range(N_MOTION):
         fill_in_row(sensitivity[i], constants, selection, matrix[first_moving_row(constants) + i])
 
 
-@compiled(TRANSITION_SIGNATURE, pointer=True)
+@compiled(TRANSITION_SIGNATURE)
 def _exact_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """Integrate the variational equation along the motion."""
     work, n_columns = _workspace(scratch, n_terms(constants)), N_COLUMNS + n_terms(constants)
@@ -178,7 +177,7 @@ def _exact_transition(mean, inputs, substep_input, substep_duration, constants, 
         fill_in_forces(constants, work.disturbance, matrix)
 
 
-@compiled(TRANSITION_SIGNATURE, pointer=True)
+@compiled(TRANSITION_SIGNATURE)
 def first_order_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """Linearise once, where the interval begins: the paper's I + A dt, Table A1."""
     work, n_columns = _workspace(scratch, n_terms(constants)), N_COLUMNS + n_terms(constants)
@@ -275,7 +274,7 @@ check_named(
 check_named([state.quantity.symbol for state in FURTHER_STATES], (sys.modules[__name__],), by=3)
 
 
-@compiled(types.void(_vector, _vector, _vector, types.uint64, TIMELINE, types.int64, types.int64, _vector))
+@compiled(types.void(_vector, _vector, _vector, types.int64, TIMELINE, types.int64, types.int64, _vector))
 def move_through(block, coefficients, constants, n_lanes, timeline, first, last, work):
     """Move models side by side through some substeps, in place.
 

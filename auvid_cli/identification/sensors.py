@@ -6,7 +6,6 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
 from auvid_cli.config.extra_states import CURRENT, DVL_ARM, DVL_SCALE, DVL_YAW
 from auvid_cli.identification.compiled_layout import (
     ACCELEROMETER,
@@ -22,7 +21,7 @@ from auvid_cli.identification.compiled_layout import (
     value_of,
 )
 from auvid_cli.identification.disturbance import fill_in_specific_force, push
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES, compiled
 from auvid_cli.vehicle.equations import (
     N_BLOCK,
     N_COEFFICIENT_BLOCK,
@@ -49,7 +48,6 @@ _SLOPE, _BLOCK, _FOR_JACOBIAN, _FORCE = (
 )
 VELOCITY_ERRORS = tuple(quantity.symbol for quantity in (DVL_SCALE, DVL_YAW, *CURRENT, *DVL_ARM))
 """Symbols of what lies between the velocity through the water and its measurement, but for what adds to that."""
-_three = types.UniTuple(types.float64, 3)
 
 
 class _Workspace(NamedTuple):
@@ -84,7 +82,7 @@ def accelerometer_work(terms: int) -> int:
     return _FORCE + N_COEFFICIENT_BLOCK + terms * LANES + N_FACTORS + terms + N_MOTION * (N_COLUMNS + terms)
 
 
-@compiled(types.NamedTuple((*[_vector] * 4, _matrix, *[_vector] * 2), _Workspace)(_vector, types.int64), inline=True)
+@compiled(inline=True)
 def _workspace(scratch, terms):
     lanes = _FORCE + N_COEFFICIENT_BLOCK + terms * LANES
     single = lanes + N_FACTORS + terms
@@ -99,7 +97,7 @@ def _workspace(scratch, terms):
     )
 
 
-@compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
+@compiled()
 def _specific_force(motion, slope, constants, n_lanes, force):
     """Fill in the specific force of a block of motions, without bias."""
     x, y, z = known_vector(constants, ACCELEROMETER)
@@ -118,7 +116,7 @@ def _specific_force(motion, slope, constants, n_lanes, force):
         force[2 * LANES + k] = at_z - GRAVITY * cos_theta * cos_phi
 
 
-@compiled(types.void(*[_vector] * 4, _indices, types.uint64, _vector, _vector), internal=True)
+@compiled()
 def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, predicted, scratch):
     """Predict what it says of a block of states under inputs; `scratch` has `accelerometer_work`."""
     work = _workspace(scratch, n_terms(constants))
@@ -135,7 +133,7 @@ def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, pr
             predicted[axis * LANES + k] = gain * predicted[axis * LANES + k] + bias
 
 
-@compiled(types.void(_vector, _vector, _vector, _indices, _vector, _matrix, _vector), internal=True)
+@compiled()
 def linearise_force(mean, inputs, constants, selection, predicted, matrix, scratch):
     """Predict what it says of one state, shape (3,), and the derivative by the state, whose other columns stay."""
     work, first = _workspace(scratch, n_terms(constants)), first_moving_row(constants)
@@ -190,7 +188,7 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
             predicted[i] += mean[bias]
 
 
-@compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
+@compiled()
 def measure_velocities(moving, parameters, constants, n_lanes, predicted):
     """Predict what it measures of a block of states."""
     for k in range(n_lanes):
@@ -214,13 +212,13 @@ def measure_velocities(moving, parameters, constants, n_lanes, predicted):
         predicted[2 * LANES + k] = gain * w
 
 
-@compiled(types.float64(_vector, _vector, types.int64), internal=True)
+@compiled()
 def _value(constants, mean, which):
     row = row_of(constants, which)
     return mean[row] if row >= 0 else 0.0
 
 
-@compiled(types.void(_matrix, types.int64, types.float64, types.float64, _three), internal=True)
+@compiled()
 def _put(matrix, column, gain, yaw, vector):
     """Turn a vector of the vehicle's axes to those of the DVL, times its gain; as a column, if there is one."""
     if column >= 0:
@@ -230,7 +228,7 @@ def _put(matrix, column, gain, yaw, vector):
         matrix[2, column] = gain * vector[2]
 
 
-@compiled(types.void(_vector, _vector, _vector, _matrix), internal=True)
+@compiled()
 def linearise_velocity(mean, constants, predicted, matrix):
     """Predict what it measures of one state, shape (3,), and the derivative by the state, whose other columns stay."""
     first, scale_row, yaw_row = (
@@ -311,7 +309,7 @@ def _beyond(motion: Array, errors: Array) -> Array:
     return current_in_body_axes(motion[..., 6:9], north, east) + np.cross(motion[..., 3:6], arm)
 
 
-@compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
+@compiled()
 def measure_field(moving, parameters, constants, n_lanes, predicted):
     """Predict what it measures of a block of states."""
     north, east, down = known_vector(constants, MAGNETOMETER)
@@ -329,7 +327,7 @@ def measure_field(moving, parameters, constants, n_lanes, predicted):
             predicted[axis * LANES + k] += value_of(constants, biases[axis], parameters, moving, k)
 
 
-@compiled(types.void(_vector, _vector, _vector, _matrix), internal=True)
+@compiled()
 def linearise_field(mean, constants, predicted, matrix):
     """Predict what it measures of one state, shape (3,), and the derivative by the state, whose other columns stay."""
     first = first_moving_row(constants)

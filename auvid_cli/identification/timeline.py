@@ -183,6 +183,8 @@ class Timelines:
     ----------
     span : tuple of float
         First and last time, s.
+    chunk : int
+        Largest number of measurements of one sensor in a chunk.
 
     Raises
     ------
@@ -194,8 +196,8 @@ class Timelines:
         self, inputs: InputRecord, measuring: dict[str, SensorRecord], start: float, step: float, chunk: int = CHUNK
     ) -> None:
         self.span = start, float(max(record.measured_times.max(initial=-np.inf) for record in measuring.values()))
-        self._begin, self._end = _nanoseconds(np.array(self.span))
-        if self._end < self._begin:
+        begin, end = _nanoseconds(np.array(self.span))
+        if end < begin:
             raise DataError(
                 f"no measurement is left at or after t = {start:g} s, where inputs and all sensors have begun"
             )
@@ -210,7 +212,7 @@ class Timelines:
                 f"the inputs end at t = {inputs.time[-1]:g} s, the measurements go on to {self.span[1]:g} s: cut the "
                 "measurements (--use) or extend the inputs"
             )
-        self._step, self._chunk = step, chunk
+        self._step, self.chunk = step, chunk
 
     @property
     def input_rate(self) -> Array:
@@ -221,20 +223,20 @@ class Timelines:
     def in_chunks_of(self, n: int) -> "Timelines":
         """Return the same measurements with at most so many of one sensor in a chunk."""
         other = copy(self)
-        other._chunk = n
+        other.chunk = n
         return other
 
     def between(self, begin: float, end: float) -> "Timelines":
         """Return the same measurements from one time to another, s, both within the span and included."""
         other = copy(self)
         other.span = begin, end
-        other._begin, other._end = _nanoseconds(np.array(other.span))
         return other
 
     def __iter__(self) -> Iterator[Timeline]:
-        used = [ticks[slice(*np.searchsorted(ticks, [self._begin + 1, self._end + 1]))] for ticks in self._ticks]
-        cuts = np.concatenate([[self._begin, self._end + 1], *(ticks[self._chunk :: self._chunk] for ticks in used)])
-        before = self._begin
+        begin, end = _nanoseconds(np.array(self.span))
+        used = [ticks[slice(*np.searchsorted(ticks, [begin + 1, end + 1]))] for ticks in self._ticks]
+        cuts = np.concatenate([[begin, end + 1], *(ticks[self.chunk :: self.chunk] for ticks in used)])
+        before = begin
         for since, until in pairwise(np.unique(cuts)):
             spans = [slice(*np.searchsorted(ticks, [since, until])) for ticks in self._ticks]
             events, measurement_offset, measurement_sensor, measurement = _merge(self._records, self._ticks, spans)

@@ -18,10 +18,10 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
-from auvid_cli.compilation import compiled
 from auvid_cli.config.sensors import AhrsSensors
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import SimulationError
+from auvid_cli.numerics import compiled
 from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]
@@ -135,15 +135,15 @@ _matrix = types.float64[:, ::1]
 _AHRS = types.NamedTuple((*[_matrix] * 3, *[_vector] * 8), _Ahrs)
 _NOISE = types.NamedUniTuple(types.float64, 4, _Noise)
 
-_wrap = compiled(types.float64(types.float64), inline=True)(wrap)
+_wrap = compiled(inline=True)(wrap)
 
 
-@compiled(types.boolean(_vector), internal=True)
+@compiled()
 def _missing(values):
     return np.isnan(values[0] + values[1] + values[2])
 
 
-@compiled(types.void(_AHRS, types.float64, types.float64), internal=True)
+@compiled()
 def _correct(ahrs, residual, variance):
     """Update error and covariance with one scalar, the product of `row` and the error (Kalman)."""
     row, error, gain, covariance = ahrs.row, ahrs.error, ahrs.gain, ahrs.covariance
@@ -164,7 +164,7 @@ def _correct(ahrs, residual, variance):
             covariance[i, j] -= gain[i] * gain[j] / total
 
 
-@compiled(types.void(_matrix, _vector), internal=True)
+@compiled()
 def _turn_on_the_left(rotation, angle):
     """Replace a rotation by exp(angle x) rotation, Rodrigues' formula."""
     norm = np.sqrt(angle[0] ** 2 + angle[1] ** 2 + angle[2] ** 2)
@@ -178,7 +178,7 @@ def _turn_on_the_left(rotation, angle):
         rotation[2, column] = z + a * cz + b * (angle[0] * cy - angle[1] * cx)
 
 
-@compiled(types.void(_AHRS), internal=True)
+@compiled()
 def _apply(ahrs):
     """Take the error over into attitude and bias, and begin a new one."""
     _turn_on_the_left(ahrs.rotation, ahrs.error)
@@ -188,7 +188,7 @@ def _apply(ahrs):
         ahrs.error[i] = 0.0
 
 
-@compiled(types.void(_AHRS), internal=True)
+@compiled()
 def _to_navigation(ahrs):
     """Turn the vector `body` to NED, into `turn`."""
     rotation, body = ahrs.rotation, ahrs.body
@@ -196,7 +196,7 @@ def _to_navigation(ahrs):
         ahrs.turn[i] = rotation[i, 0] * body[0] + rotation[i, 1] * body[1] + rotation[i, 2] * body[2]
 
 
-@compiled(types.void(_AHRS, _vector, types.float64, types.float64), internal=True)
+@compiled()
 def _propagate(ahrs, rate, interval, rate_density):
     """Turn with the mean of the last rate and this one."""
     rotation, covariance, moved = ahrs.rotation, ahrs.covariance, ahrs.moved
@@ -223,7 +223,7 @@ def _propagate(ahrs, rate, interval, rate_density):
     _turn_on_the_left(rotation, ahrs.turn)
 
 
-@compiled(types.void(_AHRS, _vector), internal=True)
+@compiled()
 def _feel(ahrs, force):
     """Put the specific force without what the turn adds to it into `body`: gravity, upwards."""
     rate, bias, velocity = ahrs.rate, ahrs.bias, ahrs.velocity
@@ -232,7 +232,7 @@ def _feel(ahrs, force):
         ahrs.body[i] = force[i] - (rate[j] - bias[j]) * velocity[k] + (rate[k] - bias[k]) * velocity[j]
 
 
-@compiled(types.void(_AHRS, types.float64, _NOISE), internal=True)
+@compiled()
 def _begin(ahrs, heading, noise):
     """Begin: level by the measured force, and take a heading."""
     body, rotation, covariance = ahrs.body, ahrs.rotation, ahrs.covariance
@@ -247,7 +247,7 @@ def _begin(ahrs, heading, noise):
         covariance[3 + i, 3 + i] = noise.gyro_bias**2
 
 
-@compiled(types.void(_AHRS, types.float64), internal=True)
+@compiled()
 def _level(ahrs, variance):
     """Correct roll and pitch by the measured force, in units of g."""
     _to_navigation(ahrs)
@@ -258,7 +258,7 @@ def _level(ahrs, variance):
     _apply(ahrs)
 
 
-@compiled(types.void(_AHRS, types.float64, types.float64), internal=True)
+@compiled()
 def _align(ahrs, heading, variance):
     """Correct by a heading."""
     rotation, row = ahrs.rotation, ahrs.row
@@ -271,7 +271,7 @@ def _align(ahrs, heading, variance):
     _apply(ahrs)
 
 
-@compiled(types.void(_matrix, _vector), internal=True)
+@compiled()
 def _write_attitude(rotation, attitude):
     """Write down roll, pitch and yaw of a rotation."""
     attitude[0] = np.arctan2(rotation[2, 1], rotation[2, 2])
@@ -279,13 +279,13 @@ def _write_attitude(rotation, attitude):
     attitude[2] = np.arctan2(rotation[1, 0], rotation[0, 0])
 
 
-@compiled(types.void(_vector, _vector), internal=True)
+@compiled()
 def _keep(sample, latest):
     for i in range(3):
         latest[i] = sample[i]
 
 
-@compiled(types.int64(types.UniTuple(_vector, 5), types.int64[::1]), internal=True)
+@compiled()
 def _earliest(times, treated):
     """Find which source has the earliest of the samples that are not yet treated; -1 if there are none."""
     source, earliest = -1, np.inf
@@ -295,9 +295,7 @@ def _earliest(times, treated):
     return source
 
 
-@compiled(
-    types.void(types.UniTuple(_vector, 5), types.UniTuple(_matrix, 5), _NOISE, types.int64[::1], _AHRS),
-)
+@compiled(types.void(types.UniTuple(_vector, 5), types.UniTuple(_matrix, 5), _NOISE, types.int64[::1], _AHRS))
 def _run(times, values, noise, treated, ahrs):
     """Treat all samples in the order of their times, and fill in the output.
 

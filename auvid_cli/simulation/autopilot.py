@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from auvid_cli.compilation import compiled
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.simulation.manoeuvres import WANTED, ManoeuvrePlan
+from auvid_cli.numerics import compiled
+from auvid_cli.simulation.manoeuvres import ManoeuvrePlan
 from auvid_cli.vehicle.matrices import mass_matrix
 
 
@@ -96,15 +96,13 @@ def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Manoeuv
     )
 
 
-@compiled(types.float64(types.float64, types.float64), internal=True)
+@compiled()
 def limited(value, limit):
     """Limit a value."""
     return min(max(value, -limit), limit)
 
 
-@compiled(
-    types.void(CONTROLS, WANTED, types.int64, types.float64, types.float64, _vector, _vector, _vector), internal=True
-)
+@compiled()
 def steer(controls, wanted, tick, period, depth, motion, memory, inputs):
     """Command rudder and elevator, still without their limits, force and torque for one tick.
 

@@ -6,11 +6,10 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
 from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, SimulationError
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES, compiled
 from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, limited, steer
 from auvid_cli.simulation.manoeuvres import WANTED, ManoeuvrePlan
 from auvid_cli.vehicle.actuator_motion import ACTUATOR, demanded, effective, moved
@@ -169,7 +168,7 @@ def simulate_motion(
     return truth._replace(coefficients=coefficients, commands=commands if follows else inputs)
 
 
-@compiled(types.void(_vector, _vector), internal=True)
+@compiled()
 def _velocity_over_ground(block, velocity):
     """Find the velocity in the NED frame, eqs. (1) and (2), of the state in lane 0."""
     u, v, w = block[0], block[LANES], block[2 * LANES]
@@ -183,14 +182,14 @@ def _velocity_over_ground(block, velocity):
     velocity[2] = -sin_theta * u + cos_theta * (sin_phi * v + cos_phi * w)
 
 
-@compiled(types.void(_vector, _vector, types.float64), internal=True)
+@compiled()
 def _push(block, push, duration):
     """Let a disturbance act for so long on the state in lane 0: before and after a step, for half of it each."""
     for i in range(6):
         block[i * LANES] += duration * push[i]
 
 
-@compiled(types.void(_TRUTH, types.int64, types.float64, _vector, _WORKSPACE), internal=True)
+@compiled()
 def _move(truth, tick, step, position, work):
     """Integrate motion and position; Simpson's rule on half steps is as accurate as the motion itself."""
     block, velocity, coefficients, inputs = work.block, work.velocity, truth.coefficients, truth.inputs[tick]
@@ -205,7 +204,7 @@ def _move(truth, tick, step, position, work):
         position[axis] += step / 6.0 * (velocity[0, axis] + 4.0 * velocity[1, axis] + velocity[2, axis])
 
 
-@compiled(types.int64(_vector), internal=True)
+@compiled()
 def _reason_to_stop(motion):
     total = 0.0
     for i in range(N_MOTION):
@@ -217,7 +216,7 @@ def _reason_to_stop(motion):
     return 2 if abs(motion[6]) > LARGEST_ROLL else 0
 
 
-@compiled(types.void(CONTROLS, _vector, _vector, types.float64), internal=True)
+@compiled()
 def _limit_fins(controls, before, now, change):
     """Keep fins to their angle, and to so much of a change.
 
@@ -232,7 +231,7 @@ def _limit_fins(controls, before, now, change):
     now[0], now[1] = half * (first + shared * second), half * (second - shared * first)
 
 
-@compiled(types.void(_ACTUATORS, _vector, types.int64, types.float64, _TRUTH, _vector), internal=True)
+@compiled()
 def _act(actuators, trim, tick, period, truth, places):
     """Let the actuators follow the commands of a tick; before the first they rest in it."""
     commands, inputs = truth.commands[tick], truth.inputs[tick]
@@ -279,9 +278,7 @@ def _fly(wanted, controls, actuators, trim, truth, longest_step, work):
     return 0, n - 1
 
 
-@compiled(
-    types.void(_vector, types.UniTuple(_matrix, 5), _vector, _vector, _vector, _vector, _vector, _vector),
-)
+@compiled(types.void(_vector, types.UniTuple(_matrix, 5), _vector, _vector, _vector, _vector, _vector, _vector))
 def _sample(time, record, constants, coefficients, wanted, block, slope, work):
     inputs, motion, push, sampled, rate = record
     tick, now = -1, time[0]

@@ -11,7 +11,7 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.rate_of_change import WHILE_TURNING, rate_noise, rate_of_change
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.process import N_PREDICTED, move_through
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.coefficients import Coefficient
 from auvid_cli.vehicle.equations import N_WORK, NO_ERRORS, vehicle_constants, with_errors
 from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix

@@ -7,14 +7,14 @@ derivative by a state changes.
 import numpy as np
 from numba import types
 
-from auvid_cli.compilation import compiled
+from auvid_cli.numerics import compiled
 from auvid_cli.vehicle.actuators import Actuator
 
 ACTUATOR = types.NamedUniTuple(types.float64, len(Actuator._fields), Actuator)
 _vector = types.float64[::1]
 
 
-@compiled(types.float64(ACTUATOR, types.float64), internal=True)
+@compiled()
 def demanded(actuator, command):
     """Return where a command sends an actuator.
 
@@ -24,7 +24,7 @@ def demanded(actuator, command):
     return np.copysign(max(min(abs(command), actuator.saturation) - actuator.dead_band, 0.0), command)
 
 
-@compiled(types.UniTuple(types.float64, 2)(ACTUATOR, types.float64, types.float64, types.float64), internal=True)
+@compiled()
 def moved(actuator, position, demand, duration):
     """Move an actuator towards a constant demand.
 
@@ -63,7 +63,7 @@ def moved(actuator, position, demand, duration):
     return demand - side * left, demand - side * area / duration
 
 
-@compiled(types.float64(ACTUATOR, types.float64), internal=True)
+@compiled()
 def effective(actuator, position):
     """Return the deflection that would make the force of a stalled fin if it had not stalled.
 

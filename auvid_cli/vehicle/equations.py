@@ -16,8 +16,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import align_stack, compiled
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES, compiled
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, SIGNALS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast, mass_matrix
@@ -40,15 +39,14 @@ TERM_WIDTH = 3 + MOST_FACTORS
 NO_ERRORS = (*AS_STATED, *NO_BALLAST)
 N_FACTORS = len(COEFFICIENTS) + len(NO_ERRORS)
 _vector = types.float64[::1]
-# Where the row of each of them begins in a block, by its name in code; signed like every index into a block, for with
-# unsigned ones among them the loop stays scalar.
+# Where the row of each of them begins in a block, by its name in code.
 _FactorRows = namedtuple(
     "_FactorRows", [*(c.identifier for c in COEFFICIENTS), *ActuatorErrors._fields, *Ballast._fields]
 )
 _AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
 _RUDDER, _ELEVATOR, _THRUST, _N = (SIGNALS.index(name) for name in ("rudder", "elevator", "thrust", "n"))
 _ONE = 2 * len(SIGNALS)
-_LANES, _TWO_ROWS, _FOUR_ROWS = (np.uint64(rows * LANES) for rows in (1, 2, 4))
+_LANES, _TWO_ROWS, _FOUR_ROWS = (rows * LANES for rows in (1, 2, 4))
 N_BLOCK = N_MOTION * LANES
 N_SLOPE = N_BLOCK + LANES
 
@@ -134,7 +132,7 @@ def with_table_at_end(vehicle: Array, held: Array, between: Array) -> Array:
     return constants
 
 
-@compiled(types.NamedTuple((_vector, _vector, *[types.float64] * 4), Constants)(_vector), inline=True)
+@compiled(inline=True)
 def named_constants(constants):
     """Name the parts of a vector from `vehicle_constants`."""
     return Constants(
@@ -153,7 +151,7 @@ def n_terms(constants):
     return int(constants[_N_TERMS])
 
 
-@compiled(types.int64(_vector, types.int64), internal=True)
+@compiled()
 def term_place(constants, t):
     """Return where the table says of the t-th of them at which value it is held; its code stands behind that."""
     return int(constants[_TERMS_AT]) + TERM_WIDTH * t
@@ -209,11 +207,11 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     return s, c
 
 
-@compiled(types.void(_vector, types.uint64, _vector), internal=True)
+@compiled()
 def _couple(constants, n_lanes, rates):
     """Add to accelerations in the plane of symmetry what those across it make, and the reverse."""
     coupling, n = constants[_COUPLING:_IS_COUPLED], LANES
-    for k in range(np.int64(n_lanes)):
+    for k in range(n_lanes):
         surge, sway, heave = rates[k], rates[n + k], rates[2 * n + k]
         roll, pitch, yaw = rates[3 * n + k], rates[4 * n + k], rates[5 * n + k]
         for i in range(0, 6, 2):
@@ -231,10 +229,7 @@ class _Factor(NamedTuple):
     sign: float
 
 
-_FACTOR = types.NamedTuple((_vector, *[types.float64] * 3), _Factor)
-
-
-@compiled(_FACTOR(types.int64, _vector, _vector, _vector), inline=True)
+@compiled(inline=True)
 def _factor(code, motion, coefficients, inputs):
     """Find a factor by its code, see `regressor_code`."""
     # By arithmetic: of a choice the compiler would make a branch in the loop over lanes.
@@ -250,19 +245,16 @@ def _factor(code, motion, coefficients, inputs):
     return _Factor(motion, 0.0, 1.0 if code == _ONE else inputs[4 + which - _N], sign)
 
 
-@compiled(types.float64(_FACTOR, types.uint64), inline=True)
+@compiled(inline=True)
 def _value(factor, k):
     """Compute a factor in one lane; a modulus is the greater of a value and its negative, without a branch."""
     value = factor.shift + factor.gain * factor.signal[k]
     return max(value, factor.sign * value)
 
 
-@compiled(types.void(_vector, _FACTOR, _FACTOR, types.UniTuple(types.float64, 3), types.uint64, _vector), inline=True)
+@compiled(inline=True)
 def _accelerate(value, first, second, shares, n_lanes, rates):
-    """Add the shares that three accelerations, every other row, have in a product with two factors.
-
-    A function of its own since arguments do not overlap: the loop then needs no checks of that.
-    """
+    """Add the shares that three accelerations, every other row, have in a product with two factors."""
     share0, share1, share2 = shares
     # That there are no more lanes than a row has the compiler does not know.
     for k in range(min(n_lanes, _LANES)):
@@ -272,7 +264,7 @@ def _accelerate(value, first, second, shares, n_lanes, rates):
         rates[_FOUR_ROWS + k] += share2 * force
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector), internal=True)
+@compiled()
 def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
     """Add what the terms of a vehicle's own make of a motion to its derivative; arguments as of `motion_derivative`.
 
@@ -295,7 +287,7 @@ def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
         _accelerate(value, first, second, shares, n_lanes, derivative[plane * LANES :])
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector), apart=True)
+@compiled(types.void(_vector, _vector, _vector, _vector, types.int64, _vector))
 def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivative):
     """Differentiate the nine motion states by time, Sabet et al. 2018, eqs. (3), (8) and (13).
 
@@ -316,7 +308,6 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     derivative : ndarray, shape (N_SLOPE,)
         Filled in; the last row of the ten is overwritten where there are terms of the vehicle's own.
     """
-    align_stack()  # pyright: ignore[reportCallIssue]
     n = LANES
     stated_rudder, stated_elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
     mass, inverse, stated_excess, stated_lever_x, lever_y, lever_z = named_constants(constants)
@@ -325,7 +316,7 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     m33, m34, m35 = mass[14], mass[15], mass[16]
     m44, m55, m66 = mass[21], mass[28], mass[35]
     omega = coefficients
-    for k in range(np.int64(n_lanes)):
+    for k in range(n_lanes):
         u, v, w = motion[k], motion[n + k], motion[2 * n + k]
         p, q, r = motion[3 * n + k], motion[4 * n + k], motion[5 * n + k]
         sin_phi, cos_phi = sine_cosine(motion[6 * n + k])
@@ -361,14 +352,10 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         yaw += omega[_AT.N_url + k] * ur + omega[_AT.N_uvl + k] * uv + omega[_AT.N_uudr + k] * uu_rudder
 
         # Motions in the plane of symmetry, and those across it; most vehicles have nothing between them.
-        for i in range(np.uint64(3)):
-            j = np.uint64(12) * i
-            derivative[i * (2 * n) + k] = (
-                inverse[j] * x + inverse[j + np.uint64(2)] * z + inverse[j + np.uint64(4)] * pitch
-            )
-            derivative[i * (2 * n) + (n + k)] = (
-                inverse[j + np.uint64(7)] * y + inverse[j + np.uint64(9)] * roll + inverse[j + np.uint64(11)] * yaw
-            )
+        for i in range(3):
+            j = 12 * i
+            derivative[i * (2 * n) + k] = inverse[j] * x + inverse[j + 2] * z + inverse[j + 4] * pitch
+            derivative[i * (2 * n) + (n + k)] = inverse[j + 7] * y + inverse[j + 9] * roll + inverse[j + 11] * yaw
         heading_rate = (q * sin_phi + r * cos_phi) / cos_theta
         derivative[6 * n + k] = p + sin_theta * heading_rate
         derivative[7 * n + k] = q * cos_phi - r * sin_phi
@@ -398,7 +385,7 @@ N_COEFFICIENT_BLOCK = N_FACTORS * LANES
 
 
 # Of these the loop over rows is unrolled, and that over the lanes in use becomes vector instructions.
-@compiled(types.void(_vector, _vector, types.float64, types.int64, _vector, _vector), internal=True)
+@compiled()
 def _begin(motion, slope, advance, n_lanes, total, stage):
     """Go from the motion along its slope, the first in their sum, to another stage."""
     for k in range(n_lanes):
@@ -408,7 +395,7 @@ def _begin(motion, slope, advance, n_lanes, total, stage):
             stage[i] = motion[i] + advance * slope[i]
 
 
-@compiled(types.void(_vector, _vector, types.float64, types.int64, _vector, _vector), internal=True)
+@compiled()
 def _go_on(motion, slope, advance, n_lanes, total, stage):
     """Go from the motion along the slope of a stage between, which counts twice, to the next."""
     for k in range(n_lanes):
@@ -418,7 +405,7 @@ def _go_on(motion, slope, advance, n_lanes, total, stage):
             stage[i] = motion[i] + advance * slope[i]
 
 
-@compiled(types.void(_vector, _vector, types.float64, types.int64, _vector), internal=True)
+@compiled()
 def _end(total, slope, share, n_lanes, motion):
     """Move the motion by a share of all slopes."""
     for k in range(n_lanes):
@@ -427,7 +414,7 @@ def _end(total, slope, share, n_lanes, motion):
             motion[i] += share * (total[i] + slope[i])
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, types.float64, _vector), apart=True)
+@compiled(types.void(_vector, _vector, _vector, _vector, types.int64, types.float64, _vector))
 def runge_kutta_step(motion, coefficients, inputs, constants, n_lanes, duration, work):
     """Advance a block of motion states by one classical fourth-order Runge-Kutta step, in place.
 
@@ -441,12 +428,11 @@ def runge_kutta_step(motion, coefficients, inputs, constants, n_lanes, duration,
         Overwritten.
     """
     stage, total, slope = work[:N_BLOCK], work[N_BLOCK : 2 * N_BLOCK], work[2 * N_BLOCK :]
-    used = np.int64(n_lanes)
     motion_derivative(motion, coefficients, inputs, constants, n_lanes, slope)
-    _begin(motion, slope, 0.5 * duration, used, total, stage)
+    _begin(motion, slope, 0.5 * duration, n_lanes, total, stage)
     motion_derivative(stage, coefficients, inputs, constants, n_lanes, slope)
-    _go_on(motion, slope, 0.5 * duration, used, total, stage)
+    _go_on(motion, slope, 0.5 * duration, n_lanes, total, stage)
     motion_derivative(stage, coefficients, inputs, constants, n_lanes, slope)
-    _go_on(motion, slope, duration, used, total, stage)
+    _go_on(motion, slope, duration, n_lanes, total, stage)
     motion_derivative(stage, coefficients, inputs, constants, n_lanes, slope)
-    _end(total, slope, duration / 6.0, used, motion)
+    _end(total, slope, duration / 6.0, n_lanes, motion)

@@ -7,8 +7,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES, compiled
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SIGNALS
 from auvid_cli.vehicle.equations import (
@@ -57,7 +56,7 @@ _COLUMNS = np.array([*range(6), *(_OF_ERRORS + _TRIM + which for which in (6, 7)
 _CODES = np.array([regressor_code(c) for c in COEFFICIENTS])
 
 
-@compiled(types.void(*[_vector] * 5), inline=True)
+@compiled(inline=True)
 def _fill_in_signals(motion, coefficients, inputs, values, slopes):
     """Fill in all signals as they act, each followed by its modulus, and how they grow with what changes them."""
     for which in range(len(SIGNALS)):
@@ -75,7 +74,7 @@ def _fill_in_signals(motion, coefficients, inputs, values, slopes):
         slopes[2 * which], slopes[2 * which + 1] = slope, slope * np.sign(value)
 
 
-@compiled(types.float64(_constant, _vector, _vector, types.float64, _matrix), inline=True)
+@compiled(inline=True)
 def _differentiate_term(code, values, slopes, coefficient, force):
     """Add the derivatives of a term to those of its force; returns that by the coefficient.
 
@@ -101,7 +100,7 @@ def _differentiate_term(code, values, slopes, coefficient, force):
     return regressor
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _matrix, types.int64, _vector), apart=True)
+@compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _matrix, types.int64, _vector))
 def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms, first, work):
     """Differentiate `motion_derivative` by the motion states, the 22 coefficients, the actuators' errors, the ballast
     and the coefficients of the vehicle's own terms.
@@ -251,7 +250,7 @@ def transition_work(terms: int) -> int:
     return _FOR_JACOBIAN + N_COEFFICIENT_BLOCK + terms * (LANES + 4 * N_MOTION)
 
 
-@compiled(types.NamedTuple((*[_matrix] * 8, *[_vector] * 6), TransitionWorkspace)(_vector, types.int64), inline=True)
+@compiled(inline=True)
 def _transition_workspace(scratch, terms):
     matrices = scratch[:_MATRICES].reshape(4, N_MOTION, N_COLUMNS)
     lanes = _FOR_JACOBIAN + N_COEFFICIENT_BLOCK + terms * LANES
@@ -274,7 +273,7 @@ def _transition_workspace(scratch, terms):
     )
 
 
-@compiled(types.void(_matrix, _matrix, _matrix), inline=True)
+@compiled(inline=True)
 def _transition_rate(jacobian, transition, rate):
     """Fill in ``A Phi + [0 B]`` for the Jacobian ``[A B]`` and the transition matrix Phi."""
     # The short sum inside: it is unrolled, and the loop over columns becomes vector instructions. Nothing depends on
@@ -290,7 +289,7 @@ def _transition_rate(jacobian, transition, rate):
             rate[i, j] += jacobian[i, j]
 
 
-@compiled(types.void(_matrix, _matrix, _matrix, _matrix), inline=True)
+@compiled(inline=True)
 def _rate_of_terms(jacobian, by_terms, transition, rate):
     """Do the same for the columns by a vehicle's own terms."""
     for t in range(rate.shape[1]):
@@ -301,7 +300,7 @@ def _rate_of_terms(jacobian, by_terms, transition, rate):
             rate[i, t] = total
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _matrix, _vector), apart=True)
+@compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _matrix, _vector))
 def transition_step(motion, coefficients, inputs, constants, duration, transition, scratch):
     """Advance one motion state and its transition matrix together by one Runge-Kutta step, in place.
 

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from auvid_cli.filters.problem import Process
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.equations import N_BLOCK, N_CONSTANTS, N_SLOPE, NO_ERRORS, motion_derivative
 from auvid_cli.vehicle.parameters import N_MOTION
 from benchmarks.peers.problem import N_COEFFICIENTS, Array, units_of
@@ -21,7 +21,7 @@ def _advance(state, duration, held, vehicle, scale, coefficients, stage, slope):
     for i in range(N_MOTION):
         stage[i * LANES] = state[N_COEFFICIENTS + i]
     for k in range(4):
-        motion_derivative(stage, coefficients, held, vehicle, np.uint64(1), slope)
+        motion_derivative(stage, coefficients, held, vehicle, 1, slope)
         share = duration / 6.0 if k in (0, 3) else duration / 3.0
         ahead = 0.5 * duration if k < 2 else duration
         for i in range(N_MOTION):

@@ -69,7 +69,7 @@ def test_a_command_that_is_killed_leaves_no_process_that_draws(begun, tmp_path, 
 def test_who_compiles_for_a_command_that_is_killed_ends_with_it(begun, tmp_path):
     code = """
 import os, signal, time
-from auvid_cli.compilation import compile_elsewhere
+from auvid_cli.numerics import compile_elsewhere
 compile_elsewhere("auvid_cli.filters.square_root")
 time.sleep(0.5)
 os.kill(os.getpid(), signal.SIGKILL)

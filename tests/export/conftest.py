@@ -8,7 +8,7 @@ from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, Origin
 from auvid_cli.export.model_parts import Actuation, surface_changes, term_histories, term_sizes
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.equations import N_SLOPE, motion_derivative, vehicle_constants, with_errors
 from auvid_cli.vehicle.parameters import N_MOTION
 

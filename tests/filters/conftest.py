@@ -17,7 +17,7 @@ from auvid_cli.filters.problem import (
     Timeline,
     empty_records,
 )
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 
 N_AXES = 2
 

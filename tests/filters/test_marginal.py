@@ -21,7 +21,7 @@ from auvid_cli.filters.problem import (
 )
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import most_probable, run_smoother
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 
 N, STEP, DENSITY, NOISE = 400, 0.5, 1.0, 0.7
 TRUE = np.array([0.6, 0.3])

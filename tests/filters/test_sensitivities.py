@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.problem_setup import augmented_problem
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 N_MOVING = 9

@@ -11,7 +11,7 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import set_up_filters
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.parameters import N_MOTION
 

@@ -17,7 +17,7 @@ from auvid_cli.filters.workspace import cubature, transformed
 from auvid_cli.identification.process import first_order_transition, vehicle_process
 from auvid_cli.identification.run import identify
 from auvid_cli.identification.states import state_layout
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.equations import factors, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.matrices import mass_matrix

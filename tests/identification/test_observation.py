@@ -12,7 +12,7 @@ from auvid_cli.identification.observation import linearise, observe
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.sensors import VELOCITY_ERRORS, measured_velocity, velocity_behind
 from auvid_cli.identification.states import state_layout
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.equations import factors, motion_derivative, vehicle_constants

@@ -9,7 +9,7 @@ from auvid_cli.config.identification import Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.identification.process import first_order_transition, vehicle_process
 from auvid_cli.identification.states import state_layout
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.equations import vehicle_constants
 

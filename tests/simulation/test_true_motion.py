@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from auvid_cli.errors import SimulationError
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.simulation.imperfections import draw_disturbance
 from auvid_cli.simulation.motion import sample_motion
 from auvid_cli.vehicle.equations import motion_derivative

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.equations import N_SLOPE, N_WORK, NO_ERRORS, motion_derivative, runge_kutta_step
 from auvid_cli.vehicle.parameters import N_MOTION

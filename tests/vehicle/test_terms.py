@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from auvid_cli.lanes import LANES
+from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SIGNALS, Coefficient, CoefficientSet, unit_of
 from auvid_cli.vehicle.equations import N_BLOCK, N_SLOPE, factors, motion_derivative, vehicle_constants

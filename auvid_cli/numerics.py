@@ -1,0 +1,192 @@
+"""Compiled functions, their cache on disk, and the layout of the arrays that they work on.
+
+Many states are laid out side by side. A block is a flat vector of rows, one row per quantity and `LANES` states to a
+row, so that one instruction works on several states.
+
+numba compares the time stamp of a cached function with that of its own file. It does not notice a change in another
+file whose functions were compiled into it, and installers give all files one time stamp. The cache therefore lives in
+a folder that is named by the content of the core: after an upgrade no old machine code runs.
+"""
+
+import atexit
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import platformdirs
+from numba.core import config
+from numba.core import event as compiler_event
+from numpy.typing import NDArray
+
+from auvid_cli.child_processes import start_python
+
+LANES = 64
+LINE = 64  # bytes of a cache line, the length of the longest vector registers
+
+CORE = (
+    "vehicle",
+    "simulation",
+    "filters",
+    "identification",
+    "design",
+    "config/extra_states.py",
+    "config/moving_states.py",
+    "angles.py",
+    "numerics.py",
+)
+"""Folders and modules of the package with compiled functions, or with constants of these."""
+FOLDERS_KEPT = 5  # of versions of the core
+OLDEST_NUMBA = (0, 61)
+FIRST_UNTESTED_NUMBA = (0, 69)
+_SETTINGS: Any = config  # numba's, whose attributes are made when it is loaded
+
+_IMPORT_ALL = """
+import gc, importlib, sys
+from auvid_cli.child_processes import end_with_parent
+end_with_parent()
+gc.set_threshold(50_000)
+for module in sys.argv[1:]:
+    importlib.import_module(module)
+"""
+
+
+def check_numba(version: str = numba.__version__) -> None:
+    """Raise an error if the core is not tested with a version of numba.
+
+    Raises
+    ------
+    ImportError
+        If it is too old or too new.
+    """
+    major, minor = (int(part) for part in version.split(".")[:2])
+    if not OLDEST_NUMBA <= (major, minor) < FIRST_UNTESTED_NUMBA:
+        oldest, untested = (".".join(map(str, bound)) for bound in (OLDEST_NUMBA, FIRST_UNTESTED_NUMBA))
+        raise ImportError(f'numba {version} is not supported; install "numba>={oldest},<{untested}"', name="numba")
+
+
+check_numba()
+
+
+def zeros_on_lines(*shape: int) -> NDArray[np.float64]:
+    """Return an array of zeros that begins at a cache line, so that no vector of it straddles two."""
+    size = int(np.prod(shape))
+    spare = np.zeros(size + LINE // 8)
+    begin = -spare.ctypes.data % LINE // 8
+    return spare[begin : begin + size].reshape(shape)
+
+
+@cache
+def cache_folder() -> Path:
+    """Return the folder for machine code of the core as it is now; create it if missing."""
+    content = hashlib.sha256()
+    package = Path(__file__).parent
+    for path in sorted(path for part in CORE for path in [package / part, *(package / part).glob("*.py")]):
+        if path.is_file():
+            content.update(path.read_bytes())
+    base = Path(os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_path("auvid"))
+    folder = base / content.hexdigest()[:16]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        # Without a writable home (a service account, a read-only container), compile for this session only, in a
+        # folder that no other user can fill with machine code.
+        base = Path(tempfile.mkdtemp(prefix="auvid-"))
+        atexit.register(shutil.rmtree, base, ignore_errors=True)
+        folder = base / folder.name
+        folder.mkdir()
+    # Another command may remove the same folders.
+    with suppress(FileNotFoundError):
+        siblings = sorted((p for p in folder.parent.iterdir() if len(p.name) == 16), key=lambda p: p.stat().st_mtime)
+        for outdated in siblings[:-FOLDERS_KEPT]:
+            shutil.rmtree(outdated, ignore_errors=True)
+    return folder
+
+
+def compiled(signature: Any = None, *, reassociate: bool = False, inline: bool = False) -> Callable[[Callable], Any]:
+    """Return a decorator that compiles a function.
+
+    Parameters
+    ----------
+    signature : numba signature, optional
+        Compile for these types at once, or load the machine code from the cache. Without one, only compiled functions
+        may call the function: it is compiled with the first of them and kept inside each.
+    reassociate : bool
+        Whether sums may be reordered, which vectorises dot products. Only linear algebra asks for it, because it
+        cancels the range reduction of a sine. Fused multiply-add is always allowed.
+    inline : bool
+        Whether to force inlining: passing a tuple of many arrays costs as much as a short function.
+
+    Notes
+    -----
+    Compiled functions release the interpreter lock. Division by zero yields infinity, as in NumPy.
+    """
+    options: dict[str, Any] = {
+        "nogil": True,
+        "error_model": "numpy",
+        "fastmath": {"contract", "reassoc"} if reassociate else {"contract"},
+        "forceinline": inline,
+        # Without reference counts of arrays: no function of the core makes or keeps one.
+        "_nrt": False,
+    }
+    if signature is None:
+        # Wrappers for calls from Python and C take a fifth of the time of compiling everything.
+        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        return numba.njit(**options)
+
+    def decorate(function: Callable) -> Any:
+        elsewhere, _SETTINGS.CACHE_DIR = _SETTINGS.CACHE_DIR, str(cache_folder())
+        try:
+            return numba.njit(signature, cache=True, **options)(function)
+        except Exception:
+            # Unpickling a damaged file may raise anything. Remove it, and do without the cache in this session.
+            for path in cache_folder().glob(f"*/{Path(function.__code__.co_filename).stem}.{function.__qualname__}-*"):
+                path.unlink(missing_ok=True)
+            return numba.njit(signature, **options)(function)
+        finally:
+            _SETTINGS.CACHE_DIR = elsewhere
+
+    return decorate
+
+
+def is_compiled(module: str) -> bool:
+    """Return whether the cache holds functions of a module, and so of all modules that it imports."""
+    return any(cache_folder().glob(f"*/{module.rpartition('.')[2]}.*.nbc"))
+
+
+class _OnStart(compiler_event.Listener):
+    """Calls a function when an event starts."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        self._call = call
+
+    def on_start(self, event: compiler_event.Event) -> None:
+        self._call()
+
+    def on_end(self, event: compiler_event.Event) -> None:
+        pass
+
+
+@contextmanager
+def on_compilation(call: Callable[[], None]) -> Iterator[None]:
+    """Call a function whenever a function is compiled within a block."""
+    with compiler_event.install_listener("numba:compile", _OnStart(call)):
+        yield
+
+
+def compile_elsewhere(*modules: str) -> subprocess.Popen:
+    """Start another process that compiles modules into the cache.
+
+    Where that fails, this process does not find them there, compiles them itself, and reports the error.
+    """
+    return start_python("-c", _IMPORT_ALL, *modules, environment={"NUMBA_CACHE_DIR": str(cache_folder().parent)})
