@@ -58,7 +58,7 @@ def difference(runs: pd.DataFrame, first: str, second: str) -> str:
 def table(runs: pd.DataFrame) -> list[str]:
     """Return the lines of the table, a row for each filter."""
     lines = [
-        "| filter | steady-state error %, mean | RMSE / true value, median | rows below the paper's RMSE, median (least) | "
+        "| filter | steady-state error %, mean | RMSE / true value, median | rows below the paper, median (least) | "
         "within 2 sd | farthest, sd | judged sound |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
