@@ -82,6 +82,17 @@ def test_every_filter_is_at_least_as_accurate_as_the_paper_publishes(tables):
         assert float(row["average_steady_state_error_percent"]) <= bar
 
 
+def test_most_rmse_are_below_the_published_ones(tables):
+    """Over 100 seeds EKF, CKF and TUKF have at least 18, 15 and 15 of 22 rows below the paper's."""
+    published = {row["coefficient"]: row for row in rows(PUBLISHED.parent, PUBLISHED.name)}
+    for name in ("ekf", "ckf", "tukf"):
+        own = [row for row in rows(tables, "coefficients.csv") if row["filter"] == name]
+        below = sum(float(row["rmse"]) < float(published[row["coefficient"]][f"rmse_{name}"]) for row in own)
+        relative = sorted(float(row["rmse"]) / abs(float(row["true"])) for row in own)
+        assert below >= 15
+        assert relative[len(relative) // 2] <= 0.08
+
+
 def test_what_the_filters_claim_is_true(tables):
     """Truth within the claimed uncertainty: normalised errors of the coefficients, per filter.
 
