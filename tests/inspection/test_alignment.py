@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.inspection.delays import Alignment, input_alignment
-from auvid_cli.inspection.fins import SmallMotion
+from auvid_cli.inspection.fins import LinearMotion
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.kinematic_relations import Grid, Signals
 
@@ -54,8 +54,8 @@ def test_a_lag_of_some_tenths_fails_if_the_fins_change_much_in_it(dataset):
 def test_the_lag_is_told_between_samples_and_does_not_matter_to_slow_fins(dataset):
     found = [float(verdicts(late(dataset, s))[0][DELAY].statistic.split(" s")[0].split()[-1]) for s in (0.0, 0.1, 0.35)]
     assert found == pytest.approx([0.0, 0.1, 0.35], abs=0.03)
-    assert not Alignment(0.5, False, share=0.05).spoils
-    assert Alignment(0.5, False, share=0.5).spoils
+    assert not Alignment(0.5, False, share=0.05).distorts
+    assert Alignment(0.5, False, share=0.5).distorts
 
 
 def test_a_turned_sign_is_found_behind_a_lag(dataset):
@@ -67,7 +67,7 @@ def test_a_turned_sign_is_found_behind_a_lag(dataset):
 def test_exchanged_fins_are_named(seconds, dataset):
     checks, fails = verdicts(late(with_columns(dataset, [1, 0, 2, 3]), seconds))
     assert fails == {EXCHANGED} | ({DELAY} if seconds else set())
-    assert "r answers elevator" in checks[EXCHANGED].statistic
+    assert "r responds to elevator" in checks[EXCHANGED].statistic
     # What is said of how much they move is of the columns as they are called.
     assert checks["rudder", "excitation"].statistic == verdicts(dataset)[0]["elevator", "excitation"].statistic
 
@@ -89,7 +89,7 @@ def test_a_first_order_turn_tells_its_lag(constant, lag, rng):
     by_state = np.zeros((8, 8))
     by_state[5, 5] = -1.0 / constant
     by_input = dict.fromkeys(("elevator", "roll_moment"), np.zeros(8)) | {"rudder": by_state[5]}
-    alignment = input_alignment(signals, SmallMotion(by_state, by_input), constant)
+    alignment = input_alignment(signals, LinearMotion(by_state, by_input), constant)
     assert alignment.exchanged is False
     # The rate is that at the begin of a cell, which stands for its middle.
     assert alignment.delay == pytest.approx(lag - 0.5 * step, abs=0.01)
@@ -122,4 +122,4 @@ def test_inputs_that_do_nothing_tell_no_lag(sound_run):
     checks, _ = verdicts(replace(dataset, inputs=replace(dataset.inputs, values=noise)))
     for key in (DELAY, EXCHANGED):
         assert checks[key].passed is None
-        assert checks[key].statistic.startswith("cannot tell")
+        assert checks[key].statistic.startswith("undetermined")

@@ -45,7 +45,7 @@ def test_altitude_taken_for_depth_is_caught(dive, changed):
         ("depth", 0, 1.0 / 0.3048, "depth is in feet"),
         ("depth", 0, 1000.0, "depth is in mm"),
         ("dvl", slice(None), 3600.0 / 1852.0, "u is in knots"),
-        ("dvl", slice(None), 1852.0 / 3600.0, "converted as if it were in knots"),
+        ("dvl", slice(None), 1852.0 / 3600.0, "converted from knots"),
     ],
 )
 def test_a_mistaken_unit_is_named(sensor, component, factor, words, dive, changed):

@@ -53,14 +53,14 @@ def failed(checks):
     return {key for key, check in checks.items() if check.passed is False}
 
 
-def test_every_verdict_is_reached_or_says_that_it_cannot_tell(zigzag):
+def test_every_verdict_is_reached_or_says_that_it_undetermined(zigzag):
     checks = verdicts(zigzag())
     assert failed(checks) == set()
     assert checks[RUDDER].passed
     assert "attitude over 1 s" in checks[RUDDER].statistic
     for key in (SLIP, ("inputs", "delay"), ("inputs", "rudder and elevator"), ("dvl", "current")):
         assert checks[key].passed, key
-    untold = {key for key, check in checks.items() if check.statistic.startswith("cannot tell: ")}
+    untold = {key for key, check in checks.items() if check.statistic.startswith("undetermined: ")}
     assert untold >= {AGREE, ("roll_moment", "response of p"), ("attitude", "excursions of psi")}
 
 
@@ -73,7 +73,7 @@ def test_a_turned_sign_fails_without_advice_to_mirror_the_vehicle(symbols, fails
     assert failed(checks) == fails
     for key in fails:
         assert "mirror image" in checks[key].advice
-        assert ("turn the sign of that (clockwise from above" in checks[key].advice) == (symbols == ("psi",))
+        assert ("Change the sign of psi (and r) (clockwise from above" in checks[key].advice) == (symbols == ("psi",))
 
 
 def test_two_turned_signs_look_like_one_and_both_are_told(zigzag):
@@ -81,7 +81,7 @@ def test_two_turned_signs_look_like_one_and_both_are_told(zigzag):
     checks = verdicts(turned(zigzag(), "rudder", "v"))
     assert failed(checks) == {RUDDER, SLIP}
     for key in (RUDDER, SLIP):
-        assert "if it does not, all others are turned" in checks[key].advice
+        assert "If it does not, all other signs are wrong" in checks[key].advice
 
 
 @pytest.mark.parametrize("symbols", [("psi",), ("r",), ("psi", "rudder"), ("r", "v")])
@@ -91,8 +91,8 @@ def test_nothing_downstream_is_called_true_while_r_and_psi_disagree(symbols, zig
     assert disagreement[1] == "r against psi"
     for key in (RUDDER, SLIP, ("dvl", "current"), ("inputs", "delay")):
         assert checks[key].passed is None
-        assert checks[key].statistic.startswith("cannot tell while r against psi fails")
-    assert ("another sign is turned" in checks[disagreement].advice) == (len(symbols) == 2)
+        assert checks[key].statistic.startswith("undetermined while r against psi fails")
+    assert ("another sign is wrong" in checks[disagreement].advice) == (len(symbols) == 2)
 
 
 @pytest.mark.parametrize("gyroscope", [False, True])
@@ -126,4 +126,4 @@ def test_speed_that_turns_alone_take_off_tells_no_offset_of_the_dvl(simulated_wi
     )
     dataset = simulated_with(f"manoeuvre={survey}, fin_trim: {{rudder: 1.3 deg}}}}", "sensors.attitude.source=direct")
     checks = verdicts(dataset.without_truth())
-    assert checks["dvl", "heading offset"].statistic == "not excited enough to tell"
+    assert checks["dvl", "heading offset"].statistic == "undetermined: too little excitation"

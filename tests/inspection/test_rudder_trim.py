@@ -42,7 +42,7 @@ def test_a_rudder_off_its_middle_is_noted_with_its_angle(degrees, zigzag):
 
 def test_it_is_among_the_likely_causes(zigzag):
     (causes,) = [check for check in inspect_dataset(with_rudder(zigzag, 2.0)).checks if check.check == "likely causes"]
-    assert "a rudder that is off its middle" in causes.statistic
+    assert "a rudder trim" in causes.statistic
     assert "[fin_trim]" in causes.advice
 
 

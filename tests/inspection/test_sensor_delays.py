@@ -87,7 +87,7 @@ def test_a_heave_counted_upwards_is_a_sign_and_no_delay(heaving, changed):
     assert found["dvl", "w against depth"].passed is False
     check = found["depth", "delay against attitude"]
     assert check.passed is True
-    assert "if the sign of w is turned" in check.statistic
+    assert "if the sign of w is wrong" in check.statistic
 
 
 def test_a_late_depth_is_a_delay_and_no_sign(heaving, changed):

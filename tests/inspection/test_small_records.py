@@ -62,7 +62,7 @@ def test_a_vehicle_that_lies_still_is_not_excited(sound_run):
     for name in ("p against phi", "q against theta", "r against psi", "response of r"):
         (check,) = [check for check in checks if check.check == name]
         assert check.passed is None
-        assert check.statistic.startswith("not excited enough to tell")
+        assert check.statistic.startswith("undetermined: too little excitation")
 
 
 def test_an_empty_record_and_one_without_any_noise_are_judged(sound_run):

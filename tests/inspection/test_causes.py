@@ -9,11 +9,11 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.inspection.delays import Alignment
 from auvid_cli.inspection.fins import RudderTrim
 from auvid_cli.inspection.inspect import inspect_dataset
-from auvid_cli.inspection.inspection import cannot_tell, judged
+from auvid_cli.inspection.inspection import judged, undetermined
 from auvid_cli.inspection.kinematic_relations import Grid, Signals
-from auvid_cli.inspection.lasting_errors import LastingError, lasting_errors
-from auvid_cli.inspection.likely_causes import causes_check
-from auvid_cli.inspection.responses import Drift
+from auvid_cli.inspection.rotation import RateError, rate_errors
+from auvid_cli.inspection.inspect import causes_check
+from auvid_cli.inspection.responses import Current
 
 DIRECT = "sensors.attitude={source: direct, rate: 20 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=20 Hz"
 
@@ -21,7 +21,7 @@ DIRECT = "sensors.attitude={source: direct, rate: 20 Hz, noise: 0.1 deg}", "sens
 def told(simulated_with, *settings):
     checks = inspect_dataset(simulated_with("manoeuvre.duration=60 s", *DIRECT, *settings)).checks
     (causes,) = [check for check in checks if check.check == "likely causes"]
-    return causes, {check.check: check for check in checks if check.check.startswith("errors that last")}
+    return causes, {check.check: check for check in checks if check.check.startswith("autocorrelated errors")}
 
 
 def test_sound_data_have_no_cause(simulated_with):
@@ -37,7 +37,7 @@ def test_a_coloured_gyroscope_asks_for_its_bias_or_more_process_noise(simulated_
     )
     assert None in {check.passed for check in lasting.values()}
     assert causes.passed is None
-    assert causes.statistic.startswith("errors of the gyroscope that last")
+    assert causes.statistic.startswith("autocorrelated errors of the gyroscope")
     assert "more process noise (`auvid tune`)" in causes.advice
     assert "lower" not in causes.advice
 
@@ -55,7 +55,7 @@ def test_the_advice_on_what_lasts_is_for_the_attitude_that_is_used(settings, bia
     run = "sensors=sensors/table_iii_bias.yaml", "sensors.gyroscope.bias_spread=1 deg/s", "manoeuvre.duration=100 s"
     dataset = simulated_with(*run, *settings, f"identification.estimate.biases={biases}")
     checks = inspect_dataset(dataset.without_truth()).checks
-    advices = {check.advice for check in checks if check.check.startswith("errors that last") and not check.passed}
+    advices = {check.advice for check in checks if check.check.startswith("autocorrelated errors") and not check.passed}
     assert advices
     for advice in advices:
         assert f"biases: {biases}" in advice
@@ -63,17 +63,17 @@ def test_the_advice_on_what_lasts_is_for_the_attitude_that_is_used(settings, bia
 
 
 def test_causes_stand_in_the_order_of_their_evidence_and_doubtful_ones_are_left_out():
-    late, flow, trim = Alignment(0.5, False, 1.0, gain=30.0), Drift(0.3, 0.4, 0.1), RudderTrim(-0.02, 0.002)
-    errors = [LastingError("r", 0.02, 0.001, 100.0), LastingError("q", 0.001, 0.001, 0.0)]
+    late, flow, trim = Alignment(0.5, False, 1.0, gain=30.0), Current(0.3, 0.4, 0.1), RudderTrim(-0.02, 0.002)
+    errors = [RateError("r", 0.02, 0.001, 100.0), RateError("q", 0.001, 0.001, 0.0)]
     notes = [
         judged("x", name, statistic="much", threshold="little", passed=None, advice="")
-        for name in ("delay", "current", "trim", "errors that last in r")
+        for name in ("delay", "current", "trim", "autocorrelated errors in r")
     ]
     check = causes_check(late, flow, trim, errors, "gyro", notes)
     assert [part.partition(" (")[0] for part in check.statistic.split("; ")] == [
-        "errors of the gyroscope that last",
-        "a rudder that is off its middle",
-        "inputs at another time",
+        "autocorrelated errors of the gyroscope",
+        "a rudder trim",
+        "delayed inputs",
         "a current",
     ]
     # A gain of half the squared standard errors: 0.5 m/s of 0.1 m/s.
@@ -84,7 +84,7 @@ def test_causes_stand_in_the_order_of_their_evidence_and_doubtful_ones_are_left_
         < check.advice.index("inputs: -0.5 s")
         < check.advice.index("[current]")
     )
-    doubted = [cannot_tell("x", "delay", "nothing turns", ""), *notes[1:]]
+    doubted = [undetermined("x", "delay", "nothing turns", ""), *notes[1:]]
     assert "inputs" not in causes_check(late, flow, trim, errors, "gyro", doubted).statistic
 
 
@@ -101,7 +101,7 @@ def rolling(rng):
         values |= dict.fromkeys(("q", "r", "theta", "psi"), still)
         record = SensorRecord(time, np.zeros((time.size, 3)), np.array([1e-3, 1e-3, 1e-3]))
         sensors = {"gyroscope": record, "attitude": replace(record, standard_deviation=np.full(3, 2e-3))}
-        found = lasting_errors(Signals(Grid(0.0, 0.1, time.size), values, dict.fromkeys(values, 0.1)), sensors)
+        found = rate_errors(Signals(Grid(0.0, 0.1, time.size), values, dict.fromkeys(values, 0.1)), sensors)
         return next(error for error in found if error.rate == "p")
 
     return make
@@ -118,7 +118,7 @@ def test_noise_as_stated_leaves_what_is_expected_of_it_whatever_scale_or_delay_a
         error = rolling(added)
         assert error.expected == pytest.approx(expected)
         assert error.size == pytest.approx(expected, rel=0.25)
-        assert not error.is_beyond_noise
+        assert not error.is_significant
 
 
 def test_an_error_that_lasts_has_its_size_and_gain(rolling):
@@ -127,4 +127,4 @@ def test_an_error_that_lasts_has_its_size_and_gain(rolling):
     ratio = error.size / error.expected
     # The likelihood of 70 averages of normal noise, of the size that they have and of the stated one.
     assert error.gain == pytest.approx(70 * (0.5 * (ratio**2 - 1.0) - np.log(ratio)), rel=0.05)
-    assert error.is_beyond_noise
+    assert error.is_significant
