@@ -27,6 +27,4 @@ def test_a_random_walk_on_white_noise_has_its_least_where_both_are_equal(rng):
     assert instability is not None
     value, time = instability
     assert time == pytest.approx(np.sqrt(3.0) / 0.05, rel=0.5)
-    assert value * np.sqrt(2.0 * np.log(2.0) / np.pi) == pytest.approx(
-        np.sqrt(2.0 * 0.05 / np.sqrt(3.0)), rel=0.15
-    )
+    assert value * np.sqrt(2.0 * np.log(2.0) / np.pi) == pytest.approx(np.sqrt(2.0 * 0.05 / np.sqrt(3.0)), rel=0.15)

@@ -8,12 +8,11 @@ import pytest
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.inspection.delays import Alignment
 from auvid_cli.inspection.fins import RudderTrim
-from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.inspection.inspect import causes_check, inspect_dataset
 from auvid_cli.inspection.inspection import judged, undetermined
 from auvid_cli.inspection.kinematic_relations import Grid, Signals
-from auvid_cli.inspection.rotation import RateError, rate_errors
-from auvid_cli.inspection.inspect import causes_check
 from auvid_cli.inspection.responses import Current
+from auvid_cli.inspection.rotation import RateError, rate_errors
 
 DIRECT = "sensors.attitude={source: direct, rate: 20 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=20 Hz"
 

@@ -25,7 +25,7 @@ def within(dataset, since, until):
 
 
 def test_the_very_dataset_is_refused(short_run, estimate):
-    with pytest.raises(DataError, match="this time of these very data"):
+    with pytest.raises(DataError, match="this time of the same data"):
         check_unseen(replace(short_run, sha256="abc"), estimate)
 
 
@@ -37,7 +37,7 @@ def test_of_the_very_dataset_a_time_that_was_left_out_is_new(short_run, hand_mad
         for name, r in later.sensors.items()
     }
     check_unseen(replace(later, sensors=cut), estimate)
-    with pytest.raises(DataError, match="this time of these very data"):
+    with pytest.raises(DataError, match="this time of the same data"):
         check_unseen(later, estimate)
 
 
@@ -50,7 +50,7 @@ def test_the_same_log_under_another_map_is_no_other_log(short_run, hand_made):
         return ImportedRun(name="dive", vehicle=experiment.vehicle, recording=recording)
 
     estimate = replace(hand_made([0.0, 30.0], {}), experiment=imported(100.0), dataset_sha256="abc")
-    with pytest.raises(DataError, match="this time of these very data"):
+    with pytest.raises(DataError, match="this time of the same data"):
         check_unseen(replace(short_run, experiment=imported(110.0), sha256="other"), estimate)
     check_unseen(replace(short_run, experiment=imported(131.0), sha256="other"), estimate)
 
@@ -77,7 +77,7 @@ def test_a_held_depth_in_whole_centimetres_is_no_copy_of_itself(rng):
 
 @pytest.mark.parametrize(("since", "until"), [(0.0, 60.0), (20.0, 40.0)])
 def test_measurements_that_it_has_seen_are_refused(short_run, estimate, since, until):
-    with pytest.raises(DataError, match="among those"):
+    with pytest.raises(DataError, match="some of these measurements"):
         check_unseen(within(short_run, since, until), estimate, short_run)
 
 

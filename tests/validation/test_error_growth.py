@@ -53,8 +53,8 @@ def test_errors_that_are_expected_or_few_add_nothing():
 
 def test_process_noise_stands_for_its_share_whether_or_not_the_vehicle_moves():
     own, still, livelier = ({"v": signal(0.01, spread)} for spread in (0.1, 0.0, 0.3))
-    plain, shaken = (samples("v", 1.0, [0.5, -0.5] * 20, variance) for variance in (0.04, 0.1))
-    growth = error_growth(plain, shaken, own)
+    plain, noisy = (samples("v", 1.0, [0.5, -0.5] * 20, variance) for variance in (0.04, 0.1))
+    growth = error_growth(plain, noisy, own)
     assert growth.by_process_noise["v", 1.0] == pytest.approx(0.06)
     # What predictions with process noise lack: of as much motion, of none, of three times as much.
     for sizes, scale in ((own, 1.0), (still, 0.01), (livelier, 9.0)):

@@ -51,7 +51,7 @@ def test_what_cannot_be_said_is_not_said():
 
 def test_fits_of_segments_go_by_the_mean_of_each():
     some, others = (PredictionFit.of(level + np.sin(PHASE), level + 0.5 * np.sin(PHASE)) for level in (0.0, 100.0))
-    both = some.beside(others)
+    both = some.with_segment(others)
     assert (both.measurements, both.mean) == (2000, pytest.approx(50.0))
     assert both.percent == pytest.approx(50.0)
     assert both.rmse == pytest.approx(0.5 / np.sqrt(2.0))

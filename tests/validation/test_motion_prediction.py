@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from auvid_cli.filters.problem import Timeline
-from auvid_cli.validation.motion_prediction import Disturbed, move_side_by_side, unchanged_motion
+from auvid_cli.validation.motion_prediction import Disturbance, move_side_by_side, unchanged_motion
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 
@@ -53,13 +53,13 @@ def test_a_force_fades_as_it_pushes_and_goes_on_at_random_where_it_is_drawn():
     force[0] = 8.0
     inverse = np.diag([1.0 / 64.0, *[1.0 / 110.0] * 2, *[1.0 / 30.0] * 3])
     deviation, times = np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.full(6, time_constant)
-    disturbed = Disturbed(slice(10, n), force, deviation, times, inverse, np.random.default_rng(2))
+    disturbance = Disturbance(slice(10, n), force, deviation, times, inverse, np.random.default_rng(2))
     parts, table = [coasting(0, 101, before=False)], with_drag(*[0.0] * n)
-    moved = move_side_by_side(parts, np.zeros((n, 10)), table, PLAIN, wanted, disturbed=disturbed)
+    moved = move_side_by_side(parts, np.zeros((n, 10)), table, PLAIN, wanted, disturbance=disturbance)
     expected = 8.0 * time_constant / 64.0 * (1.0 - np.exp(-wanted / time_constant))
     assert_allclose(moved[:, :10, 0], np.repeat(expected[:, None], 10, axis=1), rtol=1e-4)
-    assert_allclose(disturbed.force[0, :10], 8.0 * np.exp(-10.0 / time_constant))
-    assert disturbed.force[0, 10:].std() == pytest.approx(3.0, rel=0.25)
+    assert_allclose(disturbance.force[0, :10], 8.0 * np.exp(-10.0 / time_constant))
+    assert disturbance.force[0, 10:].std() == pytest.approx(3.0, rel=0.25)
     # The integral of a stationary process, Var = 2 s^2 T (t - T (1 - exp(-t / T))), of which the start is known here.
     settled = 1.0 - np.exp(-10.0 / time_constant)
     variance = 2.0 * time_constant * (10.0 - time_constant * settled) - (time_constant * settled) ** 2
