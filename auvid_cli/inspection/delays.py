@@ -129,9 +129,9 @@ def input_alignment(signals: Signals, motion: LinearMotion | None, time_constant
     ----------
     signals : Signals
     motion : LinearMotion or None
-        Of the vehicle file; its own lag from input to response does not count as a delay.
+        From the vehicle file; its own lag from input to response does not count as a delay.
     time_constant : float or None
-        Of the vehicle, s, if known.
+        Time constant of the vehicle, s, if known.
     """
     roll, *fins = AXES
     crossed_fins = [axis._replace(input=_OTHER_FIN[axis.input]) for axis in fins]
@@ -393,7 +393,7 @@ def _sensor_delay_check(sensor: str, other: str, lag: _Lag, failure: float) -> C
         sensor,
         f"delay against {other}",
         statistic=f"{late} is {abs(lag.size):.2f} +- {lag.error:.1g} s later than {early}"
-        + (", if the sign of w is wrong, as it seems" if lag.is_w_reversed else ""),
+        + (" (with the sign of w reversed)" if lag.is_w_reversed else ""),
         threshold=f"<= {_SENSOR_DELAY_NOTE:g} s" + (f"; fails beyond {failure:.2g} s" if np.isfinite(failure) else ""),
         passed=False if lag.least > failure else None if lag.least > _SENSOR_DELAY_NOTE else True,
         advice=f"{late} is stamped late, or {early} early: shift the times, state the delay (`identification.delays`), "

@@ -146,7 +146,7 @@ def _missing_sensors(dataset: Dataset, sensors: dict[str, SensorRecord]) -> list
     ]
     if checks or sensors:
         return checks
-    advice = "There are no measurements to identify from: add sensors to the map."
+    advice = "Nothing was measured: add sensors to the map."
     return [judged("dataset", "sensors", statistic="none", threshold="at least 1", passed=False, advice=advice)]
 
 

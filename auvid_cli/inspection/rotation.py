@@ -242,7 +242,7 @@ def _integrated_yaw(signals: Signals) -> Array | None:
     rate = euler_rates(rates, np.column_stack((*tilt, nothing)))[:, 2]
     finite = np.isfinite(rate)
     known = np.where(finite, rate, 0.0)
-    # Up to the middle of each cell, as its heading: in a fast turn half a cell is degrees.
+    # Integrated up to the middle of each cell: in a fast turn half a cell is several degrees.
     return np.where(finite, (np.cumsum(known) - 0.5 * known) * signals.grid.step, np.nan)
 
 
@@ -296,7 +296,7 @@ class RateError(NamedTuple):
     size, expected : float
         Root mean square, and the part due to the stated noise, rad/s.
     gain : float
-        Increase of the log-likelihood if noise were of that size; 0 if it is no larger than stated.
+        Increase of the log-likelihood if noise were of that size; 0 up to the stated size.
     """
 
     rate: str

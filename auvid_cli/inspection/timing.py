@@ -173,8 +173,8 @@ def _clock(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> Check:
 def _missing_share(record: SensorRecord) -> float:
     """Return the share of missing values, among components that are measured at all.
 
-    Components with different time stamps miss values at each other's times, which is no loss: at most the share that
-    is missing from a component's own rate counts.
+    A component with time stamps of its own is empty at those of others. So at most the share that is missing from its
+    own rate counts.
     """
     present = np.isfinite(record.values)
     of_rows = 1.0 - float(present.any(axis=1).mean())

@@ -105,9 +105,9 @@ def velocity_checks(
     ----------
     signals : Signals
     length : float
-        Of the vehicle, m.
+        Length of the vehicle, m.
     time_constant : float or None
-        Of the vehicle, s, if known.
+        Time constant of the vehicle, s, if known.
     accelerometer_ahead : float
         Stated distance of the accelerometer ahead of the origin, m.
     """

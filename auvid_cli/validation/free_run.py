@@ -30,7 +30,7 @@ class FreeRunFit(NamedTuple):
     Attributes
     ----------
     run : FreeRun
-        Of the identified model, with the sensors' errors (over ground where a current is estimated), and with the
+        Run of the identified model, with the sensors' errors (over ground where a current is estimated), and with the
         depth if measured. Evenly spaced samples of a long run.
     length : float
         s.

@@ -65,7 +65,7 @@ class Bundle(NamedTuple):
     Attributes
     ----------
     names : tuple of str
-        Of the first rows, the identified model first; further rows are drawn from its uncertainty.
+        Names of the first rows, the identified model first; further rows are drawn from its uncertainty.
     coefficients : ndarray, shape (n, 22 + terms)
         SI.
     errors : ndarray, shape (n, 5)
@@ -148,7 +148,7 @@ def predict_ahead(
     prepared : PreparedData
         One segment from `with_model`.
     signals : mapping of MeasuredSignal
-        Of its sensors.
+        Signals of its sensors.
     starts : InitialStates
     bundle : Bundle
         Drawn models also start from a motion that is drawn from the uncertainty of the start.
@@ -308,7 +308,7 @@ def error_growth(samples: Sequence[Sample], noisy: Sequence[Sample], sizes: Mapp
     samples, noisy : sequence of Sample
         Predictions of the estimate's own data from many starts, with variances without and with process noise.
     sizes : mapping of SignalSize
-        Of these data.
+        Sizes of the signals of these data.
     """
     of_signals = {
         symbol: [

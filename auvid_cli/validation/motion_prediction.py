@@ -20,7 +20,7 @@ from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, MOTION_SYMBOL
 Array = NDArray[np.float64]
 _ANGLES = MOTION_SYMBOLS[6:]
 SAME = 0.75e-9  # s; smaller differences are rounding: events are at whole nanoseconds, at most half of one off
-_MIN_HEADINGS = 2  # on either side of one, for its yaw rate
+_MIN_HEADINGS = 2  # on either side of a heading, to compute its yaw rate
 _NOISE_INTERVAL = 0.1  # s, between pulses of process noise; short compared with the response of a vehicle
 _DISTURBANCE_INTERVAL = 0.05  # s, between changes of a disturbance
 
@@ -218,7 +218,7 @@ def move_side_by_side(
     noise : ProcessNoise, optional
     disturbance : Disturbance, optional
     errors : ndarray, shape (5,) or (n, 5)
-        Of thrust, fins and ballast, see `NO_ERRORS`.
+        Errors of thrust, fins and ballast, see `NO_ERRORS`.
     terms : sequence of Coefficient
         Additional terms of the vehicle.
     """

@@ -63,7 +63,7 @@ class PredictionFit(NamedTuple):
     ----------
     measurements : int
     mean : float
-        Of the measurements.
+        Mean of the measurements.
     spread : float
         Sum of squared deviations of the measurements from their mean.
     squares : float
@@ -131,7 +131,7 @@ class Prediction(NamedTuple):
     noise : float
         Stated standard deviation of a measurement: a lower bound of the RMSE.
     fit_percent, rmse : float or None
-        Of the identified model; the fit is relative to the deviation of the whole run's measurements from their mean.
+        Errors of the identified model; the fit is relative to the deviation of the whole run's measurements from their mean.
     prior_rmse, vehicle_file_rmse, constant_velocity_rmse : float or None
         RMSE of the prior's mean, of the coefficients in the vehicle file, and of the unchanged motion at the start.
     expected_rmse : float or None
@@ -196,7 +196,7 @@ class Validation(NamedTuple):
     ----------
     filter : str
     judgement : Judgement
-        Of the estimate by itself.
+        Judgement of the estimate by itself.
     predictions : list of Prediction
         Free run, then by horizon.
     manoeuvres : list of ManoeuvreNumber
@@ -204,7 +204,7 @@ class Validation(NamedTuple):
     shown : Dataset
         Longest segment of the data.
     run : FreeRun
-        Of the identified model in that segment, as the sensors measure it.
+        Run of the identified model in that segment, as the sensors measure it.
     remarks : list of str
         Sentences on limits of the validation.
     """
@@ -251,7 +251,7 @@ def prediction_checks(
     nis : mapping of float
         By sensor, of the filter that finds the initial states, see `InitialStates`.
     status : str
-        Of that filter.
+        Status of that filter.
     """
     ahead = [row for row in rows if row.kind == AHEAD]
     stable = Check.of_values(

@@ -1,4 +1,4 @@
-"""What identification is told to look for, by what these data say."""
+"""Likely causes of contradictions between signals."""
 
 from dataclasses import replace
 
@@ -23,14 +23,14 @@ def told(simulated_with, *settings):
     return causes, {check.check: check for check in checks if check.check.startswith("autocorrelated errors")}
 
 
-def test_sound_data_have_no_cause(simulated_with):
+def test_sound_data_have_no_likely_cause(simulated_with):
     causes, lasting = told(simulated_with)
     assert (causes.passed, causes.statistic) == (True, "none")
     assert len(lasting) == 3
     assert all(check.passed for check in lasting.values())
 
 
-def test_a_coloured_gyroscope_asks_for_its_bias_or_more_process_noise(simulated_with):
+def test_autocorrelated_gyroscope_advises_bias_or_process_noise(simulated_with):
     causes, lasting = told(
         simulated_with, "sensors.gyroscope.coloured_share=0.9", "sensors.gyroscope.coloured_time_constant=4 s"
     )
@@ -49,8 +49,8 @@ def test_a_coloured_gyroscope_asks_for_its_bias_or_more_process_noise(simulated_
         (("sensors.attitude={source: direct, noise: 0.1 deg}",), "[gyro]", False),
     ],
 )
-def test_the_advice_on_what_lasts_is_for_the_attitude_that_is_used(settings, biases, does_without, simulated_with):
-    """What an AHRS makes is told only where one is used; and the biases are those that settings take."""
+def test_advice_on_autocorrelated_errors_fits_the_used_attitude(settings, biases, does_without, simulated_with):
+    """The AHRS is mentioned only if one is used, and the biases are valid settings."""
     run = "sensors=sensors/table_iii_bias.yaml", "sensors.gyroscope.bias_spread=1 deg/s", "manoeuvre.duration=100 s"
     dataset = simulated_with(*run, *settings, f"identification.estimate.biases={biases}")
     checks = inspect_dataset(dataset.without_truth()).checks
@@ -61,7 +61,7 @@ def test_the_advice_on_what_lasts_is_for_the_attitude_that_is_used(settings, bia
         assert ("--set identification.attitude_from=inertial" in advice) is does_without
 
 
-def test_causes_stand_in_the_order_of_their_evidence_and_doubtful_ones_are_left_out():
+def test_causes_are_sorted_by_gain_without_undetermined_ones():
     late, flow, trim = Alignment(0.5, False, 1.0, gain=30.0), Current(0.3, 0.4, 0.1), RudderTrim(-0.02, 0.002)
     errors = [RateError("r", 0.02, 0.001, 100.0), RateError("q", 0.001, 0.001, 0.0)]
     notes = [
@@ -106,8 +106,8 @@ def rolling(rng):
     return make
 
 
-def test_noise_as_stated_leaves_what_is_expected_of_it_whatever_scale_or_delay_a_rate_has(rolling):
-    # Of an average over 5 s: 50 rates, and an angle at either end.
+def test_white_noise_gives_expected_rate_error_for_any_scale_or_delay(rolling):
+    # Average over 5 s: 50 rates, and an angle at either end.
     expected = np.sqrt(1e-6 / 50 + 2 * 4e-6 / 25)
     for added in (
         lambda time: 0.0 * time,
@@ -120,7 +120,7 @@ def test_noise_as_stated_leaves_what_is_expected_of_it_whatever_scale_or_delay_a
         assert not error.is_significant
 
 
-def test_an_error_that_lasts_has_its_size_and_gain(rolling):
+def test_square_wave_rate_error_has_its_size_and_gain(rolling):
     error = rolling(lambda time: 4e-3 * np.sign(np.sin(0.02 * time)))
     assert error.size == pytest.approx(4e-3, rel=0.1)
     ratio = error.size / error.expected
