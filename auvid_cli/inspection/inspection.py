@@ -134,7 +134,7 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Ch
         threshold=f"<= {LONGEST_REPEAT:g} s of the same measurement",
         passed=bool(end - start <= LONGEST_REPEAT),
         advice=f"{name} repeats one measurement from t = {start:.6g} s to {end:.6g} s: it failed or was logged twice. "
-        "Mark that time as not valid.",
+        "Exclude that time (`exclude` of the sensor in the map).",
     )
 
 
@@ -155,8 +155,8 @@ def _rounded(filter_name: str, name: str, record: SensorRecord, longest: float) 
         threshold=f"<= {LONGEST_REPEAT:g} s of the same measurement, unless it is rounded",
         passed=None,
         advice=f"{name} is recorded in steps and at times changes by less than one. This is not a failure, but adds "
-        f"autocorrelated noise of step / sqrt(12): state at least {noise} as its noise. In the next log, record more "
-        "digits.",
+        f"autocorrelated noise of step / sqrt(12): set `standard_deviation` in the map to at least {noise}. In the "
+        "next log, record more digits.",
     )
 
 

@@ -213,7 +213,7 @@ def response_check(signals: Signals, axis: RotationAxis, fits: dict[str, Regress
         statistic=statistic,
         threshold=threshold,
         passed=any(sign > 0 for sign in signs.values()),
-        advice=f"The vehicle responds to {axis.input} with the wrong sign: change the sign of {axis.input} in the map "
+        advice=f"The vehicle responds to {axis.input} with the wrong sign: set its `sign: -1` in the map "
         "(positive rudder or elevator pushes the stern to starboard or up), or the order of its columns.",
     )
 
@@ -231,7 +231,7 @@ def thrust_check(signals: Signals, time_constant: float | None) -> Check:
     name, threshold = "response of u", "positive change of u after a positive surge_force"
     if not sign:
         return _unknown_sign("surge_force", name, statistic, threshold)
-    advice = "The vehicle slows down with more thrust: change the sign of surge_force or of u in the map."
+    advice = "The vehicle slows down with more thrust: set `sign: -1` of surge_force or of u in the map."
     return judged("surge_force", name, statistic=statistic, threshold=threshold, passed=sign > 0, advice=advice)
 
 

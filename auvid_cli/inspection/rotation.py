@@ -170,7 +170,8 @@ def _advice(fitted: Regression, rate: str, angle: str, subject: str) -> str:
     elif fitted.gain < 0.0:
         wrong = rate if subject == "gyroscope" else angle
         advice.append(
-            f"The sign of {wrong} is wrong, or its axes are not x forward, y starboard, z down: change it in the map."
+            f"The sign of {wrong} is wrong, or its axes are not x forward, y starboard, z down: correct `sign` or "
+            "`frame` in the map."
         )
     size = abs(fitted.gain)
     if abs(size - 1.0) > _GAIN_TOLERANCE:
@@ -283,7 +284,7 @@ def _excursion_check(symbol: str, reference: str, spans: Array, peaks: Array) ->
         threshold=_EXCURSION_THRESHOLD,
         passed=not peaks.size,
         advice=f"{symbol} leaves and returns although the vehicle does not turn: iron, a motor or a modem disturbs the "
-        "compass. Mark those times as not valid, or use another source.",
+        "compass. Exclude those times (`exclude` in the map), or use another source.",
     )
 
 

@@ -203,7 +203,7 @@ def measurement_checks(name: str, record: SensorRecord, screening: Screening) ->
             statistic=f"{count}; largest {symbol} {size:.3g} at t = {at:.6g} s",
             threshold=f"none beyond {_MAX_SPIKE:g} robust standard deviations from its neighbours",
             passed=not count,
-            advice="Some measurements are far from their neighbours. Mark them as not valid, or let the filter reject "
+            advice="Some measurements are far from their neighbours. Set `limits` in the map, or let the filter reject "
             "them (`identification.gate`); smoother and output_error can give them less weight "
             "(`identification.robust=huber`).",
         )
@@ -226,8 +226,8 @@ def measurement_checks(name: str, record: SensorRecord, screening: Screening) ->
             limit=_MAX_QUANTISATION_RATIO,
             unit="times",
             meaning="the stated noise",
-            advice=f"{name} is rounded more coarsely than its stated noise: state a noise of at least step / sqrt(12). "
-            "In the next log, record more digits.",
+            advice=f"{name} is rounded more coarsely than its stated noise: set `standard_deviation` to at least step "
+            "/ sqrt(12). In the next log, record more digits.",
             fails=False,
         ),
         Check.of_values(
@@ -238,7 +238,8 @@ def measurement_checks(name: str, record: SensorRecord, screening: Screening) ->
             limit=_MAX_NOISE_RATIO,
             unit="times",
             meaning="the stated noise",
-            advice=f"{name} is noisier than stated: state the larger noise, or find the wrong scale or unit.",
+            advice=f"{name} is noisier than stated: set a larger `standard_deviation` in the map, or correct its unit "
+            "or `scale`.",
             fails=False,
         ),
     ]
@@ -321,7 +322,7 @@ def step_check(name: str, symbol: str, before: Array, size: Array) -> Check:
         "between measurements, beyond the integrated turn rates",
         passed=not size.size,
         advice=f"{symbol} of {name} jumps, but the vehicle cannot: the device switches its solution, or one column "
-        "mixes two sources. Mark those times as not valid, or use another source.",
+        "mixes two sources. Exclude those times (`exclude` in the map), or use another source.",
     )
 
 

@@ -138,7 +138,7 @@ def _rate(name: str, record: SensorRecord, rate: float) -> Check:
         threshold="every measurement new",
         passed=None if repeated else True,
         advice=f"{name} was logged more often than it measures. A filter treats each copy as a measurement of its own "
-        "and becomes overconfident: keep only new measurements.",
+        "and becomes overconfident: set `repeats: drop` in the map.",
     )
 
 

@@ -219,7 +219,7 @@ def _direction(
                 statistic=f"gain {fitted.gain:.3g} +- {fitted.error:.2g}, correlation {fitted.correlation:.2g}",
                 threshold="positive gain",
                 passed=fitted.gain > 0.0,
-                advice="The depth changes against w: change the sign of w in the map (positive down).",
+                advice="The depth changes against w: set its `sign: -1` in the map (positive down).",
             )
     if forces:
         against = against_force(signals, symbol, forces[symbol])
@@ -239,7 +239,7 @@ def _direction(
             threshold=outwards,
             passed=None,
             advice="A DVL near the nose measures this: state its `position` in the map, or estimate it "
-            f"(`identification.estimate.biases: [dvl_arm]`). Otherwise change the sign of {symbol}.",
+            f"(`identification.estimate.biases: [dvl_arm]`). Otherwise set its `sign: -1` in the map.",
         )
     return judged(
         "dvl",
@@ -249,7 +249,7 @@ def _direction(
         passed=False if not agrees else None if drifts else True,
         advice="A current was subtracted for this check: estimate it (`identification.estimate.biases: [current]`)."
         if agrees
-        else "Slender hulls drift out of a turn, more than a DVL near the nose hides: change the sign of "
+        else "Slender hulls drift out of a turn, more than a DVL near the nose hides: set `sign: -1` of "
         f"{symbol} in the map.",
     )
 
@@ -415,8 +415,8 @@ def pitch_offset_check(offset: PitchOffset, reference: str) -> Check:
         passed=True if size <= _PITCH_OFFSET_NOTE else None if size <= _PITCH_OFFSET_FAILURE else False,
         advice="The pitch is wrong for a part of the run: use another source, or identify from the rest (`--use`)."
         if when
-        else "The sensor of theta, or of the velocity, is mounted at an angle: subtract this from theta in the map, or "
-        "rotate u and w by it.",
+        else "The sensor of theta, or of the velocity, is mounted at an angle: correct theta by it (`offset` in the "
+        "map), or the mounting of the DVL (`mount`).",
     )
 
 
