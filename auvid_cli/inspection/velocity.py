@@ -239,7 +239,8 @@ def _direction(
             threshold=outwards,
             passed=None,
             advice="A DVL near the nose measures this: state its `position` in the map, or estimate it "
-            f"(`identification.estimate.biases: [dvl_arm]`). Otherwise set its `sign: -1` in the map.",
+            "(`identification.estimate.biases: [dvl_arm]`). Otherwise set `sign: -1` of "
+            f"{symbol} in the map.",
         )
     return judged(
         "dvl",

@@ -131,7 +131,7 @@ class Prediction(NamedTuple):
     noise : float
         Stated standard deviation of a measurement: a lower bound of the RMSE.
     fit_percent, rmse : float or None
-        Errors of the identified model; the fit is relative to the deviation of the whole run's measurements from their mean.
+        Errors of the identified model; the fit is relative to the spread of the measurements of the whole run.
     prior_rmse, vehicle_file_rmse, constant_velocity_rmse : float or None
         RMSE of the prior's mean, of the coefficients in the vehicle file, and of the unchanged motion at the start.
     expected_rmse : float or None

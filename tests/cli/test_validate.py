@@ -75,7 +75,7 @@ def test_a_changed_vehicle_fails_with_exit_code_1(results, simulated_with, tmp_p
 def test_its_own_data_are_refused_even_as_a_copy(results, tmp_path):
     own = read_dataset(results / "dataset.h5")
     write_dataset(tmp_path / "copy.h5", own.without_truth())
-    for path, words in ((results / "dataset.h5", "the same data"), (tmp_path / "copy.h5", "some of these measurements")):
+    for path, words in ((results / "dataset.h5", "the same data"), (tmp_path / "copy.h5", "made from some of these")):
         result = run(results / "estimates/ckf.h5", path, "-o", tmp_path / "out")
         assert result.exit_code == 2
         assert words in result.stderr
