@@ -56,7 +56,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     """Check a dataset as recorded, without its truth: sensors, contradictions between them, excitation."""
     experiment, vehicle = dataset.experiment, dataset.experiment.vehicle
     actuators, length = vehicle.actuators.actuators(), vehicle.size.length
-    sensors = {name: record for name, record in dataset.sensors.items() if np.isfinite(record.values).any()}
+    sensors = _sensors_with_values(dataset)
     screened = {name: screen(name, record) for name, record in sensors.items()}
     clean = {name: screening.record for name, screening in screened.items()}
     marks = [mark for screening in screened.values() for mark in screening.marks]
@@ -116,14 +116,14 @@ def contradictions_of_unused(dataset: Dataset) -> list[Check]:
     """Return failed checks of the velocities by an accelerometer that is not used; the truth is ignored."""
     if "accelerometer" not in dataset.experiment.identification.unused_sensors:
         return []
-    sensors = {
-        name: screen(name, record).record
-        for name, record in dataset.sensors.items()
-        if np.isfinite(record.values).any()
-    }
+    sensors = {name: screen(name, record).record for name, record in _sensors_with_values(dataset).items()}
     signals = signals_of(dataset.inputs, sensors, span_of(dataset.inputs, sensors))
     checks = (against_force(signals, symbol, force) for symbol, force in measured_forces(signals).items())
     return [check for check in checks if check.passed is False]
+
+
+def _sensors_with_values(dataset: Dataset) -> dict[str, SensorRecord]:
+    return {name: record for name, record in dataset.sensors.items() if np.isfinite(record.values).any()}
 
 
 def _has_failed_sensor(checks: Sequence[Check], sensors: dict[str, SensorRecord]) -> bool:

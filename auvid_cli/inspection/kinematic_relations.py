@@ -149,6 +149,12 @@ def change(values: Array, window: int) -> Array:
     return result
 
 
+def mean_between_middles(values: Array, window: int) -> Array:
+    """Return the mean from the middle of each cell to that of the cell `window` later: half of both counts."""
+    means = smoothed(values, window)
+    return 0.5 * (means + np.append(means[1:], np.nan))
+
+
 def without_mean(values: Array, window: int) -> Array:
     """Subtract the mean over `window` cells around each; NaN where one of them is missing."""
     means = smoothed(values, window)

@@ -19,6 +19,7 @@ from auvid_cli.inspection.kinematic_relations import (
     change,
     derivative,
     fit,
+    mean_between_middles,
     regress_relation,
     smoothed,
 )
@@ -342,10 +343,8 @@ def rate_errors(signals: Signals, sensors: Mapping[str, SensorRecord]) -> list[R
 def _unexplained(signals: Signals, euler_rate: Array, angle: Array) -> tuple[Array, int]:
     """Return averages of an Euler rate minus the change of its angle, rad/s, and the number of fitted parameters."""
     window = round(_AVERAGING_TIME / signals.grid.step)
-    # An angle is that of the middle of a cell. Between two middles are half of the first and of the last cell.
-    cells = smoothed(euler_rate, window)
-    between = 0.5 * (cells + np.append(cells[1:], np.nan))
-    means, changes = between[::window], change(angle, window)[::window] / _AVERAGING_TIME
+    means = mean_between_middles(euler_rate, window)[::window]
+    changes = change(angle, window)[::window] / _AVERAGING_TIME
     second_changes = change(euler_rate, window)[::window] / _AVERAGING_TIME
     complete = np.isfinite(means) & np.isfinite(changes) & np.isfinite(second_changes)
     regressors = np.column_stack([changes, second_changes])[complete]

@@ -15,6 +15,7 @@ from auvid_cli.inspection.kinematic_relations import (
     diving_speed,
     fit,
     lever_arm_acceleration,
+    mean_between_middles,
     measured_depth_rate,
     measured_forces,
     rates_by_sensor,
@@ -318,15 +319,10 @@ def scale_check(signals: Signals, dive: Relation) -> Check:
     if max(signals.interval["down"], signals.interval["theta"]) > _SCALE_TIME / _MIN_SCALE_INTERVALS:
         return undetermined("dvl", name, "depth or pitch is measured too seldom", threshold)
     window = signals.window("down", "u", "theta", least=_SCALE_TIME)
-
-    def gained(rate: Array) -> Array:
-        # A depth is that of the middle of a cell. Between two middles are half of the first and of the last cell.
-        means = smoothed(rate, window)
-        return 0.5 * (means + np.append(means[1:], np.nan))
-
     offset_effect = signals.values["u"] * np.cos(signals.values["theta"])
     depth_rate = change(signals.values["down"], window) / (window * signals.grid.step)
-    fitted = fit(depth_rate, gained(dive.total()), [gained(offset_effect)], window)
+    expected, offset = (mean_between_middles(rate, window) for rate in (dive.total(), offset_effect))
+    fitted = fit(depth_rate, expected, [offset], window)
     if fitted is None or not fitted.error <= _MAX_SCALE_DEVIATION:
         return undetermined("dvl", name, "the vehicle hardly dives, or not for long", threshold)
     return judged(
