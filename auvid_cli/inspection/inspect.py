@@ -64,6 +64,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     acting = with_actuator_dynamics(dataset.inputs, actuators, experiment.identification.integration_step)
     signals = signals_of(acting, clean, span)
 
+    # Each sensor by itself
     checks = [*_missing_sensors(dataset, sensors), *_import_remarks(experiment), *_vehicle(vehicle)]
     for name, screening in screened.items():
         checks += _sensor_checks(dataset, name, screening)
@@ -71,6 +72,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     checks += steps
     marks += step_marks
 
+    # Conditions of the run
     speed = mean_speed(signals)
     time_constant = length / speed if speed is not None else None
     current = estimate_current(signals)
@@ -79,28 +81,36 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     alignment = input_alignment(in_water, motion, time_constant)
     in_water, over_ground = aligned(in_water, alignment), aligned(signals, alignment)
 
+    # Inputs
     checks += [*_input_end(dataset, sensors), *input_timing_checks(dataset.inputs, time_constant)]
     checks += alignment_checks(alignment)
     checks += actuator_checks(dataset.inputs, actuators)
     checks += doubled_thrust_check(dataset.inputs, vehicle.coefficient_set)
     checks += force_checks(signals, vehicle)
+
+    # Sensors against each other
     rotations = rotation_checks(in_water, clean, time_constant)
     accelerometer = dataset.sensors.get("accelerometer")
     ahead = 0.0 if accelerometer is None else accelerometer.position[0]
     velocities = velocity_checks(over_ground, length, time_constant, ahead)
     errors = rate_errors(signals, clean)
     checks += [*rotations, *velocities, *stability_checks(signals), *rate_error_checks(dataset, errors)]
-    # Sensors that contradict each other show nothing about the fins.
+
+    # Fins, unless sensors contradict each other
     if not _has_failed_sensor([*rotations, *velocities], clean):
         checks += strength_checks(in_water, motion, time_constant)
     trim = rudder_trim(in_water, motion, time_constant)
     checks += rudder_trim_checks(trim)
+
+    # Delays and excursions, unless rates and angles contradict each other
     contradicted = _has_failed_sensor(rotations, clean)
     checks += sensor_delay_checks(signals, time_constant, contradicted)
     if not contradicted:
         excursions, excursion_marks = excursion_checks(signals, stepped)
         checks += excursions
         marks += excursion_marks
+
+    # Excitation, and causes of all that was found
     checks += [*excitation_checks(dataset, signals), *fitness_checks(dataset, time_constant)]
     checks = weighted_evidence(checks)
     significant = current if current is not None and is_significant(signals, current) else None
