@@ -1,1 +1,1 @@
-"""A dataset judged before anybody identifies from it."""
+"""Checks of a dataset before identification."""

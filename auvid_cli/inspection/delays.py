@@ -1,7 +1,6 @@
 """Delays of inputs and sensors, from the lag of one signal to another."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +8,8 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.checks import Check
 from auvid_cli.data.rate_of_change import rate_of_change, response_to_rates
-from auvid_cli.inspection.fins import SmallMotion, promised_answer
-from auvid_cli.inspection.inspection import cannot_tell, judged
+from auvid_cli.inspection.fins import LinearMotion, predicted_response
+from auvid_cli.inspection.inspection import UNDETERMINED, judged, undetermined
 from auvid_cli.inspection.kinematic_relations import (
     Signals,
     attitude_rates,
@@ -19,66 +18,58 @@ from auvid_cli.inspection.kinematic_relations import (
     measured_forces,
     smoothed,
 )
-from auvid_cli.inspection.responses import AXES, LEAST_DEFLECTION, RotationAxis, answer_window
+from auvid_cli.inspection.responses import AXES, MIN_DEFLECTION, RotationAxis, response_window
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
-# s: a lag that there seems to be where there is none: where the turning is as the vehicle file promises, or that share
-# of the vehicle's time constant; where the file has no coefficients; where it promises another turning than there is.
-# What slow fins may be behind, and the longest that is looked for.
-_PROMISED, _OF_TIME_CONSTANT, _UNKNOWN, _INPUT_OTHERWISE, _EARLIEST, _LONGEST_INPUT_DELAY = (
-    0.075,
-    0.05,
-    0.3,
-    0.6,
-    0.6,
-    3.0,
-)
-# Partial correlation of what is promised with the turning as it was.
-_AS_PROMISED = 0.9
-# Share of a fin's deflection by which it changes within a lag that matters.
-_MATTERS = 0.1
-# Partial correlation of an answer that tells a lag, and how much likelier, as a logarithm, another lag must be.
-_LEAST_INPUT_CORRELATION, _INPUT_LIKELIER = 0.4, 10.0
-# Standard deviations by which a lag is longer than usual.
-_SIGMAS = 2.0
-_FEWEST_WINDOWS, _MOST_ROWS = 15, 10_000
-_MOST_EXPLAINED, _ROUNDING = 1.0 - 1e-9, 1e-9
+_LIKELIHOOD_MARGIN = 10.0  # increase of the log-likelihood at which another sign, fin or lag is preferred
+# Largest apparent delay of inputs that are not delayed, s.
+_MAX_GOOD_FIT_DELAY = 0.075  # where the vehicle file predicts the rotation well
+_MAX_DELAY_SHARE = 0.05  # of the vehicle's time constant, if that is longer
+_MAX_DELAY_WITHOUT_FILE = 0.3  # without coefficients in the vehicle file
+_MAX_POOR_FIT_DELAY = 0.6  # where the vehicle file predicts the rotation poorly
+_MAX_FIN_LAG = 0.6  # s, of slow fins: inputs may be that early
+_MAX_INPUT_LAG = 3.0  # s, longest delay of the inputs that is considered
+_GOOD_FIT_CORRELATION = 0.9  # partial
+_MIN_INPUT_CORRELATION = 0.4  # partial, at which a response shows a lag
+_MIN_FIN_CHANGE = 0.1  # change of a fin within the delay, in standard deviations: more distorts coefficients
+_DELAY_SIGMAS = 2.0
+_MIN_WINDOWS = 15
+_MAX_ROWS = 10_000
+_MAX_EXPLAINED = 1.0 - 1e-9  # of a variance
+_ROUNDING = 1e-9
 _OTHER_FIN = {"elevator": "rudder", "rudder": "elevator"}
-# s: what filters of an attitude reference may make, what spoils coefficients of any vehicle, the longest looked for.
-_USUAL, _LARGEST, _LONGEST_SENSOR_DELAY = 0.075, 0.15, 1.5
-# Share of the vehicle's time constant, its length over its speed: a depth sensor that far aft sees depth so much later.
-_AFT = 0.25
-# How well signals agree that tell a lag, and how much likelier, as a logarithm, than any delay a
-# turned sign must be.
-_LEAST_SENSOR_CORRELATION, _FEWEST, _SENSOR_LIKELIER = 0.8, 15.0, 10.0
-# What looks like a delay and is none.
-_SENSOR_OTHERWISE = {
-    "depth": " Or the depth sensor sits ahead or aft.",
-    "dvl": " Or the DVL sits ahead or aft of the accelerometer.",
+_SENSOR_DELAY_NOTE = 0.075  # s, as due to filters of an attitude reference
+_SENSOR_DELAY_FAILURE = 0.15  # s
+_MAX_SENSOR_LAG = 1.5  # s, longest delay of a sensor that is considered
+_AFT_SHARE = 0.25  # of the vehicle's time constant: apparent delay of a depth sensor far aft
+_MIN_SENSOR_CORRELATION = 0.8
+_OTHER_REASONS = {
+    "depth": " Or the depth sensor is far from the origin.",
+    "dvl": " Or the DVL is ahead or aft of the accelerometer.",
 }
 
 
 def shifted(values: Array, cells: int) -> Array:
-    """Shift values so many cells earlier, or later if negative; NaN where nothing is known."""
+    """Return values `cells` earlier, or later if negative; NaN at the end that becomes unknown."""
     lost = np.full(min(abs(cells), values.size), np.nan)
     return np.concatenate([values[cells:], lost] if cells > 0 else [lost, values[: max(values.size + cells, 0)]])
 
 
 def peak(likelihood: Array, at: int) -> tuple[float, float]:
-    """Return how far beyond one of evenly spaced log-likelihoods the parabola about it peaks, and its deviation there.
+    """Return the peak of the parabola through three log-likelihoods, in cells from `at`, and its standard deviation.
 
-    Both are 0 where there is no such peak.
+    Both are 0 without such a peak.
     """
     if not 0 < at < likelihood.size - 1 or likelihood[at] < max(likelihood[at - 1], likelihood[at + 1]):
         return 0.0, 0.0
-    before, here, after = likelihood[at - 1 : at + 2]
-    curvature = before - 2.0 * here + after
+    before, middle, after = likelihood[at - 1 : at + 2]
+    curvature = before - 2.0 * middle + after
     return (float(0.5 * (before - after) / curvature), float((-curvature) ** -0.5)) if curvature < 0.0 else (0.0, 0.0)
 
 
 def likeliest_lag(likelihood: Array) -> tuple[float, float]:
-    """Return the likeliest of lags that are even about 0, and its standard deviation, in cells."""
+    """Return the most likely of lags symmetric about 0, and its standard deviation, in cells."""
     at = int(likelihood.argmax())
     beyond, error = peak(likelihood, at)
     return at - likelihood.size // 2 + beyond, error
@@ -90,96 +81,98 @@ class Alignment(NamedTuple):
     Attributes
     ----------
     delay : float or None
-        How much later than the motion they are stamped, s; None where nothing tells.
+        Time stamps of the inputs minus those of the motion, s; None if undetermined.
     exchanged : bool or None
-        Whether what is called rudder turns the vehicle as an elevator does, and the other way round.
+        Whether the columns of rudder and elevator are exchanged.
     share : float
-        By how much the faster of the fins changes within the delay, of its RMS about its mean.
+        Change of the faster fin within the delay, in its standard deviations.
     usual : float
-        Delay, s, that there seems to be where there is none.
+        Largest apparent delay of inputs that are not delayed, s.
     error : float
-        Standard deviation of the delay, s, as far as noise goes.
+        Standard deviation of the delay due to noise, s.
     is_clear : bool
-        Whether no delay beyond the usual is likelier than this one, by however little.
+        Whether no delay longer than `usual` is more likely than this one.
     gain : float
-        In log-likelihood, over no delay.
+        Increase of the log-likelihood over no delay.
     """
 
     delay: float | None
     exchanged: bool | None
     share: float = 0.0
-    usual: float = _UNKNOWN
+    usual: float = _MAX_DELAY_WITHOUT_FILE
     error: float = 0.0
     is_clear: bool = True
     gain: float = 0.0
 
     @property
     def is_delayed(self) -> bool:
-        """Say whether inputs come later or earlier than what is left of a lag in sound data."""
-        return self.delay is not None and abs(self.delay) - _SIGMAS * self.error > self.usual
+        """Whether the delay is significant."""
+        return self.delay is not None and abs(self.delay) - _DELAY_SIGMAS * self.error > self.usual
 
     @property
-    def spoils(self) -> bool:
-        """Say whether that makes coefficients of the fins wrong."""
+    def distorts(self) -> bool:
+        """Whether the delay makes coefficients of the fins wrong."""
         return (
-            self.delay is not None and self.is_delayed and self.share > _MATTERS and not -_EARLIEST <= self.delay < 0.0
+            self.delay is not None
+            and self.is_delayed
+            and self.share > _MIN_FIN_CHANGE
+            and not -_MAX_FIN_LAG <= self.delay < 0.0
         )
 
 
-def input_alignment(signals: Signals, motion: SmallMotion | None, time_constant: float | None) -> Alignment:
-    """Find the assignment of the fins and the one delay of all inputs that explain the turning best.
+def input_alignment(signals: Signals, motion: LinearMotion | None, time_constant: float | None) -> Alignment:
+    """Return the assignment of the fins and the common delay of all inputs that explain the rotation best.
 
-    Whatever is regressed here, signs do not count: they are judged when the inputs are where they belong.
+    Signs do not matter here: they are checked with aligned inputs.
 
     Parameters
     ----------
     signals : Signals
-    motion : SmallMotion or None
-        Of the vehicle file, if it says enough: then the delay between an input and its answer that the vehicle itself
-        makes is none.
+    motion : LinearMotion or None
+        From the vehicle file; its own lag from input to response does not count as a delay.
     time_constant : float or None
-        s, of the vehicle, if it is known.
+        Time constant of the vehicle, s, if known.
     """
     roll, *fins = AXES
-    crossed_fins = [axis._replace(given=_OTHER_FIN[axis.given]) for axis in fins]
-    by_roll, as_named, crossed = (
-        _input_likelihood(signals, axes, motion, time_constant) for axes in ([roll], fins, crossed_fins)
-    )
-    best = max(as_named.correlation, crossed.correlation, by_roll.correlation)
+    crossed_fins = [axis._replace(input=_OTHER_FIN[axis.input]) for axis in fins]
+    fits = [_input_likelihood(signals, axes, motion, time_constant) for axes in ([roll], fins, crossed_fins)]
+    by_roll, as_named, crossed = (likelihood for likelihood, _ in fits)
     if motion is None:
-        most = _UNKNOWN
+        usual = _MAX_DELAY_WITHOUT_FILE
+    elif max(correlation for _, correlation in fits) >= _GOOD_FIT_CORRELATION:
+        usual = max(_MAX_GOOD_FIT_DELAY, _MAX_DELAY_SHARE * (time_constant or 0.0))
     else:
-        most = max(_PROMISED, _OF_TIME_CONSTANT * (time_constant or 0.0)) if best >= _AS_PROMISED else _INPUT_OTHERWISE
-    as_named, crossed = (each.of_lags + by_roll.of_lags for each in (as_named, crossed))
+        usual = _MAX_POOR_FIT_DELAY
+    as_named, crossed = as_named + by_roll, crossed + by_roll
     if not max(as_named.max(), crossed.max()) > 0.0:
         return Alignment(None, None)
-    exchanged = bool(crossed.max() > as_named.max() + _INPUT_LIKELIER)
-    likelihood, delays = crossed if exchanged else as_named, _lags(signals)
-    usual = np.abs(delays) * signals.grid.step <= most + 0.5 * signals.grid.step
-    likeliest = int(likelihood.argmax())
-    is_clear = bool(usual[likeliest] or likelihood[likeliest] > likelihood[usual].max() + _INPUT_LIKELIER)
+    exchanged = bool(crossed.max() > as_named.max() + _LIKELIHOOD_MARGIN)
+    step = signals.grid.step
+    likelihood, lags = crossed if exchanged else as_named, _lags(signals, _MAX_INPUT_LAG)
+    short = np.abs(lags) * step <= usual + 0.5 * step
+    best = int(likelihood.argmax())
+    is_clear = bool(short[best] or likelihood[best] > likelihood[short].max() + _LIKELIHOOD_MARGIN)
     if not is_clear:
-        likeliest = int(np.where(usual, likelihood, -np.inf).argmax())
-    beyond, error = peak(likelihood, likeliest)
-    cells = float(delays[likeliest]) + beyond
-    gain = float(likelihood[likeliest] - likelihood[delays.size // 2])
-    share = _share(signals, cells)
-    return Alignment(cells * signals.grid.step, exchanged, share, most, error * signals.grid.step, is_clear, gain)
+        best = int(np.where(short, likelihood, -np.inf).argmax())
+    beyond, error = peak(likelihood, best)
+    cells = float(lags[best]) + beyond
+    gain = float(likelihood[best] - likelihood[lags.size // 2])
+    return Alignment(cells * step, exchanged, _fin_change(signals, cells), usual, error * step, is_clear, gain)
 
 
-def _share(signals: Signals, cells: float) -> float:
-    """Return by how much of its RMS about its mean the faster fin changes within so many cells."""
+def _fin_change(signals: Signals, cells: float) -> float:
+    """Return the RMS change of the faster fin within `cells`, in its standard deviations."""
     shares, whole = [0.0], max(round(abs(cells)), 1)
     for fin in _OTHER_FIN:
         deflection = signals.values[fin]
-        if (spread := float(np.nanstd(deflection))) > LEAST_DEFLECTION:
+        if (spread := float(np.nanstd(deflection))) > MIN_DEFLECTION:
             changes = float(np.sqrt(np.nanmean(np.square(shifted(deflection, whole) - deflection))))
             shares.append(changes / spread * min(abs(cells) / whole, 1.0))
     return max(shares)
 
 
 def aligned(signals: Signals, alignment: Alignment) -> Signals:
-    """Put the inputs of signals where they belong."""
+    """Return signals with exchanged fins and delayed inputs corrected."""
     value = dict(signals.values)
     if alignment.exchanged:
         value["rudder"], value["elevator"] = value["elevator"], value["rudder"]
@@ -191,147 +184,136 @@ def aligned(signals: Signals, alignment: Alignment) -> Signals:
 
 
 def alignment_checks(alignment: Alignment) -> list[Check]:
-    """Judge the delay of the inputs and which fin is which."""
-    assignment = "r answers rudder, q elevator"
-    delay_limit = (
-        f"<= {alignment.usual:.2g} s; fails if a fin changes by {_MATTERS:.0%} in more, or {_EARLIEST:g} s early"
+    """Check the delay of the inputs and the assignment of the fins."""
+    assignment = "r responds to rudder, q to elevator"
+    limit = (
+        f"<= {alignment.usual:.2g} s; fails if a fin changes by {_MIN_FIN_CHANGE:.0%} within the delay, or if inputs "
+        f"are more than {_MAX_FIN_LAG:g} s early"
     )
     if alignment.delay is None or alignment.exchanged is None:
-        reason = "no turning answers an input"
+        reason = "no rotation responds to an input"
         return [
-            cannot_tell("inputs", "delay", reason, delay_limit),
-            cannot_tell("inputs", "rudder and elevator", reason, assignment),
+            undetermined("inputs", "delay", reason, limit),
+            undetermined("inputs", "rudder and elevator", reason, assignment),
         ]
     delay = alignment.delay
     if delay >= 0.0:
-        late, why = f"lag behind the motion by {delay:.2f} s", "What comes after its answer spoils coefficients of fins"
+        size, reason = (
+            f"lag behind the motion by {delay:.2f} s",
+            "Inputs that come after their effect distort coefficients",
+        )
     else:
-        late = f"are {-delay:.2f} s ahead of the motion"
-        why = "Fins follow late (`vehicle.actuators.fins.time_constant`), or the clock of their commands is ahead"
-    unclear = "" if alignment.is_clear else "cannot tell from a longer lag: "
+        size = f"are {-delay:.2f} s ahead of the motion"
+        reason = "Fins are slow (`vehicle.actuators.fins.time_constant`), or the clock of their commands is ahead"
+    unclear = "" if alignment.is_clear else f"{UNDETERMINED}, a longer delay is as likely: "
+    passed = not alignment.is_delayed
+    if not alignment.is_clear or (alignment.is_delayed and not alignment.distorts):
+        passed = None
     return [
         judged(
             "inputs",
             "delay",
-            statistic=f"{unclear}inputs {late}, in which a fin changes by {alignment.share:.0%}",
-            threshold=delay_limit,
-            passed=_verdict(alignment),
-            advice=f"{why}: state it (`identification.delays={{inputs: {-delay:.2g} s}}`), or shift the times; inputs "
-            "of which only samples are recorded seem half an interval late (`identification.inputs.between: linear`). "
-            "Signs were judged as if they were shifted.",
+            statistic=f"{unclear}inputs {size}, within which a fin changes by {alignment.share:.0%}",
+            threshold=limit,
+            passed=passed,
+            advice=f"{reason}: state the delay (`identification.delays={{inputs: {-delay:.2g} s}}`), or shift the "
+            "times. If only samples of the inputs are recorded, they seem half an interval late: set "
+            "`identification.inputs.between: linear`. Signs were checked with shifted inputs.",
         ),
         judged(
             "inputs",
             "rudder and elevator",
-            statistic="r answers elevator, q rudder" if alignment.exchanged else assignment,
+            statistic="r responds to elevator, q to rudder" if alignment.exchanged else assignment,
             threshold=assignment,
             passed=not alignment.exchanged,
             advice="The columns of rudder and elevator are exchanged: exchange their names in the map. Signs were "
-            "judged as if they were.",
+            "checked with exchanged columns.",
         ),
     ]
 
 
-def _verdict(alignment: Alignment) -> bool | None:
-    if not alignment.is_clear or (alignment.is_delayed and not alignment.spoils):
-        return None
-    return not alignment.is_delayed
-
-
-class _Likelihood(NamedTuple):
-    """How much likelier some answers are than none, as a logarithm, for each of the `_lags`; the best correlation."""
-
-    of_lags: Array
-    correlation: float
-
-
 def _input_likelihood(
-    signals: Signals, axes: Sequence[RotationAxis], motion: SmallMotion | None, time_constant: float | None
-) -> _Likelihood:
-    total, best = np.zeros(_lags(signals).size), 0.0
+    signals: Signals, axes: Sequence[RotationAxis], motion: LinearMotion | None, time_constant: float | None
+) -> tuple[Array, float]:
+    """Return the log-likelihood ratio of responses to none, by lag, and the best correlation."""
+    total, best = np.zeros(_lags(signals, _MAX_INPUT_LAG).size), 0.0
     for axis in axes:
         correlation, windows = _correlations(signals, axis, motion, time_constant)
         best = max(best, float(np.abs(correlation).max()))
-        if np.abs(correlation).max() >= _LEAST_INPUT_CORRELATION:
-            total -= 0.5 * windows * np.log1p(-np.minimum(correlation**2, _MOST_EXPLAINED))
-    return _Likelihood(total, best)
+        if np.abs(correlation).max() >= _MIN_INPUT_CORRELATION:
+            total -= 0.5 * windows * np.log1p(-np.minimum(correlation**2, _MAX_EXPLAINED))
+    return total, best
 
 
 def _correlations(
-    signals: Signals, axis: RotationAxis, motion: SmallMotion | None, time_constant: float | None
+    signals: Signals, axis: RotationAxis, motion: LinearMotion | None, time_constant: float | None
 ) -> tuple[Array, float]:
-    """Correlate, in part, the change of a rate and what an input that was stamped so much later makes of it.
+    """Return the partial correlation of the change of a rate with its prediction from delayed inputs.
 
     Returns
     -------
     correlation : ndarray
-        For each of the `_lags`; 0 where nothing can be told.
+        By lag; 0 where undetermined.
     windows : float
-        How many averages do not overlap.
+        Number of averages that do not overlap.
     """
-    lags = _lags(signals)
-    answer = promised_answer(signals, axis, motion, answer_window(signals, axis, time_constant))
-    if answer is None:
+    lags = _lags(signals, _MAX_INPUT_LAG)
+    response = predicted_response(signals, axis, motion, response_window(signals, axis, time_constant))
+    if response is None:
         return np.zeros(lags.size), 0.0
-    rows = np.stack([answer.change, *answer.beside])
-    # Known at every lag.
+    rows = np.stack([response.change, *response.covariates])
     complete = np.isfinite(rows).all(axis=0)
-    complete &= np.isfinite(shifted(smoothed(answer.promised, lags.size), int(lags[0])))
+    complete &= np.isfinite(shifted(smoothed(response.predicted, lags.size), int(lags[0])))
     at = np.flatnonzero(complete)
-    windows = at.size / answer.window
-    if windows < _FEWEST_WINDOWS:
+    windows = at.size / response.window
+    if windows < _MIN_WINDOWS:
         return np.zeros(lags.size), 0.0
-    at = at[:: 1 + at.size // _MOST_ROWS]
-    beside = np.stack([np.ones(at.size), *rows[1:, at]], axis=1)
-    basis, _ = np.linalg.qr(beside / np.maximum(np.abs(beside).max(axis=0), np.finfo(np.float64).tiny))
-    changed = _left(rows[0, at], basis)
-    return np.array([changed @ _left(answer.promised[at + lag], basis) for lag in lags]), windows
+    at = at[:: 1 + at.size // _MAX_ROWS]
+    covariates = np.stack([np.ones(at.size), *rows[1:, at]], axis=1)
+    basis, _ = np.linalg.qr(covariates / np.maximum(np.abs(covariates).max(axis=0), np.finfo(np.float64).tiny))
+    changed = _normalised_residual(rows[0, at], basis)
+    return np.array([changed @ _normalised_residual(response.predicted[at + lag], basis) for lag in lags]), windows
 
 
-def _left(values: Array, basis: Array) -> Array:
-    """Return what is left of a signal outside an orthonormal basis, of length 1; 0 if that is rounding."""
-    left = values - basis @ (basis.T @ values)
-    length = float(np.linalg.norm(left))
-    return left / length if length > _ROUNDING * float(np.linalg.norm(values)) else 0.0 * left
+def _normalised_residual(values: Array, basis: Array) -> Array:
+    """Return the part of a signal outside an orthonormal basis, of length 1; 0 if that is rounding."""
+    residual = values - basis @ (basis.T @ values)
+    length = float(np.linalg.norm(residual))
+    return residual / length if length > _ROUNDING * float(np.linalg.norm(values)) else 0.0 * residual
 
 
-def _lags(signals: Signals) -> NDArray[np.int64]:
-    """Return the cells by which the inputs may be late."""
-    most = round(_LONGEST_INPUT_DELAY / signals.grid.step)
+def _lags(signals: Signals, longest: float) -> NDArray[np.int64]:
+    """Return lags from `-longest` to `longest`, s, in cells."""
+    most = round(longest / signals.grid.step)
     return np.arange(-most, most + 1)
 
 
 class _Pair(NamedTuple):
-    """What a sensor says, and what others make of it, both smoothed over as long.
+    """A derivative as one sensor measures it, and as others predict it, smoothed alike.
 
     Attributes
     ----------
     sensor, other : str
     measured, expected : ndarray
-    turned : mapping of ndarray
-        What others make of it if the sign of one of them, whose symbol it is, is turned: that looks like a delay.
+    reversed_w : ndarray or None
+        Prediction with the sign of w reversed, which looks like a delay.
     swings : bool
-        Whether a sensor that sits ahead or aft of the other looks late.
+        Whether a lever arm between the sensors looks like a delay.
     """
 
     sensor: str
     other: str
     measured: Array
     expected: Array
-    turned: Mapping[str, Array] = MappingProxyType({})
+    reversed_w: Array | None = None
     swings: bool = False
 
 
 def sensor_delay_checks(signals: Signals, time_constant: float | None, contradicted: bool) -> list[Check]:
-    """Judge how much later than others each sensor is stamped, where signals agree well enough to tell it.
+    """Check the delay of each sensor against others, where their signals agree well enough.
 
-    Parameters
-    ----------
-    signals : Signals
-    time_constant : float or None
-        s, of the vehicle, if it is known.
-    contradicted : bool
-        Whether rates and angles contradict each other: then only their own delay is judged.
+    `time_constant` is that of the vehicle, s, if known. With `contradicted` rates and angles only their own delay is
+    checked.
     """
     window = attitude_window(signals)
     by_sensors: dict[tuple[str, str], list[_Pair]] = {}
@@ -339,17 +321,20 @@ def sensor_delay_checks(signals: Signals, time_constant: float | None, contradic
         if contradicted and pair.sensor != "gyroscope":
             continue
         by_sensors.setdefault((pair.sensor, pair.other), []).append(pair)
-    # A DVL ahead of the accelerometer swings like one that is late: of these two a lag is only noted, unless surge,
-    # which does not swing, tells one by itself.
+    # A DVL ahead of the accelerometer looks late. So a lag of these two is only a note, unless surge, which no lever
+    # arm affects, shows it by itself.
     surge = [pair for pair in by_sensors.get(("dvl", "accelerometer"), ()) if not pair.swings]
     lag = _lag(signals, surge, window)
-    late = lag is not None and lag.beyond > _LARGEST
-    largest = {"depth": _LARGEST + _AFT * (time_constant or 0.0), "dvl": _LARGEST if late else np.inf}
-    checks = (
-        _check(signals, sensor, other, pairs, window, largest.get(sensor, _LARGEST))
+    late = lag is not None and lag.least > _SENSOR_DELAY_FAILURE
+    failure = {
+        "depth": _SENSOR_DELAY_FAILURE + _AFT_SHARE * (time_constant or 0.0),
+        "dvl": _SENSOR_DELAY_FAILURE if late else np.inf,
+    }
+    return [
+        _sensor_delay_check(sensor, other, found, failure.get(sensor, _SENSOR_DELAY_FAILURE))
         for (sensor, other), pairs in by_sensors.items()
-    )
-    return [check for check in checks if check is not None]
+        if (found := _lag(signals, pairs, window)) is not None
+    ]
 
 
 def _pairs(signals: Signals, half: int) -> Iterator[_Pair]:
@@ -360,87 +345,73 @@ def _pairs(signals: Signals, half: int) -> Iterator[_Pair]:
     dive = diving_speed(signals)
     if dive is not None and signals.has("down", "w"):
         measured = rate_of_change(value["down"], step, half)
-        stated, turned = (response_to_rates(dive.total() - 2.0 * by * dive.others[0], step, half) for by in (0.0, 1.0))
-        yield _Pair("depth", "attitude", measured, stated, {"w": turned})
+        expected, reversed_w = (
+            response_to_rates(dive.total() - 2.0 * by * dive.others[0], step, half) for by in (0.0, 1.0)
+        )
+        yield _Pair("depth", "attitude", measured, expected, reversed_w)
     for velocity, force in measured_forces(signals).items():
-        # What is left of the specific force beside gravity and the turning is the change of a velocity.
-        left = value[f"f{'xyz'['uvw'.index(velocity)]}"] - sum(force.others)
-        changing = rate_of_change(value[velocity], step, half)
-        yield _Pair("dvl", "accelerometer", changing, response_to_rates(left, step, half), swings=velocity != "u")
+        acceleration = value[f"f{'xyz'['uvw'.index(velocity)]}"] - sum(force.others)
+        measured = rate_of_change(value[velocity], step, half)
+        expected = response_to_rates(acceleration, step, half)
+        yield _Pair("dvl", "accelerometer", measured, expected, swings=velocity != "u")
 
 
 class _Lag(NamedTuple):
-    """How much later what a sensor measures is than what is expected, and its standard deviation, s.
-
-    Attributes
-    ----------
-    size, error : float
-    turned : list of str
-        Symbols of the signs that seem turned.
-    """
+    """Delay of a measured signal against its prediction, and its standard deviation, s."""
 
     size: float
     error: float
-    turned: list[str]
+    is_w_reversed: bool
 
     @property
-    def beyond(self) -> float:
-        """Return how long it is at least, s."""
-        return abs(self.size) - 2.0 * self.error
+    def least(self) -> float:
+        """Return the lower bound of its size, s."""
+        return abs(self.size) - _DELAY_SIGMAS * self.error
 
 
 def _lag(signals: Signals, pairs: Sequence[_Pair], window: int) -> _Lag | None:
-    """Find the one lag that pairs of signals have together; None where they hardly agree."""
-    lags = np.arange(
-        -round(_LONGEST_SENSOR_DELAY / signals.grid.step), round(_LONGEST_SENSOR_DELAY / signals.grid.step) + 1
-    )
-    usual = np.abs(lags) * signals.grid.step <= _USUAL
-    likelihood, turned = np.zeros(lags.size), list[str]()
+    """Return the common lag of pairs of signals; None if they hardly agree."""
+    step, lags = signals.grid.step, _lags(signals, _MAX_SENSOR_LAG)
+    short = np.abs(lags) * step <= _SENSOR_DELAY_NOTE
+    likelihood, is_w_reversed = np.zeros(lags.size), False
     for pair in pairs:
         best = _sensor_likelihood(pair.measured, pair.expected, lags, window)
-        for symbol, expected in pair.turned.items():
-            other_way = _sensor_likelihood(pair.measured, expected, lags, window)
-            if other_way[usual].max() > best.max() + _SENSOR_LIKELIER:
-                best = other_way
-                turned.append(symbol)
+        if pair.reversed_w is not None:
+            other_sign = _sensor_likelihood(pair.measured, pair.reversed_w, lags, window)
+            if other_sign[short].max() > best.max() + _LIKELIHOOD_MARGIN:
+                best, is_w_reversed = other_sign, True
         likelihood += best
     if not likelihood.any():
         return None
     cells, error = likeliest_lag(likelihood)
-    return _Lag(cells * signals.grid.step, error * signals.grid.step, turned)
+    return _Lag(cells * step, error * step, is_w_reversed)
 
 
-def _check(signals: Signals, sensor: str, other: str, pairs: list[_Pair], window: int, largest: float) -> Check | None:
-    lag = _lag(signals, pairs, window)
-    if lag is None:
-        return None
+def _sensor_delay_check(sensor: str, other: str, lag: _Lag, failure: float) -> Check:
     late, early = (sensor, other) if lag.size > 0.0 else (other, sensor)
     return judged(
         sensor,
         f"delay against {other}",
         statistic=f"{late} is {abs(lag.size):.2f} +- {lag.error:.1g} s later than {early}"
-        + (f", if the sign of {', '.join(lag.turned)} is turned, as it seems" if lag.turned else ""),
-        threshold=f"<= {_USUAL:g} s" + (f"; fails beyond {largest:.2g} s" if np.isfinite(largest) else ""),
-        passed=False if lag.beyond > largest else None if lag.beyond > _USUAL else True,
-        advice=f"{late} is stamped late, or {early} early: shift the times, state it (`identification.delays`), or let "
-        "it be found (`identification.estimate.biases: [delay]`)." + _SENSOR_OTHERWISE.get(sensor, ""),
+        + (" (with the sign of w reversed)" if lag.is_w_reversed else ""),
+        threshold=f"<= {_SENSOR_DELAY_NOTE:g} s" + (f"; fails beyond {failure:.2g} s" if np.isfinite(failure) else ""),
+        passed=False if lag.least > failure else None if lag.least > _SENSOR_DELAY_NOTE else True,
+        advice=f"{late} is stamped late, or {early} early: shift the times, state the delay (`identification.delays`), "
+        f"or estimate it (`identification.estimate.biases: [delay]`).{_OTHER_REASONS.get(sensor, '')}",
     )
 
 
 def _sensor_likelihood(measured: Array, expected: Array, lags: NDArray[np.int64], window: int) -> Array:
-    """Say for each lag how much likelier the signals are together than apart, as a logarithm; 0 if they hardly agree.
-
-    What is measured so many cells later is correlated with what is expected, at cells that are known at every lag.
-    """
+    """Return the log-likelihood ratio of related to unrelated signals, by lag; 0 if they hardly agree."""
     rows = np.stack([shifted(measured, int(lag)) for lag in lags])
     complete = np.isfinite(rows).all(axis=0) & np.isfinite(expected)
     windows = int(complete.sum()) / window
-    if windows < _FEWEST:
+    if windows < _MIN_WINDOWS:
         return np.zeros(lags.size)
     rows, expected = rows[:, complete], expected[complete]
     rows, expected = rows - rows.mean(axis=1, keepdims=True), expected - expected.mean()
     sizes = np.linalg.norm(rows, axis=1) * np.linalg.norm(expected)
     correlations = np.divide(rows @ expected, sizes, out=np.zeros(lags.size), where=sizes > 0.0)
-    if correlations.max() < _LEAST_SENSOR_CORRELATION:
+    if correlations.max() < _MIN_SENSOR_CORRELATION:
         return np.zeros(lags.size)
-    return -0.5 * windows * np.log1p(-(np.clip(correlations, 0.0, 1.0 - 1e-9) ** 2))
+    return -0.5 * windows * np.log1p(-(np.clip(correlations, 0.0, _MAX_EXPLAINED) ** 2))

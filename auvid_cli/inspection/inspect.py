@@ -1,4 +1,4 @@
-"""Inspect a dataset before identification: run all checks on clean records, and find contradictions between them."""
+"""Inspect a dataset before identification: single sensors, contradictions between them, and excitation."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -12,9 +12,8 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.acting_inputs import as_acting, with_actuator_dynamics
 from auvid_cli.data.checks import Check, Checks
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
-from auvid_cli.data.signals import gaps, stuck_times
-from auvid_cli.inspection.agreement import rotation_checks
-from auvid_cli.inspection.delays import aligned, alignment_checks, input_alignment, sensor_delay_checks
+from auvid_cli.data.faults import Cause, FaultKind
+from auvid_cli.inspection.delays import Alignment, aligned, alignment_checks, input_alignment, sensor_delay_checks
 from auvid_cli.inspection.excitation import (
     actuator_checks,
     doubled_thrust_check,
@@ -22,291 +21,147 @@ from auvid_cli.inspection.excitation import (
     fitness_checks,
     force_checks,
 )
-from auvid_cli.inspection.fins import motion_of, rudder_trim, rudder_trim_checks, strength_checks
-from auvid_cli.inspection.inspection import Inspection, Mark, data_checks, judged
-from auvid_cli.inspection.kinematic_relations import Signals, attitude_rates, measured_forces, signals_of, span_of
-from auvid_cli.inspection.lasting_errors import (
-    biases_to_look_for,
+from auvid_cli.inspection.fins import RudderTrim, motion_of, rudder_trim, rudder_trim_checks, strength_checks
+from auvid_cli.inspection.inspection import UNDETERMINED, Inspection, Mark, data_checks, judged
+from auvid_cli.inspection.kinematic_relations import Signals, measured_forces, signals_of, span_of
+from auvid_cli.inspection.responses import Current, estimate_current, is_significant, through_water
+from auvid_cli.inspection.rotation import (
+    RateError,
     excursion_checks,
-    lasting_error_checks,
-    lasting_errors,
+    gyroscope_biases,
+    rate_error_checks,
+    rate_errors,
+    rotation_checks,
+    stability_checks,
 )
-from auvid_cli.inspection.likely_causes import causes_check
-from auvid_cli.inspection.responses import drift, is_current, through_water
 from auvid_cli.inspection.single_sensor import (
+    Screening,
     angle_steps,
-    bias_instability,
     gimbal_check,
     measurement_checks,
-    spikes,
+    screen,
     step_check,
 )
-from auvid_cli.inspection.timing import clock_jumps, input_end_check, input_timing_checks, timing_checks
+from auvid_cli.inspection.timing import input_end_check, input_timing_checks, timing_checks
 from auvid_cli.inspection.velocity import against_force, mean_speed, velocity_checks
 from auvid_cli.vehicle.parameters import SENSORS
 
-_Key = tuple[str, str]
-_FINS = "delay", "rudder and elevator"
-_LASTING = tuple(f"errors that last in {rate}" for rate in "pqr")
 Array = NDArray[np.float64]
-_INTERVALS, _MEASUREMENTS = 600, 10
-_MOST_INPUTS = 100_000
+_MAX_INPUTS = 100_000  # samples of the inputs in a timeline
+_MAX_BINS = 600  # of a timeline
+_MEASUREMENTS_PER_BIN = 10
 
 
-class Screened(NamedTuple):
-    """A record that can be compared with other sensors, and what was left out.
+def inspect_dataset(dataset: Dataset) -> Inspection:
+    """Check a dataset as recorded, without its truth: sensors, contradictions between them, excitation."""
+    experiment, vehicle = dataset.experiment, dataset.experiment.vehicle
+    actuators, length = vehicle.actuators.actuators(), vehicle.size.length
+    sensors = _sensors_with_values(dataset)
+    screened = {name: screen(name, record) for name, record in sensors.items()}
+    clean = {name: screening.record for name, screening in screened.items()}
+    marks = [mark for screening in screened.values() for mark in screening.marks]
+    span = span_of(dataset.inputs, sensors)
+    acting = with_actuator_dynamics(dataset.inputs, actuators, experiment.identification.integration_step)
+    signals = signals_of(acting, clean, span)
 
-    Attributes
-    ----------
-    record : SensorRecord
-        NaN for stuck values and spikes; ends where the clock jumps.
-    jumps : ndarray of int
-        Samples before the jumps of the clock.
-    spikes : ndarray of bool, shape (n, c)
-        In the record as it was.
-    largest : dict
-        Of each component the size of the largest spike, in robust standard deviations, and its time, s.
-    marks : list of Mark
-    """
+    # Each sensor by itself
+    checks = [*_missing_sensors(dataset, sensors), *_import_remarks(experiment), *_vehicle(vehicle)]
+    for name, screening in screened.items():
+        checks += _sensor_checks(dataset, name, screening)
+    steps, step_marks, stepped = _steps(signals, clean)
+    checks += steps
+    marks += step_marks
 
-    record: SensorRecord
-    jumps: NDArray[np.int64]
-    spikes: NDArray[np.bool_]
-    largest: dict[str, tuple[float, float]]
-    marks: list[Mark]
+    # Conditions of the run
+    speed = mean_speed(signals)
+    time_constant = length / speed if speed is not None else None
+    current = estimate_current(signals)
+    in_water = through_water(signals, current)
+    motion = motion_of(in_water, vehicle)
+    alignment = input_alignment(in_water, motion, time_constant)
+    in_water, over_ground = aligned(in_water, alignment), aligned(signals, alignment)
 
+    # Inputs
+    checks += [*_input_end(dataset, sensors), *input_timing_checks(dataset.inputs, time_constant)]
+    checks += alignment_checks(alignment)
+    checks += actuator_checks(dataset.inputs, actuators)
+    checks += doubled_thrust_check(dataset.inputs, vehicle.coefficient_set)
+    checks += force_checks(signals, vehicle)
 
-def screened(name: str, record: SensorRecord) -> Screened:
-    """Take out what is wrong with a sensor by itself."""
-    time, values = record.time, record.values.copy()
-    stuck = stuck_times(record)
-    for start, end in stuck:
-        # The first of them was measured.
-        values[slice(*np.searchsorted(time, [start, end], side="right"))] = np.nan
-    moving = SensorRecord(time, values, record.standard_deviation)
-    mask, largest = spikes(moving, name)
-    values[mask] = np.nan
-    jumps = clock_jumps(record)
-    leaps = np.stack([time[jumps], time[jumps + 1]], axis=1).tolist()
-    marks = [Mark(name, "clock", *times) for times in leaps]
-    marks += [Mark(name, "gap", *times) for times in gaps(record.measured_times).tolist() if times not in leaps]
-    marks += [Mark(name, "stuck", *times) for times in stuck.tolist()]
-    marks += [Mark(name, "spike", at, at) for at in time[mask.any(axis=1)].tolist()]
-    end = int(jumps[0]) + 1 if jumps.size else time.size
-    return Screened(SensorRecord(time[:end], values[:end], record.standard_deviation), jumps, mask, largest, marks)
+    # Sensors against each other
+    rotations = rotation_checks(in_water, clean, time_constant)
+    accelerometer = dataset.sensors.get("accelerometer")
+    ahead = 0.0 if accelerometer is None else accelerometer.position[0]
+    velocities = velocity_checks(over_ground, length, time_constant, ahead)
+    errors = rate_errors(signals, clean)
+    checks += [*rotations, *velocities, *stability_checks(signals), *rate_error_checks(dataset, errors)]
+
+    # Fins, unless sensors contradict each other
+    if not _has_failed_sensor([*rotations, *velocities], clean):
+        checks += strength_checks(in_water, motion, time_constant)
+    trim = rudder_trim(in_water, motion, time_constant)
+    checks += rudder_trim_checks(trim)
+
+    # Delays and excursions, unless rates and angles contradict each other
+    contradicted = _has_failed_sensor(rotations, clean)
+    checks += sensor_delay_checks(signals, time_constant, contradicted)
+    if not contradicted:
+        excursions, excursion_marks = excursion_checks(signals, stepped)
+        checks += excursions
+        marks += excursion_marks
+
+    # Excitation, and causes of all that was found
+    checks += [*excitation_checks(dataset, signals), *fitness_checks(dataset, time_constant)]
+    checks = weighted_evidence(checks)
+    significant = current if current is not None and is_significant(signals, current) else None
+    checks.append(causes_check(alignment, significant, trim, errors, gyroscope_biases(dataset), checks))
+
+    every = slice(None, None, 1 + dataset.inputs.time.size // _MAX_INPUTS)
+    inputs = InputRecord(dataset.inputs.time[every], dataset.inputs.values[every])
+    presence = {name: _presence(record, span) for name, record in sensors.items()}
+    return Inspection(Checks(checks), marks, inputs, presence, span)
 
 
 def contradictions_of_unused(dataset: Dataset) -> list[Check]:
-    """Judge the velocities by an accelerometer that is not used; only what fails.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Its truth is not looked at.
-    """
+    """Return failed checks of the velocities by an accelerometer that is not used; the truth is ignored."""
     if "accelerometer" not in dataset.experiment.identification.unused_sensors:
         return []
-    sensors = {
-        name: screened(name, record).record
-        for name, record in dataset.sensors.items()
-        if np.isfinite(record.values).any()
-    }
+    sensors = {name: screen(name, record).record for name, record in _sensors_with_values(dataset).items()}
     signals = signals_of(dataset.inputs, sensors, span_of(dataset.inputs, sensors))
     checks = (against_force(signals, symbol, force) for symbol, force in measured_forces(signals).items())
     return [check for check in checks if check.passed is False]
 
 
-class _Turn(NamedTuple):
-    """Verdicts on one axis.
-
-    Attributes
-    ----------
-    agreement : tuple of str
-        Those on rate against angle, of which the first that was reached counts.
-    answer : (str, str)
-        That on the answer to the fin.
-    witnesses : tuple of (str, str)
-        Those that have the direction from the motion otherwise.
-    symbols, positive : str
-        What is turned where both contradict, and which way round is right.
-    hangs_on_it : tuple of str
-        Other verdicts for which the rate or the angle is needed.
-    """
-
-    agreement: tuple[str, ...]
-    answer: _Key
-    witnesses: tuple[_Key, ...]
-    symbols: str
-    positive: str
-    hangs_on_it: tuple[str, ...] = ()
+def _sensors_with_values(dataset: Dataset) -> dict[str, SensorRecord]:
+    return {name: record for name, record in dataset.sensors.items() if np.isfinite(record.values).any()}
 
 
-_TURNS = (
-    _Turn(("p against phi",), ("roll_moment", "response of p"), (), "phi (and p)", "starboard side down", _LASTING),
-    _Turn(
-        ("q against theta",),
-        ("elevator", "response of q"),
-        (("depth", "depth against pitch and u"), ("dvl", "w in a turn")),
-        "theta (and q)",
-        "nose up",
-        ("w in a turn", *_FINS, *_LASTING),
-    ),
-    _Turn(
-        ("r against psi", "r against heading"),
-        ("rudder", "response of r"),
-        (("dvl", "v in a turn"),),
-        "psi (and r)",
-        "clockwise from above; headings of ENU count the other way",
-        (
-            *("v in a turn", "v against accelerometer", "lever arm", "current", "heading offset", "response of u"),
-            *("bias instability of r", "trim", *_FINS, *_LASTING),
-        ),
-    ),
-)
+def _has_failed_sensor(checks: Sequence[Check], sensors: dict[str, SensorRecord]) -> bool:
+    return any(check.passed is False and check.subject in sensors for check in checks)
 
 
-def weighted_evidence(checks: Sequence[Check]) -> list[Check]:
-    """Return verdicts with nothing called true or false by a rate and an angle that disagree, nor advice to mirror."""
-    verdicts = {(check.subject, check.check): check for check in checks}
-    for turn in _TURNS:
-        agreements = [check for name in turn.agreement for check in checks if check.check == name]
-        told = [check for check in agreements if check.passed is not None]
-        if told and told[0].passed is False:
-            for key, check in verdicts.items():
-                if check.check in (turn.answer[1], *turn.hangs_on_it) and check.passed is not None:
-                    verdicts[key] = _in_doubt(check, told[0].check)
-        elif (answer := verdicts.get(turn.answer)) is not None:
-            verdicts |= _blamed(turn, answer, verdicts)
-    return list(verdicts.values())
-
-
-def _in_doubt(check: Check, disagreement: str) -> Check:
-    statistic = f"cannot tell while {disagreement} fails: {check.statistic}"
-    return check._replace(passed=None, statistic=statistic, advice=f"First mend {disagreement}.")
-
-
-def _blamed(turn: _Turn, answer: Check, verdicts: dict[_Key, Check]) -> dict[_Key, Check]:
-    """Say which sign is turned where a fin, or what witnesses the turn, contradicts the attitude."""
-    against = [check for key in turn.witnesses if (check := verdicts.get(key)) is not None and check.passed is False]
-    if answer.passed is False and against:
-        words = (
-            f"{answer.check} and {' and '.join(check.check for check in against)} both contradict {turn.symbols}: turn "
-            f"the sign of that ({turn.positive}), which one mistake explains, and not of the others. But first make "
-            "sure that it counts the other way: if it does not, all others are turned, and turning it makes the data "
-            "those of a mirror image of the vehicle, which nothing tells any more."
+def _missing_sensors(dataset: Dataset, sensors: dict[str, SensorRecord]) -> list[Check]:
+    """Return failed checks of sensors without values, or of a dataset without sensors."""
+    checks = [
+        judged(
+            name,
+            "missing",
+            statistic="100% of values",
+            threshold="some valid values",
+            passed=False,
+            advice=f"{name} has no valid value: remove it from the map, or find the reason.",
         )
-        return {(check.subject, check.check): check._replace(advice=words) for check in (answer, *against)}
-    words = (
-        f" But first make sure of {turn.symbols} ({turn.positive}): if that is turned as well, this makes the data "
-        "those of a mirror image of the vehicle, which nothing tells any more."
-    )
-    failed = [check for check in (answer, *against) if check.passed is False]
-    return {(check.subject, check.check): check._replace(advice=check.advice + words) for check in failed}
-
-
-def inspect_dataset(dataset: Dataset) -> Inspection:
-    """Judge a dataset as recorded: each sensor by itself, all against each other, and whether they suffice.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Its truth is not looked at.
-
-    Returns
-    -------
-    Inspection
-    """
-    sensors = {name: record for name, record in dataset.sensors.items() if np.isfinite(record.values).any()}
-    checks = [_silent(name) for name in dataset.sensors if name not in sensors] or [_no_sensor()] * (not sensors)
-    checks += [*_import_remarks(dataset.experiment), *_vehicle(dataset.experiment.vehicle)]
-    marks, sound = [], {}
-    for name, record in sensors.items():
-        screening = screened(name, record)
-        checks += _sensor_checks(dataset, name, screening)
-        marks += screening.marks
-        sound[name] = screening.record
-    span = span_of(dataset.inputs, sensors)
-    actuators = dataset.experiment.vehicle.actuators.actuators()
-    acting = with_actuator_dynamics(dataset.inputs, actuators, dataset.experiment.identification.integration_step)
-    signals = signals_of(acting, sound, span)
-    stepped = set()
-    for name, component, symbol in _angles(sound):
-        before, after, size = angle_steps(sound, name, component)
-        checks.append(step_check(name, symbol, before, size))
-        if size.size:
-            stepped.add(symbol)
-        for times in zip(before.tolist(), after.tolist(), strict=True):
-            marks.append(Mark(name, "step", *times))
-            signals.blank(symbol, *times)
-    speed = mean_speed(signals)
-    length = dataset.experiment.vehicle.size.length
-    time_constant = length / speed if speed is not None else None
-    found = drift(signals)
-    in_water = through_water(signals, found)
-    motion = motion_of(in_water, dataset.experiment.vehicle)
-    alignment = input_alignment(in_water, motion, time_constant)
-    checks += [*_input_end(dataset, sensors), *input_timing_checks(dataset.inputs, time_constant)]
-    checks += alignment_checks(alignment)
-    checks += actuator_checks(dataset.inputs, actuators)
-    checks += doubled_thrust_check(dataset.inputs, dataset.experiment.vehicle.coefficient_set)
-    checks += force_checks(signals, dataset.experiment.vehicle)
-    rotations = rotation_checks(aligned(in_water, alignment), sound, time_constant)
-    accelerometer = dataset.sensors.get("accelerometer")
-    ahead = 0.0 if accelerometer is None else accelerometer.position[0]
-    velocities = velocity_checks(aligned(signals, alignment), length, time_constant, ahead)
-    errors = lasting_errors(signals, sound)
-    checks += [*rotations, *velocities, *_stability(signals), *lasting_error_checks(dataset, errors)]
-    # Of sensors that contradict each other none is a witness.
-    if not any(check.passed is False and check.subject in sound for check in [*rotations, *velocities]):
-        checks += strength_checks(aligned(in_water, alignment), motion, time_constant)
-    trim = rudder_trim(aligned(in_water, alignment), motion, time_constant)
-    checks += rudder_trim_checks(trim)
-    contradicted = any(check.passed is False and check.subject in sound for check in rotations)
-    checks += sensor_delay_checks(signals, time_constant, contradicted)
-    if not contradicted:
-        swings, away = excursion_checks(signals, stepped)
-        checks += swings
-        marks += away
-    checks += [*excitation_checks(dataset, signals), *fitness_checks(dataset, time_constant)]
-    every = slice(None, None, 1 + dataset.inputs.time.size // _MOST_INPUTS)
-    inputs = InputRecord(dataset.inputs.time[every], dataset.inputs.values[every])
-    presence = {name: _presence(record, span) for name, record in sensors.items()}
-    weighty = weighted_evidence(checks)
-    current = found if found is not None and is_current(signals, found) else None
-    weighty.append(causes_check(alignment, current, trim, errors, biases_to_look_for(dataset), weighty))
-    return Inspection(Checks(weighty), marks, inputs, presence, span)
-
-
-def _sensor_checks(dataset: Dataset, name: str, screening: Screened) -> list[Check]:
-    """Judge a sensor by itself."""
-    record = dataset.sensors[name]
-    checks = timing_checks(name, record, screening.jumps) if record.time.size > 1 else []
-    checks += [
-        *data_checks([dataset], "", [name]),
-        *measurement_checks(name, record, screening.spikes, screening.largest),
+        for name in dataset.sensors
+        if name not in sensors
     ]
-    tells_pitch = name == "attitude" and np.isfinite(record.values[:, 1]).any()
-    return [*checks, gimbal_check(record)] if tells_pitch else checks
-
-
-def _no_sensor() -> Check:
-    return judged(
-        "dataset",
-        "sensors",
-        statistic="none",
-        threshold="some",
-        passed=False,
-        advice="There is nothing to judge, nor to identify from.",
-    )
-
-
-def _silent(name: str) -> Check:
-    advice = f"{name} holds no valid value at all: leave it out, or find out why."
-    return judged(name, "missing", statistic="100% of values", threshold="some", passed=False, advice=advice)
+    if checks or sensors:
+        return checks
+    advice = "Nothing was measured: add sensors to the map."
+    return [judged("dataset", "sensors", statistic="none", threshold="at least 1", passed=False, advice=advice)]
 
 
 def _import_remarks(run: RunSettings) -> list[Check]:
-    """List what only the log could tell, such as that its other clock is the better one."""
+    """Return the remarks of the import, such as that another clock is better."""
     remarks = run.recording.remarks if isinstance(run, ImportedRun) else {}
     return [
         judged(
@@ -322,16 +177,47 @@ def _import_remarks(run: RunSettings) -> list[Check]:
 
 
 def _vehicle(vehicle: VehicleSettings) -> list[Check]:
-    """List what of the vehicle's numbers can hardly be."""
-    advice = "Look at the sign and the unit of that number in the vehicle file, and at what it is compared with."
+    """Return implausible values of the vehicle file."""
+    advice = "Check the sign and the unit of this value in the vehicle file, and the value that it is compared with."
     return [
         judged("vehicle", doubt.subject, statistic=doubt.value, threshold=doubt.expected, passed=None, advice=advice)
         for doubt in doubts(vehicle)
     ]
 
 
+def _sensor_checks(dataset: Dataset, name: str, screening: Screening) -> list[Check]:
+    """Check a sensor by itself."""
+    record = dataset.sensors[name]
+    checks = timing_checks(name, record, screening.jumps) if record.time.size > 1 else []
+    checks += [*data_checks([dataset], "", [name]), *measurement_checks(name, record, screening)]
+    has_pitch = name == "attitude" and np.isfinite(record.values[:, 1]).any()
+    return [*checks, gimbal_check(record)] if has_pitch else checks
+
+
+def _steps(signals: Signals, sensors: dict[str, SensorRecord]) -> tuple[list[Check], list[Mark], set[str]]:
+    """Check all angles for steps and remove these from the signals; return checks, marks and angles with steps."""
+    checks, marks, stepped = [], [], set()
+    for name, component, symbol in _angles(sensors):
+        before, after, size = angle_steps(sensors, name, component)
+        checks.append(step_check(name, symbol, before, size))
+        if size.size:
+            stepped.add(symbol)
+        for times in zip(before.tolist(), after.tolist(), strict=True):
+            marks.append(Mark(name, "step", *times))
+            signals.blank(symbol, *times)
+    return checks, marks, stepped
+
+
+def _angles(sensors: dict[str, SensorRecord]) -> Iterator[tuple[str, int, str]]:
+    """Yield sensor, component and symbol of each measured angle."""
+    for name, record in sensors.items():
+        for component, quantity in enumerate(SENSORS[name]):
+            if quantity.unit == "rad" and np.isfinite(record.values[:, component]).sum() > 1:
+                yield name, component, quantity.symbol
+
+
 def _input_end(dataset: Dataset, sensors: dict[str, SensorRecord]) -> list[Check]:
-    """Judge whether the inputs last as long as what estimators listen to, as these take either to be timed."""
+    """Check that the inputs last as long as the used sensors, both with their stated delays."""
     settings = dataset.experiment.identification
     ends = [
         float(record.measured_times.max()) - settings.delays.get(name, 0.0)
@@ -341,40 +227,154 @@ def _input_end(dataset: Dataset, sensors: dict[str, SensorRecord]) -> list[Check
     return [input_end_check(as_acting(dataset.inputs, dataset.experiment), max(ends))] if ends else []
 
 
-def _angles(sensors: dict[str, SensorRecord]) -> Iterator[tuple[str, int, str]]:
-    """Yield sensor, component and symbol of each angle that is measured."""
-    for name, record in sensors.items():
-        for component, quantity in enumerate(SENSORS[name]):
-            if quantity.unit == "rad" and np.isfinite(record.values[:, component]).sum() > 1:
-                yield name, component, quantity.symbol
-
-
-def _stability(signals: Signals) -> list[Check]:
-    """State the bias instability of the rates, from what attitude does not explain: that of both together."""
-    checks = []
-    for symbol, relation in attitude_rates(signals).items():
-        if signals.has(symbol):
-            unexplained = signals.values[symbol] - relation.total()
-            instability = bias_instability(unexplained[np.isfinite(unexplained)], signals.grid.step)
-            if instability is not None:
-                checks.append(
-                    judged(
-                        "gyroscope",
-                        f"bias instability of {symbol}",
-                        statistic=f"{np.rad2deg(instability.value) * 3600.0:.3g} deg/h at {instability.time:.3g} s",
-                        threshold="Allan deviation of what attitude does not explain",
-                        passed=True,
-                        advice="",
-                    )
-                )
-    return checks
-
-
 def _presence(record: SensorRecord, span: tuple[float, float]) -> Array:
-    """Count, over the usual, the measurements in each interval of the span, 0 to 1; each has room for a few."""
+    """Return the share of the usual measurements in each bin of the span, 0 to 1."""
     time = record.measured_times
     usual = float(np.median(np.diff(record.time))) if record.time.size > 1 else np.inf
     expected = (span[1] - span[0]) / usual
-    intervals = int(np.clip(expected / _MEASUREMENTS, 1, _INTERVALS))
-    count, _ = np.histogram(time, intervals, span)
-    return np.minimum((count + 1) * intervals / max(expected, 1.0), 1.0) * (count > 0)
+    bins = int(np.clip(expected / _MEASUREMENTS_PER_BIN, 1, _MAX_BINS))
+    count, _ = np.histogram(time, bins, span)
+    return np.minimum((count + 1) * bins / max(expected, 1.0), 1.0) * (count > 0)
+
+
+class _AxisEvidence(NamedTuple):
+    """Checks that show the sign of a rate and an angle.
+
+    Attributes
+    ----------
+    agreement : tuple of str
+        Checks of the rate against an angle; the first that was determined counts.
+    response : tuple of str
+        Subject and check of the response to the input.
+    others : tuple of (str, str)
+        Subject and check of other evidence on the direction of rotation.
+    symbols, positive : str
+        Signals with the wrong sign if both contradict them, and their correct direction.
+    dependent : tuple of str
+        Other checks that need the rate or the angle.
+    """
+
+    agreement: tuple[str, ...]
+    response: tuple[str, str]
+    others: tuple[tuple[str, str], ...]
+    symbols: str
+    positive: str
+    dependent: tuple[str, ...] = ()
+
+
+_RATE_ERRORS = tuple(f"autocorrelated errors in {rate}" for rate in "pqr")
+_AXIS_EVIDENCE = (
+    _AxisEvidence(
+        ("p against phi",), ("roll_moment", "response of p"), (), "phi (and p)", "starboard side down", _RATE_ERRORS
+    ),
+    _AxisEvidence(
+        ("q against theta",),
+        ("elevator", "response of q"),
+        (("depth", "depth against pitch and u"), ("dvl", "w in a turn")),
+        "theta (and q)",
+        "nose up",
+        ("w in a turn", "delay", "rudder and elevator", *_RATE_ERRORS),
+    ),
+    _AxisEvidence(
+        ("r against psi", "r against heading"),
+        ("rudder", "response of r"),
+        (("dvl", "v in a turn"),),
+        "psi (and r)",
+        "clockwise from above; headings in ENU count the other way",
+        (
+            *("v in a turn", "v against accelerometer", "lever arm", "current", "heading offset", "response of u"),
+            *("bias instability of r", "trim", "delay", "rudder and elevator", *_RATE_ERRORS),
+        ),
+    ),
+)
+
+
+def weighted_evidence(checks: Sequence[Check]) -> list[Check]:
+    """Return checks without results that depend on a contradicted rate or angle, and without advice to mirror."""
+    by_name = {(check.subject, check.check): check for check in checks}
+    for axis in _AXIS_EVIDENCE:
+        agreements = [check for name in axis.agreement for check in checks if check.check == name]
+        agreement = next((check for check in agreements if check.passed is not None), None)
+        if agreement is not None and agreement.passed is False:
+            for key, check in by_name.items():
+                if check.check in (axis.response[1], *axis.dependent) and check.passed is not None:
+                    statistic = f"{UNDETERMINED} while {agreement.check} fails: {check.statistic}"
+                    advice = f"Correct {agreement.check} first."
+                    by_name[key] = check._replace(passed=None, statistic=statistic, advice=advice)
+        elif axis.response in by_name:
+            by_name |= _sign_advice(axis, by_name)
+    return list(by_name.values())
+
+
+def _sign_advice(axis: _AxisEvidence, checks: dict[tuple[str, str], Check]) -> dict[tuple[str, str], Check]:
+    """Return failed checks of an axis with advice on the sign that explains all of them."""
+    response = checks[axis.response]
+    others = [check for key in axis.others if (check := checks.get(key)) is not None and check.passed is False]
+    failed = [check for check in (response, *others) if check.passed is False]
+    if response.passed is False and others:
+        advice = (
+            f"{response.check} and {' and '.join(check.check for check in others)} both contradict {axis.symbols}. "
+            f"Change the sign of {axis.symbols} ({axis.positive}): this one mistake explains both; do not change the "
+            "other signs. First make sure, from the manual of the sensor, that it counts the other way. If it does "
+            "not, all other signs are wrong, and changing this one gives the data of a mirror image of the vehicle, "
+            "which no check can detect."
+        )
+        return {(check.subject, check.check): check._replace(advice=advice) for check in failed}
+    advice = (
+        f" First make sure of {axis.symbols} ({axis.positive}): if its sign is wrong too, this change gives the data "
+        "of a mirror image of the vehicle, which no check can detect."
+    )
+    return {(check.subject, check.check): check._replace(advice=check.advice + advice) for check in failed}
+
+
+def causes_check(
+    alignment: Alignment,
+    current: Current | None,
+    trim: RudderTrim | None,
+    errors: Sequence[RateError],
+    biases: str,
+    checks: Sequence[Check],
+) -> Check:
+    """Return the check with the likely causes of contradictions, in the order of their evidence.
+
+    Parameters
+    ----------
+    alignment : Alignment
+    current : Current or None
+        Only a significant one.
+    trim : RudderTrim or None
+    errors : sequence of RateError
+    biases : str
+        Bias blocks that estimate these errors.
+    checks : sequence of Check
+        All other checks, weighted. A cause whose own check passed or is undetermined is left out.
+    """
+    shown = {check.check for check in checks if check.passed is not True and UNDETERMINED not in check.statistic}
+    causes = []
+    if "delay" in shown and alignment.is_delayed and alignment.delay is not None:
+        remedy = f"state the delay of the inputs (`identification.delays={{inputs: {-alignment.delay:.2g} s}}`)"
+        causes.append(Cause(alignment.gain, "delayed inputs", remedy))
+    if "current" in shown and current is not None:
+        remedy = f"estimate the current (`{FaultKind.CURRENT.setting}`)"
+        causes.append(Cause(0.5 * (current.speed / current.error) ** 2, "a current", remedy))
+    if "trim" in shown and trim is not None and trim.is_significant:
+        remedy = f"estimate the trim of the rudder (`{FaultKind.FIN_TRIM.setting}`)"
+        causes.append(Cause(0.5 * (trim.angle / trim.error) ** 2, "a rudder trim", remedy))
+    significant = [error for error in errors if error.is_significant]
+    if any(f"autocorrelated errors in {error.rate}" in shown for error in significant):
+        remedy = (
+            f"estimate the bias of the gyroscope (`identification.estimate.biases: [{biases}]`) or set more process "
+            "noise (`auvid tune`)"
+        )
+        gain = sum(error.gain for error in significant)
+        causes.append(Cause(gain, "autocorrelated errors of the gyroscope", remedy))
+    causes.sort(key=lambda cause: -cause.gain)
+    return judged(
+        "identification",
+        "likely causes",
+        statistic="; ".join(cause.name_with_gain for cause in causes) or "none",
+        threshold="no error that looks like motion or noise",
+        passed=None if causes else True,
+        advice=f"Before you identify, the most likely first: {'; then '.join(cause.remedy for cause in causes)}. The "
+        "rest is process noise: set more of it, not less.",
+    )

@@ -14,14 +14,14 @@ from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
 Array = NDArray[np.float64]
-# s
-_STEP, _LONGEST = 0.1, 14 * 86400.0
-# Usual intervals that may be bridged.
-_LONGEST_BRIDGE = 3.0
-_MOST_ROWS = 20_000
-_FEWEST_WINDOWS = 15
-# Of Huber's weights: 95 % as good as least squares where the noise is normal.
-_TUNING, _ROUNDS = 1.345, 12
+_STEP = 0.1  # s, cell of the grid
+_MAX_SPAN = 14 * 86400.0  # s
+_MAX_BRIDGE = 3.0  # median intervals of a sensor between two measurements that may be interpolated
+_MAX_ROWS = 20_000  # of a regression
+_MIN_WINDOWS = 15  # of a regression
+_HUBER_TUNING = 1.345  # robust standard deviations: 95 % as efficient as least squares for Gaussian noise
+_HUBER_ITERATIONS = 12
+_MIN_POWER = 1e-20  # of a regressor, relative: less is rounding
 
 
 class Grid(NamedTuple):
@@ -32,45 +32,48 @@ class Grid(NamedTuple):
     cells: int
 
     def centres(self) -> Array:
-        """Return the times in the middle of each cell, s."""
+        """Return the middle of each cell, s."""
         return self.start + self.step * (0.5 + np.arange(self.cells, dtype=np.float64))
 
 
 class Signals(NamedTuple):
-    """All measured components and all inputs by symbol, on a grid; NaN where nothing was measured."""
+    """Measured components and inputs on a grid.
+
+    Attributes
+    ----------
+    grid : Grid
+    values : dict of ndarray, shape (cells,)
+        By symbol; NaN where nothing was measured.
+    interval : dict of float
+        By symbol of a measured component: median interval of its measurements, s.
+    """
 
     grid: Grid
     values: dict[str, Array]
     interval: dict[str, float]
 
     def has(self, *symbols: str) -> bool:
-        """Say whether all of these were measured at some time."""
+        """Whether all these symbols were measured."""
         return all(symbol in self.values for symbol in symbols)
 
     def blank(self, symbol: str, start: float, end: float) -> None:
-        """Take out the cells that lie in part between two times, s."""
+        """Set the cells that overlap a time span, s, to NaN."""
         first, last = (int((time - self.grid.start) / self.grid.step) for time in (start, end))
         if symbol in self.values:
             self.values[symbol][max(first, 0) : last + 1] = np.nan
 
     def window(self, *symbols: str, least: float = 1.0) -> int:
-        """Say how many cells to average over, so that the slowest of some components has a few measurements there."""
+        """Return the number of cells that contain `least`, s, and a few measurements of the slowest component."""
         longest = max(self.interval.get(symbol, 0.0) for symbol in symbols)
-        return max(round(max(least, _LONGEST_BRIDGE * longest) / self.grid.step), 1)
+        return max(round(max(least, _MAX_BRIDGE * longest) / self.grid.step), 1)
 
 
 def signals_of(inputs: InputRecord, sensors: Mapping[str, SensorRecord], span: tuple[float, float]) -> Signals:
-    """Put inputs and sensors on a grid over a span of time, s.
-
-    Raises
-    ------
-    DataError
-        If it lasts for weeks: some time stamps are no times.
-    """
-    if span[1] - span[0] > _LONGEST:
+    """Return inputs and sensors on a grid over a time span, s; DataError if it is longer than two weeks."""
+    if span[1] - span[0] > _MAX_SPAN:
         raise DataError(
-            f"the measurements are from t = {span[0]:.6g} s to {span[1]:.6g} s, over two weeks: some of these times "
-            "must be wrong; cut the log to the rest (`use` in its map)"
+            f"measurements from t = {span[0]:.6g} s to {span[1]:.6g} s span over two weeks; some time stamps must be "
+            "wrong. Cut the log to the valid part (`use` in its map)"
         )
     grid = Grid(span[0], _STEP, max(int((span[1] - span[0]) / _STEP), 1))
     values = {
@@ -81,7 +84,7 @@ def signals_of(inputs: InputRecord, sensors: Mapping[str, SensorRecord], span: t
         for component, quantity in enumerate(SENSORS[name]):
             column = record.values[:, component]
             time = record.time[np.isfinite(column)]
-            # Of two sensors of one state the first, as those of a vehicle's motion stand before others.
+            # The first of two sensors of one state is that of the vehicle's motion.
             if time.size > 1 and quantity.symbol not in intervals:
                 values[quantity.symbol] = _on(grid, time, continuous(column, quantity))
                 intervals[quantity.symbol] = float(np.median(np.diff(time)))
@@ -95,7 +98,7 @@ def span_of(inputs: InputRecord, sensors: Mapping[str, SensorRecord]) -> tuple[f
 
 
 def _on(grid: Grid, time: Array, values: Array) -> Array:
-    """Return the mean of each cell, or of slow measurements the line between two."""
+    """Return the mean in each cell; the linear interpolation for slow measurements."""
     usual = float(np.median(np.diff(time)))
     if usual <= 0.5 * grid.step:
         cell = ((time - grid.start) / grid.step).astype(np.int64)
@@ -107,12 +110,12 @@ def _on(grid: Grid, time: Array, values: Array) -> Array:
     after = np.searchsorted(time, centres)
     between = (after > 0) & (after < time.size)
     after = np.clip(after, 1, time.size - 1)
-    bridged = time[after] - time[after - 1] <= _LONGEST_BRIDGE * usual
+    bridged = time[after] - time[after - 1] <= _MAX_BRIDGE * usual
     return np.where(between & bridged, np.interp(centres, time, values), np.nan)
 
 
 def _input_on(grid: Grid, time: Array, values: Array) -> Array:
-    """Return the mean over each cell of what is held from each time to the next; NaN before the first."""
+    """Return the mean in each cell of an input that is held between its times; NaN before the first."""
     edges = grid.start + grid.step * np.arange(grid.cells + 1)
     total = np.append(0.0, np.cumsum(np.diff(time) * values[:-1]))
     beyond = np.maximum(edges - time[-1], 0.0) * values[-1]
@@ -120,7 +123,7 @@ def _input_on(grid: Grid, time: Array, values: Array) -> Array:
 
 
 def smoothed(values: Array, window: int) -> Array:
-    """Average over `window` cells from each on; NaN where one of them is missing or beyond the end."""
+    """Return the mean over `window` cells from each cell on; NaN where one is missing or beyond the end."""
     finite = np.isfinite(values)
     total = np.append(0.0, np.cumsum(np.where(finite, values, 0.0)))
     count = np.append(0, np.cumsum(finite))
@@ -132,28 +135,34 @@ def smoothed(values: Array, window: int) -> Array:
 
 
 def derivative(values: Array, step: float) -> Array:
-    """Return the central difference; NaN at both ends and beside what is missing."""
+    """Return the central difference; NaN at both ends and next to missing values."""
     result = np.full(values.size, np.nan)
     result[1:-1] = (values[2:] - values[:-2]) / (2.0 * step)
     return result
 
 
 def change(values: Array, window: int) -> Array:
-    """Return what is added over `window` cells from each on; NaN beyond the end."""
+    """Return the difference over `window` cells from each cell on; NaN beyond the end."""
     result = np.full(values.size, np.nan)
     if values.size > window:
         result[:-window] = values[window:] - values[:-window]
     return result
 
 
+def mean_between_middles(values: Array, window: int) -> Array:
+    """Return the mean from the middle of each cell to that of the cell `window` later: half of both counts."""
+    means = smoothed(values, window)
+    return 0.5 * (means + np.append(means[1:], np.nan))
+
+
 def without_mean(values: Array, window: int) -> Array:
-    """Take off the mean over `window` cells about each; NaN where one of them is missing."""
+    """Subtract the mean over `window` cells around each; NaN where one of them is missing."""
     means = smoothed(values, window)
     return values - np.concatenate([np.full(window // 2, np.nan), means[: values.size - window // 2]])
 
 
 class Regression(NamedTuple):
-    """Regression of one signal on another, those beside it taken into account.
+    """Regression of one signal on another, given further regressors.
 
     Attributes
     ----------
@@ -162,9 +171,9 @@ class Regression(NamedTuple):
     correlation : float
         Partial.
     spread : float
-        Standard deviation of what the others do not explain of the regressor.
+        Standard deviation of the regressor, without the part that the further regressors explain.
     independent : float
-        How many windows would tell as much if each told the same: few where a single event tells all.
+        Effective number of windows: small if a single event dominates.
     """
 
     gain: float
@@ -177,53 +186,52 @@ class Regression(NamedTuple):
 def fit(
     values: Array, regressor: Array, others: Sequence[Array], window: int, constant: bool = True
 ) -> Regression | None:
-    """Regress on one signal, on others beside it, and on a constant.
+    """Return the robust (Huber) regression of `values` on `regressor`, given `others`; None with too few data.
 
     Parameters
     ----------
     values, regressor : ndarray, shape (n,)
-        NaN where not known.
-    others : sequence of ndarray
+        NaN where unknown.
+    others : sequence of ndarray, shape (n,)
     window : int
         Samples over which the signals were averaged.
     constant : bool
-        Whether there is one beside: not where the regressor itself is as good as constant.
-
-    Returns
-    -------
-    Regression or None
-        None if too little is known.
+        Whether a constant is a further regressor; False if the regressor is nearly constant.
     """
     columns = np.stack([values, regressor, *others])
     complete = np.flatnonzero(np.isfinite(columns).all(axis=0))
     windows = complete.size / window
-    if windows < _FEWEST_WINDOWS + len(others):
+    if windows < _MIN_WINDOWS + len(others):
         return None
-    y, *rows = columns[:, complete[:: 1 + complete.size // _MOST_ROWS]]
-    beside = np.stack([*(_unit(row) for row in rows[1:]), *[np.ones(y.size)] * constant], axis=1)
-    x = rows[0]
-    weighted = _weighted(y, x, beside, np.ones(y.size))
-    for _ in range(_ROUNDS):
+    y, x, *rows = columns[:, complete[:: 1 + complete.size // _MAX_ROWS]]
+    further = np.stack([*(_unit(row) for row in rows), *[np.ones(y.size)] * constant], axis=1)
+    weighted = _weighted(y, x, further, np.ones(y.size))
+    for _ in range(_HUBER_ITERATIONS):
         residual = np.abs(weighted.residual)
-        scale = _TUNING * 1.4826 * float(np.median(residual))
+        scale = _HUBER_TUNING * 1.4826 * float(np.median(residual))
         if scale == 0.0:
             break
-        weighted = _weighted(y, x, beside, np.minimum(1.0, scale / np.maximum(residual, scale)))
+        weighted = _weighted(y, x, further, np.minimum(1.0, scale / np.maximum(residual, scale)))
     if not weighted.power > 0.0:
         return Regression(0.0, np.inf, 0.0, 0.0, 0.0)
     correlation = (
         weighted.gain * np.sqrt(weighted.power / weighted.power_of_values) if weighted.power_of_values > 0.0 else 0.0
     )
-    error = np.sqrt(weighted.variance / weighted.power / (windows - len(rows)))
+    error = np.sqrt(weighted.variance / weighted.power / (windows - (1 + len(rows))))
     return Regression(
         weighted.gain, float(error), float(correlation), float(np.sqrt(weighted.power)), weighted.evenness * windows
     )
 
 
 class _Weighted(NamedTuple):
-    """A weighted least-squares fit; powers are those of what the others leave.
+    """Weighted least-squares fit.
 
-    Evenness is the share of samples that would tell as much if each told the same.
+    Attributes
+    ----------
+    power, power_of_values : float
+        Mean square of regressor and values, without the part that the further regressors explain.
+    evenness : float
+        Effective share of the samples: 1 if all have the same weight in the fit.
     """
 
     gain: float
@@ -234,28 +242,26 @@ class _Weighted(NamedTuple):
     evenness: float
 
 
-def _weighted(y: Array, x: Array, beside: Array, weights: Array) -> _Weighted:
-    y_left, x_left = _left(np.stack([y, x], axis=1), beside, weights).T
+def _weighted(y: Array, x: Array, further: Array, weights: Array) -> _Weighted:
+    root = np.sqrt(weights)[:, None]
+    both = np.stack([y, x], axis=1)
+    y, x_unexplained = (both - further @ np.linalg.lstsq(root * further, root * both, rcond=1e-10)[0]).T
     share = weights / weights.sum()
-    power = float(share @ x_left**2)
-    # What is left of a signal that the others hold whole is rounding.
-    gain, power = (float(share @ (x_left * y_left)) / power, power) if power > 1e-20 * float(x @ x) else (0.0, 0.0)
-    residual = y_left - gain * x_left
-    told = share * x_left**2
-    evenness = power**2 / (x.size * float(told @ told)) if power > 0.0 else 0.0
-    return _Weighted(gain, residual, float(share @ residual**2), power, float(share @ y_left**2), evenness)
+    power = float(share @ x_unexplained**2)
+    gain = 0.0
+    if power > _MIN_POWER * float(x @ x):
+        gain = float(share @ (x_unexplained * y)) / power
+    else:
+        power = 0.0
+    residual = y - gain * x_unexplained
+    leverage = share * x_unexplained**2
+    evenness = power**2 / (x.size * float(leverage @ leverage)) if power > 0.0 else 0.0
+    return _Weighted(gain, residual, float(share @ residual**2), power, float(share @ y**2), evenness)
 
 
 def _unit(values: Array) -> Array:
     size = float(np.sqrt(np.mean(values**2)))
     return values / size if size > 0.0 else values
-
-
-def _left(values: Array, beside: Array, weights: Array) -> Array:
-    """Return what weighted least squares leave of each signal, a column of `values`."""
-    root = np.sqrt(weights)[:, None]
-    solution = np.linalg.lstsq(root * beside, root * values, rcond=1e-10)[0]
-    return values - beside @ solution
 
 
 class Relation(NamedTuple):
@@ -265,15 +271,15 @@ class Relation(NamedTuple):
     others: tuple[Array, ...]
 
     def total(self) -> Array:
-        """Return the sum."""
+        """Return the sum of all terms."""
         return sum(self.others, self.main)
 
 
 def attitude_rates(signals: Signals, heading: str = "psi") -> dict[str, Relation]:
-    """Return body rates by the change of attitude, Fossen (2011), eq. (2.26) inverted; by symbol.
+    """Return body rates from the change of attitude, Fossen (2011), eq. (2.26) inverted; by symbol.
 
-    What stands first contains the angle about the same axis. Only rates about whose axis an angle is measured; another
-    angle that is not is taken as zero. The changes are those over `attitude_window`.
+    The main term contains the angle about the same axis; a rate whose angle is not measured is left out. Other angles
+    that are not measured are zero. Changes are those over `attitude_window`.
     """
     value, step = signals.values, signals.grid.step
     level, half = np.zeros(signals.grid.cells), attitude_window(signals, heading) // 2
@@ -288,12 +294,12 @@ def attitude_rates(signals: Signals, heading: str = "psi") -> dict[str, Relation
 
 
 def attitude_window(signals: Signals, heading: str = "psi") -> int:
-    """Say over how many cells a change of attitude tells a rate: a second, or a few measurements of an angle."""
+    """Return the number of cells over which attitude is differentiated: a second, or a few measurements of an angle."""
     return signals.window("phi", "theta", heading, least=WHILE_TURNING)
 
 
 def rates_by_sensor(signals: Signals, symbol: str) -> dict[str, Array]:
-    """Return a rate as each sensor has it: "gyroscope", and "attitude", or where there is none "magnetometer"."""
+    """Return a rate by sensor: "gyroscope", and "attitude" or, without a heading there, "magnetometer"."""
     by_sensor = {"gyroscope": signals.values[symbol]} if signals.has(symbol) else {}
     for name, heading in (("attitude", "psi"), ("magnetometer", "heading")):
         rates = attitude_rates(signals, heading)
@@ -303,14 +309,14 @@ def rates_by_sensor(signals: Signals, symbol: str) -> dict[str, Array]:
 
 
 def measured_forces(signals: Signals) -> dict[str, Relation]:
-    """Return specific force by the symbol of the velocity whose change it contains; needs attitude and DVL."""
+    """Return specific force from DVL and attitude, by velocity, whose change is the main term; empty without them."""
     if not signals.has("phi", "theta", "psi", "u", "v", "w", "fx", "fy", "fz"):
         return {}
     rates = attitude_rates(signals)
     value = signals.values
     p, q, r = (rates[symbol].total() for symbol in "pqr")
     u, v, w, phi, theta = (value[symbol] for symbol in ("u", "v", "w", "phi", "theta"))
-    u_dot, v_dot, w_dot = (derivative(each, signals.grid.step) for each in (u, v, w))
+    u_dot, v_dot, w_dot = (derivative(values, signals.grid.step) for values in (u, v, w))
     return {
         "u": Relation(u_dot, (q * w, -r * v, GRAVITY * np.sin(theta))),
         "v": Relation(v_dot, (r * u, -p * w, -GRAVITY * np.cos(theta) * np.sin(phi))),
@@ -324,7 +330,7 @@ def measured_depth_rate(signals: Signals) -> Array:
 
 
 def diving_speed(signals: Signals) -> Relation | None:
-    """Return the depth rate by pitch and surge, and by heave and sway as far as they and roll are measured."""
+    """Return the depth rate, m/s, from pitch and surge, and from heave, sway and roll if measured."""
     if not signals.has("u", "theta"):
         return None
     value, level = signals.values, np.zeros(signals.grid.cells)
@@ -334,13 +340,12 @@ def diving_speed(signals: Signals) -> Relation | None:
 
 
 def regress_relation(values: Array, main: Array, others: Sequence[Array], window: int) -> Regression | None:
-    """Regress averages over a window on the main term of a relation; the others have gains of their own."""
-    # Of the others only the signs and scales of what is looked at elsewhere could be wrong.
-    return fit(smoothed(values, window), smoothed(main, window), [smoothed(each, window) for each in others], window)
+    """Return the regression of window means on the main term of a relation; other terms have gains of their own."""
+    return fit(smoothed(values, window), smoothed(main, window), [smoothed(term, window) for term in others], window)
 
 
 def lever_arm_acceleration(signals: Signals) -> dict[str, Array]:
-    """Return the acceleration that turning adds per metre of lever arm along the hull, by the symbol of the velocity.
+    """Return the acceleration due to rotation per metre of lever arm along the hull, by velocity.
 
     Empty without attitude.
     """
@@ -348,5 +353,5 @@ def lever_arm_acceleration(signals: Signals) -> dict[str, Array]:
     if len(rates) < 3:
         return {}
     p, q, r = (signals.values.get(symbol, rates[symbol].total()) for symbol in "pqr")
-    q_dot, r_dot = (derivative(each, signals.grid.step) for each in (q, r))
+    q_dot, r_dot = (derivative(values, signals.grid.step) for values in (q, r))
     return {"v": r_dot + p * q, "w": p * r - q_dot}

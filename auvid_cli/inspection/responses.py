@@ -1,4 +1,4 @@
-"""Responses of the vehicle to its inputs, in water that may move."""
+"""Current, and responses of the vehicle to its inputs."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.checks import Check
-from auvid_cli.inspection.inspection import cannot_tell, judged
+from auvid_cli.inspection.inspection import judged, undetermined
 from auvid_cli.inspection.kinematic_relations import (
     Regression,
     Signals,
@@ -19,40 +19,38 @@ from auvid_cli.inspection.kinematic_relations import (
 )
 
 Array = NDArray[np.float64]
-# rad; of the flow to a vehicle whose speed through the water is that over ground.
-_USUAL_SLIP = np.deg2rad(2.0)
+_MAX_FLOW_ANGLE = np.deg2rad(2.0)  # rad, due to a current that needs no note
 _CURRENT_SIGMAS = 5.0
-_NAME = "current"
-# Standard errors from 0, and partial correlation, at which a sign is known.
-_RESPONSE_SIGMAS, _LEAST_CORRELATION = 5.0, 0.4
-# rad, of a fin that moves at all.
-LEAST_DEFLECTION = 1e-3
-# Of which the means over a window count.
-_OF_ROLL = "phi", "p"
-_SHORTEST_ANSWER, _USUAL_ANSWER, _LONGEST_ANSWER = 0.3, 1.0, 3.0
+_SIGN_SIGMAS = 5.0  # standard errors of a gain from 0 at which its sign is known
+_MIN_SIGN_CORRELATION = 0.4  # partial correlation at which the sign of a gain is known
+MIN_DEFLECTION = 1e-3  # rad, standard deviation of a fin that moves
+_ROLL_SYMBOLS = "phi", "p"
+_MIN_RESPONSE_TIME = 0.3  # s
+_USUAL_RESPONSE_TIME = 1.0  # s, of a vehicle without known time constant
+_MAX_RESPONSE_TIME = 3.0  # s
 
 
-class Drift(NamedTuple):
-    """A current, m/s, north and east, with the standard error of both together."""
+class Current(NamedTuple):
+    """Estimate of a current, m/s, with the standard error of both components together."""
 
     north: float
     east: float
     error: float
 
     @property
-    def size(self) -> float:
-        """Return how fast the water is, m/s."""
+    def speed(self) -> float:
+        """Return its speed, m/s."""
         return float(np.hypot(self.north, self.east))
 
 
 def carried_sideways(signals: Signals) -> tuple[Array, ...]:
-    """Return what a current of 1 m/s north, and one east, adds to v; nothing where no heading is measured."""
+    """Return the part of v due to a current of 1 m/s to the north, and to the east; empty without a heading."""
     heading = next((signals.values[symbol] for symbol in ("psi", "heading") if signals.has(symbol)), None)
     return () if heading is None else (-np.sin(heading), np.cos(heading))
 
 
-def drift(signals: Signals) -> Drift | None:
-    """Find the current by v, beside the slip in turns; None if nothing is known of turns, or for too short a time."""
+def estimate_current(signals: Signals) -> Current | None:
+    """Return the current from v, given the slip in turns; None without heading or turn rate, or with too few data."""
     directions, rates = carried_sideways(signals), rates_by_sensor(signals, "r")
     if not directions or not rates or not signals.has("u", "v"):
         return None
@@ -63,67 +61,68 @@ def drift(signals: Signals) -> Drift | None:
     by_east = regress_relation(signals.values["v"], east, (north, slip), window)
     if by_north is None or by_east is None:
         return None
-    return Drift(by_north.gain, by_east.gain, float(np.hypot(by_north.error, by_east.error)))
+    return Current(by_north.gain, by_east.gain, float(np.hypot(by_north.error, by_east.error)))
 
 
-def is_current(signals: Signals, found: Drift) -> bool:
-    """Say whether it is one beyond doubt that turns the flow more than a little."""
-    return found.size > _usual(signals) + _CURRENT_SIGMAS * found.error
+def is_significant(signals: Signals, current: Current) -> bool:
+    """Whether a current is there beyond doubt and turns the flow by more than 2 deg."""
+    return current.speed > _max_current(signals) + _CURRENT_SIGMAS * current.error
 
 
-def through_water(signals: Signals, found: Drift | None) -> Signals:
-    """Take a current, if there is one, off velocities over ground."""
-    if found is None or not is_current(signals, found):
+def through_water(signals: Signals, current: Current | None) -> Signals:
+    """Subtract a significant current from the velocities over ground."""
+    if current is None or not is_significant(signals, current):
         return signals
     by_north, by_east = carried_sideways(signals)
-    u = signals.values["u"] - found.north * by_east + found.east * by_north
-    v = signals.values["v"] - found.north * by_north - found.east * by_east
+    u = signals.values["u"] - current.north * by_east + current.east * by_north
+    v = signals.values["v"] - current.north * by_north - current.east * by_east
     return signals._replace(values=signals.values | {"u": u, "v": v})
 
 
-def current_check(signals: Signals, found: Drift | None) -> Check:
-    """Judge the current: where there is one, velocities over ground are not those through the water."""
-    usual = _usual(signals)
-    threshold = f"<= {usual:.2g} m/s, which turns the flow by {np.rad2deg(_USUAL_SLIP):.2g} deg"
-    if found is None:
-        return cannot_tell("dvl", _NAME, "v and heading are not known together for long enough", threshold)
-    if not found.error < usual:
-        return cannot_tell("dvl", _NAME, f"the heading changes too little: +- {found.error:.2g} m/s", threshold)
-    towards = np.rad2deg(np.arctan2(found.east, found.north)) % 360.0
-    there_is = is_current(signals, found)
+def current_check(signals: Signals, current: Current | None) -> Check:
+    """Check for a current: with one, velocities over ground differ from those through the water."""
+    name, limit = "current", _max_current(signals)
+    threshold = f"<= {limit:.2g} m/s, which turns the flow by {np.rad2deg(_MAX_FLOW_ANGLE):.2g} deg"
+    if current is None:
+        return undetermined("dvl", name, "v and heading were measured together for too short a time", threshold)
+    if not current.error < limit:
+        return undetermined("dvl", name, f"the heading changes too little: +- {current.error:.2g} m/s", threshold)
+    towards = np.rad2deg(np.arctan2(current.east, current.north)) % 360.0
+    significant = is_significant(signals, current)
     return judged(
         "dvl",
-        _NAME,
-        statistic=f"{found.size:.2g} +- {found.error:.2g} m/s" + (f" towards {towards:.3g} deg" if there_is else ""),
+        name,
+        statistic=f"{current.speed:.2g} +- {current.error:.2g} m/s"
+        + (f" towards {towards:.3g} deg" if significant else ""),
         threshold=threshold,
-        passed=None if there_is else True,
-        advice="Velocity over ground has a part across the heading that turns with it: the water moves. Estimate it "
-        "(`identification.estimate.biases: [current]`), or what it does is taken for slip.",
+        passed=None if significant else True,
+        advice="Velocity over ground has a part that depends on the heading: the water moves. Estimate the current "
+        "(`identification.estimate.biases: [current]`), or the model treats it as slip.",
     )
 
 
-def _usual(signals: Signals) -> float:
-    return float(np.tan(_USUAL_SLIP) * np.nanmedian(np.abs(signals.values["u"])))
+def _max_current(signals: Signals) -> float:
+    return float(np.tan(_MAX_FLOW_ANGLE) * np.nanmedian(np.abs(signals.values["u"])))
 
 
 class RotationAxis(NamedTuple):
-    """An axis of rotation: what turns about it, and what turns it.
+    """An axis of rotation.
 
     Attributes
     ----------
-    rate, angle, given : str
-        Symbols; `given` is the input.
+    rate, angle, input : str
+        Symbols of the turn rate, the angle and the input about this axis.
     sign : int
-        Of the rate that a positive input brings. Positive fins push the stern to starboard, or up.
-    beside : tuple of str
-        What else the moment depends on.
+        Sign of the rate after a positive input. Positive fins push the stern to starboard or up.
+    covariates : tuple of str
+        Symbols of other signals that change the moment.
     """
 
     rate: str
     angle: str
-    given: str
+    input: str
     sign: int
-    beside: tuple[str, ...]
+    covariates: tuple[str, ...]
 
 
 AXES = (
@@ -134,67 +133,68 @@ AXES = (
 
 
 def known_sign(fitted: Regression | None) -> int:
-    """Return 1 or -1 where a gain is clearly positive or negative, else 0."""
+    """Return 1 or -1 for a gain that is clearly positive or negative, else 0."""
     if (
         fitted is None
-        or abs(fitted.correlation) < _LEAST_CORRELATION
-        or abs(fitted.gain) < _RESPONSE_SIGMAS * fitted.error
+        or abs(fitted.correlation) < _MIN_SIGN_CORRELATION
+        or abs(fitted.gain) < _SIGN_SIGMAS * fitted.error
     ):
         return 0
     return 1 if fitted.gain > 0.0 else -1
 
 
 def moment(signals: Signals, axis: RotationAxis) -> Array | None:
-    """Return what an input turns the vehicle by, but for a factor; None of a fin that does not move."""
-    given = signals.values[axis.given]
-    if axis.given == "roll_moment":
+    """Return a signal proportional to the moment of an input; None for a fin that does not move."""
+    given = signals.values[axis.input]
+    if axis.input == "roll_moment":
         return given
-    if not np.nanstd(given) > LEAST_DEFLECTION:
+    if not np.nanstd(given) > MIN_DEFLECTION:
         return None
     return signals.values["u"] ** 2 * given if signals.has("u") else given
 
 
-def answer_window(signals: Signals, axis: RotationAxis, time_constant: float | None) -> int:
-    """Say how many cells to watch for the answer to an input."""
-    return signals.window(axis.rate, axis.angle, least=_shown_within(time_constant))
+def response_window(signals: Signals, axis: RotationAxis, time_constant: float | None) -> int:
+    """Return the number of cells over which the response to an input is observed."""
+    return signals.window(axis.rate, axis.angle, least=_response_time(time_constant))
 
 
-def _shown_within(time_constant: float | None) -> float:
-    """Say how long to watch for the answer to an input, s."""
-    return _USUAL_ANSWER if time_constant is None else min(max(time_constant, _SHORTEST_ANSWER), _LONGEST_ANSWER)
+def _response_time(time_constant: float | None) -> float:
+    if time_constant is None:
+        return _USUAL_RESPONSE_TIME
+    return min(max(time_constant, _MIN_RESPONSE_TIME), _MAX_RESPONSE_TIME)
 
 
 def response_fits(signals: Signals, axis: RotationAxis, time_constant: float | None) -> dict[str, Regression | None]:
-    """Fit how fast a rate changes by an input, by the sensor that says the rate: "gyroscope" and "attitude".
+    """Return the regression of the change of a rate on an input, by the sensor of the rate.
 
-    The change over a window is regressed on the mean input there, and on what the vehicle did at its begin: so an
-    autopilot, which lets the input follow the motion, does not turn the sign. What rolls is righted and damped within
-    the window, and may be on its way back as it ends: of that the means count, as the integral of the moments has it.
+    The change over a window is regressed on the mean input, given the motion at its begin, so that an autopilot, whose
+    inputs follow the motion, does not reverse the sign. Roll is restored and damped within the window: there the means
+    of the motion count, as in the integral of the moments.
     """
-    value, by_sensor = signals.values, rates_by_sensor(signals, axis.rate)
-    force, window = moment(signals, axis), answer_window(signals, axis, time_constant)
+    by_sensor = rates_by_sensor(signals, axis.rate)
+    force, window = moment(signals, axis), response_window(signals, axis, time_constant)
     if force is None:
         return dict.fromkeys(by_sensor)
 
-    def counted(symbol: str, values: Array) -> Array:
-        return smoothed(values, window) if symbol in _OF_ROLL else values
+    def covariate(symbol: str, values: Array) -> Array:
+        return smoothed(values, window) if symbol in _ROLL_SYMBOLS else values
 
-    beside = [counted(symbol, value[symbol]) for symbol in axis.beside if signals.has(symbol)]
+    others = [covariate(symbol, signals.values[symbol]) for symbol in axis.covariates if signals.has(symbol)]
     return {
-        name: fit(change(rate, window), smoothed(force, window), [counted(axis.rate, rate), *beside], window)
+        name: fit(change(rate, window), smoothed(force, window), [covariate(axis.rate, rate), *others], window)
         for name, rate in by_sensor.items()
     }
 
 
-def answers(axis: RotationAxis, fits: dict[str, Regression | None]) -> dict[str, int]:
-    """Return 1 where by a sensor the vehicle answers the right way, -1 where the wrong way; where it can be told."""
+def response_signs(axis: RotationAxis, fits: dict[str, Regression | None]) -> dict[str, int]:
+    """Return by sensor 1 for a response with the expected sign, -1 for the opposite; only where it is known."""
     signs = {name: axis.sign * known_sign(fitted) for name, fitted in fits.items()}
     return {name: sign for name, sign in signs.items() if sign}
 
 
 def response_check(signals: Signals, axis: RotationAxis, fits: dict[str, Regression | None]) -> Check:
-    """Judge whether any sensor sees the right answer to an input: a wrong rate or angle is named elsewhere."""
-    signs, name = answers(axis, fits), f"response of {axis.rate}"
+    """Check that any sensor shows the expected response to an input; other checks find a wrong rate or angle."""
+    signs, name = response_signs(axis, fits), f"response of {axis.rate}"
     over = attitude_window(signals) * signals.grid.step
     statistic = ", ".join(
         f"{sensor} {'' if sensor == 'gyroscope' else f'over {over:.2g} s '}{fitted.gain:.3g} "
@@ -202,73 +202,56 @@ def response_check(signals: Signals, axis: RotationAxis, fits: dict[str, Regress
         for sensor, fitted in fits.items()
         if fitted
     )
-    threshold = f"{'positive' if axis.sign > 0 else 'negative'} {axis.rate} from a positive {axis.given}"
+    threshold = f"{'positive' if axis.sign > 0 else 'negative'} {axis.rate} after a positive {axis.input}"
     if not fits:
-        return cannot_tell(axis.given, name, f"nothing measures {axis.rate}, or {axis.angle} instead", threshold)
+        return undetermined(axis.input, name, f"neither {axis.rate} nor {axis.angle} is measured", threshold)
     if not signs:
-        statistic = f"not excited enough to tell: {statistic or 'it hardly moves, or not for long'}"
-        return judged(
-            axis.given,
-            name,
-            statistic=statistic,
-            threshold=threshold,
-            passed=None,
-            advice=_unknown_sign(axis.given),
-        )
+        return _unknown_sign(axis.input, name, statistic or "it hardly moves, or not for long", threshold)
     return judged(
-        axis.given,
+        axis.input,
         name,
         statistic=statistic,
         threshold=threshold,
         passed=any(sign > 0 for sign in signs.values()),
-        advice=f"The vehicle answers {axis.given} the wrong way round: turn its sign (positive rudder or elevator "
-        "pushes the stern to starboard or up), or the order of its columns.",
+        advice=f"The vehicle responds to {axis.input} with the wrong sign: set its `sign: -1` in the map "
+        "(positive rudder or elevator pushes the stern to starboard or up), or the order of its columns.",
     )
 
 
 def thrust_check(signals: Signals, time_constant: float | None) -> Check:
-    """Judge whether the vehicle is faster for more thrust."""
+    """Check that the vehicle accelerates with more thrust."""
     value = signals.values
-    window = signals.window("u", least=_shown_within(time_constant))
+    window = signals.window("u", least=_response_time(time_constant))
     u = value["u"]
     turning = list(rates_by_sensor(signals, "r").values())[:1] if signals.has("v") else []
-    beside = [np.abs(u) * u, *(value["v"] * rate for rate in turning)]
-    fitted = fit(change(u, window), smoothed(value["surge_force"], window), beside, window)
+    covariates = [np.abs(u) * u, *(value["v"] * rate for rate in turning)]
+    fitted = fit(change(u, window), smoothed(value["surge_force"], window), covariates, window)
     sign = known_sign(fitted)
     statistic = f"{fitted.gain:.3g} (correlation {fitted.correlation:.2g})" if fitted else "too short"
-    advice = "The vehicle slows down for more thrust: turn the sign of surge_force or of u."
-    return judged(
-        "surge_force",
-        "response of u",
-        statistic=statistic if sign else f"not excited enough to tell: {statistic}",
-        threshold="positive u from a positive surge_force",
-        passed=sign > 0 if sign else None,
-        advice=advice if sign else _unknown_sign("surge_force"),
-    )
+    name, threshold = "response of u", "positive change of u after a positive surge_force"
+    if not sign:
+        return _unknown_sign("surge_force", name, statistic, threshold)
+    advice = "The vehicle slows down with more thrust: set `sign: -1` of surge_force or of u in the map."
+    return judged("surge_force", name, statistic=statistic, threshold=threshold, passed=sign > 0, advice=advice)
 
 
-def sideslip(signals: Signals, symbol: str) -> dict[str, float]:
-    """Find how v or w goes with the turn, where that can be told, by the sensor that says the rate.
+def sideslip_pivots(signals: Signals, symbol: str) -> dict[str, float]:
+    """Return the distance, m, of the pivot point ahead of the place where v or w is measured, by sensor of the rate.
 
-    A slender hull with its fins at the stern drifts outwards: v against r u, w with q u. What a current adds to v goes
-    with the heading, and stands beside it.
-
-    Returns
-    -------
-    dict of float
-        How far the place that goes neither out of nor into the turn is ahead of where it is measured, m; behind it if
-        negative, and then the velocity points into the turn.
+    A slender hull with fins at the stern drifts out of a turn: v against r u, w with q u. Negative: the velocity points
+    into the turn. Only where the sign is known; v is regressed given a current, which depends on the heading.
     """
     rate_symbol, outwards = {"v": ("r", -1), "w": ("q", 1)}[symbol]
     value = signals.values
     by_sensor, window = rates_by_sensor(signals, rate_symbol), signals.window(symbol, rate_symbol, "psi", "heading")
-    beside = carried_sideways(signals) if symbol == "v" else ()
+    current = carried_sideways(signals) if symbol == "v" else ()
     fits = {
-        name: regress_relation(value[symbol], rate * value["u"], beside, window) for name, rate in by_sensor.items()
+        name: regress_relation(value[symbol], rate * value["u"], current, window) for name, rate in by_sensor.items()
     }
     speed = float(np.nanmedian(value["u"]))
     return {name: outwards * fitted.gain * speed for name, fitted in fits.items() if fitted and known_sign(fitted)}
 
 
-def _unknown_sign(given: str) -> str:
-    return f"{given} hardly moves, or what it does is hidden by the rest: its sign cannot be checked on these data."
+def _unknown_sign(symbol: str, name: str, found: str, threshold: str) -> Check:
+    advice = f"The sign of {symbol} was not checked: it hardly moves, or other effects hide its response."
+    return undetermined(symbol, name, f"too little excitation, {found}", threshold, advice)

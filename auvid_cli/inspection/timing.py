@@ -1,4 +1,4 @@
-"""When a sensor speaks, and the inputs: rate, jitter, clock jumps, missing values."""
+"""Time stamps of sensors and inputs: rate, jitter, clock jumps, gaps, missing values."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,21 +9,20 @@ from auvid_cli.data.signals import gap_limit, quantisation_step, repeats
 from auvid_cli.inspection.inspection import judged
 
 Array = NDArray[np.float64]
-
-_LARGEST_JITTER = 0.5
-# s between inputs, of any vehicle.
-_LONGEST_HELD = 0.5
-_MOST_MISSING, _HARDLY_ANY = 0.01, 0.5
-# How much more a measurement changes over a long interval than from one sample to the next, where both tell apart, and
-# how many of the latter a jump of the clock may show.
-_DISTINCT, _CONTINUOUS = 3.0, 3.0
+_MAX_JITTER = 0.5  # of the median interval
+_MAX_INPUT_INTERVAL = 0.5  # s, for any vehicle
+_MAX_MISSING_SHARE = 0.01  # above: a note
+_FAILED_MISSING_SHARE = 0.5  # above: fails
+# Ratio of changes over a long interval to changes from sample to sample at which the two can be told apart.
+_MIN_CHANGE_RATIO = 3.0
+_MAX_CONTINUOUS_CHANGE = 3.0  # robust standard deviations of a change from sample to sample
 
 
 def new_measurement_rate(record: SensorRecord) -> float:
-    """Return the rate of measurements that differ from the one before, 1/s; 0 if there are not two.
+    """Return the rate of measurements that differ from the previous one, 1/s; 0 with fewer than two.
 
-    The usual rate times the share of them that is new. Of measurements on a grid, which may be equal by chance, by the
-    median interval between new ones.
+    The usual rate times the share of new measurements. Rounded measurements may be equal by chance: for them the
+    inverse of the median interval between new ones.
     """
     starts = repeats(record)[:, 0]
     if starts.size < 2:
@@ -36,25 +35,19 @@ def new_measurement_rate(record: SensorRecord) -> float:
 
 
 def clock_jumps(record: SensorRecord) -> NDArray[np.int64]:
-    """Find where the time leaps but the measurements go on as if it had not.
-
-    Returns
-    -------
-    ndarray of int
-        Indices of the samples before the leaps.
-    """
+    """Return the indices of the samples before each jump of the time that the measurements do not show."""
     time = record.time
     intervals = np.diff(time)
     if not intervals.size:
         return np.zeros(0, np.int64)
     usual = float(np.median(intervals))
     long = np.flatnonzero(intervals > gap_limit(intervals))
-    jumps = [at for at in long if _goes_on(record, int(at), round(float(intervals[at]) / usual))]
+    jumps = [at for at in long if _is_continuous(record, int(at), round(float(intervals[at]) / usual))]
     return np.array(jumps, dtype=np.int64)
 
 
-def _goes_on(record: SensorRecord, before: int, samples: int) -> bool:
-    """Say whether the next measurement is where the very next sample would be, and not `samples` later."""
+def _is_continuous(record: SensorRecord, before: int, samples: int) -> bool:
+    """Whether the next measurement is near enough for one sample later, and too near for `samples` later."""
     around = record.values[max(before - 50 * samples, 0) : before + 50 * samples]
     distinct = False
     for component, step in enumerate(record.values[before + 1] - record.values[before]):
@@ -62,8 +55,8 @@ def _goes_on(record: SensorRecord, before: int, samples: int) -> bool:
         if not np.isfinite(step) or column.size <= samples:
             continue
         over_one, over_many = _spread(column[1:] - column[:-1]), _spread(column[samples:] - column[:-samples])
-        if over_many > _DISTINCT * over_one:
-            if abs(step) > _CONTINUOUS * over_one:
+        if over_many > _MIN_CHANGE_RATIO * over_one:
+            if abs(step) > _MAX_CONTINUOUS_CHANGE * over_one:
                 return False
             distinct = True
     return distinct
@@ -75,10 +68,11 @@ def _spread(values: Array) -> float:
 
 
 def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> list[Check]:
-    """Judge rate, jitter, clock (from its `clock_jumps`) and missing values of a sensor with several samples."""
+    """Check rate, jitter, clock (given its `clock_jumps`) and missing values of a sensor with at least two samples."""
     intervals = np.diff(record.time)
+    usual = float(np.median(intervals))
     return [
-        _rate(name, record, intervals),
+        _rate(name, record, 1.0 / usual),
         _jitter(name, intervals),
         _clock(name, record, jumps),
         _missing(name, record),
@@ -86,43 +80,31 @@ def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> 
 
 
 def input_end_check(acting: InputRecord, last: float) -> Check:
-    """Judge whether the inputs last as long as the measurements, as estimators do.
-
-    Parameters
-    ----------
-    acting : InputRecord
-        As estimators take them to have acted.
-    last : float
-        s, of the last measurement that these listen to.
-    """
+    """Check that the acting inputs last until the last used measurement, `last` in s; estimators require it."""
     begin, end = float(acting.time[0]), float(acting.time[-1])
-    leave_out = f"leave it out (`--use {begin:.6g}:{end:.6g}`, of `inspect` and `identify` alike), " * (begin < end)
+    leave_out = f"leave this time out (`--use {begin:.6g}:{end:.6g}` for `inspect` and `identify`), " * (begin < end)
     return judged(
         "inputs",
         "end",
-        statistic=f"t = {end:.6g} s, the measurements go on to {last:.6g} s",
-        threshold="at most 1 s before the measurements, or as long as an input held",
+        statistic=f"t = {end:.6g} s, measurements until {last:.6g} s",
+        threshold="at most 1 s, or the usual duration of an input, before the last measurement",
         passed=not acting.ends_before(last),
-        advice=f"Every estimator refuses what comes after the last input: {leave_out}find the inputs of that time, or "
-        "state what did not change as a `constant` in the map.",
+        advice=f"Every estimator refuses measurements after the last input: {leave_out}add the missing inputs, or set "
+        "unchanged ones as `constant` in the map.",
     )
 
 
 def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> list[Check]:
-    """Judge rate and longest gap of the inputs, each of which holds until the next; none if they never change.
+    """Check rate and longest gap of the inputs, each of which holds until the next; none if they never change.
 
-    Parameters
-    ----------
-    inputs : InputRecord
-    time_constant : float or None
-        s, of the vehicle, if it is known.
+    `time_constant` is that of the vehicle, s, if known.
     """
     intervals = np.diff(inputs.time)
     if not np.diff(inputs.values, axis=0).any():
         return []
     usual, longest = float(np.median(intervals)), int(intervals.argmax())
     limit = gap_limit(intervals)
-    slowest = _LONGEST_HELD if time_constant is None else min(time_constant, _LONGEST_HELD)
+    slowest = _MAX_INPUT_INTERVAL if time_constant is None else min(time_constant, _MAX_INPUT_INTERVAL)
     begin, end = inputs.time[longest], inputs.time[longest + 1]
     return [
         judged(
@@ -131,8 +113,8 @@ def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> lis
             statistic=f"{1.0 / usual:.4g} Hz",
             threshold=f">= {1.0 / slowest:.3g} Hz",
             passed=True if usual <= slowest else None,
-            advice="The inputs were logged more seldom than the vehicle answers them. If only changes were logged all "
-            "is well; else what they did in between is lost: log them faster.",
+            advice="Inputs were logged more slowly than the vehicle responds. If only changes were logged, ignore "
+            "this. Otherwise changes in between are lost: log inputs faster next time.",
         ),
         judged(
             "inputs",
@@ -140,14 +122,14 @@ def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> lis
             statistic=f"{end - begin:.4g} s from t = {begin:.6g} s on",
             threshold=f"<= {limit:.3g} s without an input",
             passed=True if intervals[longest] <= limit else None,
-            advice=f"From t = {begin:.6g} s to {end:.6g} s the last inputs are taken to hold. If they were not logged "
-            "then, leave that time out (`--use`).",
+            advice=f"From t = {begin:.6g} s to {end:.6g} s the last inputs are held. If they changed but were not "
+            "logged, leave that time out (`--use`).",
         ),
     ]
 
 
-def _rate(name: str, record: SensorRecord, intervals: Array) -> Check:
-    rate, new = 1.0 / float(np.median(intervals)), new_measurement_rate(record)
+def _rate(name: str, record: SensorRecord, rate: float) -> Check:
+    new = new_measurement_rate(record)
     repeated = new < 0.8 * rate
     return judged(
         name,
@@ -155,8 +137,8 @@ def _rate(name: str, record: SensorRecord, intervals: Array) -> Check:
         statistic=f"{rate:.4g} Hz" + (f", new measurements at {new:.3g} Hz" if repeated else ""),
         threshold="every measurement new",
         passed=None if repeated else True,
-        advice=f"{name} was logged more often than it measures. A filter takes each copy for a measurement of its own "
-        "and becomes too sure: keep only new measurements.",
+        advice=f"{name} was logged more often than it measures. A filter treats each copy as a measurement of its own "
+        "and becomes overconfident: set `repeats: drop` in the map.",
     )
 
 
@@ -168,10 +150,10 @@ def _jitter(name: str, intervals: Array) -> Check:
         name,
         "jitter",
         statistic=f"98 % of intervals {least:.4g} to {most:.4g} s",
-        threshold=f"within {_LARGEST_JITTER:.0%} of {usual:.4g} s",
-        passed=True if spread <= _LARGEST_JITTER else None,
-        advice=f"Times of {name} are those of a busy logger rather than of the measurement, or some are missing: if "
-        "the device stamps its own, use those.",
+        threshold=f"within {_MAX_JITTER:.0%} of {usual:.4g} s",
+        passed=True if spread <= _MAX_JITTER else None,
+        advice=f"Time stamps of {name} are those of a busy logger instead of the sensor, or some are missing. If the "
+        "device stamps its measurements, use its time stamps.",
     )
 
 
@@ -181,18 +163,18 @@ def _clock(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> Check:
         name,
         "clock",
         statistic=f"{jumps.size} jumps: {leaps}" if jumps.size else "no jump",
-        threshold="no leap of the time without one of the measurements",
+        threshold="no jump of the time without a jump of the measurements",
         passed=not jumps.size,
-        advice=f"The clock of {name} was set while it ran: from there on its times do not fit those of the others. "
-        "Shift them back, or use only one side of the jump.",
+        advice=f"The clock of {name} was set during the run: after that its times do not match the other sensors. "
+        "Shift them back, or use one side of the jump (`--use`).",
     )
 
 
 def _missing_share(record: SensorRecord) -> float:
-    """Return the share of values that are missing, of components that are measured at all.
+    """Return the share of missing values, among components that are measured at all.
 
-    Components with times of their own are missing at those of the others, which is no loss: of each those count that
-    its own rate would bring.
+    A component with time stamps of its own is empty at those of others. So at most the share that is missing from its
+    own rate counts.
     """
     present = np.isfinite(record.values)
     of_rows = 1.0 - float(present.any(axis=1).mean())
@@ -210,8 +192,8 @@ def _missing(name: str, record: SensorRecord) -> Check:
         name,
         "missing",
         statistic=f"{share:.2%} of values",
-        threshold=f"<= {_MOST_MISSING:.0%}",
-        passed=True if share <= _MOST_MISSING else None if share <= _HARDLY_ANY else False,
-        advice=f"{name} often has no valid value: look at what makes it fail (bottom lost, quality flags), and whether "
-        "they are missing just when the vehicle manoeuvres.",
+        threshold=f"<= {_MAX_MISSING_SHARE:.0%}",
+        passed=True if share <= _MAX_MISSING_SHARE else None if share <= _FAILED_MISSING_SHARE else False,
+        advice=f"{name} often has no valid value. Find the reason (lost bottom track, quality flags), and check if "
+        "values are missing mainly during manoeuvres.",
     )

@@ -39,7 +39,14 @@ from auvid_cli.report.shared_checks import (
 )
 from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Symbol, Table, UnitCell, filter_label
 from auvid_cli.text import sentence
-from auvid_cli.validation.results import AHEAD, FREE_RUN, NO_WIDER, ManoeuvreNumber, Prediction, Validation
+from auvid_cli.validation.results import (
+    AHEAD,
+    FREE_RUN,
+    UNCERTAINTY_NOT_TOO_LARGE,
+    ManoeuvreNumber,
+    Prediction,
+    Validation,
+)
 
 _NOTES = (
     "Bound: the least standard deviation that any estimate from these data can have (Cramer-Rao), with the noise of "
@@ -341,7 +348,7 @@ def _conclusion(validation: Validation) -> str:
     unpredicted = {signal for signals in worse.values() for signal in signals}
     predicted = [s for s in dict.fromkeys(row.signal for row in validation.predictions) if s not in unpredicted]
     failed = {check.check for check in validation.checks if check.passed is False}
-    if failed - {NO_WIDER} or not predicted:
+    if failed - {UNCERTAINTY_NOT_TOO_LARGE} or not predicted:
         conclusion = "does not predict these data."
     elif failed:
         conclusion = f"predicts {', '.join(predicted) + ' of ' if unpredicted else ''}these data, with bands too wide."

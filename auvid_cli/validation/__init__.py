@@ -1,1 +1,1 @@
-"""An estimate on data that it has not seen."""
+"""Validation of an estimate on other data."""

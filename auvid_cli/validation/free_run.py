@@ -1,4 +1,4 @@
-"""The free run against every measurement: the identified model, what there was before, and an unchanged motion."""
+"""Free runs against all measurements: the identified model, earlier models, and an unchanged motion."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
@@ -19,10 +19,9 @@ from auvid_cli.vehicle.matrices import Ballast
 from auvid_cli.vehicle.parameters import DEPTH, MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
-# Times of events, s, and what is predicted of measurements there, shape (events, 10), chunk by chunk.
+# Times of events, s, and predicted measurements, shape (events, 10), chunk by chunk.
 _Run: TypeAlias = Iterator[tuple[Array, Array]]
-# What nothing brings back to where it was: a model that is a little off leaves it further and further behind.
-_GOES_ON = "psi", DEPTH.symbol
+_WITHOUT_RESTORING = "psi", DEPTH.symbol  # errors of the model accumulate in these signals
 
 
 class FreeRunFit(NamedTuple):
@@ -31,15 +30,15 @@ class FreeRunFit(NamedTuple):
     Attributes
     ----------
     run : FreeRun
-        Of the identified model, as the sensors read it: with their errors, and where a current is estimated over
-        ground; with the depth where that is measured. Of a long run evenly spaced samples.
+        Run of the identified model, with the sensors' errors (over ground where a current is estimated), and with the
+        depth if measured. Evenly spaced samples of a long run.
     length : float
         s.
     fits : dict of dict of PredictionFit
         By model and motion symbol.
     excursion : dict of float
-        How far the run went from the mean of each signal but heading and depth, over how far the measurements went;
-        infinite where it is not finite.
+        By signal without heading and depth: largest distance of the run from the mean of the measurements, over that of
+        the measurements; infinite if not finite.
     """
 
     run: FreeRun
@@ -51,20 +50,11 @@ class FreeRunFit(NamedTuple):
 def fit_free_runs(
     prepared: PreparedData, signals: Mapping[str, MeasuredSignal], models: Models, starts: InitialStates
 ) -> FreeRunFit:
-    """Run each model from the first start to the end of the data, and compare.
+    """Run each model from the first of the `starts` to the end of the data, and compare with the measurements.
 
-    Parameters
-    ----------
-    prepared : PreparedData
-        From `with_model`, one segment.
-    signals : mapping
-        Of its measuring sensors.
-    models : Models
-    starts : InitialStates
-        At least one. The first measurements alone would be a poor start: their noise, and an attitude reference that
-        has not settled, would stay in all that follows. Measurements are predicted with the sensors' errors and the
-        current that the filter knows at the end, and with what of the vehicle is this run's own as it is known then;
-        where these walk, how they were before is left out.
+    A filtered start is needed: noise of the first measurements, and an attitude reference that has not converged, would
+    stay in the whole run. The errors of sensors and vehicle, and the current, are those at the end of the filter; if
+    they walk, their earlier values are ignored. `prepared` is one segment from `with_model`, with `signals`.
     """
     start, motion = float(starts.time[0]), starts.motion[0]
     whole = prepared.segments[0].timelines
@@ -80,25 +70,38 @@ def fit_free_runs(
     motions["constant_velocity"] = _constant_velocity(timelines, start, motion)
     predictions = {name: _as_measured(run, starts.final_errors) for name, run in motions.items()}
     keeper, farthest = Keeper(prepared.measuring), _Farthest(signals)
-    shown = len(MOTION_AND_DEPTH) if DEPTH.symbol in signals else N_MOTION
-    predictions["identified"] = _watched(predictions["identified"], shown, keeper, farthest)
+    columns = len(MOTION_AND_DEPTH) if DEPTH.symbol in signals else N_MOTION
+    predictions["identified"] = _recorded(predictions["identified"], columns, keeper, farthest)
     fits = {name: _fits(run, signals) for name, run in predictions.items()}
-    return FreeRunFit(keeper.kept(), timelines.span[1] - start, fits, farthest.over_reach())
+    return FreeRunFit(keeper.kept(), timelines.span[1] - start, fits, farthest.relative())
 
 
 def free_run_rows(segments: Sequence[FreeRunFit], sizes: Mapping[str, SignalSize]) -> Iterator[Prediction]:
-    """Yield a row for each signal of several segments."""
+    """Yield one row per signal, over several segments."""
     length = max(segment.length for segment in segments)
     for symbol, size in sizes.items():
         fits = dict.fromkeys(segments[0].fits, PredictionFit())
         for segment in segments:
             for name, by_symbol in segment.fits.items():
-                fits[name] = fits[name].beside(by_symbol.get(symbol, PredictionFit()))
-        yield _row(symbol, size, length, fits)
+                fits[name] = fits[name].with_segment(by_symbol.get(symbol, PredictionFit()))
+        rmse, identified = {name: fit.rmse for name, fit in fits.items()}, fits["identified"]
+        yield Prediction(
+            signal=symbol,
+            unit=MOTION_AND_DEPTH[MOTION_AND_DEPTH_SYMBOLS.index(symbol)].unit,
+            kind=FREE_RUN,
+            horizon_s=length,
+            measurements=identified.measurements,
+            noise=size.deviation,
+            fit_percent=identified.percent,
+            rmse=identified.rmse,
+            prior_rmse=rmse.get("prior"),
+            vehicle_file_rmse=rmse.get("vehicle_file"),
+            constant_velocity_rmse=rmse["constant_velocity"],
+        )
 
 
 class _Farthest:
-    """Farthest distances of a run from the mean of each signal."""
+    """Largest distance of a run from the mean of each signal."""
 
     def __init__(self, signals: Mapping[str, MeasuredSignal]) -> None:
         self._signals = signals
@@ -110,13 +113,13 @@ class _Farthest:
         with np.errstate(invalid="ignore"):
             self._distance = np.maximum(self._distance, np.abs(predicted - self._centres).max(axis=0))
 
-    def over_reach(self) -> dict[str, float]:
-        """Return it over how far the measurements went, but of heading and depth; infinite if not finite."""
+    def relative(self) -> dict[str, float]:
+        """Return the distances over those of the measurements, without heading and depth."""
         reach = {s: float(np.abs(g.values - g.values.mean()).max()) + g.deviation for s, g in self._signals.items()}
         return {
             symbol: float(np.nan_to_num(self._distance[column], nan=np.inf)) / reach[symbol]
             for column, symbol in enumerate(MOTION_AND_DEPTH_SYMBOLS)
-            if symbol in self._signals and symbol not in _GOES_ON
+            if symbol in self._signals and symbol not in _WITHOUT_RESTORING
         }
 
 
@@ -133,15 +136,15 @@ def _as_measured(run: Iterable[tuple[Timeline, Array]], errors: MeasurementError
         yield timeline.time, measured_motion(predicted, errors)
 
 
-def _watched(run: _Run, shown: int, keeper: Keeper, farthest: _Farthest) -> _Run:
+def _recorded(run: _Run, columns: int, keeper: Keeper, farthest: _Farthest) -> _Run:
     for time, predicted in run:
-        keeper.keep(time, predicted[:, :shown])
+        keeper.keep(time, predicted[:, :columns])
         farthest.take(predicted)
         yield time, predicted
 
 
 def _fits(run: _Run, signals: Mapping[str, MeasuredSignal]) -> dict[str, PredictionFit]:
-    """Compare a run with the measurements of every signal, chunk by chunk."""
+    """Return the fit of a run to each signal, chunk by chunk."""
     fits = dict.fromkeys(signals, PredictionFit())
     turns: dict[str, float] = {}
     for time, predicted in run:
@@ -155,20 +158,3 @@ def _fits(run: _Run, signals: Mapping[str, MeasuredSignal]) -> dict[str, Predict
                 PredictionFit.of(signal.values[in_chunk], expected + turns.get(symbol, 0.0))
             )
     return fits
-
-
-def _row(symbol: str, size: SignalSize, length: float, fits: Mapping[str, PredictionFit]) -> Prediction:
-    rmse, identified = {name: fit.rmse for name, fit in fits.items()}, fits["identified"]
-    return Prediction(
-        signal=symbol,
-        unit=MOTION_AND_DEPTH[MOTION_AND_DEPTH_SYMBOLS.index(symbol)].unit,
-        kind=FREE_RUN,
-        horizon_s=length,
-        measurements=identified.measurements,
-        noise=size.deviation,
-        fit_percent=identified.percent,
-        rmse=identified.rmse,
-        prior_rmse=rmse.get("prior"),
-        vehicle_file_rmse=rmse.get("vehicle_file"),
-        constant_velocity_rmse=rmse["constant_velocity"],
-    )

@@ -21,54 +21,49 @@ from auvid_cli.filters.workspace import cubature
 from auvid_cli.identification.prepared_data import PreparedData, on_time
 from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.states import coefficient_priors
+from auvid_cli.validation.results import MAX_NIS
 from auvid_cli.vehicle.actuators import AS_STATED
 from auvid_cli.vehicle.equations import NO_ERRORS
 from auvid_cli.vehicle.matrices import NO_BALLAST
 from auvid_cli.vehicle.parameters import DISTURBANCE, MOTION_AND_DEPTH, Quantity
 
 Array = NDArray[np.float64]
-# Mean NIS of a component above which the settings do not hold.
-LARGEST_NIS = 1.5
-# By which the process noise is tried then.
-_NOISE_FACTORS = (10.0, 100.0, 1000.0)
-# What is found once for all is part of the model, and not of what a filter finds ahead of a prediction; what walks is
-# another in each run.
-_OF_THE_MODEL = BiasName.THRUST, BiasName.FIN_TRIM, BiasName.BALLAST, BiasName.DELAY
-# By the order of `NO_ERRORS`, to which they add.
-VEHICLE_ERRORS = THRUST_SCALE, *FIN_TRIMS, EXCESS_BUOYANCY, TRIM_MOMENT
+_NOISE_FACTORS = (10.0, 100.0, 1000.0)  # of the process noise, tried if innovations contradict the settings
+# A constant of these blocks is part of the model; one that walks differs in each run.
+_MODEL_BLOCKS = BiasName.THRUST, BiasName.FIN_TRIM, BiasName.BALLAST, BiasName.DELAY
+VEHICLE_ERRORS = THRUST_SCALE, *FIN_TRIMS, EXCESS_BUOYANCY, TRIM_MOMENT  # in the order of `NO_ERRORS`
 
 
 @dataclass(frozen=True)
 class InitialStates:
-    """Filtered motion and depth at some events, from the measurements up to there.
+    """Filtered motion and depth at some events, from earlier measurements.
 
     Attributes
     ----------
     time : ndarray, shape (k,)
         s.
     motion, deviation : ndarray, shape (k, 10)
-        Mean and standard deviation; zero of a depth that is not measured.
-        The velocity is that through the water where the filter looks for a current.
+        Mean and standard deviation; zero for a depth that is not measured. With an estimated current, velocities are
+        those through the water.
     force, force_deviation : ndarray, shape (k, 6)
-        Mean and standard deviation of what disturbs the motion, N and N m; zero where the filter does not look for it.
+        Mean and standard deviation of the disturbance, N and N m; zero if it is not estimated.
     vehicle, vehicle_deviation : ndarray, shape (k, 5)
-        Mean and standard deviation of `NO_ERRORS`: what the thrust, the fins and the ballast are of this run, where the
-        filter looks for it.
+        Mean and standard deviation of thrust, fins and ballast in this run, in the order of `NO_ERRORS`.
     errors, errors_deviation : list of MeasurementErrors
-        Mean and standard deviation of what the filter finds of the sensors' errors and of the current by then.
+        Mean and standard deviation of the errors of the sensors and the current.
     final_errors : MeasurementErrors
-        The mean at the end.
+        Mean at the end.
     final_vehicle : ndarray, shape (5,)
-        That of `vehicle`.
+        `vehicle` at the end.
     nis : dict of float
-        Normalised innovation squared of each sensor, per component: 1 if measurements are predicted as well from one to
-        the next as the model says.
+        Normalised innovation squared by sensor, per component; 1 if the model predicts the next measurement as
+        accurately as it states.
     status : str
-        "completed", or how far the filter came.
+        "completed", or the time of divergence.
     process_noise : ndarray, shape (10,)
-        Root of its spectral density for each motion state and the depth by the settings, SI / s^0.5.
+        Root spectral density for each motion state and depth from the settings, SI / s^0.5.
     noise_factor : float
-        By how much that of the filter is larger.
+        Ratio of the filter's process noise to it.
     """
 
     time: Array
@@ -89,10 +84,9 @@ class InitialStates:
 
 
 def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Dataset:
-    """Return the data as the model sees them: its vehicle, coefficients, ballast, fins, thrust, settings; no truth.
+    """Return the data with the estimate's vehicle, coefficients, ballast, fins, thrust and settings, without truth.
 
-    Of ballast, fins and thrust those that walk are left to the filter that finds where predictions start, or all of
-    them if they are to be found anew.
+    Ballast, fins and thrust that walk, or with `anew` all, are left to the filter that finds the initial states.
     """
     earlier, identification = estimate.experiment, estimate.experiment.identification
     own = own_of_each_run(identification, anew)
@@ -108,7 +102,7 @@ def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Data
     ballasted = ballast.added_to(earlier.vehicle.known_parameters())
     entries = {symbol: VehicleEntry(value=value) for symbol, value in ballasted.items()}
     parameters = earlier.vehicle.parameters.model_copy(update=entries)
-    kept = tuple(block for block in identification.estimate.biases if block not in _OF_THE_MODEL or block in own)
+    kept = tuple(block for block in identification.estimate.biases if block not in _MODEL_BLOCKS or block in own)
     changes = {
         "coefficients": (),
         "prior": Prior(),
@@ -127,17 +121,17 @@ def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Data
 
 
 def own_of_each_run(settings: Identification, anew: bool = False) -> tuple[BiasName, ...]:
-    """Name what of the vehicle begins anew in each run: what settings take to walk, or all that they estimate."""
+    """Return the blocks of the vehicle that differ in each run: those that walk, or with `anew` all estimated ones."""
     blocks = {name: settings.estimate.blocks_of(name) for name in settings.estimate.biases}
     return tuple(
         name
-        for name in _OF_THE_MODEL
+        for name in _MODEL_BLOCKS
         if any(block.walk > 0.0 or (anew and not block.shifts) for block in blocks.get(name, ()))
     )
 
 
 def errors_of_each_run(settings: Identification, anew: bool = False) -> set[str]:
-    """Name, by symbol, what a filter finds of thrust, fins and ballast in each run."""
+    """Return the symbols of thrust, fins and ballast that differ in each run."""
     return {
         quantity.symbol
         for name in own_of_each_run(settings, anew)
@@ -147,35 +141,23 @@ def errors_of_each_run(settings: Identification, anew: bool = False) -> set[str]
 
 
 def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialStates:
-    """Filter the motion alone, and keep it at the first events at or after some times.
+    """Return the filtered motion at the first events at or after the `wanted` times, s, shape (k,), increasing.
 
-    Each start knows only measurements before what is predicted from it, at whatever times each sensor spoke, and what
-    no sensor measures comes from the model. The process noise is that of the estimate's settings; where the
-    innovations of the whole run contradict it, it is made larger, so that the measurements and not a wrong model say
-    where predictions start. The NIS stays that of the settings.
-
-    Parameters
-    ----------
-    prepared : PreparedData
-        From `with_model`.
-    wanted : ndarray, shape (k,)
-        s, increasing.
-
-    Raises
-    ------
-    DataError
-        As `augmented_problem`.
+    Each state depends only on earlier measurements, at the different rates of the sensors; the model provides what no
+    sensor measures. If innovations of the whole run contradict the process noise of the estimate's settings, it is
+    increased, so that the measurements determine the states instead of a wrong model. The NIS is that of the settings.
+    `prepared` is data from `with_model`.
     """
     first = states = _filtered(prepared, wanted)
     for factor in _NOISE_FACTORS:
-        if states.status == "completed" and max(states.nis.values()) <= LARGEST_NIS:
+        if states.status == "completed" and max(states.nis.values()) <= MAX_NIS:
             break
         states = replace(_filtered(_with_noise(prepared, factor), wanted), noise_factor=factor)
     return replace(states, nis=first.nis, process_noise=first.process_noise)
 
 
 def _with_noise(prepared: PreparedData, factor: float) -> PreparedData:
-    """Prepare the data with all densities of the process noise so many times as large."""
+    """Return the data with the process noise multiplied by a factor."""
     settings = prepared.experiment.identification
     identification = settings.model_copy(update={"process_noise": settings.process_noise.times(factor)})
     return prepared.with_settings(prepared.experiment.model_copy(update={"identification": identification}))
@@ -194,7 +176,7 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
             return
         time = timeline.time[:good]
         moments = wanted[(wanted > reached) & (wanted <= time[-1])]
-        # Where measurements are far apart, the same event follows several times.
+        # Where measurements are far apart, several times have the same event.
         events = np.unique(np.searchsorted(time, moments))
         kept.extend(zip(time[events], records.mean[events], records.standard_deviation[events], strict=True))
         reached, last = float(time[-1]), records.mean[-1]
@@ -204,8 +186,8 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
             squares[sensor] += records.nis[counted].sum()
             components[sensor] += np.isfinite(records.innovation_variance[counted]).sum()
 
-    def picked(quantities: Sequence[Quantity], states: Array) -> Array:
-        """Return states, shape (n, quantities); zero where there are none."""
+    def columns_of(quantities: Sequence[Quantity], states: Array) -> Array:
+        """Return states, shape (n, quantities); zero for those that are not estimated."""
         columns = [problem.layout.row(quantity.symbol) for quantity in quantities]
         none = np.zeros(len(states))
         return np.column_stack([none if column is None else states[:, column] for column in columns])
@@ -216,21 +198,22 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
     time, mean, deviation = (np.array(rows) for rows in zip(*kept, strict=True)) if kept else (np.zeros(0),) * 3
     shape = len(kept), len(problem.layout.symbols)
     mean, deviation = mean.reshape(shape), deviation.reshape(shape)
+    symbols = problem.layout.symbols
     return InitialStates(
-        time,
-        picked(MOTION_AND_DEPTH, mean),
-        picked(MOTION_AND_DEPTH, deviation),
-        picked(DISTURBANCE, mean),
-        picked(DISTURBANCE, deviation),
-        NO_ERRORS + picked(VEHICLE_ERRORS, mean),
-        picked(VEHICLE_ERRORS, deviation),
-        [estimated_errors(problem.layout.symbols, row) for row in mean],
-        [estimated_errors(problem.layout.symbols, row) for row in deviation],
-        estimated_errors(problem.layout.symbols, last),
-        (NO_ERRORS + picked(VEHICLE_ERRORS, last[None]))[0],
-        {name: float(s / max(n, 1.0)) for name, s, n in zip(problem.measuring, squares, components, strict=True)},
-        "completed" if outcome.failure == OK else f"diverged at t = {reached:.3f} s",
-        picked(MOTION_AND_DEPTH, density[None])[0],
+        time=time,
+        motion=columns_of(MOTION_AND_DEPTH, mean),
+        deviation=columns_of(MOTION_AND_DEPTH, deviation),
+        force=columns_of(DISTURBANCE, mean),
+        force_deviation=columns_of(DISTURBANCE, deviation),
+        vehicle=NO_ERRORS + columns_of(VEHICLE_ERRORS, mean),
+        vehicle_deviation=columns_of(VEHICLE_ERRORS, deviation),
+        errors=[estimated_errors(symbols, row) for row in mean],
+        errors_deviation=[estimated_errors(symbols, row) for row in deviation],
+        final_errors=estimated_errors(symbols, last),
+        final_vehicle=(NO_ERRORS + columns_of(VEHICLE_ERRORS, last[None]))[0],
+        nis={n: float(s / max(c, 1.0)) for n, s, c in zip(problem.measuring, squares, components, strict=True)},
+        status="completed" if outcome.failure == OK else f"diverged at t = {reached:.3f} s",
+        process_noise=columns_of(MOTION_AND_DEPTH, density[None])[0],
     )
 
 
@@ -241,7 +224,7 @@ class Models(NamedTuple):
     ----------
     identified : dict
     prior : dict or None
-        Mean of the prior, None if it is not in the estimate.
+        Mean of the prior; None if the estimate does not contain it.
     vehicle_file : dict or None
         None if the vehicle file does not state all, or states the prior.
     """
@@ -252,7 +235,7 @@ class Models(NamedTuple):
 
 
 def models_of(estimate: Estimate) -> Models:
-    """Return the models that an estimate knows of."""
+    """Return the models that an estimate contains."""
     return Models(estimate.final_coefficients(), _prior(estimate), _vehicle_file(estimate))
 
 
@@ -264,7 +247,7 @@ def _prior(estimate: Estimate) -> Mapping[str, float] | None:
         return estimate.held | {symbol: priors[symbol].mean for symbol in estimated}
     if estimate.in_one_batch:
         return None
-    # The first measurements say nothing of coefficients: there the mean is still the prior's.
+    # The first measurements hold no information on coefficients: the first mean is that of the prior.
     return estimate.held | {symbol: float(estimate.mean[0, estimate.state.index(symbol)]) for symbol in estimated}
 
 
@@ -274,14 +257,14 @@ def _vehicle_file(estimate: Estimate) -> Mapping[str, float] | None:
 
 
 class Draws(NamedTuple):
-    """Models that may be as well.
+    """Models drawn from the uncertainty of an estimate.
 
     Attributes
     ----------
     coefficients : ndarray, shape (count, 22 + terms)
         SI.
     errors : ndarray, shape (count, 5)
-        By how much thrust, fins and ballast differ from those of the identified model, by the order of `NO_ERRORS`.
+        Differences of thrust, fins and ballast from the identified model, in the order of `NO_ERRORS`.
     """
 
     coefficients: Array
@@ -291,45 +274,31 @@ class Draws(NamedTuple):
 def drawn_models(
     estimate: Estimate, count: int, rng: np.random.Generator, left_out: Collection[str] = ()
 ) -> Draws | None:
-    """Draw models from the final mean and covariance of an estimate.
+    """Return models drawn from the final mean and covariance of an estimate; None without a valid covariance.
 
-    Thrust, fins and ballast are drawn along with the coefficients: what data tell is often the two together, and a
-    coefficient that is unsure because the ballast is, is less so beside the ballast that goes with it.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    count : int
-    rng : numpy.random.Generator
-    left_out : collection of str
-        Symbols of errors that are no part of the model, since they are found in each run.
-
-    Returns
-    -------
-    Draws or None
-        None if the covariance is not finite and positive definite.
+    Thrust, fins and ballast are drawn with the coefficients, because they are often confounded: a coefficient is more
+    certain given the ballast. Those with symbols in `left_out` differ in each run and are not drawn.
     """
     symbols, final = estimate.coefficient_set.symbols, estimate.final_coefficients()
-    known = [error.symbol in estimate.state and error.symbol not in left_out for error in VEHICLE_ERRORS]
-    beside = [
-        estimate.state.index(error.symbol) for error, is_drawn in zip(VEHICLE_ERRORS, known, strict=True) if is_drawn
-    ]
-    rows, n = [*estimate.coefficient_rows, *beside], len(estimate.coefficient_rows)
+    estimated = [error.symbol in estimate.state and error.symbol not in left_out for error in VEHICLE_ERRORS]
+    drawn_errors = [error for error, is_drawn in zip(VEHICLE_ERRORS, estimated, strict=True) if is_drawn]
+    error_rows = [estimate.state.index(error.symbol) for error in drawn_errors]
+    rows, n = [*estimate.coefficient_rows, *error_rows], len(estimate.coefficient_rows)
     drawn = np.tile([final[symbol] for symbol in symbols], (count, 1))
     covariance = estimate.final_covariance()[np.ix_(rows, rows)]
     variance = np.diagonal(covariance)
     if not (np.isfinite(covariance).all() and (variance > 0.0).all()):
         return None
-    # Coefficients differ by orders of magnitude.
+    # Normalised, because coefficients differ by orders of magnitude.
     deviation = np.sqrt(variance)
     try:
         factor = np.linalg.cholesky(covariance / np.outer(deviation, deviation))
     except np.linalg.LinAlgError:
         return None
-    off = deviation * (rng.standard_normal((count, len(rows))) @ factor.T)
-    drawn[:, [symbols.index(estimate.state[i]) for i in rows[:n]]] += off[:, :n]
+    difference = deviation * (rng.standard_normal((count, len(rows))) @ factor.T)
+    drawn[:, [symbols.index(estimate.state[i]) for i in rows[:n]]] += difference[:, :n]
     errors = np.zeros((count, len(VEHICLE_ERRORS)))
-    errors[:, known] = off[:, n:]
-    # The stated force already acts as many times as was found.
+    errors[:, estimated] = difference[:, n:]
+    # The stated force is already multiplied by the estimated scale.
     errors[:, 0] /= estimate.final_actuators().thrust
     return Draws(drawn, errors)

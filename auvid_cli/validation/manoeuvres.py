@@ -1,4 +1,4 @@
-"""Standard manoeuvres, found in the data themselves: overshoots of a zigzag, the steady turn of a turning circle."""
+"""Standard manoeuvres found in the data: overshoots of a zigzag, steady turn of a turning circle."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -17,23 +17,22 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
 Array = NDArray[np.float64]
 
 _RUDDER = INPUT_SYMBOLS.index("rudder")
-# rad; a rudder that never goes further does no manoeuvre.
-_SMALLEST = np.deg2rad(2.0)
-# A rudder is held while it is within so much of its level, for so many seconds; a reversal takes no longer than that.
-_STEADY, _SHORTEST, _LONGEST_REVERSAL = 0.1, 1.0, 3.0
-# Headings at which the rudder is reversed, relative to the course before, differ no more in size.
-_ALIKE = 0.2
-# Heading, rad, in which a turn becomes steady, and for which it then goes on at least.
-_TRANSIENT, _STEADY_TURN = np.pi, np.pi
-# s; heading and its extremes are read off a parabola through the measurements around.
-_AROUND = 0.5
-_APPROACH = 10.0
-# What of the attitude tells how level a path is.
+_MIN_RUDDER = np.deg2rad(2.0)  # rad, maximum of a manoeuvre
+_HOLD_TOLERANCE = 0.1  # of the level of a held rudder
+_MIN_HELD_SHARE = 0.8  # of the samples of a hold
+_MIN_HOLD = 1.0  # s
+_MAX_REVERSAL = 3.0  # s
+_MAX_HEADING_SPREAD = 0.2  # of the heading at reversals of a zigzag, relative to its mean size
+_TRANSIENT = np.pi  # rad, turned before a turn is steady
+_MIN_STEADY_TURN = np.pi  # rad
+_FIT_TIME = 0.5  # s on either side, of a parabola for the heading
+_MIN_FIT = 5  # measurements
+_APPROACH = 10.0  # s before a turn, with the approach speed
 TILT = "phi", "theta"
 
 
 class Hold(NamedTuple):
-    """A rudder that is held, from begin to end, s; level in rad."""
+    """A rudder that is held at a level, rad, from begin to end, s."""
 
     begin: float
     end: float
@@ -41,21 +40,21 @@ class Hold(NamedTuple):
 
 
 def rudder_holds(inputs: InputRecord) -> list[Hold]:
-    """Find the segments of time in which the rudder is over and does not move."""
+    """Return the time spans in which the rudder is deflected and constant."""
     rudder = inputs.values[:, _RUDDER]
     largest = float(np.abs(rudder).max())
-    if largest < _SMALLEST:
+    if largest < _MIN_RUDDER:
         return []
-    over = np.where(np.abs(rudder) > 0.5 * largest, np.sign(rudder), 0.0)
-    edges = np.concatenate([[0], 1 + np.flatnonzero(np.diff(over)), [over.size]])
+    side = np.where(np.abs(rudder) > 0.5 * largest, np.sign(rudder), 0.0)
+    edges = np.concatenate([[0], 1 + np.flatnonzero(np.diff(side)), [side.size]])
     holds = []
     for first, last in pairwise(edges):
         level = float(np.median(rudder[first:last]))
-        held = np.flatnonzero(np.abs(rudder[first:last] - level) <= _STEADY * abs(level)) + first
-        if over[first] == 0.0 or held.size < 0.8 * (last - first):
+        held = np.flatnonzero(np.abs(rudder[first:last] - level) <= _HOLD_TOLERANCE * abs(level)) + first
+        if side[first] == 0.0 or held.size < _MIN_HELD_SHARE * (last - first):
             continue
         end = min(int(held[-1]) + 1, rudder.size - 1)
-        if inputs.time[end] - inputs.time[held[0]] >= _SHORTEST:
+        if inputs.time[end] - inputs.time[held[0]] >= _MIN_HOLD:
             holds.append(Hold(float(inputs.time[held[0]]), float(inputs.time[end]), level))
     return holds
 
@@ -63,15 +62,9 @@ def rudder_holds(inputs: InputRecord) -> list[Hold]:
 def manoeuvre_numbers(
     inputs: InputRecord, signals: Mapping[str, MeasuredSignal], run: FreeRun
 ) -> list[ManoeuvreNumber]:
-    """Return the numbers of the zigzags and turning circles in the data, measured and predicted.
+    """Return the measured and predicted numbers of all zigzags and turning circles in the data.
 
-    Parameters
-    ----------
-    inputs : InputRecord
-    signals : mapping
-        Measurements by motion symbol.
-    run : FreeRun
-        By the same inputs, as the sensors read it; of it too only what they measure is used.
+    `signals` are measurements by motion symbol; `run` has the same inputs, and only its measured signals are used.
     """
     if "psi" not in signals:
         return []
@@ -88,16 +81,16 @@ def manoeuvre_numbers(
 
 
 def _covers(signal: MeasuredSignal, hold: Hold) -> bool:
-    return bool(signal.time[0] <= hold.begin and hold.end <= signal.time[-1] + _AROUND)
+    return bool(signal.time[0] <= hold.begin and hold.end <= signal.time[-1] + _FIT_TIME)
 
 
 def _chains(holds: Sequence[Hold]) -> list[list[Hold]]:
-    """Chain holds to one side and to the other in turn, each right after the one before."""
+    """Return chains of at least three holds to alternating sides, with quick reversals."""
     chains: list[list[Hold]] = []
     for hold in holds:
         before = chains[-1][-1] if chains else None
-        follows = before is not None and hold.begin - before.end <= _LONGEST_REVERSAL
-        if before is not None and follows and np.isclose(hold.level, -before.level, rtol=_STEADY):
+        follows = before is not None and hold.begin - before.end <= _MAX_REVERSAL
+        if before is not None and follows and np.isclose(hold.level, -before.level, rtol=_HOLD_TOLERANCE):
             chains[-1].append(hold)
         else:
             chains.append([hold])
@@ -105,12 +98,12 @@ def _chains(holds: Sequence[Hold]) -> list[list[Hold]]:
 
 
 def _zigzag(chain: Sequence[Hold], measured: MeasuredSignal, predicted: MeasuredSignal) -> list[ManoeuvreNumber]:
-    """Return overshoots: how far the heading goes on after each reversal."""
+    """Return the overshoot of the heading after each reversal."""
     course = heading_at(measured, chain[0].begin)
     turned = np.array([heading_at(measured, hold.end) - course for hold in chain[:-1]])
     alternates = bool((np.diff(np.sign(turned)) != 0.0).all())
     sizes = np.abs(turned)
-    if not alternates or np.ptp(sizes) > _ALIKE * sizes.mean():
+    if not alternates or np.ptp(sizes) > _MAX_HEADING_SPREAD * sizes.mean():
         return []
     numbers = []
     for i, (hold, after) in enumerate(pairwise(chain), 1):
@@ -124,34 +117,34 @@ def _zigzag(chain: Sequence[Hold], measured: MeasuredSignal, predicted: Measured
 
 
 def overshoot(heading: MeasuredSignal, reversal: float, end: float, side: float) -> float | None:
-    """Say how far a heading goes on to a side, 1 or -1, after a reversal, rad; None if it does not come back."""
+    """Return the change of a heading to a side, 1 or -1, after a reversal, rad; None if it does not come back."""
     span = slice(*np.searchsorted(heading.time, [reversal, end]))
     time, values = heading.time[span], side * heading.values[span]
     if time.size < 3 or not np.isfinite(values).all():
         return None
     farthest = float(time[values.argmax()])
-    if farthest > end - _AROUND:
+    if farthest > end - _FIT_TIME:
         return None
     return side * (heading_at(heading, farthest) - heading_at(heading, reversal))
 
 
 def heading_at(heading: MeasuredSignal, time: float) -> float:
     """Return the heading at a time, from a parabola through the measurements around it, rad."""
-    around = slice(*np.searchsorted(heading.time, [time - _AROUND, time + _AROUND]))
-    apart, values = heading.time[around] - time, heading.values[around]
-    if apart.size < 5:
+    around = slice(*np.searchsorted(heading.time, [time - _FIT_TIME, time + _FIT_TIME]))
+    offset, values = heading.time[around] - time, heading.values[around]
+    if offset.size < _MIN_FIT:
         return float(np.interp(time, heading.time, heading.values))
-    return float(np.linalg.lstsq(np.stack([np.ones(apart.size), apart, apart**2], axis=1), values)[0][0])
+    return float(np.linalg.lstsq(np.stack([np.ones(offset.size), offset, offset**2], axis=1), values)[0][0])
 
 
 def _turning_circle(
     hold: Hold, measured: Mapping[str, MeasuredSignal], predicted: Mapping[str, MeasuredSignal]
 ) -> list[ManoeuvreNumber]:
-    """Return turn rate, and with a measured velocity radius, speed and speed lost, once the turn is steady."""
+    """Return the numbers of the steady turn: turn rate, and with measured velocity radius, speed and speed lost."""
     heading = measured["psi"]
     inside = slice(*np.searchsorted(heading.time, [hold.begin, hold.end]))
     turned = np.abs(heading.values[inside] - heading_at(heading, hold.begin))
-    if not turned.size or turned[-1] < _TRANSIENT + _STEADY_TURN:
+    if not turned.size or turned[-1] < _TRANSIENT + _MIN_STEADY_TURN:
         return []
     begin = float(heading.time[inside][np.argmax(turned >= _TRANSIENT)])
     numbers, expected = (steady_turn(signals, hold.begin, begin, hold.end) for signals in (measured, predicted))
@@ -172,21 +165,21 @@ def steady_turn(signals: Mapping[str, MeasuredSignal], execute: float, begin: fl
 
     Parameters
     ----------
-    signals : mapping
-        Heading, and for more than the turn rate u, v, w. Without roll or pitch the path is taken as level.
+    signals : mapping of MeasuredSignal
+        Heading, and u, v, w for more than the turn rate. Without roll or pitch the path is level.
     execute : float
-        When the rudder was put over, s: before it, the approach.
+        Time of the rudder deflection, s; the approach is before it.
     begin, end : float
 
     Returns
     -------
     dict of float
-        Turn rate, rad/s; horizontal speed, m/s; radius of the path, m; share of the approach's speed that is lost.
+        Turn rate, rad/s; horizontal speed, m/s; radius of the path, m; lost share of the approach speed.
     """
     heading = signals["psi"]
     inside = slice(*np.searchsorted(heading.time, [begin, end]))
-    apart = heading.time[inside] - begin
-    slope = np.linalg.lstsq(np.stack([np.ones(apart.size), apart], axis=1), heading.values[inside])[0][1]
+    elapsed = heading.time[inside] - begin
+    slope = np.linalg.lstsq(np.stack([np.ones(elapsed.size), elapsed], axis=1), heading.values[inside])[0][1]
     numbers = {"turn rate": float(slope)}
     if not {"u", "v", "w"} <= set(signals):
         return numbers
@@ -203,7 +196,7 @@ def steady_turn(signals: Mapping[str, MeasuredSignal], execute: float, begin: fl
 
 
 def _horizontal_speed(signals: Mapping[str, MeasuredSignal]) -> MeasuredSignal:
-    """Return it at the times of u, m/s; where no attitude tells how level the path is, the speed along it."""
+    """Return the horizontal speed at the times of u, m/s; the speed along the path without roll or pitch."""
     time = signals["u"].time
 
     def at_its_times(symbol: str) -> Array:

@@ -1,4 +1,4 @@
-"""Predict the motion of an identified model, and compare it with measured signals."""
+"""Simulation of identified models side by side, and the measured signals that they are compared with."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf
@@ -19,12 +19,10 @@ from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, MOTION_SYMBOL
 
 Array = NDArray[np.float64]
 _ANGLES = MOTION_SYMBOLS[6:]
-# s; times that differ by less are the same: those of events are whole nanoseconds, half of one from a measurement's.
-SAME = 0.75e-9
-# Headings before and after one of which the yaw rate is told, at least.
-_FEWEST_AROUND = 2
-# s; process noise and what disturbs push at least so long apart, which is short beside how fast a vehicle answers.
-_BETWEEN_PUSHES, _BETWEEN_DISTURBANCES = 0.1, 0.05
+SAME = 0.75e-9  # s; smaller differences are rounding: events are at whole nanoseconds, at most half of one off
+_MIN_HEADINGS = 2  # on either side of a heading, to compute its yaw rate
+_NOISE_INTERVAL = 0.1  # s, between pulses of process noise; short compared with the response of a vehicle
+_DISTURBANCE_INTERVAL = 0.05  # s, between changes of a disturbance
 
 
 class MeasuredSignal(NamedTuple):
@@ -47,20 +45,20 @@ class MeasuredSignal(NamedTuple):
         return int(np.searchsorted(self.time, time - SAME))
 
     def turns(self, time: float, value: float) -> float:
-        """Return what to add to a value to be on the same turn as the measurements, rad; a multiple of a turn."""
+        """Return the whole turns, rad, to add to an angle so that it is near the measurements."""
         measurement = self.values[max(int(np.searchsorted(self.time, time + SAME)) - 1, 0)]
         return 2.0 * np.pi * float(np.round((measurement - value) / (2.0 * np.pi)))
 
 
 class SignalSize(NamedTuple):
-    """What the measurements of one signal are like, over all segments.
+    """Size of the measurements of one signal, over all segments.
 
     Attributes
     ----------
     deviation : float
-        Stated standard deviation of a measurement, SI; of several, root of the mean square.
+        Stated standard deviation of a measurement, SI; root mean square of several.
     variance : float
-        Of the measurements about the mean of their segment, SI.
+        Variance about the mean of each segment, SI.
     """
 
     deviation: float
@@ -68,12 +66,12 @@ class SignalSize(NamedTuple):
 
 
 def is_angle(symbol: str) -> bool:
-    """Say whether a motion state is known modulo a turn."""
+    """Whether a motion state is an angle."""
     return symbol in _ANGLES
 
 
 def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, MeasuredSignal]:
-    """Return signals by symbol, motion states in their order and the depth; those that are measured."""
+    """Return the measured signals by symbol: motion states in their order, and depth."""
     signals = {}
     for name, record in measuring.items():
         for component, quantity in enumerate(SENSORS[name]):
@@ -90,7 +88,7 @@ def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Measure
 
 
 def signal_sizes(segments: Sequence[Mapping[str, MeasuredSignal]]) -> dict[str, SignalSize]:
-    """Return what signals of several segments are like, by symbol, in the order of `measured_signals`."""
+    """Return the sizes of signals over several segments, by symbol, in the order of `measured_signals`."""
     sizes = {}
     for symbol in MOTION_AND_DEPTH_SYMBOLS:
         if own := [signals[symbol] for signals in segments if symbol in signals]:
@@ -103,24 +101,24 @@ def signal_sizes(segments: Sequence[Mapping[str, MeasuredSignal]]) -> dict[str, 
 
 
 def _yaw_rate_by_attitude(signals: Mapping[str, MeasuredSignal]) -> MeasuredSignal | None:
-    """Take the yaw rate from how the attitude changes, by cubics through a second of it.
+    """Return the yaw rate from attitude, by cubics through a second of it; None without heading, or if it is too slow.
 
     ``r = psi_dot cos phi cos theta - theta_dot sin phi`` (Fossen 2011, eq. 2.28); an angle that is not measured at the
-    times of the heading is taken as zero. None if there is no heading, or it comes too seldom.
+    times of the heading is zero.
     """
     if "psi" not in signals or signals["psi"].time.size < 3:
         return None
     time, heading, deviation = signals["psi"]
     interval = float(np.median(np.diff(time)))
     half = round(0.5 * WHILE_TURNING / interval)
-    # Half a window before and after, and a little more, measurements come without a gap.
+    # Half a window before and after, plus a margin, without gaps.
     ends = np.concatenate([[True], np.diff(time) > 0.5 * WHILE_TURNING, [True]])
     last_begin = np.maximum.accumulate(np.where(ends[:-1], time, -np.inf))
     next_end = np.minimum.accumulate(np.where(ends[1:], time, np.inf)[::-1])[::-1]
     good = np.minimum(time - last_begin, next_end - time) >= (half + 0.9) * interval
-    if half < _FEWEST_AROUND or not good.any():
+    if half < _MIN_HEADINGS or not good.any():
         return None
-    # One more than there are headings, so that the last is between two.
+    # One more than there are headings, so that the last heading is between two.
     even = time[0] + interval * np.arange(int((time[-1] - time[0]) / interval) + 2)
 
     def rate(angle: Array) -> Array:
@@ -135,14 +133,15 @@ def _yaw_rate_by_attitude(signals: Mapping[str, MeasuredSignal]) -> MeasuredSign
     return MeasuredSignal(time[good], yaw_rate[good], rate_noise(interval, half) * deviation)
 
 
-class DisturbedModels(NamedTuple):
-    """Models that process noise moves as well.
+class ProcessNoise(NamedTuple):
+    """White noise on the motion of some models.
 
     Attributes
     ----------
     which : slice
+        Those models.
     density : ndarray, shape (10,)
-        Root of the spectral density of the white noise on the rate of each motion state and of the depth, SI / s^0.5.
+        Root spectral density on the rate of each motion state and of depth, SI / s^0.5.
     rng : numpy.random.Generator
     """
 
@@ -150,25 +149,25 @@ class DisturbedModels(NamedTuple):
     density: Array
     rng: np.random.Generator
 
-    def push(self, states: Array, elapsed: float) -> None:
-        """Add what came of it in some time, s, to the states, shape (10, n)."""
-        pushed = states[:, self.which]
-        pushed += np.sqrt(elapsed) * self.density[:, None] * self.rng.standard_normal(pushed.shape)
+    def add(self, states: Array, elapsed: float) -> None:
+        """Add the effect of some time, s, to the states, shape (10, n)."""
+        noisy = states[:, self.which]
+        noisy += np.sqrt(elapsed) * self.density[:, None] * self.rng.standard_normal(noisy.shape)
 
 
-class Disturbed(NamedTuple):
-    """What disturbs models side by side: a Gauss-Markov force or moment for each axis.
+class Disturbance(NamedTuple):
+    """Gauss-Markov force or moment on each axis of several models.
 
     Attributes
     ----------
     which : slice
-        Those models for which it goes on at random; for the others it fades.
+        Models with random changes; in the others it decays.
     force : ndarray, shape (6, n)
-        At present, N and N m; changed on the way.
+        Current value, N and N m; modified in place.
     deviation, time_constant : ndarray, shape (6,)
-        Of each axis in the long run, and after which 1/e of it is left, s.
+        Stationary standard deviation, N and N m, and correlation time, s, of each axis.
     inverse : ndarray, shape (6, 6)
-        Of the mass matrix.
+        Inverse mass matrix.
     rng : numpy.random.Generator
     """
 
@@ -180,15 +179,15 @@ class Disturbed(NamedTuple):
     rng: np.random.Generator
 
     def push(self, states: Array, elapsed: float) -> None:
-        """Let it act for some time, s, on the states, shape (10, n)."""
+        """Accelerate the states, shape (10, n), for some time, s."""
         states[:6] += elapsed * self.inverse @ self.force
 
-    def go_on(self, elapsed: float) -> None:
-        """Let some time pass, s."""
-        left = np.exp(-elapsed / self.time_constant)[:, None]
-        self.force[:] *= left
+    def propagate(self, elapsed: float) -> None:
+        """Change the force over some time, s."""
+        decay = np.exp(-elapsed / self.time_constant)[:, None]
+        self.force[:] *= decay
         driven = self.force[:, self.which]
-        driven += np.sqrt(1.0 - left**2) * self.deviation[:, None] * self.rng.standard_normal(driven.shape)
+        driven += np.sqrt(1.0 - decay**2) * self.deviation[:, None] * self.rng.standard_normal(driven.shape)
 
 
 def move_side_by_side(
@@ -197,55 +196,49 @@ def move_side_by_side(
     coefficients: Array,
     parameters: Mapping[str, float],
     wanted: Array,
-    shaken: DisturbedModels | None = None,
-    disturbed: Disturbed | None = None,
+    noise: ProcessNoise | None = None,
+    disturbance: Disturbance | None = None,
     errors: Sequence[float] | Array = NO_ERRORS,
     terms: Sequence[Coefficient] = (),
 ) -> Array:
-    """Move up to `LANES` models by the same inputs.
+    """Return the motion of up to `LANES` models with the same inputs, shape (k, n, 10); not finite after divergence.
 
     Parameters
     ----------
     timelines : iterable of Timeline
-        Gone through as far as the last time wanted.
+        Read up to the last wanted time.
     motion : ndarray, shape (n, 10)
-        At the start, of each model, the depth behind it.
+        Motion and depth of each model at the start.
     coefficients : ndarray, shape (n, 22 + terms)
         SI.
-    parameters : mapping
-        Known parameters of all of them.
+    parameters : mapping of float
+        Known parameters of all models.
     wanted : ndarray, shape (k,)
         Times of events, s, increasing.
-    shaken : Shaken, optional
-    disturbed : Disturbed, optional
+    noise : ProcessNoise, optional
+    disturbance : Disturbance, optional
     errors : ndarray, shape (5,) or (n, 5)
-        What the thrust, the fins and the ballast are beyond the stated, see `NO_ERRORS`.
+        Errors of thrust, fins and ballast, see `NO_ERRORS`.
     terms : sequence of Coefficient
-        Of the vehicle's own.
-
-    Returns
-    -------
-    ndarray, shape (k, n, 10)
-        Not finite where a model has blown up.
+        Additional terms of the vehicle.
     """
     n = len(motion)
     constants, work = vehicle_constants(parameters, terms), np.zeros(N_WORK)
-    block, rows = (_in_lanes(each) for each in (motion, with_errors(coefficients, errors)))
+    block, rows = (_in_lanes(values) for values in (motion, with_errors(coefficients, errors)))
     states, moved = block.reshape(N_PREDICTED, LANES), np.empty((wanted.size, n, N_PREDICTED))
-    # What acts at random does so at the end of each stride; without it there is nothing to stop for.
-    longest = _BETWEEN_DISTURBANCES if disturbed is not None else inf if shaken is None else _BETWEEN_PUSHES
+    longest = _DISTURBANCE_INTERVAL if disturbance is not None else inf if noise is None else _NOISE_INTERVAL
     done = 0
 
     def move(timeline: Timeline, begin: int, end: int) -> None:
         for first, last, elapsed in _strides(timeline.substep_duration, begin, end, longest):
-            if disturbed is not None:
-                disturbed.push(states[:, :n], 0.5 * elapsed)
+            if disturbance is not None:
+                disturbance.push(states[:, :n], 0.5 * elapsed)
             move_through(block, rows, constants, n, timeline, first, last, work)
-            if disturbed is not None:
-                disturbed.go_on(elapsed)
-                disturbed.push(states[:, :n], 0.5 * elapsed)
-            if shaken is not None:
-                shaken.push(states, elapsed)
+            if disturbance is not None:
+                disturbance.propagate(elapsed)
+                disturbance.push(states[:, :n], 0.5 * elapsed)
+            if noise is not None:
+                noise.add(states, elapsed)
 
     for timeline in timelines:
         substep = 0
@@ -262,7 +255,7 @@ def move_side_by_side(
 
 
 def _strides(durations: Array, begin: int, end: int, longest: float) -> Iterator[tuple[int, int, float]]:
-    """Yield strides of some substeps, which last so long, s, or just longer: first, end, and time that elapses."""
+    """Yield first substep, end and duration of strides of at least `longest`, s."""
     first, elapsed = begin, 0.0
     for last, duration in enumerate(durations[begin:end].tolist(), begin + 1):
         elapsed += duration
@@ -272,27 +265,25 @@ def _strides(durations: Array, begin: int, end: int, longest: float) -> Iterator
 
 
 def _in_lanes(values: Array) -> Array:
-    """Lay out rows of quantities with a lane for each model; lanes without one repeat the first."""
+    """Return rows of quantities with one lane per model; unused lanes repeat the first model."""
     lanes = np.tile(values[0], (LANES, 1))
     lanes[: len(values)] = values
     return np.ascontiguousarray(lanes.T).ravel()
 
 
 def unchanged_motion(elapsed: Array, motion: Array, angles: Array | None = None) -> Array:
-    """Hold velocities and rates; attitude and depth follow in closed form (Rodrigues' formula, and its integral).
+    """Return motion with constant velocities and rates, shape (n, 10).
+
+    Attitude by Rodrigues' formula, depth by its integral.
 
     Parameters
     ----------
     elapsed : ndarray, shape (n,)
-        s since the start, increasing, less than half a turn apart.
+        Time since the start, s, increasing in steps of less than half a turn.
     motion : ndarray, shape (10,)
-        At the start, the depth behind it.
+        Motion and depth at the start.
     angles : ndarray, shape (3,), optional
-        Roll, pitch, yaw shortly before the first of these times, from which no angle jumps a turn; else at the start.
-
-    Returns
-    -------
-    ndarray, shape (n, 10)
+        Roll, pitch and yaw shortly before the first time, without a jump of a turn to it; default: at the start.
     """
     rates, begin = motion[3:6], motion[6:9]
     rate = float(np.linalg.norm(rates)) or 1.0

@@ -1,5 +1,6 @@
-"""Results of a validation, with measures of fit and the number of independent samples."""
+"""Results of a validation: measures of fit, tables, and checks of the predictions."""
 
+from collections.abc import Callable, Mapping, Sequence
 from math import inf, isfinite, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,21 +18,32 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 FREE_RUN, AHEAD = "free_run", "ahead"
-# The check that a model fails which is better than it says.
-NO_WIDER = "no wider than its errors"
+UNCERTAINTY_NOT_TOO_LARGE = "uncertainty not too large"
+MAX_NIS = 1.5  # mean per component of a sensor, up to which the settings hold
+_MIN_ERROR = 3.0  # standard deviations of a measurement, above which an error is more than noise
+_MAX_ERROR_RATIO = 1.1  # to another model; over short horizons the start makes all models nearly equal
+_MAX_EXCURSION_RATIO = 10.0  # to the measurements' largest distance from their mean
+_MIN_BAND_SHARE = (
+    0.85  # of the errors within two standard deviations; ideally 0.95, but successive starts are correlated
+)
+_MAX_BAND_SHARE = 0.995
+_MIN_MEASUREMENTS = 60  # of a share; with fewer, one of dozens of rows is too small by chance
+_MAX_NOISE_SHARE = 0.7  # of a band: more noise hides whether the model's uncertainty is too large
+# With this number of independent errors a correct band misses at least one with a probability of 95 %, 1 - 0.95^59.
+_MIN_INDEPENDENT = 59.0
 
 
 def independent_errors(errors: Array) -> float:
-    """Return how many independent errors are worth as much as these, in their order; at most their number.
+    """Return the effective number of independent errors, at most their number.
 
-    Their mean square is not zero if they are all the same: an error that lasts, or that every start has, counts as
-    correlated. Correlations are summed in pairs of lags as long as these are positive (C. J. Geyer, "Practical Markov
-    chain Monte Carlo", Statistical Science 7(4), 1992).
+    A common error of all starts counts as correlation, since errors are not centred. Correlations are summed in pairs
+    of lags until a sum is not positive (C. J. Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7(4),
+    1992).
 
     Parameters
     ----------
     errors : ndarray, shape (n,)
-        By their standard deviations; n of at least 1.
+        In the order of their starts, normalised; n of at least 1.
     """
     n = errors.size
     square = float(errors @ errors)
@@ -40,8 +52,8 @@ def independent_errors(errors: Array) -> float:
     by_lag = np.correlate(errors, errors, "full")[n - 1 :] / square
     pairs = by_lag[: n - n % 2].reshape(-1, 2).sum(axis=1)
     ends = np.flatnonzero(pairs <= 0.0)
-    together = 2.0 * float(pairs[: ends[0] if ends.size else pairs.size].sum()) - 1.0
-    return n / max(together, 1.0)
+    correlation_time = 2.0 * float(pairs[: ends[0] if ends.size else pairs.size].sum()) - 1.0
+    return n / max(correlation_time, 1.0)
 
 
 class PredictionFit(NamedTuple):
@@ -50,13 +62,12 @@ class PredictionFit(NamedTuple):
     Attributes
     ----------
     measurements : int
-        How many.
     mean : float
-        Of the measurements.
+        Mean of the measurements.
     spread : float
-        Sum of the squares of the measurements' deviations from their mean.
+        Sum of squared deviations of the measurements from their mean.
     squares : float
-        Sum of the squares of the errors; not finite if a prediction is not.
+        Sum of squared errors; not finite if a prediction is not.
     """
 
     measurements: int = 0
@@ -66,7 +77,7 @@ class PredictionFit(NamedTuple):
 
     @classmethod
     def of(cls, measured: Array, predicted: Array) -> "PredictionFit":
-        """Sum over measurements, shape (n,), and their predictions, in one unit; angles without jumps of a turn."""
+        """Return the sums over measurements and predictions, shape (n,), one unit; angles without jumps of a turn."""
         if not measured.size:
             return cls()
         mean = float(measured.mean())
@@ -75,66 +86,64 @@ class PredictionFit(NamedTuple):
         return cls(measured.size, mean, float(np.square(measured - mean).sum()), squares)
 
     def plus(self, other: "PredictionFit") -> "PredictionFit":
-        """Join both; the deviations by the update of Chan, Golub and LeVeque (1983)."""
+        """Return the sums over both, with deviations from the common mean (Chan, Golub and LeVeque, 1983)."""
         measurements = self.measurements + other.measurements
         if not measurements:
             return self
-        apart = other.mean - self.mean
-        mean = self.mean + apart * other.measurements / measurements
-        spread = self.spread + other.spread + apart**2 * self.measurements * other.measurements / measurements
+        difference = other.mean - self.mean
+        mean = self.mean + difference * other.measurements / measurements
+        spread = self.spread + other.spread + difference**2 * self.measurements * other.measurements / measurements
         return PredictionFit(measurements, mean, spread, self.squares + other.squares)
 
-    def beside(self, other: "PredictionFit") -> "PredictionFit":
-        """Join both, where each deviates from its own mean: that of another segment."""
+    def with_segment(self, other: "PredictionFit") -> "PredictionFit":
+        """Return the sums over both, with deviations from the mean of each segment."""
         measurements = self.measurements + other.measurements
         mean = (self.measurements * self.mean + other.measurements * other.mean) / max(measurements, 1)
         return PredictionFit(measurements, mean, self.spread + other.spread, self.squares + other.squares)
 
     @property
     def rmse(self) -> float | None:
-        """Return the root mean square error; None without measurements or where the prediction is not finite."""
+        """Return the root mean square error; None without measurements or with predictions that are not finite."""
         return sqrt(self.squares / self.measurements) if self.measurements and isfinite(self.squares) else None
 
     @property
     def percent(self) -> float | None:
-        """Return 100 (1 - norm of errors / norm of deviations from the mean): 100 is perfect, 0 is the mean itself.
+        """Return 100 (1 - norm of errors / norm of deviations from the mean): 100 is perfect, 0 is as good as the mean.
 
-        None as for `rmse`, and where the measurements do not vary; it can be any negative number.
+        None as for `rmse` and for constant measurements; it can be any negative number.
         """
         varies = self.rmse is not None and 0.0 < self.spread < inf
         return 100.0 * (1.0 - sqrt(self.squares / self.spread)) if varies else None
 
 
 class Prediction(NamedTuple):
-    """A row of ``validation.csv``; None stands for what is not known, or not finite because a model blew up.
+    """A row of ``validation.csv``; None for unknown values, and for those of a model that diverged.
 
     Attributes
     ----------
     signal, unit : str
         Motion state, or the depth (``down``), and its SI unit.
     kind : str
-        `FREE_RUN`, against every measurement of the run, or `AHEAD`, from many starts.
+        `FREE_RUN`: all measurements of the run; `AHEAD`: a horizon after many starts.
     horizon_s : float
-        Time from the start to the measurements; of a free run its length.
+        Time from the start to the measurements; for a free run its length.
     measurements : int
-        How many are compared.
     noise : float
-        Stated standard deviation of a measurement, below which no RMSE can fall if it is right.
+        Stated standard deviation of a measurement: a lower bound of the RMSE.
     fit_percent, rmse : float or None
-        Of the identified model; the fit goes by how far the measurements of the whole run are from their mean.
+        Errors of the identified model; the fit is relative to the spread of the measurements of the whole run.
     prior_rmse, vehicle_file_rmse, constant_velocity_rmse : float or None
-        Of what there was before: the prior's mean, the coefficients in the vehicle file, and the motion at the start
-        going on as it is.
+        RMSE of the prior's mean, of the coefficients in the vehicle file, and of the unchanged motion at the start.
     expected_rmse : float or None
-        What the uncertainties of coefficients, start and measurements amount to, and the larger of what process noise
-        adds and by how much predictions of the model's own data, where these are at hand, are worse than stated.
+        Due to the uncertainties of coefficients, start and measurements, plus the larger of process noise and of the
+        excess errors of predictions of the estimate's own data, if available.
     share_within_band : float or None
-        Of the errors, those within two of these standard deviations; 0.95 if the uncertainties are right.
+        Share of the errors within two of these standard deviations; 0.95 with correct uncertainties.
     draws, draws_blown_up : int or None
-        Sets of coefficients drawn from the estimate's covariance, and how many of these blew up on the way from
-        one of the starts or another; those are in no band.
+        Sets of coefficients drawn from the estimate's covariance, and those that diverged after any start; the band is
+        without these.
     independent : float or None
-        Of how many independent errors those of all starts say as much, see `auvid_cli.validation.results`.
+        Effective number of independent errors of all starts, see `independent_errors`.
     """
 
     signal: str
@@ -156,7 +165,7 @@ class Prediction(NamedTuple):
 
 
 class ManoeuvreNumber(NamedTuple):
-    """A row of ``manoeuvres.csv``: a number by which manoeuvres are known, SI; speeds as the DVL reads them.
+    """A row of ``manoeuvres.csv``: a characteristic number of a manoeuvre, SI; speeds as the DVL measures them.
 
     Attributes
     ----------
@@ -165,11 +174,11 @@ class ManoeuvreNumber(NamedTuple):
     number : str
         For example ``overshoot 1`` or ``radius``.
     time_s : float
-        Where it begins: the rudder's reversal, or the beginning of the steady turn.
+        Reversal of the rudder, or begin of the steady turn.
     unit : str
     measured : float
     predicted : float or None
-        By the free run; None where that is not finite.
+        From the free run; None if not finite.
     """
 
     manoeuvre: str
@@ -181,23 +190,23 @@ class ManoeuvreNumber(NamedTuple):
 
 
 class Validation(NamedTuple):
-    """Predictions and verdicts of an estimate on other data.
+    """Predictions and checks of an estimate on other data.
 
     Attributes
     ----------
     filter : str
     judgement : Judgement
-        Of the estimate, by itself.
+        Judgement of the estimate by itself.
     predictions : list of Prediction
-        Those of the free run, then by horizon.
+        Free run, then by horizon.
     manoeuvres : list of ManoeuvreNumber
     checks : Checks
     shown : Dataset
-        The longest segment of the data.
+        Longest segment of the data.
     run : FreeRun
-        Of the identified model there, as the sensors read it, see `FreeRunFit`.
+        Run of the identified model in that segment, as the sensors measure it.
     remarks : list of str
-        Sentences on what is missing.
+        Sentences on limits of the validation.
     """
 
     filter: str
@@ -222,6 +231,162 @@ class Validation(NamedTuple):
         return frames(self.tables())
 
     def worse_than_the_mean(self, kind: str) -> list[str]:
-        """Name signals whose measurements are nearer to their own mean than to a prediction of a kind."""
+        """Return the signals that a prediction of a kind explains worse than their mean does."""
         fits = ((row.signal, row.fit_percent) for row in self.predictions if row.kind == kind)
         return list(dict.fromkeys(signal for signal, fit in fits if fit is not None and fit < 0.0))
+
+
+def prediction_checks(
+    name: str, rows: Sequence[Prediction], excursion: Mapping[str, float], nis: Mapping[str, float], status: str
+) -> list[Check]:
+    """Return all checks of the predictions of one estimate.
+
+    Parameters
+    ----------
+    name : str
+        Filter of the estimate.
+    rows : sequence of Prediction
+    excursion : mapping of float
+        By signal, of the free run, see `FreeRunFit`.
+    nis : mapping of float
+        By sensor, of the filter that finds the initial states, see `InitialStates`.
+    status : str
+        Status of that filter.
+    """
+    ahead = [row for row in rows if row.kind == AHEAD]
+    stable = Check.of_values(
+        name,
+        "free run",
+        "stable",
+        excursion,
+        limit=_MAX_EXCURSION_RATIO,
+        unit="times",
+        meaning="the range of the measurements",
+        advice="The free run leaves the range of the measurements. If the vehicle is unstable in open loop, use the "
+        "predictions ahead instead; otherwise the coefficients are wrong: run `auvid check` on the estimate.",
+    )
+    completed = Check.of(
+        name,
+        "start",
+        "filter completed",
+        statistic=status,
+        threshold="to the end of the data",
+        passed=status == "completed",
+        advice="No filter follows these measurements with this model. Predictions start only before that time: run "
+        "`auvid inspect` on the data, and check that the vehicle is the same.",
+    )
+    checks = [stable, completed]
+    if ahead:
+        checks += [
+            _better(name, "constant velocity", ahead, lambda row: row.constant_velocity_rmse),
+            _better(name, "the prior", ahead, lambda row: row.prior_rmse),
+            *_band_checks(name, ahead),
+        ]
+    checks.append(
+        Check.of_values(
+            name,
+            "one measurement ahead",
+            "NIS",
+            nis,
+            limit=MAX_NIS,
+            meaning="per component",
+            advice="From one measurement to the next the errors are larger than the settings predict: coefficients are "
+            "wrong, the model lacks an effect of this run, or these sensors are worse than stated. Run `auvid tune` on "
+            "this run.",
+            fails=False,
+        )
+    )
+    return checks
+
+
+def _better(name: str, other: str, rows: Sequence[Prediction], rmse_of: Callable[[Prediction], float | None]) -> Check:
+    """Check that the model has smaller errors than another, wherever those are more than noise."""
+    ratios = []
+    for row in rows:
+        other_rmse = rmse_of(row)
+        if other_rmse is not None and other_rmse > _MIN_ERROR * row.noise:
+            ratios.append((row, row.rmse / other_rmse if row.rmse is not None else inf))
+    if not ratios:
+        return Check.of(
+            name,
+            "ahead",
+            f"better than {other}",
+            statistic="-",
+            threshold="errors larger than noise",
+            passed=None,
+            advice=f"Not checked: the errors of {other} are noise, or it diverged. Validate on a run with more motion.",
+        )
+    return Check.of_values(
+        name,
+        "ahead",
+        f"better than {other}",
+        _worst(ratios),
+        limit=_MAX_ERROR_RATIO,
+        unit="times",
+        meaning="its error, where that is more than noise",
+        advice="Do not use the model for these signals: the coefficients of that motion are wrong, or the vehicle has "
+        "changed.",
+    )
+
+
+def _band_checks(name: str, rows: Sequence[Prediction]) -> list[Check]:
+    """Check the stated uncertainty against the errors: not too small, nor, over all horizons, too large."""
+    banded = [row for row in rows if row.share_within_band is not None]
+    # A model that diverged has no band, so no error is within it.
+    expected = [row for row in rows if row.draws or row.share_within_band is not None]
+    shares = [(row, row.share_within_band or 0.0) for row in expected if row.measurements >= _MIN_MEASUREMENTS]
+    if not shares:
+        return []
+    too_small = Check.of_values(
+        name,
+        "ahead",
+        "uncertainty not too small",
+        _worst(shares, is_least=True),
+        limit=_MIN_BAND_SHARE,
+        meaning="of the errors within two sigma",
+        advice="Errors are larger than the uncertainty of coefficients, start, sensors and process noise. The "
+        "structure of the model is wrong for this manoeuvre, or process noise or covariance is too small (run `auvid "
+        "tune`). A share of 0 means that the model diverged.",
+        is_least=True,
+    )
+    return [too_small, _too_large(name, banded)]
+
+
+def _too_large(name: str, rows: Sequence[Prediction]) -> Check:
+    """Check, by signal and over all horizons, that some errors leave their band.
+
+    Errors of the coefficients are the same at every start and may be small. So a signal counts only if at some horizon
+    enough errors are independent.
+    """
+    within: dict[str, float] = {}
+    for signal in dict.fromkeys(row.signal for row in rows):
+        own = [
+            row for row in rows if row.signal == signal and (row.expected_rmse or 0.0) * _MAX_NOISE_SHARE > row.noise
+        ]
+        if not any((row.independent or 0.0) >= _MIN_INDEPENDENT for row in own):
+            continue
+        if count := sum(row.measurements for row in own):
+            within[signal] = sum((row.share_within_band or 0.0) * row.measurements for row in own) / count
+    if not within:
+        statistic, threshold = "-", f"{_MIN_INDEPENDENT:g} independent errors larger than noise"
+        return Check.of(
+            name, "ahead", UNCERTAINTY_NOT_TOO_LARGE, statistic=statistic, threshold=threshold, passed=True, advice=""
+        )
+    return Check.of_values(
+        name,
+        "ahead",
+        UNCERTAINTY_NOT_TOO_LARGE,
+        within,
+        limit=_MAX_BAND_SHARE,
+        meaning="of the errors within two sigma",
+        advice="The model is better than its uncertainty: its own data were harder to predict, or process noise is set "
+        "too large (run `auvid tune`).",
+    )
+
+
+def _worst(values: Sequence[tuple[Prediction, float]], is_least: bool = False) -> dict[str, float]:
+    """Return the largest (or smallest) value of each signal, by signal and horizon."""
+    worst: dict[str, tuple[Prediction, float]] = {}
+    for row, value in sorted(values, key=lambda pair: pair[1], reverse=not is_least):
+        worst.setdefault(row.signal, (row, value))
+    return {f"{row.signal} at {row.horizon_s:g} s": value for row, value in worst.values()}

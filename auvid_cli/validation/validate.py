@@ -1,4 +1,4 @@
-"""Everything that is said of an estimate on data that it has not seen."""
+"""Validate an estimate: predict data that it was not made from."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -39,18 +39,15 @@ from auvid_cli.validation.initial_states import (
 )
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.validation.motion_prediction import MeasuredSignal, measured_signals, signal_sizes
-from auvid_cli.validation.results import ManoeuvreNumber, Validation
-from auvid_cli.validation.verdicts import verdicts
+from auvid_cli.validation.results import ManoeuvreNumber, Validation, prediction_checks
 from auvid_cli.vehicle.equations import NO_ERRORS
 
-Array = NDArray[np.float64]
-
-# However long the data: starts, evenly spaced, and draws from the uncertainty, as many as fit into one block.
-STARTS, DRAWS = 100, 50
+STARTS = 100  # evenly spaced over all segments
+DRAWS = 50  # from the uncertainty; with the named models they fit into one block
 
 
-class _Followed(NamedTuple):
-    """A segment of the data with the motion that a filter finds there.
+class _Filtered(NamedTuple):
+    """A segment of the data with filtered states.
 
     Attributes
     ----------
@@ -67,7 +64,7 @@ class _Followed(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Return how long it is, s."""
+        """Return its duration, s."""
         begin, end = _span(self.prepared, self.signals)
         return end - begin
 
@@ -80,101 +77,103 @@ def validate(
     anew: bool = False,
     reference: Estimate | None = None,
 ) -> Validation:
-    """Predict manoeuvres with an identified model; no truth is looked at.
-
-    Vehicle, coefficients and settings are the estimate's, inputs and measurements those of the data.
+    """Predict manoeuvres with the vehicle, coefficients and settings of an estimate; the truth is ignored.
 
     Parameters
     ----------
     segments : sequence of Dataset
-        That the estimate has not seen, see `unseen_segments`; of one run or of several.
+        Independent of the estimate, see `unseen_segments`; of one or several runs.
     estimate : Estimate
     training : Dataset, optional
-        That the estimate was made from: by how much its predictions of that are worse than is stated, horizon by
-        horizon, is then part of the bands.
+        The data of the estimate. The excess errors of their predictions, by horizon, are then part of the bands.
     starts : int
-        Most starts of predictions ahead, over all segments.
+        Largest number of starts of predictions ahead, over all segments.
     anew : bool
-        Whether thrust, fin trims and ballast, as far as they are estimated, are those of each run, also where the
-        estimate has them as constants.
+        Whether estimated thrust, fin trims and ballast differ in each run even if the estimate has them constant.
     reference : Estimate, optional
-        Of the smoother from the same data as the estimate, by which it is judged.
+        By the smoother from the same data, to judge the estimate.
 
     Raises
     ------
     DataError
-        If the estimate did not end well, no segment has a usable sensor, or all are too short to predict anything.
+        If the estimate did not converge, no segment has a usable sensor, or all are too short for a prediction.
     """
     if not estimate.completed:
-        raise DataError(f"the estimate {estimate.status}: it is no model to be validated")
+        raise DataError(f"invalid estimate ({estimate.status}); a model to validate must be complete")
     models = models_of(estimate)
-    followed, too_short = _follow(segments, estimate, starts, anew)
-    if not followed:
+    filtered, too_short = _filter(segments, estimate, starts, anew)
+    if not filtered:
         raise DataError(too_short[0])
-    sizes = signal_sizes([segment.signals for segment in followed])
-    free = [fit_free_runs(segment.prepared, segment.signals, models, segment.states) for segment in followed]
+    sizes = signal_sizes([segment.signals for segment in filtered])
+    free = [fit_free_runs(segment.prepared, segment.signals, models, segment.states) for segment in filtered]
     rng = np.random.default_rng(estimate.experiment.seed)
     left_out = errors_of_each_run(estimate.experiment.identification, anew)
     bundle = _bundle(models, drawn_models(estimate, DRAWS, rng, left_out), estimate.coefficient_set.symbols)
-    collected = _predict(followed, bundle, rng)
+    collected = _predict(filtered, bundle, rng)
     growth = {} if training is None else _growth(training, estimate, bundle, starts, rng, anew).in_motion(sizes)
     rows = [*free_run_rows(free, sizes), *rows_ahead(collected, bundle.names, sizes, growth)]
     numbers = [
         number
-        for segment, its_run in zip(followed, free, strict=True)
+        for segment, its_run in zip(filtered, free, strict=True)
         for number in manoeuvre_numbers(segment.prepared.dataset.inputs, segment.signals, its_run.run)
     ]
     remarks = [
         *too_short,
-        *_remarks(segments[0], estimate, [segment.states for segment in followed], collected.blown_up, anew),
-        *_unknown_growth(training),
-        *_without_a_gyroscope(followed),
-        *_taken_as_level(numbers, sizes),
+        *_remarks(segments[0], estimate, filtered, collected.blown_up, anew),
+        *_data_remarks(training, filtered, numbers, sizes),
     ]
-    longest = max(range(len(followed)), key=lambda k: followed[k].length)
+    statuses = [segment.states.status for segment in filtered]
+    checks = prediction_checks(
+        estimate.filter,
+        rows,
+        _largest(its_run.excursion for its_run in free),
+        _largest(segment.states.nis for segment in filtered),
+        min(statuses, key=lambda status: status == "completed"),
+    )
+    longest = max(range(len(filtered)), key=lambda k: filtered[k].length)
     return Validation(
         estimate.filter,
         judge_one(estimate, reference),
         rows,
         numbers,
-        Checks(verdicts(estimate.filter, rows, _largest(its_run.excursion for its_run in free), *_doubts(followed))),
-        followed[longest].prepared.dataset,
+        Checks(checks),
+        filtered[longest].prepared.dataset,
         free[longest].run,
         remarks,
     )
 
 
-def _follow(
+def _filter(
     segments: Sequence[Dataset], estimate: Estimate, starts: int, anew: bool
-) -> tuple[list[_Followed], list[str]]:
-    """Filter each segment, with its share of the starts; say which are too short."""
+) -> tuple[list[_Filtered], list[str]]:
+    """Return the filtered segments, with starts in proportion to their lengths, and sentences on too short ones."""
     prepared = [prepare(with_model(segment, estimate, anew)) for segment in segments]
     signals = [measured_signals(data.measuring) for data in prepared]
     spans = [_span(data, measured) for data, measured in zip(prepared, signals, strict=True)]
-    total, followed, too_short = sum(end - begin for begin, end in spans), list[_Followed](), list[str]()
+    total, filtered, too_short = sum(end - begin for begin, end in spans), list[_Filtered](), list[str]()
     for data, measured, (begin, end) in zip(prepared, signals, spans, strict=True):
         share = ceil(starts * (end - begin) / total) if end > begin else 0
         states = filtered_initial_states(data, evenly_spaced(begin, end, share))
         if states.time.size:
-            followed.append(_Followed(data, measured, states))
+            filtered.append(_Filtered(data, measured, states))
         else:
             too_short.append(
-                f"there is no time at which a prediction can start: the measurements from {begin:g} s to {end:g} s are "
-                f"too short, or this model cannot follow them ({states.status})"
+                f"no prediction can start between {begin:g} s and {end:g} s: the segment is too short, or the filter "
+                f"cannot follow it with this model ({states.status})"
             )
-    return followed, too_short
+    return filtered, too_short
 
 
 def _span(prepared: PreparedData, signals: Mapping[str, MeasuredSignal]) -> tuple[float, float]:
-    """Return when the motion is first known, and when the last measurement comes, s."""
+    """Return the time of the first known motion and of the last measurement, s."""
     return prepared.segments[0].timelines.span[0], max(float(signal.time[-1]) for signal in signals.values())
 
 
 def _predict(
-    followed: Sequence[_Followed], bundle: Bundle, rng: np.random.Generator, with_process_noise: bool = True
+    filtered: Sequence[_Filtered], bundle: Bundle, rng: np.random.Generator, with_process_noise: bool = True
 ) -> Collected:
     collected = Collected([], np.zeros(len(bundle.coefficients) - len(bundle.names), dtype=np.bool_))
-    for prepared, signals, states in followed:
+    for prepared, signals, states in filtered:
         collected = collected.plus(predict_ahead(prepared, signals, states, bundle, rng, with_process_noise))
     return collected
 
@@ -182,18 +181,12 @@ def _predict(
 def _growth(
     training: Dataset, estimate: Estimate, bundle: Bundle, starts: int, rng: np.random.Generator, anew: bool
 ) -> ErrorGrowth:
-    """Find by how much predictions of an estimate's own data are worse than stated."""
+    """Return the excess errors of predictions of the estimate's own data."""
     own = replace(training, experiment=estimate.experiment)
-    followed, _ = _follow(used_segments(own, measuring_sensors(own)), estimate, starts, anew)
-    sizes = signal_sizes([segment.signals for segment in followed])
-    plain, shaken = (_predict(followed, bundle, rng, noise).samples for noise in (False, True))
-    return error_growth(plain, shaken, sizes)
-
-
-def _doubts(followed: Sequence[_Followed]) -> tuple[dict[str, float], str]:
-    """Return the largest NIS of each sensor over the segments, and how a filter ended that did not come to the end."""
-    statuses = [segment.states.status for segment in followed]
-    return _largest(segment.states.nis for segment in followed), min(statuses, key=lambda s: s == "completed")
+    filtered, _ = _filter(used_segments(own, measuring_sensors(own)), estimate, starts, anew)
+    sizes = signal_sizes([segment.signals for segment in filtered])
+    plain, noisy = (_predict(filtered, bundle, rng, noise).samples for noise in (False, True))
+    return error_growth(plain, noisy, sizes)
 
 
 def _largest(values: Iterable[Mapping[str, float]]) -> dict[str, float]:
@@ -205,7 +198,7 @@ def _largest(values: Iterable[Mapping[str, float]]) -> dict[str, float]:
 
 
 def _bundle(models: Models, drawn: Draws | None, symbols: Sequence[str]) -> Bundle:
-    """Bundle the models that are known by name and, behind them, what is drawn."""
+    """Return the named models, followed by the drawn ones."""
     named = {name: values for name, values in models._asdict().items() if values is not None}
     table = np.array([[values[symbol] for symbol in symbols] for values in named.values()])
     errors = np.zeros((len(named), len(NO_ERRORS)))
@@ -215,47 +208,49 @@ def _bundle(models: Models, drawn: Draws | None, symbols: Sequence[str]) -> Bund
 
 
 def _remarks(
-    dataset: Dataset, estimate: Estimate, states: Sequence[InitialStates], blown_up: NDArray[np.bool_], anew: bool
+    dataset: Dataset, estimate: Estimate, filtered: Sequence[_Filtered], blown_up: NDArray[np.bool_], anew: bool
 ) -> Iterator[str]:
+    """Yield remarks on the model."""
     if other := other_vehicle(dataset, estimate):
         yield (
-            f"the dataset states another vehicle ({', '.join(other)} differ); the model is the estimate's, of "
-            f"{estimate.experiment.vehicle.name}"
+            f"the dataset states another vehicle ({', '.join(other)} differ); predictions are for the vehicle of the "
+            f"estimate, {estimate.experiment.vehicle.name}"
         )
     if own := own_of_each_run(estimate.experiment.identification, anew):
         yield (
-            f"{', '.join(own)}: of each run its own, as the filter that finds the starts has it by then (free run: "
-            f"by the end), {'as asked for' if anew else 'for it walks'}"
+            f"{', '.join(own)}: estimated in each run by the filter of the initial states (free run: at the end), "
+            f"{'as requested' if anew else 'because it walks'}"
         )
-    if (noise_factor := max(found.noise_factor for found in states)) > 1.0:
+    if (noise_factor := max(segment.states.noise_factor for segment in filtered)) > 1.0:
         yield (
-            f"the filter that finds where predictions start got {noise_factor:g} times the process noise of the "
-            "settings, which the measurements contradict"
+            f"the filter of the initial states needed {noise_factor:g} times the process noise of the settings, which "
+            "the measurements contradict"
         )
     if not blown_up.size:
         yield "the covariance of the coefficients is not finite and positive definite: errors have no band"
     if blown_up.any():
         yield (
-            f"{blown_up.sum()} of {blown_up.size} sets of coefficients drawn from the estimate's covariance blew up on "
-            "the way; the band is without them"
+            f"{blown_up.sum()} of {blown_up.size} sets of coefficients drawn from the estimate's covariance diverged; "
+            "the band is without them"
         )
 
 
-def _unknown_growth(training: Dataset | None) -> Iterator[str]:
+def _data_remarks(
+    training: Dataset | None,
+    filtered: Sequence[_Filtered],
+    numbers: Sequence[ManoeuvreNumber],
+    signals: Collection[str],
+) -> Iterator[str]:
+    """Yield remarks on missing data and sensors."""
     if training is None:
         yield (
-            "the data that the estimate was made from are not at hand: process noise alone, and not the errors of "
-            "predicting them, says how bands grow"
+            "the data of the estimate are not available: bands grow with process noise alone, without the errors of "
+            "predictions of these data"
         )
-
-
-def _without_a_gyroscope(followed: Sequence[_Followed]) -> Iterator[str]:
-    if any("r" in segment.signals and "gyroscope" not in segment.prepared.measuring for segment in followed):
-        yield "no gyroscope measures r: it is taken from how the attitude changes over a second"
-
-
-def _taken_as_level(numbers: Sequence[ManoeuvreNumber], signals: Collection[str]) -> Iterator[str]:
+    if any("r" in segment.signals and "gyroscope" not in segment.prepared.measuring for segment in filtered):
+        yield "no gyroscope measures r: it is computed from the change of attitude over a second"
     unmeasured = [symbol for symbol in TILT if symbol not in signals]
     if unmeasured and any(row.number == "radius" for row in numbers):
-        lacking = " or ".join(unmeasured)
-        yield f"turns are taken as level, their speed as that along the path: no sensor measures {lacking}"
+        yield (
+            f"turns are treated as level, with the speed along the path: no sensor measures {' or '.join(unmeasured)}"
+        )

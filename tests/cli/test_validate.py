@@ -76,7 +76,7 @@ def test_a_changed_vehicle_fails_with_exit_code_1(results, simulated_with, tmp_p
 def test_its_own_data_are_refused_even_as_a_copy(results, tmp_path):
     own = read_dataset(results / "dataset.h5")
     write_dataset(tmp_path / "copy.h5", own.without_truth())
-    for path, words in ((results / "dataset.h5", "these very data"), (tmp_path / "copy.h5", "are among those")):
+    for path, words in ((results / "dataset.h5", "the same data"), (tmp_path / "copy.h5", "made from some of these")):
         result = run(results / "estimates/ckf.h5", path, "-o", tmp_path / "out")
         assert result.exit_code == 2
         assert words in result.stderr
@@ -112,7 +112,7 @@ def test_what_an_estimate_left_out_of_a_dataset_is_new_to_it(results, tmp_path):
     assert (tmp_path / "out/tables/validation.csv").is_file()
     seen = run(tmp_path / "early.h5", results / "dataset.h5", "--use", f"{half - 5.0}:1000", "-o", tmp_path / "seen")
     assert seen.exit_code == 2
-    assert "these very data" in seen.stderr
+    assert "the same data" in seen.stderr
 
 
 @pytest.mark.usefixtures("without_figures")
@@ -128,4 +128,4 @@ def test_several_datasets_and_segments_are_judged_together(results, simulated_wi
     assert read_dataset(tmp_path / "out/dataset.h5").sha256 == read_dataset(results / "circle.h5").sha256
     own = run(estimate, results / "circle.h5", results / "dataset.h5", "-o", tmp_path / "own")
     assert own.exit_code == 2
-    assert "these very data" in own.stderr
+    assert "the same data" in own.stderr

@@ -39,7 +39,7 @@ def test_a_depth_in_centimetres_is_quantised_and_not_stuck(segment):
     check = judged(np.round(DEPTH + 0.02 * np.sin(0.3 * TIME), 2), segment)
     assert check.passed is None
     assert check.statistic.startswith("quantised: down by 0.01 m; ")
-    assert "state no less than 0.0029 m of down" in check.advice
+    assert "at least 0.0029 m for down" in check.advice
 
 
 def test_a_sensor_that_fails_while_the_vehicle_goes_on_is_stuck(segment):

@@ -24,7 +24,7 @@ def check_of(values, actuator):
         (Actuator(stall=0.2), "20.0% of the time beyond the stall"),
     ],
 )
-def test_a_note_says_for_how_long_commands_do_not_act_as_such(actuator, said):
+def test_actuator_limits_state_the_share_of_time(actuator, said):
     values = np.where((TIME >= 40.0) & (TIME < 60.0), 0.3, 0.05)
     check = check_of(values, actuator)
     assert (check.subject, check.check, check.passed, check.statistic) == ("rudder", "actuator limits", None, said)
@@ -35,13 +35,13 @@ def test_commands_within_all_limits_pass():
     assert (check.passed, check.statistic) == (True, "never reached")
 
 
-def test_of_ideal_actuators_nothing_is_said(simulated_with):
+def test_ideal_actuators_have_no_check(simulated_with):
     run = simulated_with("manoeuvre.duration=5 s")
     assert not [check for check in inspect_dataset(run).checks if check.check == "actuator limits"]
 
 
-def test_an_inspection_takes_the_fins_where_they_are(simulated_with):
-    """Commands twice as large as what acts are no fins half as strong."""
+def test_inspection_uses_the_actual_fin_angles(simulated_with):
+    """Commands at twice the saturation do not look like fins of half the strength."""
     run = simulated_with("vehicle.actuators.fins={dead_band: 6 deg, saturation: 14 deg}", "manoeuvre.duration=60 s")
     checks = {(check.subject, check.check): check for check in inspect_dataset(run).checks}
     assert checks["rudder", "actuator limits"].passed is None

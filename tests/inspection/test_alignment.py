@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.inspection.delays import Alignment, input_alignment
-from auvid_cli.inspection.fins import SmallMotion
+from auvid_cli.inspection.fins import LinearMotion
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.kinematic_relations import Grid, Signals
 
@@ -32,7 +32,7 @@ def verdicts(dataset):
 
 
 @pytest.mark.parametrize("seconds", [1.0, -1.0, 2.5])
-def test_inputs_at_another_time_than_the_motion_are_caught_with_the_lag(seconds, dataset):
+def test_delayed_inputs_fail_with_their_delay(seconds, dataset):
     checks, fails = verdicts(late(dataset, seconds))
     assert fails == {DELAY}
     size = float(checks[DELAY].statistic.split(" s")[0].split()[-1])
@@ -40,7 +40,7 @@ def test_inputs_at_another_time_than_the_motion_are_caught_with_the_lag(seconds,
     assert ("ahead" in checks[DELAY].statistic) == (seconds < 0.0)
 
 
-def test_a_lag_of_some_tenths_fails_if_the_fins_change_much_in_it(dataset):
+def test_short_input_delay_fails_if_fins_change_within_it(dataset):
     checks, fails = verdicts(late(dataset, 0.4))
     assert fails == {DELAY}
     stated = checks[DELAY].advice.split("identification.delays={inputs: ")[1].split(" s")[0]
@@ -51,30 +51,30 @@ def test_a_lag_of_some_tenths_fails_if_the_fins_change_much_in_it(dataset):
     assert "vehicle.actuators.fins.time_constant" in checks[DELAY].advice
 
 
-def test_the_lag_is_told_between_samples_and_does_not_matter_to_slow_fins(dataset):
+def test_input_delay_is_found_between_samples(dataset):
     found = [float(verdicts(late(dataset, s))[0][DELAY].statistic.split(" s")[0].split()[-1]) for s in (0.0, 0.1, 0.35)]
     assert found == pytest.approx([0.0, 0.1, 0.35], abs=0.03)
-    assert not Alignment(0.5, False, share=0.05).spoils
-    assert Alignment(0.5, False, share=0.5).spoils
+    assert not Alignment(0.5, False, share=0.05).distorts
+    assert Alignment(0.5, False, share=0.5).distorts
 
 
-def test_a_turned_sign_is_found_behind_a_lag(dataset):
+def test_wrong_sign_is_found_with_delayed_inputs(dataset):
     _, fails = verdicts(late(with_columns(dataset, [0, 1, 2, 3], (-1.0, 1.0, 1.0, 1.0)), 1.0))
     assert fails == {DELAY, ("rudder", "response of r")}
 
 
 @pytest.mark.parametrize("seconds", [0.0, 1.0])
-def test_exchanged_fins_are_named(seconds, dataset):
+def test_exchanged_fins_fail(seconds, dataset):
     checks, fails = verdicts(late(with_columns(dataset, [1, 0, 2, 3]), seconds))
     assert fails == {EXCHANGED} | ({DELAY} if seconds else set())
-    assert "r answers elevator" in checks[EXCHANGED].statistic
-    # What is said of how much they move is of the columns as they are called.
+    assert "r responds to elevator" in checks[EXCHANGED].statistic
+    # The excitation is that of the columns by name.
     assert checks["rudder", "excitation"].statistic == verdicts(dataset)[0]["elevator", "excitation"].statistic
 
 
 @pytest.mark.parametrize("lag", [-1.2, 0.0, 0.7])
 @pytest.mark.parametrize("constant", [0.3, 1.0, 3.0])
-def test_a_first_order_turn_tells_its_lag(constant, lag, rng):
+def test_first_order_turn_shows_its_delay(constant, lag, rng):
     """Against the exact solution of ``T dr/dt = -r - delta`` for steps that hold for 0.1 s or longer."""
     cells, step = 3000, 0.1
     held = np.repeat(np.where(rng.random(cells // 10) < 0.5, -0.2, 0.2), 10)
@@ -89,16 +89,16 @@ def test_a_first_order_turn_tells_its_lag(constant, lag, rng):
     by_state = np.zeros((8, 8))
     by_state[5, 5] = -1.0 / constant
     by_input = dict.fromkeys(("elevator", "roll_moment"), np.zeros(8)) | {"rudder": by_state[5]}
-    alignment = input_alignment(signals, SmallMotion(by_state, by_input), constant)
+    alignment = input_alignment(signals, LinearMotion(by_state, by_input), constant)
     assert alignment.exchanged is False
-    # The rate is that at the begin of a cell, which stands for its middle.
+    # The rate at the begin of a cell is used for its middle.
     assert alignment.delay == pytest.approx(lag - 0.5 * step, abs=0.01)
-    # Of a vehicle file without coefficients as a body that nothing damps.
+    # A vehicle file without coefficients is treated as a body without damping.
     assert input_alignment(signals, None, constant).delay == pytest.approx(lag, abs=0.2)
 
 
 @pytest.mark.parametrize("without", [(), ("gyroscope",)], ids=["gyroscope", "attitude alone"])
-def test_a_tenth_of_a_second_fails_where_fins_move_and_no_delay_passes(without, dataset):
+def test_input_delay_of_0_1_s_fails_and_none_passes(without, dataset):
     dataset = replace(dataset, sensors={name: r for name, r in dataset.sensors.items() if name not in without})
     checks, fails = verdicts(dataset)
     assert checks[DELAY].passed is True
@@ -106,7 +106,7 @@ def test_a_tenth_of_a_second_fails_where_fins_move_and_no_delay_passes(without, 
     assert verdicts(late(dataset, 0.12))[1] == {DELAY}
 
 
-def test_a_vehicle_file_a_third_off_does_not_turn_its_own_lag_into_a_delay(sound_run, rng):
+def test_wrong_coefficients_are_no_input_delay(sound_run, rng):
     dataset = sound_run()
     vehicle = dataset.experiment.vehicle
     for _ in range(3):
@@ -116,10 +116,10 @@ def test_a_vehicle_file_a_third_off_does_not_turn_its_own_lag_into_a_delay(sound
         assert verdicts(told)[0][DELAY].passed is True
 
 
-def test_inputs_that_do_nothing_tell_no_lag(sound_run):
+def test_inputs_without_effect_leave_delay_undetermined(sound_run):
     dataset = sound_run()
     noise = 0.1 * np.random.default_rng(4).standard_normal(dataset.inputs.values.shape)
     checks, _ = verdicts(replace(dataset, inputs=replace(dataset.inputs, values=noise)))
     for key in (DELAY, EXCHANGED):
         assert checks[key].passed is None
-        assert checks[key].statistic.startswith("cannot tell")
+        assert checks[key].statistic.startswith("undetermined")

@@ -32,7 +32,7 @@ def test_sound_depth_passes(dive):
     assert {"depth against pitch and u", "w against depth", "pitch offset"} <= {check.check for check in checks}
 
 
-def test_altitude_taken_for_depth_is_caught(dive, changed):
+def test_altitude_as_depth_fails(dive, changed):
     def turn(time, values):
         values *= -1.0
 
@@ -45,10 +45,10 @@ def test_altitude_taken_for_depth_is_caught(dive, changed):
         ("depth", 0, 1.0 / 0.3048, "depth is in feet"),
         ("depth", 0, 1000.0, "depth is in mm"),
         ("dvl", slice(None), 3600.0 / 1852.0, "u is in knots"),
-        ("dvl", slice(None), 1852.0 / 3600.0, "converted as if it were in knots"),
+        ("dvl", slice(None), 1852.0 / 3600.0, "converted from knots"),
     ],
 )
-def test_a_mistaken_unit_is_named(sensor, component, factor, words, dive, changed):
+def test_wrong_unit_of_depth_or_velocity_is_named(sensor, component, factor, words, dive, changed):
     def scale(time, values):
         values[:, component] *= factor
 
@@ -57,14 +57,14 @@ def test_a_mistaken_unit_is_named(sensor, component, factor, words, dive, change
     assert words in check.advice
 
 
-def test_heave_counted_upwards_is_caught(dive, changed):
+def test_heave_positive_upwards_fails(dive, changed):
     def turn(time, values):
         values[:, 2] *= -1.0
 
     assert fails_of(changed(dive, "dvl", turn)) == {("dvl", "w against depth")}
 
 
-def test_pitch_mounted_12_degrees_off_is_caught(dive, changed):
+def test_pitch_offset_fails_with_its_size(dive, changed):
     def lift(time, values):
         values[:, 1] -= np.deg2rad(12.0)
 
@@ -75,7 +75,7 @@ def test_pitch_mounted_12_degrees_off_is_caught(dive, changed):
 
 
 @pytest.mark.parametrize("degrees", [11.0, -11.0])
-def test_pitch_that_is_wrong_for_a_while_is_caught_with_its_size_and_time(degrees, dive, changed):
+def test_temporary_pitch_offset_fails_with_size_and_time(degrees, dive, changed):
     """Depth against pitch and surge is sound over seconds, and is not blamed."""
 
     def lift(time, values):
@@ -91,7 +91,7 @@ def test_pitch_that_is_wrong_for_a_while_is_caught_with_its_size_and_time(degree
     )
 
 
-def test_a_pitch_that_stands_still_is_no_offset(dive, changed):
+def test_constant_pitch_is_no_offset(dive, changed):
     """Depth then follows nothing, neither over seconds nor over the run."""
 
     def hold(time, values):
@@ -101,7 +101,7 @@ def test_a_pitch_that_stands_still_is_no_offset(dive, changed):
 
 
 @pytest.mark.parametrize(("column", "symbol"), [(1, "v"), (2, "w")])
-def test_without_depth_and_accelerometer_the_turn_tells_the_sign(column, symbol, dive, changed):
+def test_wrong_sign_fails_by_slip_in_turns(column, symbol, dive, changed):
     def turn(time, values):
         values[:, column] *= -1.0
 

@@ -25,7 +25,7 @@ def fails_of(dataset):
 
 
 @pytest.mark.parametrize(("sensor", "column", "symbol"), [("attitude", 2, "psi"), ("magnetometer", 0, "heading")])
-def test_against_the_gyroscope(sensor, column, symbol, sound_run, changed):
+def test_excursion_from_gyroscope_fails(sensor, column, symbol, sound_run, changed):
     fails = fails_of(changed(sound_run(), sensor, swing(column)))
     assert list(fails) == [(sensor, f"excursions of {symbol} from integrated r")]
     # At 50, 70, ..., 290 s, each beyond 4 degrees for about a second.
@@ -33,7 +33,7 @@ def test_against_the_gyroscope(sensor, column, symbol, sound_run, changed):
     assert "t = 50." in fails[sensor, f"excursions of {symbol} from integrated r"]
 
 
-def test_against_another_heading_where_there_is_no_gyroscope(sound_run, changed):
+def test_excursion_from_other_heading_fails_without_gyroscope(sound_run, changed):
     dataset = sound_run()
     sensors = {name: record for name, record in dataset.sensors.items() if name != "gyroscope"}
     bare = replace(dataset, sensors=sensors)
@@ -41,7 +41,7 @@ def test_against_another_heading_where_there_is_no_gyroscope(sound_run, changed)
     assert list(fails_of(changed(bare, "attitude", swing(2)))) == [("attitude", "excursions of psi from heading")]
 
 
-def test_a_vehicle_that_turns_to_and_fro_fast_has_none():
+def test_fast_yawing_is_no_excursion():
     """LAUV in a zigzag: up to 40 deg/s, of which half a cell of the comparison is degrees."""
     dataset = simulate(
         load_experiment(find_experiment("lauv"), ("manoeuvre=manoeuvres/zigzag_20_20.yaml", "manoeuvre.duration=80 s"))

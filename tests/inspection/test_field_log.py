@@ -13,7 +13,7 @@ RUDDER, SLIP, AGREE = ("rudder", "response of r"), ("dvl", "v in a turn"), ("att
 
 @pytest.fixture(scope="module")
 def zigzag(simulated_with):
-    """A zigzag at 1.5 m/s with DVL, heading and pitch at 10 Hz, and a gyroscope that can be left out."""
+    """A zigzag at 1.5 m/s with DVL, heading and pitch at 10 Hz, and an optional gyroscope."""
     made = {}
 
     def log(current="", gyroscope=False):
@@ -53,14 +53,14 @@ def failed(checks):
     return {key for key, check in checks.items() if check.passed is False}
 
 
-def test_every_verdict_is_reached_or_says_that_it_cannot_tell(zigzag):
+def test_every_check_is_determined_or_says_undetermined(zigzag):
     checks = verdicts(zigzag())
     assert failed(checks) == set()
     assert checks[RUDDER].passed
     assert "attitude over 1 s" in checks[RUDDER].statistic
     for key in (SLIP, ("inputs", "delay"), ("inputs", "rudder and elevator"), ("dvl", "current")):
         assert checks[key].passed, key
-    untold = {key for key, check in checks.items() if check.statistic.startswith("cannot tell: ")}
+    untold = {key for key, check in checks.items() if check.statistic.startswith("undetermined: ")}
     assert untold >= {AGREE, ("roll_moment", "response of p"), ("attitude", "excursions of psi")}
 
 
@@ -68,35 +68,35 @@ def test_every_verdict_is_reached_or_says_that_it_cannot_tell(zigzag):
     ("symbols", "fails"),
     [(("rudder",), {RUDDER}), (("v",), {SLIP}), (("psi",), {RUDDER, SLIP}), (("psi", "rudder"), {SLIP})],
 )
-def test_a_turned_sign_fails_without_advice_to_mirror_the_vehicle(symbols, fails, zigzag):
+def test_wrong_sign_fails_without_advice_to_mirror_the_vehicle(symbols, fails, zigzag):
     checks = verdicts(turned(zigzag(), *symbols))
     assert failed(checks) == fails
     for key in fails:
         assert "mirror image" in checks[key].advice
-        assert ("turn the sign of that (clockwise from above" in checks[key].advice) == (symbols == ("psi",))
+        assert ("Change the sign of psi (and r) (clockwise from above" in checks[key].advice) == (symbols == ("psi",))
 
 
-def test_two_turned_signs_look_like_one_and_both_are_told(zigzag):
+def test_two_wrong_signs_get_conditional_advice(zigzag):
     """The data are those of the mirror image with a turned heading, so that no advice may be without a condition."""
     checks = verdicts(turned(zigzag(), "rudder", "v"))
     assert failed(checks) == {RUDDER, SLIP}
     for key in (RUDDER, SLIP):
-        assert "if it does not, all others are turned" in checks[key].advice
+        assert "If it does not, all other signs are wrong" in checks[key].advice
 
 
 @pytest.mark.parametrize("symbols", [("psi",), ("r",), ("psi", "rudder"), ("r", "v")])
-def test_nothing_downstream_is_called_true_while_r_and_psi_disagree(symbols, zigzag):
+def test_dependent_checks_are_undetermined_while_r_and_psi_disagree(symbols, zigzag):
     checks = verdicts(turned(zigzag(gyroscope=True), *symbols))
     (disagreement,) = failed(checks)
     assert disagreement[1] == "r against psi"
     for key in (RUDDER, SLIP, ("dvl", "current"), ("inputs", "delay")):
         assert checks[key].passed is None
-        assert checks[key].statistic.startswith("cannot tell while r against psi fails")
-    assert ("another sign is turned" in checks[disagreement].advice) == (len(symbols) == 2)
+        assert checks[key].statistic.startswith("undetermined while r against psi fails")
+    assert ("another sign is wrong" in checks[disagreement].advice) == (len(symbols) == 2)
 
 
 @pytest.mark.parametrize("gyroscope", [False, True])
-def test_a_current_shows_as_such(gyroscope, zigzag):
+def test_current_is_noted_with_size_and_direction(gyroscope, zigzag):
     checks = verdicts(zigzag(", current_north: -0.05 m/s, current_east: 0.19 m/s", gyroscope))
     current = checks["dvl", "current"]
     size, towards = (float(current.statistic.split()[place]) for place in (0, -2))
@@ -108,7 +108,7 @@ def test_a_current_shows_as_such(gyroscope, zigzag):
     assert failed(checks) == set()
 
 
-def test_a_dvl_near_the_nose_is_no_turned_sign(zigzag):
+def test_dvl_near_the_nose_is_a_note(zigzag):
     """The hull pivots 0.35 of its length ahead of the middle, and is 2.194 m long."""
     dataset = zigzag(gyroscope=True)
     rate, dvl = dataset.sensors["gyroscope"], dataset.sensors["dvl"]
@@ -119,11 +119,11 @@ def test_a_dvl_near_the_nose_is_no_turned_sign(zigzag):
     assert "dvl_arm" in check.advice
 
 
-def test_speed_that_turns_alone_take_off_tells_no_offset_of_the_dvl(simulated_with):
+def test_speed_lost_in_turns_leaves_heading_offset_undetermined(simulated_with):
     """Turns of a vehicle with a trimmed rudder slip more to one side, and slow it down on both."""
     survey = (
         "{type: lawnmower, duration: 240 s, speed: 1.5 m/s, leg: 20 s, turn_rate: 6 deg/s, autopilot: {speed: false}"
     )
     dataset = simulated_with(f"manoeuvre={survey}, fin_trim: {{rudder: 1.3 deg}}}}", "sensors.attitude.source=direct")
     checks = verdicts(dataset.without_truth())
-    assert checks["dvl", "heading offset"].statistic == "not excited enough to tell"
+    assert checks["dvl", "heading offset"].statistic == "undetermined: too little excitation"

@@ -12,7 +12,7 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 @pytest.fixture
 def judged(sound_run):
-    """Function: verdicts on the size of an input that is so many times what it was."""
+    """Return a function: checks of the size of an input that is multiplied by a factor."""
 
     def judge(symbol, factor):
         run = sound_run()
@@ -24,7 +24,7 @@ def judged(sound_run):
     return judge
 
 
-def test_what_a_simulation_needs_is_not_doubted(judged):
+def test_simulated_forces_pass(judged):
     verdicts = judged("rudder", 1.0)
     assert set(verdicts) >= {"surge_force", "rudder", "elevator"}
     assert {verdict.passed for verdict in verdicts.values()} == {True}
@@ -40,13 +40,13 @@ def test_what_a_simulation_needs_is_not_doubted(judged):
         ("rudder", np.rad2deg(1.0), False),
     ],
 )
-def test_an_input_in_another_unit_is_doubted(judged, symbol, factor, passed):
+def test_input_in_wrong_unit_is_noted_or_fails(judged, symbol, factor, passed):
     verdict = judged(symbol, factor)[symbol]
     assert verdict.passed is passed
     assert "unit" in verdict.advice
 
 
-def test_a_roll_moment_that_rolls_the_weight_over_is_doubted(sound_run):
+def test_excessive_roll_moment_is_noted(sound_run):
     run = sound_run()
     for size, passed in ((1.0, True), (1e3, None), (1e5, False)):
         values = run.inputs.values.copy()
@@ -55,13 +55,13 @@ def test_a_roll_moment_that_rolls_the_weight_over_is_doubted(sound_run):
         assert [check.passed for check in checks if (check.subject, check.check) == ("roll_moment", "size")] == [passed]
 
 
-def test_a_thrust_made_of_the_revolutions_beside_terms_of_these_is_noted():
+def test_thrust_from_revolutions_next_to_their_terms_is_noted():
     turns = np.linspace(0.0, 20.0, 50)
     values = np.column_stack([np.zeros((50, 2)), 0.3 * turns**2 + 1.0, np.zeros(50), turns, np.zeros(50)])
     inputs, of_vehicle = InputRecord(np.arange(50.0), values), CoefficientSet((*COEFFICIENTS, term(0, ("n", "|n|"))))
     (check,) = doubled_thrust_check(inputs, of_vehicle)
     assert check.passed is None
-    assert "X_n|n| make a force as well" in check.advice
+    assert "X_n|n|" in check.advice
     values[:, 2] = np.sin(turns)
     (check,) = doubled_thrust_check(inputs, of_vehicle)
     assert check.passed is True

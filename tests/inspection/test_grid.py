@@ -13,7 +13,7 @@ def signals(time, values, inputs=None, end=10.0):
     return signals_of(inputs, {"dvl": record}, (0.0, end))
 
 
-def test_fast_measurements_are_averaged_and_slow_ones_joined():
+def test_grid_averages_fast_and_interpolates_slow_measurements():
     # The mean of a straight line over a cell is its value in the middle, up to half a sample.
     fast = np.arange(0.0005, 10.0, 0.001)
     gridded = signals(fast, 2.0 * fast)
@@ -24,14 +24,14 @@ def test_fast_measurements_are_averaged_and_slow_ones_joined():
     assert gridded.interval["u"] == pytest.approx(0.5)
 
 
-def test_gaps_are_not_bridged():
+def test_grid_does_not_bridge_gaps():
     time = np.concatenate([np.arange(0.0, 3.0, 0.5), np.arange(7.0, 10.5, 0.5)])
     gridded = signals(time, time).values["u"]
     centres = 0.05 + 0.1 * np.arange(100)
     np.testing.assert_array_equal(np.isnan(gridded), (centres > 2.5) & (centres < 7.0))
 
 
-def test_inputs_hold_until_the_next():
+def test_grid_holds_inputs():
     inputs = InputRecord(np.array([0.0, 5.03]), np.array([[1.0] * 4, [3.0] * 4]))
     gridded = signals(np.arange(0.0, 10.0, 0.1), np.zeros(100), inputs).values["rudder"]
     assert gridded[:50] == pytest.approx(1.0)
@@ -39,7 +39,7 @@ def test_inputs_hold_until_the_next():
     assert gridded[51:] == pytest.approx(3.0)
 
 
-def test_windows_differences_and_changes_know_what_is_missing():
+def test_smoothing_and_differences_keep_missing_values():
     values = np.array([1.0, 2.0, 4.0, np.nan, 16.0, 32.0])
     np.testing.assert_array_equal(smoothed(values, 2), [1.5, 3.0, np.nan, np.nan, 24.0, np.nan])
     np.testing.assert_array_equal(derivative(values, 0.5), [np.nan, 3.0, np.nan, 12.0, np.nan, np.nan])

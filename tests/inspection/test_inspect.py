@@ -44,7 +44,7 @@ def scaled(changed, dataset, symbol, factor):
     return changed(dataset, name, scale)
 
 
-def test_what_only_the_log_could_tell_is_said_again(sound_run):
+def test_import_remarks_are_repeated(sound_run):
     dataset = sound_run("spiral", "direct", 1)
     settings = dataset.experiment
     remark = "@log_time drifts from @header_stamp by 276 s"
@@ -92,26 +92,26 @@ TURNED = {
 
 @pytest.mark.parametrize("source", ["ahrs", "direct"])
 @pytest.mark.parametrize("symbol", TURNED)
-def test_a_turned_sign_is_caught_by_its_own_verdict_alone(symbol, source, sound_run, changed):
+def test_wrong_sign_fails_one_check(symbol, source, sound_run, changed):
     _, fails = verdicts(scaled(changed, sound_run("spiral", source), symbol, -1.0))
     assert fails == TURNED[symbol]
 
 
 @pytest.mark.parametrize("symbol", ["r", "psi", "rudder", "v"])
-def test_a_zigzag_shows_the_signs_of_the_horizontal_plane(symbol, sound_run, changed):
+def test_zigzag_determines_signs_of_horizontal_plane(symbol, sound_run, changed):
     _, fails = verdicts(scaled(changed, sound_run("zigzag_20_20"), symbol, -1.0))
     assert fails == TURNED[symbol]
 
 
 @pytest.mark.parametrize(("symbol", "other"), [("p", "phi"), ("q", "theta"), ("r", "psi")])
-def test_degrees_taken_for_radians_are_named(symbol, other, sound_run, changed):
+def test_degrees_as_radians_are_named(symbol, other, sound_run, changed):
     inspection, fails = verdicts(scaled(changed, sound_run(), symbol, 180.0 / np.pi))
     assert (("gyroscope", f"{symbol} against {other}")) in fails
     assert fails <= {("gyroscope", f"{symbol} against {angle}") for angle in (other, "heading")}
     assert f"{symbol} is in deg/s" in advice_of(inspection, "gyroscope", f"{symbol} against {other}").advice
 
 
-def test_exchanged_axes_of_the_dvl_are_caught(sound_run, changed):
+def test_exchanged_dvl_axes_fail(sound_run, changed):
     def exchange(time, values):
         values[:, [0, 1]] = values[:, [1, 0]]
 
@@ -119,7 +119,7 @@ def test_exchanged_axes_of_the_dvl_are_caught(sound_run, changed):
     assert fails == {("dvl", "speed")}
 
 
-def test_a_single_spike_is_named_with_its_time(sound_run, changed):
+def test_single_spike_fails_with_its_time(sound_run, changed):
     def spike(time, values):
         values[np.searchsorted(time, 100.0), 0] += 1.0
 
@@ -132,7 +132,7 @@ def test_a_single_spike_is_named_with_its_time(sound_run, changed):
 
 
 @pytest.mark.parametrize("sensor", ["gyroscope", "accelerometer", "magnetometer", "attitude"])
-def test_a_spike_of_any_sensor_is_caught(sensor, sound_run, changed):
+def test_spike_of_any_sensor_fails(sensor, sound_run, changed):
     def spike(time, values):
         values[np.searchsorted(time, 50.0), -1] += 1.0
 
@@ -141,7 +141,7 @@ def test_a_spike_of_any_sensor_is_caught(sensor, sound_run, changed):
 
 
 @pytest.mark.parametrize("source", ["ahrs", "direct"])
-def test_a_heading_that_jumps_away_and_returns_is_named_with_times(source, sound_run, changed):
+def test_heading_excursions_fail_with_times(source, sound_run, changed):
     def jump(time, values):
         values[time % 4.0 >= 3.0, 2] += np.deg2rad(13.0)
 
@@ -151,7 +151,7 @@ def test_a_heading_that_jumps_away_and_returns_is_named_with_times(source, sound
     assert statistic.startswith("75 times away by 13 deg and back after 1 s: t = 2.99, 6.99, 10.99")
 
 
-def test_a_clock_that_leaps_is_told_from_a_gap(sound_run, changed):
+def test_clock_jump_differs_from_gap(sound_run, changed):
     def leap(time, values):
         time[time > 150.0] += 2.0
 
@@ -173,7 +173,7 @@ def test_a_clock_that_leaps_is_told_from_a_gap(sound_run, changed):
 
 
 @pytest.mark.parametrize("sensor", ["gyroscope", "dvl", "attitude", "magnetometer"])
-def test_three_stuck_seconds_are_caught(sensor, sound_run, changed):
+def test_three_stuck_seconds_fail(sensor, sound_run, changed):
     def stick(time, values):
         values[(time >= 60.0) & (time <= 63.0)] = values[np.searchsorted(time, 60.0)]
 
@@ -181,7 +181,7 @@ def test_three_stuck_seconds_are_caught(sensor, sound_run, changed):
     assert fails == {(sensor, "stuck")}
 
 
-def test_a_pitch_that_is_12_degrees_off_is_caught_with_its_size(sound_run, changed):
+def test_pitch_offset_by_accelerometer_fails_with_its_size(sound_run, changed):
     def lift(time, values):
         values[:, 1] += np.deg2rad(12.0)
 
@@ -190,7 +190,7 @@ def test_a_pitch_that_is_12_degrees_off_is_caught_with_its_size(sound_run, chang
     assert "+12 deg" in advice_of(inspection, "attitude", "pitch offset").statistic
 
 
-def test_a_slow_sensor_is_not_fit(sound_run):
+def test_slow_sensor_is_not_fast_enough(sound_run):
     dataset = sound_run()
     record = dataset.sensors["dvl"]
     slow = replace(record, time=record.time[::7], values=record.values[::7])

@@ -33,7 +33,7 @@ def lever_arm(dataset):
 
 
 @pytest.mark.parametrize("metres", [0.5, -1.0])
-def test_a_dvl_ahead_of_the_accelerometer_is_noted_with_its_distance(metres, dataset):
+def test_lever_arm_is_noted_with_its_size(metres, dataset):
     check, fails = lever_arm(moved_ahead(dataset, metres))
     assert fails == []
     assert check.passed is None
@@ -42,7 +42,7 @@ def test_a_dvl_ahead_of_the_accelerometer_is_noted_with_its_distance(metres, dat
     assert "position" in check.advice
 
 
-def test_an_accelerometer_that_is_said_to_sit_elsewhere_explains_it(dataset):
+def test_stated_accelerometer_position_explains_lever_arm(dataset):
     accelerometer = replace(dataset.sensors["accelerometer"], position=(-0.5, 0.0, 0.0))
     stated = replace(dataset, sensors=dataset.sensors | {"accelerometer": accelerometer})
     check, _ = lever_arm(moved_ahead(stated, 0.5))
@@ -50,7 +50,7 @@ def test_an_accelerometer_that_is_said_to_sit_elsewhere_explains_it(dataset):
     assert lever_arm(stated)[0].passed is None
 
 
-def test_a_turned_sway_is_no_lever_arm(dataset, changed):
+def test_wrong_sign_of_sway_is_no_lever_arm(dataset, changed):
     def turn(time, values):
         values[:, 1] *= -1.0
 
@@ -59,7 +59,7 @@ def test_a_turned_sway_is_no_lever_arm(dataset, changed):
     assert "lever arm" not in {check.check for check in checks}
 
 
-def test_without_an_accelerometer_nothing_is_said(dataset):
+def test_lever_arm_needs_accelerometer(dataset):
     sensors = {name: record for name, record in dataset.sensors.items() if name != "accelerometer"}
     checks = inspect_dataset(replace(moved_ahead(dataset, 0.5), sensors=sensors)).checks
     assert "lever arm" not in {check.check for check in checks}

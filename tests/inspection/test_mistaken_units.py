@@ -2,7 +2,7 @@
 
 import pytest
 
-from auvid_cli.inspection.agreement import mistaken_unit, mistaken_units
+from auvid_cli.inspection.inspection import mistaken_unit, mistaken_units
 
 
 @pytest.mark.parametrize(
@@ -19,18 +19,18 @@ from auvid_cli.inspection.agreement import mistaken_unit, mistaken_units
         ("m/s^2", 1 / 9.80665, "g"),
     ],
 )
-def test_a_factor_names_the_unit_and_its_inverse_a_conversion_too_many(unit, times, name):
-    assert mistaken_unit("x", unit, times) == f"x is in {name}, taken for {unit}."
-    assert mistaken_unit("x", unit, 1.0 / times) == f"x was in {unit} and was converted as if it were in {name}."
+def test_factor_names_unit_and_inverse_names_conversion(unit, times, name):
+    assert mistaken_unit("x", unit, times) == f"x is in {name}, but was read as {unit}."
+    assert mistaken_unit("x", unit, 1.0 / times) == f"x was in {unit}, but was converted from {name}."
 
 
 @pytest.mark.parametrize("times", [1.0, 1.3, 0.7, 2.5, 300.0])
-def test_no_usual_factor_names_nothing(times):
+def test_unusual_factor_names_no_unit(times):
     assert mistaken_unit("x", "m/s", times) == ""
 
 
-def test_either_of_two_signals_may_be_to_blame():
+def test_gain_names_units_of_both_signals():
     advice = mistaken_units(-3.281, ("depth", "m"), ("u", "m/s"))
-    assert advice == "depth is in feet, taken for m. Or: u was in m/s and was converted as if it were in ft/s."
-    assert mistaken_units(0.514, ("depth", "m"), ("u", "m/s")) == "u is in knots, taken for m/s."
+    assert advice == "depth is in feet, but was read as m. Or: u was in m/s, but was converted from ft/s."
+    assert mistaken_units(0.514, ("depth", "m"), ("u", "m/s")) == "u is in knots, but was read as m/s."
     assert mistaken_units(0.0, ("depth", "m"), ("u", "m/s")) == ""

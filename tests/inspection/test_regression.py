@@ -4,7 +4,7 @@ import pytest
 from auvid_cli.inspection.kinematic_relations import fit
 
 
-def test_the_gain_is_that_of_least_squares_where_the_noise_is_normal(rng):
+def test_gain_equals_least_squares_for_gaussian_noise(rng):
     x, other, noise = rng.standard_normal((3, 4000))
     x += 0.8 * other
     y = 2.5 * x - 3.0 * other + 7.0 + 0.1 * noise
@@ -20,7 +20,7 @@ def test_the_gain_is_that_of_least_squares_where_the_noise_is_normal(rng):
     assert fitted.correlation == pytest.approx(2.5 / np.hypot(2.5, 0.1), abs=1e-3)
 
 
-def test_what_is_as_good_as_constant_is_found_without_a_constant_beside(rng):
+def test_constant_regressor_is_fitted_without_constant(rng):
     other, noise = rng.standard_normal((2, 4000))
     x = 1.0 + 0.01 * rng.standard_normal(4000)
     y = 0.3 * x - 3.0 * other + 0.1 * noise
@@ -30,7 +30,7 @@ def test_what_is_as_good_as_constant_is_found_without_a_constant_beside(rng):
     assert fitted.error == pytest.approx(0.1 / np.sqrt(4000), rel=0.1)
 
 
-def test_a_tenth_of_wild_values_hardly_moves_the_gain(rng):
+def test_gain_is_robust_against_outliers(rng):
     x, noise = rng.standard_normal((2, 5000))
     y = -x + 0.1 * noise
     y[::10] += 50.0 * x[::10]
@@ -39,7 +39,7 @@ def test_a_tenth_of_wild_values_hardly_moves_the_gain(rng):
     assert fitted.gain == pytest.approx(-1.0, abs=0.03)
 
 
-def test_what_is_missing_or_too_short_counts_for_nothing(rng):
+def test_missing_or_short_data_give_no_fit(rng):
     x, noise = rng.standard_normal((2, 1000))
     y = 3.0 * x
     y[::3] = np.nan

@@ -1,4 +1,4 @@
-"""A rudder that stands off its middle on straight courses is noted with its angle; one that keeps a turn is not."""
+"""A rudder angle on straight courses is noted; one that holds a turn is not."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ DEGREE = np.pi / 180.0
 
 
 def with_rudder(dataset, degrees):
-    """The same run with a record of the rudder that is off by so much."""
+    """Return the run with an offset of the recorded rudder."""
     values = dataset.inputs.values + degrees * DEGREE * np.eye(4)[0]
     return replace(dataset, inputs=replace(dataset.inputs, values=values))
 
@@ -32,7 +32,7 @@ def zigzag(simulated_with):
 
 
 @pytest.mark.parametrize("degrees", [-2.0, 1.0])
-def test_a_rudder_off_its_middle_is_noted_with_its_angle(degrees, zigzag):
+def test_rudder_trim_is_noted_with_its_angle(degrees, zigzag):
     (check,) = trims(with_rudder(zigzag, degrees))
     stands, unsure = angle(check)
     assert check.passed is None
@@ -40,13 +40,13 @@ def test_a_rudder_off_its_middle_is_noted_with_its_angle(degrees, zigzag):
     assert "[fin_trim]" in check.advice
 
 
-def test_it_is_among_the_likely_causes(zigzag):
+def test_rudder_trim_is_a_likely_cause(zigzag):
     (causes,) = [check for check in inspect_dataset(with_rudder(zigzag, 2.0)).checks if check.check == "likely causes"]
-    assert "a rudder that is off its middle" in causes.statistic
+    assert "a rudder trim" in causes.statistic
     assert "[fin_trim]" in causes.advice
 
 
-def test_one_in_the_middle_passes_beside_a_biased_gyroscope(zigzag):
+def test_no_trim_passes_with_biased_gyroscope(zigzag):
     gyroscope = zigzag.sensors["gyroscope"]
     biased = replace(gyroscope, values=gyroscope.values + DEGREE * np.eye(3)[2])
     (check,) = trims(replace(zigzag, sensors=zigzag.sensors | {"gyroscope": biased}))
@@ -54,31 +54,31 @@ def test_one_in_the_middle_passes_beside_a_biased_gyroscope(zigzag):
     assert abs(angle(check)[0]) < 4.0 * angle(check)[1]
 
 
-def test_a_survey_shows_the_trim_of_its_rudder_beside_a_current(experiment_with, simulated_with):
+def test_survey_shows_rudder_trim_in_a_current(experiment_with, simulated_with):
     settings = "manoeuvre=manoeuvres/lawnmower.yaml", "sensors=sensors/field.yaml", "manoeuvre.duration=200 s"
     trim = experiment_with(*settings).manoeuvre.fin_trim.rudder / DEGREE
     (check,) = trims(simulated_with(*settings))
     stands, unsure = angle(check)
     assert check.passed is None
-    # What is recorded is less than what the fin stands at, and a straight course has that at zero.
+    # The record is smaller than the actual angle, which is zero on a straight course.
     assert abs(stands + trim) < 4.0 * unsure
 
 
-def test_nothing_is_said_where_the_course_is_never_straight(simulated_with):
+def test_trim_needs_straight_course(simulated_with):
     assert not trims(simulated_with("manoeuvre.duration=100 s"))
 
 
-def test_nothing_is_said_of_a_vehicle_that_lies_over(zigzag):
+def test_trim_needs_level_vehicle(zigzag):
     attitude = zigzag.sensors["attitude"]
     tilted = replace(attitude, values=attitude.values + 5.0 * DEGREE * np.eye(3)[0])
     assert not trims(with_rudder(replace(zigzag, sensors=zigzag.sensors | {"attitude": tilted}), 2.0))
 
 
-def test_nothing_is_said_where_only_a_gyroscope_tells_the_turning(zigzag):
+def test_trim_needs_heading(zigzag):
     assert not trims(replace(zigzag, sensors={k: v for k, v in zigzag.sensors.items() if k in ("gyroscope", "dvl")}))
 
 
-def test_what_is_not_known_to_a_fifth_of_a_degree_is_not_judged():
+def test_uncertain_trim_is_not_checked():
     assert rudder_trim_checks(RudderTrim(0.1, 0.19 * DEGREE))
     assert not rudder_trim_checks(RudderTrim(0.1, 0.21 * DEGREE))
     assert not rudder_trim_checks(None)

@@ -36,7 +36,7 @@ def verdicts(dataset):
     return {(check.subject, check.check): check for check in inspect_dataset(dataset).checks}
 
 
-def test_sound_sensors_are_in_time(logged):
+def test_sound_sensors_have_no_delay(logged):
     found = verdicts(logged)
     for sensor, other in PAIRS.items():
         assert found[sensor, f"delay against {other}"].passed is True
@@ -44,7 +44,7 @@ def test_sound_sensors_are_in_time(logged):
 
 @pytest.mark.parametrize("seconds", [0.4, -0.4])
 @pytest.mark.parametrize("sensor", PAIRS)
-def test_a_late_sensor_is_named_with_its_delay(sensor, seconds, logged, changed):
+def test_late_sensor_fails_with_its_delay(sensor, seconds, logged, changed):
     def late(time, _):
         time += seconds
 
@@ -55,7 +55,7 @@ def test_a_late_sensor_is_named_with_its_delay(sensor, seconds, logged, changed)
     assert float(size.split()[0]) == pytest.approx(abs(seconds), abs=0.06)
 
 
-def test_a_dvl_that_sits_ahead_looks_late_but_not_by_surge_and_is_only_noted(logged, changed):
+def test_dvl_ahead_looks_late_and_is_a_note(logged, changed):
     truth = logged.truth
 
     def ahead(time, values):
@@ -68,7 +68,7 @@ def test_a_dvl_that_sits_ahead_looks_late_but_not_by_surge_and_is_only_noted(log
     assert "later than accelerometer" in check.statistic
 
 
-def test_a_late_dvl_is_only_noted_where_the_speed_hardly_changes(multisine_with, changed):
+def test_late_dvl_is_a_note_at_constant_speed(multisine_with, changed):
     """There the swing of one that sits ahead is all that tells."""
 
     def late(time, _):
@@ -79,7 +79,7 @@ def test_a_late_dvl_is_only_noted_where_the_speed_hardly_changes(multisine_with,
     assert check.passed is None
 
 
-def test_a_heave_counted_upwards_is_a_sign_and_no_delay(heaving, changed):
+def test_heave_positive_upwards_is_no_delay(heaving, changed):
     def upwards(_, values):
         values[:, 2] *= -1.0
 
@@ -87,10 +87,10 @@ def test_a_heave_counted_upwards_is_a_sign_and_no_delay(heaving, changed):
     assert found["dvl", "w against depth"].passed is False
     check = found["depth", "delay against attitude"]
     assert check.passed is True
-    assert "if the sign of w is turned" in check.statistic
+    assert "sign of w reversed" in check.statistic
 
 
-def test_a_late_depth_is_a_delay_and_no_sign(heaving, changed):
+def test_late_depth_is_no_wrong_sign(heaving, changed):
     def late(time, _):
         time += 0.8
 
@@ -99,21 +99,21 @@ def test_a_late_depth_is_a_delay_and_no_sign(heaving, changed):
     assert "the sign" not in check.statistic
 
 
-def test_sensors_that_contradict_each_other_tell_no_delay(logged, changed):
+def test_contradicting_sensors_have_no_delay_check(logged, changed):
     def nothing_of_the_sort(_, values):
         values[:] = np.random.default_rng(2).standard_normal(values.shape)
 
     assert ("gyroscope", "delay against attitude") not in verdicts(changed(logged, "gyroscope", nothing_of_the_sort))
 
 
-def test_a_parabola_is_found_at_its_peak():
+def test_peak_of_parabola():
     at = np.arange(-4.0, 5.0)
     lag, deviation = likeliest_lag(-0.5 * ((at - 1.3) / 0.7) ** 2)
     assert (lag, deviation) == pytest.approx((1.3, 0.7))
     assert peak(at, 8) == (0.0, 0.0)
 
 
-def test_shifts_leave_what_is_unknown_missing():
+def test_shifted_values_are_missing_at_the_end():
     np.testing.assert_array_equal(shifted(np.arange(4.0), 1), [1.0, 2.0, 3.0, np.nan])
     np.testing.assert_array_equal(shifted(np.arange(4.0), -2), [np.nan, np.nan, 0.0, 1.0])
     for cells in (5, -3, -5):

@@ -11,7 +11,7 @@ def judged(simulated_with, *overrides):
     return {(check.subject, check.check): check for check in checks}, checks.failed()
 
 
-def test_outliers_are_spikes(simulated_with):
+def test_outliers_fail_as_spikes(simulated_with):
     settings = ("sensors.dvl.outlier_probability=0.01", "sensors.dvl.outlier_size=1 m/s")
     checks, fails = judged(simulated_with, *settings)
     assert [(check.subject, check.check) for check in fails] == [("dvl", "spikes")]
@@ -19,7 +19,7 @@ def test_outliers_are_spikes(simulated_with):
     assert 10 <= int(checks["dvl", "spikes"].statistic.split(";")[0]) <= 32
 
 
-def test_dropouts_are_missing_values(simulated_with):
+def test_dropouts_count_as_missing(simulated_with):
     checks, fails = judged(simulated_with, "sensors.gyroscope.dropout_probability=0.2")
     assert fails == []
     missing = checks["gyroscope", "missing"]
@@ -27,7 +27,7 @@ def test_dropouts_are_missing_values(simulated_with):
     assert float(missing.statistic.split("%")[0]) == pytest.approx(20.0, abs=1.0)
 
 
-def test_a_coarse_sensor_shows_its_step(simulated_with):
+def test_coarse_sensor_shows_quantisation(simulated_with):
     # 0.01 rad/s is 8.6 times 0.2 deg/s / 3, the stated noise.
     checks, fails = judged(simulated_with, "sensors.gyroscope.quantisation=0.01 rad/s")
     assert fails == []
@@ -36,7 +36,7 @@ def test_a_coarse_sensor_shows_its_step(simulated_with):
     assert "p 8.59" in quantisation.statistic
 
 
-def test_more_noise_than_stated_is_worth_knowing(simulated_with):
+def test_more_noise_than_stated_is_noted(simulated_with):
     settings = ("sensors.gyroscope.noise=1 deg/s", "sensors.gyroscope.standard_deviation=0.2 deg/s")
     checks, fails = judged(simulated_with, "sensors.gyroscope.range=null", *settings)
     assert fails == []
@@ -46,7 +46,7 @@ def test_more_noise_than_stated_is_worth_knowing(simulated_with):
 
 
 @pytest.mark.parametrize("degrees", [8.0, -8.0])
-def test_a_dvl_turned_to_the_hull_shows_by_its_angle(degrees, simulated_with):
+def test_rotated_dvl_shows_heading_offset(degrees, simulated_with):
     checks, fails = judged(simulated_with, f"sensors.dvl.mounting_yaw={degrees} deg")
     assert fails == []
     offset = checks["dvl", "heading offset"]
@@ -55,7 +55,7 @@ def test_a_dvl_turned_to_the_hull_shows_by_its_angle(degrees, simulated_with):
     assert float(offset.statistic.split()[0]) == pytest.approx(-degrees, abs=1.0)
 
 
-def test_excitation_is_that_of_the_inputs(simulated_with):
+def test_excitation_states_rms_of_inputs(simulated_with):
     """RMS about the mean and peak of what was commanded, cell means of 0.1 s."""
     dataset = simulated_with("sensors.attitude.source=direct")
     (check,) = [c for c in inspect_dataset(dataset).checks if (c.subject, c.check) == ("rudder", "excitation")]
@@ -65,6 +65,6 @@ def test_excitation_is_that_of_the_inputs(simulated_with):
     assert said[1] == pytest.approx(abs(rudder).max(), rel=0.02)
 
 
-def test_bias_instability_is_told_of_a_drifting_gyroscope(simulated_with):
+def test_drifting_gyroscope_shows_bias_instability(simulated_with):
     checks, _ = judged(simulated_with, "sensors.gyroscope.drift=0.05 deg/s/s^0.5")
     assert any(name.startswith("bias instability") for _, name in checks)

@@ -8,24 +8,24 @@ from auvid_cli.inspection.single_sensor import level_distance, noise_floor, spik
 TIME = 0.1 * np.arange(3000)
 
 
-def test_the_noise_floor_is_that_of_white_noise_on_any_smooth_course(rng):
+def test_noise_floor_ignores_smooth_motion(rng):
     smooth = 30.0 * np.sin(0.8 * TIME) + 0.01 * TIME**2
     assert noise_floor(smooth + 0.02 * rng.standard_normal(TIME.size)) == pytest.approx(0.02, rel=0.1)
     assert noise_floor(smooth) < 1e-4
 
 
 @pytest.mark.parametrize("step", [0.001, 0.1])
-def test_steps_are_told_of_a_signal_with_few_measurements_on_each_level(step, rng):
+def test_quantisation_step_with_few_measurements_per_level(step, rng):
     values = step * np.round((3.0 * np.sin(TIME) + rng.standard_normal(TIME.size)) / step)
     assert level_distance(values) == pytest.approx(step, rel=1e-6)
 
 
-def test_what_is_not_quantised_shows_no_step(rng):
+def test_continuous_signal_has_no_quantisation_step(rng):
     assert level_distance(rng.standard_normal(2000)) == 0.0
     assert level_distance(np.ones(2000)) == 0.0
 
 
-def test_a_constant_with_a_single_spike_has_no_step():
+def test_constant_with_spike_has_no_quantisation_step():
     values = np.zeros(100)
     values[40] = 1.0
     assert level_distance(values) == 0.0
@@ -33,7 +33,7 @@ def test_a_constant_with_a_single_spike_has_no_step():
 
 
 @pytest.mark.parametrize("at", [2, 700, 2997])
-def test_a_spike_stands_out_alone(at, rng):
+def test_only_the_spike_is_large(at, rng):
     values = np.sin(TIME) + 0.01 * rng.standard_normal(TIME.size)
     sound = spike_sizes(TIME, values, 0.01)
     assert sound.max() < 7.0
@@ -44,19 +44,19 @@ def test_a_spike_stands_out_alone(at, rng):
     assert (np.delete(sizes, at) < 7.0).all()
 
 
-def test_a_step_is_no_spike(rng):
+def test_step_is_no_spike(rng):
     values = 0.01 * rng.standard_normal(TIME.size)
     values[1000:] += 1.0
     assert spike_sizes(TIME, values, 0.01).max() < 7.0
 
 
-def test_beside_a_gap_nothing_is_a_spike(rng):
+def test_no_spike_next_to_a_gap(rng):
     time = TIME + np.where(TIME > 100.0, 20.0, 0.0)
     values = 5.0 * np.sin(0.3 * time) + 0.001 * rng.standard_normal(time.size)
     assert spike_sizes(time, values, 0.001).max() < 7.0
 
 
-def test_the_sharp_extreme_of_a_slow_record_is_no_spike(rng):
+def test_sharp_extreme_is_no_spike(rng):
     """A heading that a zigzag turns back, measured once a second: beside it the heading changes as much."""
     time = np.arange(120.0)
     heading = np.abs((0.3 * time) % 4.0 - 2.0) + 1e-3 * rng.standard_normal(time.size)

@@ -22,7 +22,7 @@ def cut(dataset, names, until):
 
 
 @pytest.mark.parametrize("until", [0.005, 0.2, 3.0, 40.0])
-def test_any_pair_of_sensors_of_any_length_gets_finite_verdicts(until, sound_run):
+def test_any_two_short_records_give_finite_checks(until, sound_run):
     dataset = sound_run()
     for names in [*combinations(dataset.sensors, 2), *((name,) for name in dataset.sensors), ()]:
         inspection = inspect_dataset(cut(dataset, names, until))
@@ -37,7 +37,7 @@ def test_a_dataset_without_sensors_fails(sound_run):
     assert [check.subject for check in inspection.checks if check.passed is False] == ["dataset"]
 
 
-def test_a_sensor_without_any_value_fails_and_the_others_are_judged(sound_run, changed):
+def test_empty_sensor_fails_and_others_are_checked(sound_run, changed):
     def silence(time, values):
         values[:] = np.nan
 
@@ -47,7 +47,7 @@ def test_a_sensor_without_any_value_fails_and_the_others_are_judged(sound_run, c
     assert any(check.subject == "gyroscope" and check.check == "q against theta" for check in inspection.checks)
 
 
-def test_a_vehicle_that_lies_still_is_not_excited(sound_run):
+def test_resting_vehicle_has_too_little_excitation(sound_run):
     dataset = sound_run()
     rng = np.random.default_rng(3)
     still = {
@@ -62,10 +62,10 @@ def test_a_vehicle_that_lies_still_is_not_excited(sound_run):
     for name in ("p against phi", "q against theta", "r against psi", "response of r"):
         (check,) = [check for check in checks if check.check == name]
         assert check.passed is None
-        assert check.statistic.startswith("not excited enough to tell")
+        assert check.statistic.startswith("undetermined: too little excitation")
 
 
-def test_an_empty_record_and_one_without_any_noise_are_judged(sound_run):
+def test_noiseless_record_is_checked(sound_run):
     dataset = sound_run()
     dvl, gyroscope = dataset.sensors["dvl"], dataset.sensors["gyroscope"]
     empty = replace(dvl, time=dvl.time[:0], values=dvl.values[:0])
@@ -77,7 +77,7 @@ def test_an_empty_record_and_one_without_any_noise_are_judged(sound_run):
     assert checks["gyroscope", "spikes"].passed is True
 
 
-def test_a_fin_that_moves_by_rounding_alone_answers_nothing(sound_run):
+def test_fin_with_rounding_noise_is_undetermined(sound_run):
     """As two opposite fins that cancel."""
     dataset = sound_run()
     values = dataset.inputs.values.copy()
@@ -87,7 +87,7 @@ def test_a_fin_that_moves_by_rounding_alone_answers_nothing(sound_run):
     assert check.passed is None
 
 
-def test_times_that_span_weeks_are_no_times(sound_run):
+def test_span_of_weeks_is_an_error(sound_run):
     dataset = sound_run()
     dvl = dataset.sensors["dvl"]
     time = dvl.time.copy()
@@ -97,7 +97,7 @@ def test_times_that_span_weeks_are_no_times(sound_run):
         inspect_dataset(astray)
 
 
-def test_an_attitude_without_pitch_is_inspected_all_the_same(sound_run, changed):
+def test_attitude_without_pitch_is_checked(sound_run, changed):
     def forget(time, values):
         values[:, 1] = np.nan
 

@@ -33,7 +33,7 @@ def test_an_even_sensor_passes(turning):
     assert checks["rate"].statistic == "10 Hz"
 
 
-def test_copies_of_a_measurement_are_counted_once(turning):
+def test_repeated_measurements_lower_the_rate(turning):
     copied = record_of(0.02 * np.arange(5000), np.repeat(turning.values[:, 0], 5))
     assert new_measurement_rate(copied) == pytest.approx(10.0)
     rate = judged(copied)["rate"]
@@ -41,7 +41,7 @@ def test_copies_of_a_measurement_are_counted_once(turning):
     assert rate.passed is None
 
 
-def test_seven_measurements_a_second_held_at_ten_are_noticed(turning):
+def test_held_measurements_lower_the_rate(turning):
     time = 0.1 * np.arange(1000)
     held = record_of(time, turning.values[(0.7 * np.arange(1000) + 1e-9).astype(int), 0])
     rate = judged(held)["rate"]
@@ -49,14 +49,14 @@ def test_seven_measurements_a_second_held_at_ten_are_noticed(turning):
     assert rate.passed is None
 
 
-def test_uneven_intervals_are_worth_knowing(turning, rng):
+def test_jitter_is_noted(turning, rng):
     shaken = replace(turning, time=turning.time + 0.04 * rng.random(1000))
     jitter = judged(shaken)["jitter"]
     assert jitter.passed is None
     assert "of 0.1" in jitter.threshold
 
 
-def test_a_leap_without_motion_is_the_clock_and_one_with_motion_is_a_gap(turning):
+def test_jump_without_motion_is_the_clock(turning):
     leapt = replace(turning, time=turning.time + np.where(turning.time > 30.05, 2.0, 0.0))
     assert clock_jumps(leapt).tolist() == [300]
     assert not judged(leapt)["clock"].passed
@@ -65,14 +65,14 @@ def test_a_leap_without_motion_is_the_clock_and_one_with_motion_is_a_gap(turning
     assert clock_jumps(silent).size == 0
 
 
-def test_a_vehicle_at_rest_does_not_tell_a_leap_from_a_gap(rng):
+def test_resting_vehicle_shows_no_clock_jump(rng):
     time = 0.1 * np.arange(1000)
     still = record_of(time + np.where(time > 30.05, 2.0, 0.0), 0.001 * rng.standard_normal(1000))
     assert clock_jumps(still).size == 0
 
 
 @pytest.mark.parametrize(("share", "passed"), [(0, True), (20, None), (800, False)])
-def test_missing_values_are_judged_by_their_share(share, passed, turning):
+def test_missing_share_sets_the_result(share, passed, turning):
     values = turning.values.copy()
     values[1 : 1 + share] = np.nan
     missing = judged(replace(turning, values=values))["missing"]
@@ -87,7 +87,7 @@ def test_components_that_were_never_measured_are_not_missing(turning):
     assert (missing.passed, missing.statistic) == (True, "0.00% of values")
 
 
-def test_components_with_times_of_their_own_are_not_missing_at_those_of_others(turning):
+def test_components_with_own_times_are_not_missing(turning):
     values = turning.values.copy()
     values[::3, 0], values[1::3, 0], values[:, 1], values[2::3, 1] = np.nan, np.nan, np.nan, 1.0
     assert judged(replace(turning, values=values))["missing"].passed
@@ -106,13 +106,13 @@ def test_even_inputs_pass():
 
 
 @pytest.mark.parametrize(("time_constant", "passed"), [(0.1, None), (0.3, True), (None, True)])
-def test_inputs_slower_than_the_vehicle_are_worth_knowing(time_constant, passed):
+def test_slow_inputs_are_noted(time_constant, passed):
     checks = judged_inputs(0.2 * np.arange(500), time_constant)
     assert checks["rate"].passed is passed
     assert checks["gap"].passed is True
 
 
-def test_a_time_without_inputs_is_named():
+def test_input_gap_is_noted_with_its_time():
     time = 0.1 * np.arange(1000)
     gap = judged_inputs(time[(time < 30.05) | (time > 42.05)], 1.0)["gap"]
     assert gap.passed is None
@@ -125,13 +125,13 @@ def test_a_time_without_inputs_is_named():
         (30.5, "", True),
         (31.5, "", False),
         (90.0, "", False),
-        # What was stamped two seconds late was measured within the inputs; inputs that act later end later.
+        # Measurements stamped two seconds late are within the inputs; inputs that act later end later.
         (31.5, "identification.delays={dvl: 2 s, gyroscope: 2 s, attitude: 2 s}", True),
         (31.5, "identification.delays={inputs: 2 s}", True),
         (39.0, "", False),
     ],
 )
-def test_inputs_that_end_early_fail_where_estimators_refuse_them(last, setting, passed, short_run, with_settings):
+def test_inputs_that_end_early_fail(last, setting, passed, short_run, with_settings):
     """At 10 Hz until 30 s; by the rule that `Timelines` has."""
     time = 0.1 * np.arange(301)
     motion = np.linspace(0.0, last, 400)
@@ -151,9 +151,9 @@ def test_inputs_that_end_early_fail_where_estimators_refuse_them(last, setting, 
             prepare(dataset)
 
 
-def test_inputs_that_never_change_have_no_rate():
+def test_constant_inputs_have_no_rate_check():
     assert input_timing_checks(InputRecord(np.array([0.0, 300.0]), np.ones((2, 4))), 1.0) == []
 
 
-def test_a_single_input_has_no_rate():
+def test_single_input_has_no_rate_check():
     assert judged_inputs([0.0], 1.0) == {}

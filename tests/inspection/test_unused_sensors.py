@@ -1,4 +1,4 @@
-"""An accelerometer that no estimator listens to, against the DVL."""
+"""An accelerometer that no estimator uses, against the DVL."""
 
 import pytest
 
@@ -19,16 +19,16 @@ def felt(sound_run, changed):
     return run
 
 
-def test_one_that_agrees_is_not_mentioned(felt):
+def test_agreeing_unused_sensor_is_not_mentioned(felt):
     assert contradiction_sentences(contradictions_of_unused(felt(1.0, 1.0, 1.0))) == []
 
 
 @pytest.mark.parametrize("factors", [(-1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (1 / 9.81, 1 / 9.81, 1 / 9.81)])
-def test_one_that_contradicts_is_said_beside_a_sound_estimate(factors, felt):
+def test_contradicting_unused_sensor_is_mentioned(factors, felt):
     (said,) = contradiction_sentences(contradictions_of_unused(felt(*factors)))
     assert said.startswith("The accelerometer, which was not used, contradicts the DVL")
 
 
-def test_one_that_is_used_is_judged_with_the_estimate(felt, with_settings):
+def test_used_sensor_is_no_unused_contradiction(felt, with_settings):
     used = with_settings(felt(-1.0, 1.0, 1.0), "identification.attitude_from=inertial")
     assert contradictions_of_unused(used) == []

@@ -10,7 +10,7 @@ DEPTH = "sensors.depth={{rate: {} Hz, noise: 1 cm}}"
 
 @pytest.fixture(scope="module")
 def scale_of(simulated_with, changed):
-    """Function: the verdict on a run with a depth sensor of that rate, with velocities so many times as large."""
+    """Return a function: check of a run with a depth sensor of a rate, with velocities multiplied by a factor."""
 
     def run(*settings, rate=10, factor=1.0):
         dataset = simulated_with(MULTISINE, DEPTH.format(rate), *settings).without_truth()
@@ -27,7 +27,7 @@ def scale_of(simulated_with, changed):
 
 @pytest.mark.parametrize("factor", [0.98, 1.02])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_two_percent_are_named_with_their_size(factor, seed, scale_of):
+def test_velocity_scale_is_noted_with_its_size(factor, seed, scale_of):
     assert scale_of(f"seed={seed}").passed
     found = scale_of(f"seed={seed}", factor=factor)
     assert found.passed is None
@@ -43,8 +43,8 @@ LEVEL = "manoeuvre={type: lawnmower, duration: 120 s, speed: 3.9 m/s, leg: 30 s,
     [((LEVEL,), 10, "hardly dives"), ((), 1, "too seldom")],
     ids=["a level survey", "a slow depth"],
 )
-def test_where_nothing_tells_that_is_said(settings, rate, why, scale_of):
+def test_velocity_scale_is_undetermined_without_evidence(settings, rate, why, scale_of):
     found = scale_of(*settings, rate=rate, factor=1.02)
     assert found.passed is None
-    assert found.statistic.startswith("cannot tell")
+    assert found.statistic.startswith("undetermined")
     assert why in found.statistic

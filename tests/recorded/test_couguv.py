@@ -251,7 +251,7 @@ def test_yaw_coefficients_are_those_of_a_first_order_fit(identified, converted):
         assert abs(damping + INERTIA / (constant * 0.95)) < 2.0 * deviation
 
 
-def test_identifiability_names_what_this_run_cannot_tell(auvid, run, rows, tmp_path):
+def test_identifiability_names_what_this_run_undetermined(auvid, run, rows, tmp_path):
     auvid("identifiability", run("couguv_yaw"), "-o", tmp_path, "--use", "3:84")
     verdicts = {row["coefficient"]: row["verdict"] for row in rows(tmp_path / "tables/identifiability.csv")}
     untold = {symbol for symbol, verdict in verdicts.items() if verdict == "not identified"}

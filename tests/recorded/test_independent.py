@@ -159,9 +159,9 @@ def test_it_predicts_a_zigzag_that_it_has_never_seen(loosely_identified, recorde
     # Errors grow as on run E, in proportion to the motion; but for roll, of which that model has other terms. Heave and
     # pitch, of which nothing is missing, have the process noise that stands for what is missing of sway and yaw.
     failed = {check.check: check.statistic for check in found.checks if check.passed is False}
-    assert set(failed) == {"explained by its uncertainty", "no wider than its errors"}
-    assert failed["explained by its uncertainty"].startswith("p at")
-    assert set(failed["no wider than its errors"].split()[::2]) == {"w", "q"}
+    assert set(failed) == {"uncertainty not too small", "uncertainty not too large"}
+    assert failed["uncertainty not too small"].startswith("p at")
+    assert set(failed["uncertainty not too large"].split()[::2]) == {"w", "q"}
     held = {(row.signal, row.horizon_s): row.share_within_band for row in found.predictions if row.kind == "ahead"}
     assert min(held[signal, horizon] for signal in "uvwqr" for horizon in (0.5, 5.0, 50.0)) > 0.85
     assert held["p", 5.0] < 0.85
@@ -197,9 +197,9 @@ def test_with_tuned_noise_and_a_second_look_its_bands_are_those_of_its_errors(re
     }
     assert min(map(min, held.values())) > 0.78
     assert max(np.mean(shares) for shares in held.values()) < 0.98
-    assert "no wider than its errors" not in {check.check for check in found.checks if check.passed is False}
+    assert "uncertainty not too large" not in {check.check for check in found.checks if check.passed is False}
 
 
 def test_run_e_is_refused_as_validation_of_itself(loosely_identified, training):
-    with pytest.raises(DataError, match="this time of these very data"):
+    with pytest.raises(DataError, match="this time of the same data"):
         check_unseen(training, loosely_identified, training)

@@ -14,7 +14,14 @@ from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.figures.validation import horizon_figure
 from auvid_cli.report.screen import print_validation
 from auvid_cli.report.text_tables import write_csv_tables
-from auvid_cli.validation.results import AHEAD, FREE_RUN, NO_WIDER, ManoeuvreNumber, Prediction, Validation
+from auvid_cli.validation.results import (
+    AHEAD,
+    FREE_RUN,
+    UNCERTAINTY_NOT_TOO_LARGE,
+    ManoeuvreNumber,
+    Prediction,
+    Validation,
+)
 from auvid_cli.vehicle.parameters import MOTION
 
 HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
@@ -190,7 +197,7 @@ def test_a_signal_without_measurements_says_so(validation):
 
 def test_a_model_that_is_better_than_its_bands_still_predicts(validation):
     (failed,) = validation.checks
-    too_wide = validation._replace(checks=Checks([failed._replace(check=NO_WIDER)]))
+    too_wide = validation._replace(checks=Checks([failed._replace(check=UNCERTAINTY_NOT_TOO_LARGE)]))
     assert "The model of the CKF predicts these data, with bands too wide." in shown(too_wide, 120)
     both = too_wide._replace(checks=Checks([failed, *too_wide.checks]))
     assert "does not predict these data" in shown(both, 120)

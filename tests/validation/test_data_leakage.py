@@ -24,12 +24,12 @@ def within(dataset, since, until):
     return replace(dataset, sensors=sensors, sha256="other")
 
 
-def test_the_very_dataset_is_refused(short_run, estimate):
-    with pytest.raises(DataError, match="this time of these very data"):
+def test_own_dataset_is_refused(short_run, estimate):
+    with pytest.raises(DataError, match="this time of the same data"):
         check_unseen(replace(short_run, sha256="abc"), estimate)
 
 
-def test_of_the_very_dataset_a_time_that_was_left_out_is_new(short_run, hand_made):
+def test_unused_time_of_own_dataset_is_accepted(short_run, hand_made):
     estimate = replace(hand_made([0.0, 30.0], {}), dataset_sha256="abc")
     later = replace(within(short_run, 0.0, 60.0), sha256="abc")
     cut = {
@@ -37,11 +37,11 @@ def test_of_the_very_dataset_a_time_that_was_left_out_is_new(short_run, hand_mad
         for name, r in later.sensors.items()
     }
     check_unseen(replace(later, sensors=cut), estimate)
-    with pytest.raises(DataError, match="this time of these very data"):
+    with pytest.raises(DataError, match="this time of the same data"):
         check_unseen(later, estimate)
 
 
-def test_the_same_log_under_another_map_is_no_other_log(short_run, hand_made):
+def test_same_log_with_another_map_is_refused(short_run, hand_made):
     """Its numbers may all differ by an offset; its clock says that they are the same."""
 
     def imported(origin):
@@ -50,12 +50,12 @@ def test_the_same_log_under_another_map_is_no_other_log(short_run, hand_made):
         return ImportedRun(name="dive", vehicle=experiment.vehicle, recording=recording)
 
     estimate = replace(hand_made([0.0, 30.0], {}), experiment=imported(100.0), dataset_sha256="abc")
-    with pytest.raises(DataError, match="this time of these very data"):
+    with pytest.raises(DataError, match="this time of the same data"):
         check_unseen(replace(short_run, experiment=imported(110.0), sha256="other"), estimate)
     check_unseen(replace(short_run, experiment=imported(131.0), sha256="other"), estimate)
 
 
-def test_copies_are_found_behind_missing_components_and_held_values(rng):
+def test_copies_with_missing_and_held_values_are_found(rng):
     noise = rng.standard_normal((100, 3))
     without = noise.copy()
     without[:, 0] = np.nan
@@ -64,7 +64,7 @@ def test_copies_are_found_behind_missing_components_and_held_values(rng):
     assert not have_run_in_common(without, rng.standard_normal((100, 3)))
 
 
-def test_a_held_depth_in_whole_centimetres_is_no_copy_of_itself(rng):
+def test_held_coarse_depth_is_no_copy(rng):
     def held():
         drift = np.convolve(rng.standard_normal(2000), np.ones(40) / 40, "same")
         return np.round(12.0 + 0.02 * drift + 0.005 * rng.standard_normal(2000), 2)[:, None]
@@ -76,18 +76,18 @@ def test_a_held_depth_in_whole_centimetres_is_no_copy_of_itself(rng):
 
 
 @pytest.mark.parametrize(("since", "until"), [(0.0, 60.0), (20.0, 40.0)])
-def test_measurements_that_it_has_seen_are_refused(short_run, estimate, since, until):
-    with pytest.raises(DataError, match="among those"):
+def test_copied_measurements_are_refused(short_run, estimate, since, until):
+    with pytest.raises(DataError, match="some of these measurements"):
         check_unseen(within(short_run, since, until), estimate, short_run)
 
 
-def test_the_same_manoeuvre_with_other_noise_is_new(short_run, estimate, simulated_with):
+def test_same_manoeuvre_with_other_noise_is_accepted(short_run, estimate, simulated_with):
     again = simulated_with("manoeuvre.duration=60 s", "seed=2")
     np.testing.assert_array_equal(again.inputs.values[:100], short_run.inputs.values[:100])
     check_unseen(replace(again, sha256="other"), estimate, short_run)
 
 
-def test_a_sensor_that_stands_still_is_no_copy(rng):
+def test_constant_sensor_is_no_copy(rng):
     still = np.ones((100, 3))
     assert not have_run_in_common(still, still)
     assert not have_run_in_common(np.full((100, 3), np.nan), still)
@@ -96,7 +96,7 @@ def test_a_sensor_that_stands_still_is_no_copy(rng):
     assert have_run_in_common(noise[11:30], noise)
 
 
-def test_another_mass_is_another_vehicle_and_other_coefficients_are_not(short_run, estimate, with_settings):
+def test_other_mass_is_another_vehicle(short_run, estimate, with_settings):
     assert other_vehicle(short_run, estimate) == []
     assert other_vehicle(with_settings(short_run, "vehicle.coefficients.N_uvl=-1"), estimate) == []
     changed = with_settings(short_run, "vehicle.parameters.m=50", "vehicle.size.length=3 m")

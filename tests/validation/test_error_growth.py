@@ -17,7 +17,7 @@ def samples(symbol, horizon, errors, variance):
     return [Sample(target, np.array([error]), 0.0, variance) for error in errors]
 
 
-def test_what_exceeds_the_stated_variance_grows_with_the_motion():
+def test_excess_variance_grows_with_motion():
     own = {"v": signal(0.01, 0.1), "u": signal(0.01, 0.1)}
     errors = [*samples("v", 1.0, [0.3, -0.5] * 20, 0.04), *samples("v", 5.0, [0.1] * 40, 0.04)]
     growth = error_growth(errors, errors, own)
@@ -29,7 +29,7 @@ def test_what_exceeds_the_stated_variance_grows_with_the_motion():
     assert growth.in_motion(own)["v", 1.0] == pytest.approx(0.13)
 
 
-def test_turns_carry_errors_of_surge_by_their_square_and_those_of_roll_as_they_are():
+def test_surge_errors_grow_with_squared_turns():
     own, other = ({"u": signal(0.01, 0.1), "r": signal(0.01, spread)} for spread in (0.1, 0.2))
     for symbol, expected in {"u": 16.0 * 0.09, "p": 4.0 * 0.09}.items():
         sizes = [{symbol: signal(0.01, 0.1)} | each for each in (own, other)]
@@ -39,30 +39,30 @@ def test_turns_carry_errors_of_surge_by_their_square_and_those_of_roll_as_they_a
         assert growth.in_motion(sizes[0])[symbol, 1.0] == pytest.approx(0.09, rel=1e-4)
 
 
-def test_of_surge_itself_errors_grow_with_it():
+def test_surge_errors_grow_with_surge():
     own, other = ({"u": signal(0.01, spread), "r": signal(0.01, 0.1)} for spread in (0.1, 0.2))
     errors = samples("u", 1.0, [0.3] * 40, 1e-6)
     assert error_growth(errors, errors, own).in_motion(other)["u", 1.0] == pytest.approx(4.0 * 0.09, rel=0.05)
 
 
-def test_errors_that_are_expected_or_few_add_nothing():
+def test_expected_or_few_errors_have_no_excess():
     own = {"v": signal(0.01, 0.1)}
     for errors in (samples("v", 1.0, [0.1] * 40, 0.04), samples("v", 1.0, [0.5] * 10, 0.04)):
         assert set(error_growth(errors, errors, own).variance.values()) == {0.0}
 
 
-def test_process_noise_stands_for_its_share_whether_or_not_the_vehicle_moves():
+def test_process_noise_is_subtracted_for_any_motion():
     own, still, livelier = ({"v": signal(0.01, spread)} for spread in (0.1, 0.0, 0.3))
-    plain, shaken = (samples("v", 1.0, [0.5, -0.5] * 20, variance) for variance in (0.04, 0.1))
-    growth = error_growth(plain, shaken, own)
+    plain, noisy = (samples("v", 1.0, [0.5, -0.5] * 20, variance) for variance in (0.04, 0.1))
+    growth = error_growth(plain, noisy, own)
     assert growth.by_process_noise["v", 1.0] == pytest.approx(0.06)
-    # What predictions with process noise lack: of as much motion, of none, of three times as much.
+    # Excess over predictions with process noise: for equal motion, none, and three times as much.
     for sizes, scale in ((own, 1.0), (still, 0.01), (livelier, 9.0)):
         expected = max(scale * (0.25 - 0.04) - 0.06, 0.0)
         assert growth.in_motion(sizes)["v", 1.0] == pytest.approx(expected, rel=0.1, abs=1e-9)
 
 
-def test_a_mean_error_is_there_however_little_the_vehicle_moves():
+def test_mean_error_is_independent_of_motion():
     """As that of a weight or a trim that the model lacks; what comes and goes with the motion, goes with it."""
     own, still, livelier = ({"w": signal(0.01, spread)} for spread in (0.1, 0.0, 0.3))
     errors = samples("w", 1.0, [0.7, 0.3] * 20, 1e-6)
@@ -71,7 +71,7 @@ def test_a_mean_error_is_there_however_little_the_vehicle_moves():
         assert growth.in_motion(sizes)["w", 1.0] == pytest.approx(expected, rel=0.06)
 
 
-def test_what_is_chance_at_each_horizon_may_be_more_at_all_of_them(rng):
+def test_small_excess_at_all_horizons_is_significant(rng):
     """Squares of 40 errors scatter by a fifth: two fifths too much are chance, but not seven times."""
     own, errors = {"v": signal(0.01, 0.1)}, rng.standard_normal(40)
     errors *= np.sqrt(1.4 / np.mean(errors**2))
@@ -83,7 +83,7 @@ def test_what_is_chance_at_each_horizon_may_be_more_at_all_of_them(rng):
     assert error_growth(all_of_them, all_of_them, own).variance["v", 50.0] == pytest.approx(0.4)
 
 
-def test_what_may_be_chance_for_one_of_many_signals_counts_beside_one_that_is_not(rng):
+def test_small_excess_counts_next_to_a_significant_one(rng):
     errors = rng.standard_normal(280)
     errors /= np.sqrt(np.mean(errors**2))
     by_horizon = dict(zip(HORIZONS, errors.reshape(7, 40), strict=True))
@@ -98,9 +98,9 @@ def test_what_may_be_chance_for_one_of_many_signals_counts_beside_one_that_is_no
         ]
         return error_growth(made, made, own).variance
 
-    # Of 280 squares the mean scatters by sqrt(2 / 280), 0.085.
+    # The mean of 280 squares has a standard error of sqrt(2 / 280), 0.085.
     assert growth(v=0.25)["v", 50.0] == 0.0
     assert growth(v=0.25, r=0.05)["v", 50.0] == 0.0
-    beside = growth(v=0.25, r=1.0)
-    assert beside["v", 50.0] > 0.2
-    assert beside["r", 50.0] > 0.9
+    with_yaw = growth(v=0.25, r=1.0)
+    assert with_yaw["v", 50.0] > 0.2
+    assert with_yaw["r", 50.0] > 0.9

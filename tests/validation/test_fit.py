@@ -40,7 +40,7 @@ def test_parts_add_up_to_the_whole(values, cut, level):
     assert parts.squares == pytest.approx(whole.squares, rel=1e-9)
 
 
-def test_what_cannot_be_said_is_not_said():
+def test_fit_without_variation_is_none():
     assert (PredictionFit().rmse, PredictionFit().percent) == (None, None)
     constant = PredictionFit.of(np.ones(3), np.zeros(3))
     assert (constant.rmse, constant.percent) == (1.0, None)
@@ -49,9 +49,9 @@ def test_what_cannot_be_said_is_not_said():
         assert (fit.rmse, fit.percent) == (None, None)
 
 
-def test_fits_of_segments_go_by_the_mean_of_each():
+def test_segment_fits_use_their_own_means():
     some, others = (PredictionFit.of(level + np.sin(PHASE), level + 0.5 * np.sin(PHASE)) for level in (0.0, 100.0))
-    both = some.beside(others)
+    both = some.with_segment(others)
     assert (both.measurements, both.mean) == (2000, pytest.approx(50.0))
     assert both.percent == pytest.approx(50.0)
     assert both.rmse == pytest.approx(0.5 / np.sqrt(2.0))

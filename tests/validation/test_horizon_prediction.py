@@ -1,4 +1,4 @@
-"""What is compared ahead of a start, and what is made of it, by hand."""
+"""Targets and rows of predictions ahead, against values by hand."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def collected(predictions, variance, blown_up=(False, True)):
     return Collected(samples, np.array(blown_up))
 
 
-def test_errors_are_related_to_the_whole_run_and_to_what_was_stated():
+def test_rows_relate_errors_to_run_and_stated_variance():
     # The identified model is off by 0.5 and by 1.0 in turn, the prior by 4.
     data = collected([(9.5, 5.0), (8.0, 5.0)] * 6, 0.4**2)
     (row,) = rows_ahead(data, ("identified", "prior"), {"u": SIZE}, {})
@@ -33,16 +33,16 @@ def test_errors_are_related_to_the_whole_run_and_to_what_was_stated():
     assert (row.draws, row.draws_blown_up) == (2, 1)
 
 
-def test_too_few_starts_are_no_row():
+def test_too_few_starts_give_no_row():
     assert list(rows_ahead(collected([(9.0,)] * 9, 1.0), ("identified",), {"u": SIZE}, {})) == []
 
 
-def test_a_model_that_blew_up_has_no_numbers():
+def test_diverged_model_has_no_numbers():
     (row,) = rows_ahead(collected([(9.0,)] * 11 + [(np.nan,)], 1.0), ("identified",), {"u": SIZE}, {})
     assert (row.rmse, row.fit_percent, row.share_within_band) == (None, None, None)
 
 
-def test_a_target_is_the_first_measurement_at_or_after_the_horizon_and_soon_after():
+def test_target_is_first_measurement_after_horizon():
     silent = (TIME > 11.1) & (TIME < 14.9)
     signal = MeasuredSignal(TIME[~silent], SIGNAL.values[~silent], 0.1)
     times = {target.horizon: target.time for target in targets_of({"u": signal}, 10.1)}
@@ -50,12 +50,12 @@ def test_a_target_is_the_first_measurement_at_or_after_the_horizon_and_soon_afte
     assert times == {0.5: 10.75, 5.0: 15.25, 10.0: 20.25, 20.0: 30.25, 50.0: 60.25}
 
 
-def test_starts_are_settled_and_leave_something_to_predict():
+def test_starts_leave_time_to_settle_and_predict():
     np.testing.assert_allclose(evenly_spaced(0.0, 100.0, 3), [5.0, 52.25, 99.5])
     np.testing.assert_allclose(evenly_spaced(10.0, 20.0, 2), [11.0, 19.5])
     assert evenly_spaced(0.0, 0.5, 10).size == 0
 
 
-def test_draws_that_blow_up_do_not_count_and_most_must_not():
+def test_variance_ignores_diverged_draws():
     assert np.isnan(_variance(np.array([1.0, 3.0, 1e200, np.nan]), 2.0))
     assert _variance(np.array([1.0, 3.0, 3.0, 1e200, np.inf]), 2.0) == 1.0

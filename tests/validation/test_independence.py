@@ -6,11 +6,11 @@ import pytest
 from auvid_cli.validation.results import independent_errors
 
 
-def test_errors_of_white_noise_count_each(rng):
+def test_white_errors_are_independent(rng):
     assert np.mean([independent_errors(rng.standard_normal(200)) for _ in range(50)]) > 0.85 * 200
 
 
-def test_of_errors_that_last_there_are_fewer(rng):
+def test_autocorrelated_errors_count_less(rng):
     """Each keeps a share k of the last: by the variance of their mean they are (1 - k) / (1 + k) of their number."""
     kept, found = 0.6, []
     for _ in range(100):
@@ -22,9 +22,9 @@ def test_of_errors_that_last_there_are_fewer(rng):
 
 
 @pytest.mark.parametrize("errors", [np.ones(100), np.zeros(100), np.full(1, 2.0)])
-def test_one_error_from_every_start_is_about_one(errors):
+def test_constant_error_counts_once(errors):
     assert independent_errors(errors) < 2.5
 
 
-def test_errors_that_alternate_are_no_more_than_they_are():
+def test_alternating_errors_count_at_most_their_number():
     assert independent_errors(np.tile([1.0, -1.0], 50)) == 100.0

@@ -20,7 +20,7 @@ def with_readings(dataset, name, change):
     return replace(dataset, sensors=dataset.sensors | {name: replace(record, time=time, values=values)})
 
 
-def test_starts_are_near_the_true_motion_and_know_how_near(zigzag, with_coefficients):
+def test_starts_are_near_truth_within_deviation(zigzag, with_coefficients):
     wanted = np.linspace(5.0, 75.0, 200)
     states = filtered_initial_states(prepare(with_model(zigzag, with_coefficients(zigzag.truth.coefficients))), wanted)
     assert_allclose(states.time, wanted, atol=0.011)
@@ -34,7 +34,7 @@ def test_starts_are_near_the_true_motion_and_know_how_near(zigzag, with_coeffici
     assert_allclose(list(states.nis.values()), 1.0, atol=0.1)
 
 
-def test_a_depth_that_is_not_measured_is_nowhere_and_moves_nothing(zigzag, with_coefficients):
+def test_unmeasured_depth_is_zero(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "depth"})
     model = with_coefficients(zigzag.truth.coefficients)
     states = filtered_initial_states(prepare(with_model(blind, model)), np.array([10.0, 20.0]))
@@ -43,8 +43,8 @@ def test_a_depth_that_is_not_measured_is_nowhere_and_moves_nothing(zigzag, with_
     assert states.process_noise[9] == 0.0 < states.process_noise[:9].min()
 
 
-def test_no_start_knows_what_comes_after_it(zigzag, with_coefficients):
-    # Less than the noise, so that the process noise stays as it is.
+def test_starts_ignore_later_measurements(zigzag, with_coefficients):
+    # Smaller than the noise, so that the process noise stays.
     def spoilt(time, values):
         return time, np.where(time[:, None] > 40.0, values + 5e-4, values)
 
@@ -58,7 +58,7 @@ def test_no_start_knows_what_comes_after_it(zigzag, with_coefficients):
     assert np.abs(other.motion[2] - sound.motion[2]).max() > 1e-5
 
 
-def test_a_wrong_model_is_given_more_process_noise_and_its_starts_follow_the_measurements(zigzag, with_coefficients):
+def test_wrong_model_gets_more_process_noise(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     wrong = with_model(zigzag, with_coefficients(true, N_uudr=-true["N_uudr"]))
     states = filtered_initial_states(prepare(wrong), np.linspace(10.0, 75.0, 100))
@@ -68,7 +68,7 @@ def test_a_wrong_model_is_given_more_process_noise_and_its_starts_follow_the_mea
     assert np.sqrt(np.square(states.motion[:, 5] - r).mean()) < 0.02
 
 
-def test_an_event_is_no_two_starts(zigzag, with_coefficients):
+def test_starts_at_one_event_are_merged(zigzag, with_coefficients):
     sparse = replace(zigzag, sensors={"dvl": zigzag.sensors["dvl"]})
     states = filtered_initial_states(
         prepare(with_model(sparse, with_coefficients(zigzag.truth.coefficients))), np.linspace(5.0, 7.0, 1000)
@@ -77,7 +77,7 @@ def test_an_event_is_no_two_starts(zigzag, with_coefficients):
     assert (np.diff(states.time) > 0.0).all()
 
 
-def test_ballast_that_was_found_is_part_of_the_model(zigzag, with_coefficients, experiment_with):
+def test_estimated_ballast_is_part_of_the_model(zigzag, with_coefficients, experiment_with):
     true = zigzag.experiment.vehicle.known_parameters()
     stated = Ballast(-5.0, 1.5).added_to(true)
     settings = (f"vehicle.parameters.{symbol}={stated[symbol]!r}" for symbol in ("B", "xB"))
@@ -91,10 +91,8 @@ def test_ballast_that_was_found_is_part_of_the_model(zigzag, with_coefficients, 
         assert model.identification.estimate.biases == ("gyro",)
 
 
-def test_a_trim_that_walks_or_is_asked_for_is_found_in_the_run_that_is_predicted(
-    simulated_with, with_coefficients, experiment_with
-):
-    """Of the estimate's own run it was -2 deg; of this one it is 1.5 deg, and its ballast 4 N more."""
+def test_walking_trim_is_estimated_in_each_run(simulated_with, with_coefficients, experiment_with):
+    """The trim was -2 deg in the estimate's run and is 1.5 deg in this one; the ballast is 4 N more."""
     blocks = "{biases: [fin_trim, ballast], fin_trim: {walk: 1e-5}, ballast: {buoyancy_walk: 1e-3}}"
     trimmed = simulated_with(ZIGZAG, WHITE, "manoeuvre.fin_trim={rudder: 1.5 deg}")
     estimate = with_coefficients(trimmed.truth.coefficients)
@@ -117,7 +115,7 @@ def test_a_trim_that_walks_or_is_asked_for_is_found_in_the_run_that_is_predicted
     assert_allclose(blind.vehicle, np.tile([1.0, 0.0, 0.0, 0.0, 0.0], (2, 1)))
 
 
-def test_only_what_walks_is_of_each_run_its_own_unless_all_is_asked_for(experiment_with):
+def test_walking_blocks_differ_in_each_run(experiment_with):
     asked = "{biases: [fin_trim, ballast, gyro, delay], ballast: {buoyancy_walk: 1e-3}}"
     settings = experiment_with(f"identification.estimate={asked}").identification
     assert own_of_each_run(settings) == ("ballast",)

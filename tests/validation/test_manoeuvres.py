@@ -57,14 +57,14 @@ def test_overshoots_of_a_zigzag(noise, rng):
         assert number.measured == pytest.approx(0.2, abs=1e-3 + noise)
 
 
-def test_a_zigzag_that_the_model_does_not_follow_has_no_prediction():
+def test_zigzag_without_model_overshoot_has_no_prediction():
     rudder, motion = zigzag(0.35, 0.2, 0.1, 3)
     blown_up = np.where(np.arange(len(motion))[:, None] > 1500, np.nan, motion)
     numbers = manoeuvre_numbers(inputs_of(rudder), signals_of(motion), FreeRun(TICK * np.arange(len(motion)), blown_up))
     assert [n.predicted is None for n in numbers] == [False, True, True]
 
 
-def test_steps_of_the_rudder_by_the_clock_are_no_zigzag():
+def test_timed_rudder_steps_are_no_zigzag():
     rudder = held((0.0, 3.0), (RUDDER, 3.0), (-RUDDER, 2.0), (RUDDER, 1.0), (-RUDDER, 1.0), (0.0, 6.0))
     motion = np.zeros((rudder.size, 9))
     motion[:, 8] = 0.5 * TICK * np.cumsum(rudder)
@@ -73,13 +73,13 @@ def test_steps_of_the_rudder_by_the_clock_are_no_zigzag():
     )
 
 
-def test_a_rudder_that_moves_all_the_time_is_never_held():
+def test_moving_rudder_has_no_hold():
     time = TICK * np.arange(6000)
     assert rudder_holds(inputs_of(RUDDER * np.sin(time))) == []
     assert rudder_holds(inputs_of(np.zeros(6000))) == []
 
 
-def test_a_rudder_that_takes_its_time_is_held_from_where_it_arrives():
+def test_slow_rudder_is_held_after_it_arrives():
     ramp = np.linspace(-RUDDER, RUDDER, 70)
     (first, second) = rudder_holds(inputs_of(np.concatenate([held((-RUDDER, 4.0)), ramp, held((RUDDER, 4.0))])))
     assert (first.begin, second.end) == (0.0, pytest.approx(8.69))
@@ -110,7 +110,7 @@ def test_numbers_of_a_turning_circle(side):
     assert numbers[0].time_s == pytest.approx(12.0 + np.pi / 0.25, abs=0.1)
 
 
-def test_a_turn_of_less_than_a_circle_is_not_steady():
+def test_short_turn_is_not_steady():
     rudder = held((0.0, 12.0), (RUDDER, 20.0))
     motion = np.zeros((rudder.size, 9))
     motion[:, 8] = 0.25 * np.maximum(TICK * np.arange(rudder.size) - 12.0, 0.0)
@@ -119,7 +119,7 @@ def test_a_turn_of_less_than_a_circle_is_not_steady():
     )
 
 
-def test_without_a_heading_or_a_velocity_there_is_less_to_say():
+def test_numbers_need_heading_and_velocity():
     rudder = held((0.0, 12.0), (RUDDER, 60.0))
     motion = np.zeros((rudder.size, 9))
     motion[:, 8] = 0.25 * np.maximum(TICK * np.arange(rudder.size) - 12.0, 0.0)
@@ -130,7 +130,7 @@ def test_without_a_heading_or_a_velocity_there_is_less_to_say():
 
 
 @pytest.mark.parametrize(("untold", "speed"), [((), 3.0 * np.cos(0.2)), (("phi",), 3.0), (("phi", "theta"), 3.0)])
-def test_without_a_tilt_a_descending_turn_is_taken_as_level_by_measurements_and_model_alike(untold, speed):
+def test_turn_without_roll_and_pitch_is_level(untold, speed):
     rudder = held((0.0, 12.0), (RUDDER, 60.0))
     time = TICK * np.arange(rudder.size)
     motion = np.zeros((time.size, 9))

@@ -14,7 +14,7 @@ def estimate(hand_made):
     return replace(made, held=made.held | {"Y_uvl": -20.0})
 
 
-def test_the_prior_is_zero_but_for_what_is_held(estimate):
+def test_prior_is_zero_except_held_values(estimate):
     models = models_of(estimate)
     assert models.identified["X_u|u|"] == -3.0
     assert (models.prior["X_u|u|"], models.prior["N_uvl"], models.prior["Y_uvl"]) == (0.0, 0.0, -20.0)
@@ -22,7 +22,7 @@ def test_the_prior_is_zero_but_for_what_is_held(estimate):
     assert models.vehicle_file == estimate.experiment.vehicle.all_coefficients()
 
 
-def test_the_prior_from_an_earlier_estimate_is_where_the_filter_began(estimate, experiment_with):
+def test_prior_from_earlier_estimate_is_first_mean(estimate, experiment_with):
     later = replace(estimate, experiment=experiment_with("identification.prior.from_estimate=earlier.h5"))
     assert models_of(later).prior["X_u|u|"] == -1.0
     # A fit has no beginning.
@@ -41,15 +41,15 @@ def test_draws_have_the_mean_and_the_covariance_of_the_estimate(estimate, rng):
     assert_allclose(drawn[:, SYMBOLS.index("Y_uvl")], -20.0)
 
 
-def test_draws_are_as_wide_as_a_corrected_standard_deviation(estimate, rng):
+def test_draws_use_corrected_standard_deviation(estimate, rng):
     nominal = estimate.standard_deviation[-1, estimate.state.index("X_u|u|")]
     assert nominal**2 == pytest.approx(estimate.covariance[0, 0])
     drawn, _ = drawn_models(replace(estimate, corrected={"X_u|u|": 3.0 * nominal}), 20_000, rng)
     assert drawn[:, SYMBOLS.index("X_u|u|")].std() == pytest.approx(3.0 * nominal, rel=0.05)
 
 
-def test_coefficients_are_drawn_with_the_thrust_and_the_ballast_that_go_with_them(estimate, rng):
-    """What data tell is their sum: a coefficient drawn alone would be ten times as unsure as beside its ballast."""
+def test_coefficients_are_drawn_with_thrust_and_ballast(estimate, rng):
+    """The data determine their sum: a coefficient drawn alone is ten times as uncertain as given its ballast."""
     covariance = np.zeros((len(estimate.state) + 2,) * 2)
     covariance[:-2, :-2] = estimate.covariance
     covariance[0, 0], covariance[-2, -2], covariance[-1, -1] = 0.04, 0.01, 9.0
@@ -58,7 +58,7 @@ def test_coefficients_are_drawn_with_the_thrust_and_the_ballast_that_go_with_the
     mean = np.hstack([estimate.mean, np.tile([-0.5, 5.0], (len(estimate.mean), 1))])
     known = replace(estimate, state=state, mean=mean, covariance=covariance)
     drawn, errors = drawn_models(known, 20_000, rng)
-    # Beside a force that acts half as strongly as stated.
+    # With a force that acts half as strongly as stated.
     assert_allclose(errors.std(axis=0), [0.1 / 0.5, 0.0, 0.0, 3.0, 0.0], rtol=0.05)
     together = drawn[:, SYMBOLS.index("X_u|u|")] + 0.2 / 3.0 * errors[:, 3]
     assert together.std() == pytest.approx(0.2 * np.sqrt(2.0 * (1.0 - 0.995)), rel=0.05)
@@ -68,7 +68,7 @@ def test_coefficients_are_drawn_with_the_thrust_and_the_ballast_that_go_with_the
 
 
 @pytest.mark.parametrize("block", [[[0.04, 0.07], [0.07, 0.09]], [[np.inf, 0.0], [0.0, 0.09]]])
-def test_nothing_is_drawn_from_what_is_no_covariance(estimate, rng, block):
+def test_invalid_covariance_gives_no_draws(estimate, rng, block):
     covariance = estimate.covariance.copy()
     covariance[:2, :2] = block
     assert drawn_models(replace(estimate, covariance=covariance), 5, rng) is None

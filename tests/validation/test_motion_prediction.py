@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from auvid_cli.filters.problem import Timeline
-from auvid_cli.validation.motion_prediction import Disturbed, move_side_by_side, unchanged_motion
+from auvid_cli.validation.motion_prediction import Disturbance, move_side_by_side, unchanged_motion
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 
@@ -34,7 +34,7 @@ def with_drag(*drags):
     return table
 
 
-def test_coasting_slows_down_as_one_over_time_at_any_event_of_any_part():
+def test_coasting_speed_falls_with_inverse_time():
     parts = [coasting(0, 30, before=False), coasting(30, 101, before=True)]
     drags, wanted = np.array([-3.2, -6.4, 0.0]), np.array([0.0, 0.1, 2.9, 3.0, 7.7, 10.0])
     motion = np.zeros((3, 10))
@@ -46,20 +46,20 @@ def test_coasting_slows_down_as_one_over_time_at_any_event_of_any_part():
     assert_allclose(moved[:, :, 1:], 0.0, atol=1e-12)
 
 
-def test_a_force_fades_as_it_pushes_and_goes_on_at_random_where_it_is_drawn():
-    """Of a mass without drag; the error falls with the square of the step."""
+def test_disturbance_decays_and_is_random_in_drawn_models():
+    """A mass without drag; the error falls with the square of the step."""
     n, time_constant, wanted = 60, 2.0, np.array([0.0, 1.0, 10.0])
     force = np.zeros((6, n))
     force[0] = 8.0
     inverse = np.diag([1.0 / 64.0, *[1.0 / 110.0] * 2, *[1.0 / 30.0] * 3])
     deviation, times = np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.full(6, time_constant)
-    disturbed = Disturbed(slice(10, n), force, deviation, times, inverse, np.random.default_rng(2))
+    disturbance = Disturbance(slice(10, n), force, deviation, times, inverse, np.random.default_rng(2))
     parts, table = [coasting(0, 101, before=False)], with_drag(*[0.0] * n)
-    moved = move_side_by_side(parts, np.zeros((n, 10)), table, PLAIN, wanted, disturbed=disturbed)
+    moved = move_side_by_side(parts, np.zeros((n, 10)), table, PLAIN, wanted, disturbance=disturbance)
     expected = 8.0 * time_constant / 64.0 * (1.0 - np.exp(-wanted / time_constant))
     assert_allclose(moved[:, :10, 0], np.repeat(expected[:, None], 10, axis=1), rtol=1e-4)
-    assert_allclose(disturbed.force[0, :10], 8.0 * np.exp(-10.0 / time_constant))
-    assert disturbed.force[0, 10:].std() == pytest.approx(3.0, rel=0.25)
+    assert_allclose(disturbance.force[0, :10], 8.0 * np.exp(-10.0 / time_constant))
+    assert disturbance.force[0, 10:].std() == pytest.approx(3.0, rel=0.25)
     # The integral of a stationary process, Var = 2 s^2 T (t - T (1 - exp(-t / T))), of which the start is known here.
     settled = 1.0 - np.exp(-10.0 / time_constant)
     variance = 2.0 * time_constant * (10.0 - time_constant * settled) - (time_constant * settled) ** 2
@@ -67,7 +67,7 @@ def test_a_force_fades_as_it_pushes_and_goes_on_at_random_where_it_is_drawn():
     assert_allclose(moved[..., 1:], 0.0, atol=1e-12)
 
 
-def test_a_model_that_blows_up_leaves_the_others_alone():
+def test_diverging_model_leaves_others_unchanged():
     motion = np.zeros((3, 10))
     motion[:, 0] = 2.0
     table = with_drag(-3.2, 1e3, -3.2)
@@ -76,14 +76,14 @@ def test_a_model_that_blows_up_leaves_the_others_alone():
     assert_allclose(moved[0, [0, 2], 0], 2.0 / (1.0 + 3.2 / 64.0 * 2.0 * 5.0), rtol=1e-9)
 
 
-def test_what_the_timeline_does_not_reach_is_not_there():
+def test_times_after_the_timeline_are_left_out():
     moved = move_side_by_side(
         [coasting(0, 11, before=False)], np.zeros((1, 10)), with_drag(0.0), PLAIN, np.array([0.5, 4.0])
     )
     assert len(moved) == 1
 
 
-def test_a_held_yaw_rate_turns_the_heading_on_and_on():
+def test_constant_yaw_rate_unwraps_heading():
     elapsed = np.linspace(0.0, 60.0, 601)
     motion = np.array([3.0, 0.1, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 20.0, 7.0])
     moved = unchanged_motion(elapsed, motion)
@@ -94,7 +94,7 @@ def test_a_held_yaw_rate_turns_the_heading_on_and_on():
     assert_allclose(later, moved[300:])
 
 
-def test_held_rates_turn_the_attitude_and_take_the_depth_along_as_the_equations_of_both_say():
+def test_unchanged_motion_solves_attitude_and_depth_equations():
     u, v, w, p, q, r = 2.0, -0.3, 0.4, 0.1, -0.07, 0.2
 
     def rates(_, state):
@@ -109,15 +109,15 @@ def test_held_rates_turn_the_attitude_and_take_the_depth_along_as_the_equations_
     assert_allclose(moved[:, 6:], expected, atol=1e-8)
 
 
-def test_without_rates_nothing_turns_and_the_depth_grows_with_time():
+def test_unchanged_motion_without_rates_is_straight():
     motion = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1, -0.2, 9.0, 3.0])
     moved = unchanged_motion(np.array([0.0, 50.0]), motion)
     assert moved[:, :9] == pytest.approx(np.tile(motion[:9], (2, 1)))
     assert moved[:, 9] == pytest.approx([3.0, 3.0 + 50.0 * np.sin(0.2)])
 
 
-def test_a_model_that_coasts_downwards_gains_the_depth_of_its_way():
-    """Of a body in balance: its way is the integral of one over time, a logarithm."""
+def test_coasting_downwards_gains_depth():
+    """A balanced body: its path is the integral of inverse time, a logarithm."""
     drag, pitch, wanted = -3.2, -0.4, np.array([0.0, 3.0, 10.0])
     motion = np.zeros((2, 10))
     motion[:, [0, 7, 9]] = 2.0, pitch, 4.0

@@ -9,7 +9,7 @@ from auvid_cli.identification.timeline import Timelines
 from auvid_cli.validation.motion_prediction import SAME, MeasuredSignal, SignalSize, measured_signals, signal_sizes
 
 
-def test_signals_hold_what_is_finite_of_each_component_in_the_order_of_the_motion():
+def test_signals_are_finite_in_order_of_motion():
     time = np.arange(4.0)
     attitude = np.array([[0.0, 0.1, 3.0], [0.0, np.nan, 3.1], [0.0, 0.1, -3.1], [0.0, 0.1, -3.0]])
     records = {
@@ -24,7 +24,7 @@ def test_signals_hold_what_is_finite_of_each_component_in_the_order_of_the_motio
     assert_allclose(signals["psi"].values, [3.0, 3.1, 2 * np.pi - 3.1, 2 * np.pi - 3.0])
 
 
-def test_turns_bring_a_heading_to_those_of_the_measurements():
+def test_whole_turns_match_measurements():
     heading = MeasuredSignal(np.array([0.0, 10.0]), np.array([0.1, 13.0]), 0.01)
     assert heading.turns(0.0, 0.2) == 0.0
     assert heading.turns(0.0, 2 * np.pi) == pytest.approx(-2 * np.pi)
@@ -32,7 +32,7 @@ def test_turns_bring_a_heading_to_those_of_the_measurements():
     assert heading.turns(-1.0, 0.0) == 0.0
 
 
-def test_every_measurement_is_found_among_the_events_at_whatever_time_it_was_taken(short_run, rng):
+def test_every_measurement_has_an_event(short_run, rng):
     """Times between two nanoseconds, ten hours after the clock began."""
     gyroscope = short_run.sensors["gyroscope"]
     late = 36_000.0
@@ -44,7 +44,7 @@ def test_every_measurement_is_found_among_the_events_at_whatever_time_it_was_tak
     assert_allclose(nearest, time, rtol=0.0, atol=1e-9)
 
 
-def test_without_a_gyroscope_the_yaw_rate_is_how_fast_the_attitude_turns():
+def test_yaw_rate_without_gyroscope_is_from_attitude():
     """A steady helix: ``r = psi_dot cos phi cos theta``, whatever the turns of the heading."""
     time = np.arange(0.0, 60.0, 0.1)
     attitude = np.column_stack([np.full(time.size, 0.2), np.full(time.size, -0.3), (0.4 * time) % (2.0 * np.pi)])
@@ -52,13 +52,13 @@ def test_without_a_gyroscope_the_yaw_rate_is_how_fast_the_attitude_turns():
     record = SensorRecord(time[~silent], attitude[~silent], np.array([0.01, 0.01, 0.02]))
     rate = measured_signals({"attitude": record})["r"]
     assert_allclose(rate.values, 0.4 * np.cos(0.2) * np.cos(0.3))
-    # What lies half a second before and after is measured.
+    # Half a second before and after it is measured.
     assert rate.time[[0, -1]].tolist() == pytest.approx([0.6, 59.3])
     assert not ((rate.time > 19.5) & (rate.time < 30.5)).any()
     assert set(rate.time) <= set(record.time)
 
 
-def test_the_yaw_rate_by_attitude_is_that_of_a_gyroscope(simulated_with):
+def test_yaw_rate_from_attitude_equals_gyroscope(simulated_with):
     zigzag = "manoeuvre={type: zigzag, duration: 40 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, approach: 8 s}"
     run = simulated_with(zigzag, "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.01 deg}")
     rate = measured_signals({"attitude": run.sensors["attitude"]})["r"]
@@ -67,7 +67,7 @@ def test_the_yaw_rate_by_attitude_is_that_of_a_gyroscope(simulated_with):
     # Seldom headings tell no rate, and a gyroscope comes first.
     seldom = SensorRecord(rate.time[::20], np.zeros((rate.time[::20].size, 3)), np.full(3, 0.01))
     assert "r" not in measured_signals({"attitude": seldom})
-    # Of white angles it has the noise that is stated.
+    # White angles give the stated noise.
     angles = np.random.default_rng(1).normal(0.0, 0.01, (5000, 3))
     noise = measured_signals({"attitude": SensorRecord(0.1 * np.arange(5000.0), angles, np.full(3, 0.01))})["r"]
     assert np.std(noise.values) == pytest.approx(noise.deviation, rel=0.05)
@@ -75,7 +75,7 @@ def test_the_yaw_rate_by_attitude_is_that_of_a_gyroscope(simulated_with):
     assert both["r"].time.size == run.sensors["gyroscope"].time.size
 
 
-def test_sizes_are_of_all_segments_each_about_its_own_mean():
+def test_signal_sizes_use_own_mean_of_each_segment():
     some, others = (MeasuredSignal(np.arange(4.0), level + np.array([1.0, -1.0] * 2), 0.1) for level in (0.0, 50.0))
     assert signal_sizes([{"v": some}, {"v": others, "u": some}]) == {
         "u": SignalSize(pytest.approx(0.1), 1.0),

@@ -1,4 +1,4 @@
-"""A model is told from a wrong one by data that it has not seen."""
+"""Independent data distinguish a right from a wrong model."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ NO_NOISE = "identification.process_noise={velocity: 1e-9, rate: 1e-9, attitude: 
 
 @pytest.fixture
 def undisturbed(with_coefficients, zigzag, experiment_with):
-    """The true coefficients, and no process noise, as the simulation has none."""
+    """The true coefficients without process noise, like the simulation."""
     return replace(with_coefficients(zigzag.truth.coefficients), experiment=experiment_with(NO_NOISE))
 
 
@@ -62,16 +62,16 @@ def test_true_coefficients_predict_to_within_the_noise(zigzag, undisturbed):
     assert not validation.checks.failed()
     assert all(check.passed for check in validation.checks)
     (remark,) = validation.remarks
-    assert "not at hand" in remark
+    assert "not available" in remark
 
 
-def test_no_truth_is_looked_at(zigzag, with_coefficients):
+def test_truth_is_ignored(zigzag, with_coefficients):
     estimate = with_coefficients(zigzag.truth.coefficients)
     some = validate([zigzag], estimate, starts=5)
     assert validate([zigzag.without_truth()], estimate, starts=5).predictions == some.predictions
 
 
-def test_a_spiral_teaches_the_zigzag(zigzag, identified):
+def test_spiral_estimate_predicts_zigzag(zigzag, identified):
     validation = validate([zigzag], identified, starts=60)
     fits = free_fits(validation)
     assert min(fits["u"], fits["r"], fits["psi"]) > 90.0
@@ -81,24 +81,24 @@ def test_a_spiral_teaches_the_zigzag(zigzag, identified):
     assert not validation.checks.failed()
 
 
-def test_a_rudder_of_the_wrong_sign_is_worse_than_the_mean(zigzag, with_coefficients):
+def test_wrong_rudder_sign_is_worse_than_mean(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     validation = validate([zigzag], with_coefficients(true, N_uudr=-true["N_uudr"]), starts=30)
     assert free_fits(validation)["r"] < 0.0
     assert {row.fit_percent < 0.0 for row in rows_of(validation, AHEAD) if row.signal == "r"} == {True}
     assert "better than constant velocity" in {check.check for check in validation.checks.failed()}
     assert any("process noise" in remark for remark in validation.remarks)
-    # What there was before is judged from the measurements, not from where the wrong model says that they are.
+    # Other models are compared with measurements instead of states of the wrong model.
     known = next(row for row in rows_of(validation, AHEAD) if (row.signal, row.horizon_s) == ("r", 5.0))
     assert known.vehicle_file_rmse < 2.0 * known.noise
     assert known.rmse > 100.0 * known.noise
 
 
-def test_an_error_that_was_stated_is_explained_and_one_that_was_not_fails(zigzag, with_coefficients):
+def test_unstated_error_fails_uncertainty(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     off = {"X_u|u|": 1.1 * true["X_u|u|"]}
     uncertain, certain = (validate([zigzag], with_coefficients(true, share, **off), starts=60) for share in (0.1, 1e-6))
-    name = "explained by its uncertainty"
+    name = "uncertainty not too small"
     (sound,), (failed,) = (
         [check for check in validation.checks if check.check == name] for validation in (uncertain, certain)
     )
@@ -107,7 +107,7 @@ def test_an_error_that_was_stated_is_explained_and_one_that_was_not_fails(zigzag
     assert "u at" in failed.statistic
 
 
-def test_draws_that_blow_up_are_counted_and_said(zigzag, with_coefficients):
+def test_diverged_draws_are_counted_and_remarked(zigzag, with_coefficients):
     validation = validate([zigzag], with_coefficients(zigzag.truth.coefficients, share=20.0), starts=12)
     ahead = rows_of(validation, AHEAD)
     assert {row.draws for row in ahead} == {50}
@@ -123,14 +123,14 @@ def test_without_a_covariance_there_is_no_band(zigzag, with_coefficients):
     assert any("no band" in remark for remark in validation.remarks)
 
 
-def test_a_model_that_runs_away_is_unstable(zigzag, with_coefficients):
+def test_diverging_free_run_is_unstable(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     validation = validate([zigzag], with_coefficients(true, **{"X_u|u|": 5.0}), starts=12)
     assert "stable" in {check.check for check in validation.checks.failed()}
     assert free_fits(validation)["u"] is None
 
 
-def test_another_vehicle_is_said_and_the_models_own_is_used(zigzag, with_coefficients, with_settings):
+def test_other_vehicle_is_remarked_and_estimate_used(zigzag, with_coefficients, with_settings):
     estimate = with_coefficients(zigzag.truth.coefficients)
     heavier = with_settings(zigzag, "vehicle.parameters.m=200")
     validation = validate([heavier], estimate, starts=12)
@@ -138,9 +138,7 @@ def test_another_vehicle_is_said_and_the_models_own_is_used(zigzag, with_coeffic
     assert any("another vehicle (m differ)" in remark for remark in validation.remarks)
 
 
-def test_a_gyroscope_with_a_bias_is_seen_through_where_the_settings_ask_for_it(
-    simulated_with, with_coefficients, experiment_with
-):
+def test_estimated_gyroscope_bias_is_in_predictions(simulated_with, with_coefficients, experiment_with):
     biased = simulated_with(ZIGZAG, WHITE, "seed=31", "sensors.gyroscope.bias=0.5 deg/s")
     plain = with_coefficients(biased.truth.coefficients)
     asking = replace(plain, experiment=experiment_with("identification.estimate.biases=[gyro]"))
@@ -150,7 +148,7 @@ def test_a_gyroscope_with_a_bias_is_seen_through_where_the_settings_ask_for_it(
     assert min(row.rmse / row.noise for row in rows_of(before, FREE_RUN) if row.signal in "pqr") > 2.0
 
 
-def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with):
+def test_estimated_current_is_in_predictions(simulated_with):
     from auvid_cli.evaluation.free_run import free_run
     from auvid_cli.identification.run import identify
 
@@ -161,7 +159,7 @@ def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with)
     )
     estimate = identify(seen, FilterName.SMOOTHER)
     _, errors = free_run(prepare(seen), estimate)
-    # Of white noise, the mean absolute value is 0.8 of its standard deviation, 1 mm/s.
+    # The mean absolute value of white noise is 0.8 of its standard deviation, 1 mm/s.
     assert max(error.mean_absolute_error for error in errors[:3]) < 2e-3
     validation = validate([unseen], estimate, starts=60)
     velocities = [row for row in validation.predictions if row.signal in "uvw"]
@@ -171,10 +169,8 @@ def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with)
     assert not validation.checks.failed()
 
 
-def test_what_disturbs_the_motion_is_in_the_predictions_and_their_bands(
-    simulated_with, with_coefficients, experiment_with
-):
-    """Beside settings that know nothing of it, whose predictions are worse and whose bands say too little."""
+def test_estimated_disturbance_is_in_predictions_and_bands(simulated_with, with_coefficients, experiment_with):
+    """Without these settings predictions are worse and bands too small."""
     force, moment = (
         "{standard_deviation: 20 N, time_constant: 4 s}",
         "{standard_deviation: [0, 0, 8], time_constant: 4}",
@@ -197,7 +193,7 @@ def test_what_disturbs_the_motion_is_in_the_predictions_and_their_bands(
             assert row.share_within_band > 0.8 > other.share_within_band
 
 
-def test_a_turn_in_a_current_is_drawn_and_measured_over_ground(simulated_with, with_coefficients, experiment_with):
+def test_turn_in_a_current_is_over_ground(simulated_with, with_coefficients, experiment_with):
     current = "manoeuvre.current_north=0.4 m/s", "manoeuvre.current_east=-0.3 m/s"
     drifting = simulated_with(CIRCLE, "manoeuvre.duration=40 s", WHITE, "seed=31", *current)
     asking = experiment_with("identification.estimate.biases=[current]", "identification.estimate.current.walk=0")
@@ -219,7 +215,7 @@ def test_a_turn_in_a_current_is_drawn_and_measured_over_ground(simulated_with, w
     assert numbers["radius"].predicted == pytest.approx(numbers["radius"].measured, rel=5e-3)
 
 
-def test_a_turn_without_a_roll_is_taken_as_level_and_that_is_said(simulated_with, with_coefficients):
+def test_turn_without_roll_is_level_and_remarked(simulated_with, with_coefficients):
     whole = simulated_with(CIRCLE, WHITE, "seed=5")
     attitude = whole.sensors["attitude"]
     without_roll = replace(attitude, values=attitude.values * [np.nan, 1.0, 1.0])
@@ -235,7 +231,7 @@ def test_a_turn_without_a_roll_is_taken_as_level_and_that_is_said(simulated_with
         assert number.predicted == pytest.approx(number.measured, rel=0.01, abs=2e-3)
 
 
-def test_without_a_dvl_predictions_start_from_what_the_model_says_of_the_velocity(zigzag, with_coefficients):
+def test_predictions_without_dvl_start_from_model_velocity(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "dvl"})
     validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=30)
     assert set(free_fits(validation)) == set(MOTION_AND_DEPTH_SYMBOLS[3:])
@@ -248,24 +244,22 @@ def test_a_short_run_has_short_horizons(simulated_with, with_coefficients):
     assert {row.horizon_s for row in rows_of(validation, AHEAD)} == {0.5, 1.0, 2.0, 5.0}
 
 
-def test_a_filter_that_diverged_left_no_model(zigzag, with_coefficients):
+def test_diverged_estimate_is_refused(zigzag, with_coefficients):
     estimate = replace(with_coefficients(zigzag.truth.coefficients), status="diverged at t = 3 s: why")
-    with pytest.raises(DataError, match="no model"):
+    with pytest.raises(DataError, match="invalid estimate"):
         validate([zigzag], estimate)
 
 
-def test_a_moment_of_data_is_too_short(zigzag, with_coefficients):
+def test_too_short_data_are_refused(zigzag, with_coefficients):
     sensors = {
         name: replace(record, time=record.time[record.time < 0.4], values=record.values[record.time < 0.4])
         for name, record in zigzag.sensors.items()
     }
-    with pytest.raises(DataError, match="no time at which a prediction can start"):
+    with pytest.raises(DataError, match="no prediction can start"):
         validate([replace(zigzag, sensors=sensors)], with_coefficients(zigzag.truth.coefficients))
 
 
-def test_errors_on_the_data_of_the_model_are_in_its_bands_on_others(
-    zigzag, simulated_with, undisturbed, experiment_with
-):
+def test_errors_on_own_data_widen_bands(zigzag, simulated_with, undisturbed, experiment_with):
     """A mass 5 % off: what comes of it is seen on a spiral, and expected of the zigzag in proportion."""
     own = simulated_with("manoeuvre.duration=100 s", WHITE, "seed=32")
     mass = 1.05 * undisturbed.experiment.vehicle.known_parameters()["m"]
@@ -280,7 +274,7 @@ def test_errors_on_the_data_of_the_model_are_in_its_bands_on_others(
     assert share(with_own) > 0.85
 
 
-def test_an_inconsistent_estimate_is_validated_with_that_word(zigzag, with_coefficients):
+def test_inconsistent_estimate_keeps_its_judgement(zigzag, with_coefficients):
     time, large = np.arange(100.0), np.full((100, 3), 3.0)
     innovations = {"dvl": Innovations(time, large, np.ones((100, 3)), np.square(large).sum(axis=1), np.ones(3))}
     doubted = validate(
@@ -296,7 +290,7 @@ def test_an_estimate_is_judged_by_the_smoother_of_its_own_data(zigzag, with_coef
     assert validate([zigzag], estimate, starts=5, reference=agreeing).judgement.grade is Grade.SOUND
 
 
-def test_several_segments_and_runs_are_judged_together(zigzag, simulated_with, undisturbed):
+def test_segments_and_runs_are_combined(zigzag, simulated_with, undisturbed):
     circle = simulated_with(CIRCLE, WHITE, "seed=5")
     segments = [zigzag.sensors_between(2.0, 40.0), zigzag.sensors_between(45.0, 45.3), circle]
     together = validate(segments, undisturbed, starts=30)
@@ -313,7 +307,7 @@ def test_several_segments_and_runs_are_judged_together(zigzag, simulated_with, u
     assert [remark for remark in together.remarks if "too short" in remark]
 
 
-def test_without_a_gyroscope_the_yaw_rate_is_judged_by_the_attitude(zigzag, with_coefficients):
+def test_yaw_rate_without_gyroscope_is_compared_with_attitude(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "gyroscope"})
     validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=30)
     assert free_fits(validation)["r"] > 90.0

@@ -25,7 +25,7 @@ def with_fins(dataset, factor):
 
 
 @pytest.mark.parametrize("factor", [0.5, -0.5, 2.0])
-def test_fins_in_another_unit_are_named_by_what_the_vehicle_file_promises(factor, sound_run):
+def test_wrong_fin_scale_fails_against_vehicle_file(factor, sound_run):
     dataset = sound_run()
     sound, changed = verdicts(dataset), verdicts(with_fins(dataset, factor))
     for key in (RUDDER, ELEVATOR):
@@ -36,7 +36,7 @@ def test_fins_in_another_unit_are_named_by_what_the_vehicle_file_promises(factor
         assert "`scale`" in changed[key].advice
 
 
-def test_twice_the_coefficients_in_the_file_look_like_half_the_effect(sound_run):
+def test_doubled_coefficients_halve_the_strength(sound_run):
     dataset = sound_run()
     values = dataset.experiment.vehicle.all_coefficients()
     doubled = {symbol: value * (2.0 if symbol.endswith(("dr", "de")) else 1.0) for symbol, value in values.items()}
@@ -46,7 +46,7 @@ def test_twice_the_coefficients_in_the_file_look_like_half_the_effect(sound_run)
     assert size(verdicts(told)[RUDDER]) == pytest.approx(0.5 * size(verdicts(dataset)[RUDDER]), rel=0.02)
 
 
-def test_a_fin_that_hardly_moves_or_a_file_without_coefficients_tells_no_strength(sound_run):
+def test_strength_needs_moving_fin_and_coefficients(sound_run):
     dataset = sound_run()
     empty = dataset.experiment.vehicle.model_copy(
         update={"coefficients": type(dataset.experiment.vehicle.coefficients)()}
@@ -56,7 +56,7 @@ def test_a_fin_that_hardly_moves_or_a_file_without_coefficients_tells_no_strengt
     assert ELEVATOR not in verdicts(sound_run("zigzag_20_20"))
 
 
-def test_rates_are_smoothed_as_the_change_of_their_angle_is(rng):
+def test_rates_are_smoothed_like_derivative_of_angle(rng):
     """The angle is the exact integral of rates that are linear from sample to sample."""
     rates, step = rng.standard_normal(200), 0.1
     angle = np.append(0.0, np.cumsum(0.5 * step * (rates[:-1] + rates[1:])))

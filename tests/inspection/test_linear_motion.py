@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 import auvid_cli as auvid
-from auvid_cli.inspection.fins import SmallMotion, small_motion
+from auvid_cli.inspection.fins import LinearMotion, linear_motion
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.equations import N_FACTORS, vehicle_constants
@@ -24,13 +24,13 @@ def vehicle_of(name):
 
 
 def linear(vehicle, spreads):
-    motion = small_motion(vehicle, SPEED, spreads)
+    motion = linear_motion(vehicle, SPEED, spreads)
     assert motion is not None
     return motion
 
 
 @pytest.mark.parametrize("name", ["spiral", "remus100", "lauv"])
-def test_small_motions_are_those_of_the_compiled_jacobian(name):
+def test_linear_motion_equals_jacobian(name):
     vehicle = vehicle_of(name)
     coefficients = np.zeros(N_FACTORS)
     coefficients[:N_COEFFICIENTS] = [*vehicle.all_coefficients().values()]
@@ -46,7 +46,7 @@ def test_small_motions_are_those_of_the_compiled_jacobian(name):
         assert_allclose(SPEED**2 * found.by_input[fin], jacobian[:8, place], atol=1e-12)
 
 
-def test_cross_flow_acts_as_the_line_that_fits_it_best_over_gaussian_motion():
+def test_cross_flow_is_linearised_for_gaussian_motion():
     """Least squares: ``E[|v| v^2] / E[v^2]``."""
     vehicle, spread = vehicle_of("spiral"), 0.3
     slope = np.sqrt(8.0 / np.pi) * spread
@@ -59,10 +59,10 @@ def test_cross_flow_acts_as_the_line_that_fits_it_best_over_gaussian_motion():
     assert not np.allclose(lively[:, 1], calm[:, 1], rtol=5e-2)
 
 
-def test_steps_of_an_input_add_up_to_the_integrated_answer(rng):
+def test_pulse_responses_sum_to_integrated_response(rng):
     by_state, by_rudder = np.zeros((8, 8)), np.zeros(8)
     by_state[np.ix_([1, 5], [1, 5])], by_rudder[[1, 5]] = [[-0.8, -1.5], [0.4, -1.1]], [0.3, -2.0]
-    motion, step, steps = SmallMotion(by_state, {"rudder": by_rudder}), 0.1, rng.standard_normal(6)
+    motion, step, steps = LinearMotion(by_state, {"rudder": by_rudder}), 0.1, rng.standard_normal(6)
 
     def slope(time, state):
         return by_state[np.ix_([1, 5], [1, 5])] @ state + by_rudder[[1, 5]] * steps[min(int(time / step), 5)]
@@ -71,9 +71,9 @@ def test_steps_of_an_input_add_up_to_the_integrated_answer(rng):
     for k in range(6):
         interval = (k * step + 1e-12, (k + 1) * step - 1e-12)
         state = solve_ivp(slope, interval, state, rtol=1e-10, atol=1e-12).y[:, -1]
-    assert_allclose(motion.answer("r", ("v", "r"), "rudder", step, 6) @ steps, state[1], rtol=1e-6)
+    assert_allclose(motion.pulse_responses("r", ("v", "r"), "rudder", step, 6) @ steps, state[1], rtol=1e-6)
 
 
-def test_a_file_without_coefficients_promises_nothing():
+def test_linear_motion_needs_coefficients():
     vehicle = vehicle_of("spiral")
-    assert small_motion(vehicle.model_copy(update={"coefficients": type(vehicle.coefficients)()}), SPEED, {}) is None
+    assert linear_motion(vehicle.model_copy(update={"coefficients": type(vehicle.coefficients)()}), SPEED, {}) is None
