@@ -189,7 +189,7 @@ def limits(field) -> str:
     for item in field.metadata:
         if isinstance(item, Unit):
             size = magnitude_of(item.unit)
-            low, high = plain(size.least if isinstance(item, Amount) else -size.most), plain(size.most)
+            low, high = plain(size.smallest if isinstance(item, Amount) else -size.largest), plain(size.largest)
     for item in field.metadata:
         least = next(
             (limit for limit in (getattr(item, "ge", None), getattr(item, "gt", None)) if limit is not None), None

@@ -151,7 +151,7 @@ def _record(filter_run: FilterRun, path: Path, advance: Advance) -> Estimate:
 def estimate_delays_and_noise(prepared: PreparedData, progress: Progress) -> PreparedData:
     """Return the data with the delays and the noise that make them most likely, where the settings ask for these."""
     settings = prepared.experiment.identification
-    asked = ("delays", settings.seeks_delays), ("noise", settings.noise != "stated")
+    asked = ("delays", settings.estimates_delays), ("noise", settings.noise != "stated")
     sought = [name for name, is_asked in asked if is_asked]
     if not sought:
         return prepared
@@ -284,7 +284,7 @@ def identify_data_into(
             check_no_overlap(products(folder), data[1])
             dataset = read_simulated(folder, data[0])
         settings, vehicle = dataset.experiment.identification, dataset.experiment.vehicle
-        chosen = settings.with_judge(filters or settings.by_default())
+        chosen = settings.with_judge(filters or settings.default_filters())
         for doubt in doubts(vehicle):
             progress.message(f"note: vehicle {vehicle.name}: {doubt}")
         prepared = estimate_delays_and_noise(prepare(dataset), progress)

@@ -154,7 +154,7 @@ def _judging(assumed: Experiment) -> str:
     settings = assumed.identification
     if JUDGE not in settings.with_judge(settings.filters):
         return ""
-    judge = settings.of_filter(JUDGE)
+    judge = settings.for_filter(JUDGE)
     return json.dumps(given_settings(assumed.model_copy(update={"identification": judge})))
 
 

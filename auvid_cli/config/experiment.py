@@ -14,7 +14,7 @@ from auvid_cli.config.units import Unit
 from auvid_cli.config.vehicle import VehicleSettings
 
 
-def with_lag_of_vehicle(data: Any) -> Any:
+def move_fin_lag(data: Any) -> Any:
     """Move the lag of the fins from `identification`, where files of before have it, to the vehicle's actuators.
 
     Raises
@@ -74,7 +74,7 @@ class RunSettings(Settings):
     @model_validator(mode="before")
     @classmethod
     def _with_lag_of_vehicle(cls, data: Any) -> Any:
-        return with_lag_of_vehicle(data)
+        return move_fin_lag(data)
 
     @property
     def has_ahrs(self) -> bool:
@@ -115,7 +115,7 @@ class Experiment(RunSettings):
     @classmethod
     def _inputs_of_all_terms(cls, value: AnyManoeuvre, info: ValidationInfo) -> AnyManoeuvre:
         vehicle: VehicleSettings | None = info.data.get("vehicle")
-        if vehicle is not None and (lacking := value.lacks_propulsion_for(vehicle.coefficient_set)):
+        if vehicle is not None and (lacking := value.missing_propulsion(vehicle.coefficient_set)):
             raise ValueError(lacking)
         return value
 

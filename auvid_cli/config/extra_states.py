@@ -96,13 +96,13 @@ class ErrorBlock(NamedTuple):
     sensor: str | None
     additive: bool = False
     time_constant: float = inf
-    shifts: bool = False
+    is_delay: bool = False
     prefix: str = ""
 
     @property
     def is_named(self) -> bool:
         """Whether compiled code names each of its symbols."""
-        return not self.additive and not self.shifts and self.time_constant == inf
+        return not self.additive and not self.is_delay and self.time_constant == inf
 
     def split(self) -> tuple["ErrorBlock", ...]:
         """Return one block for each state."""
@@ -232,7 +232,7 @@ class DelayError(Settings):
     def blocks(self) -> tuple[ErrorBlock, ...]:
         """Return one block for each delay."""
         return tuple(
-            ErrorBlock(delay.symbol, (delay,), self.spread, 0.0, None, shifts=True)
+            ErrorBlock(delay.symbol, (delay,), self.spread, 0.0, None, is_delay=True)
             for name, delay in DELAYS.items()
             if name in self.of
         )

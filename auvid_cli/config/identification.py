@@ -124,7 +124,7 @@ class Identification(Settings):
         return ("attitude",) if self.attitude_from == "inertial" else INERTIAL
 
     @property
-    def seeks_delays(self) -> bool:
+    def estimates_delays(self) -> bool:
         """Whether delays are estimated first."""
         return BiasName.DELAY in self.estimate.biases
 
@@ -205,15 +205,15 @@ class Identification(Settings):
         """Return the symbols of a vehicle's coefficients to estimate, in the order of its table."""
         if self.coefficients != "all":
             return tuple(self.coefficients)
-        left_out = vehicle.left_out()
+        left_out = vehicle.not_estimated()
         return tuple(symbol for symbol in vehicle.coefficient_set.symbols if symbol not in left_out)
 
-    def held(self, vehicle: VehicleSettings) -> tuple[str, ...]:
+    def fixed(self, vehicle: VehicleSettings) -> tuple[str, ...]:
         """Return the symbols of the others, which are held at the vehicle file's values."""
         estimated = self.estimated(vehicle)
         return tuple(symbol for symbol in vehicle.coefficient_set.symbols if symbol not in estimated)
 
-    def by_default(self) -> tuple[FilterName, ...]:
+    def default_filters(self) -> tuple[FilterName, ...]:
         """Return the filters that run where none is named: with a gate none of those that cannot have one."""
         return tuple(name for name in self.filters if self.gate is None or not name.in_one_batch) or self.filters
 
@@ -222,7 +222,7 @@ class Identification(Settings):
         judges = self.judge and self.gate is None and JUDGE not in filters
         return (*dict.fromkeys(filters), *([JUDGE] if judges else []))
 
-    def of_filter(self, name: FilterName | None) -> "Identification":
+    def for_filter(self, name: FilterName | None) -> "Identification":
         """Return the settings with one filter or none, and those that concern others alone as they are by default."""
         fields = type(self).model_fields
         others = {other: fields[other].default for other in FilterName if other in fields and other != name}

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from auvid_cli.config.assembly import assemble
-from auvid_cli.config.experiment import with_lag_of_vehicle
+from auvid_cli.config.experiment import move_fin_lag
 from auvid_cli.config.identification import Identification, IdentificationOfVehicle
 from auvid_cli.config.loading import open_source, validated
 from auvid_cli.config.log_columns import LogRows, PlacedSignal, TimeSource
@@ -225,7 +225,7 @@ class LogMap(Settings):
     @model_validator(mode="before")
     @classmethod
     def _with_lag_of_vehicle(cls, data: Any) -> Any:
-        return with_lag_of_vehicle(data)
+        return move_fin_lag(data)
 
     def files(self, folder: Path, given: Sequence[str] = ()) -> dict[str, tuple[Path, ...]]:
         """Return the files of the logs by name; of one that goes on in further files all of them, in order.

@@ -190,7 +190,7 @@ class ManoeuvreSettings(Settings):
     fin_trim: FinTrim = FinTrim()
     disturbance: Disturbance = Disturbance()
 
-    def lacks_propulsion_for(self, coefficients: CoefficientSet) -> str:
+    def missing_propulsion(self, coefficients: CoefficientSet) -> str:
         """Say which terms are made of inputs that are not stated, and what to do; "" if there are none."""
         terms = coefficients.of_propulsion
         if self.propeller is not None or not terms:

@@ -14,8 +14,8 @@ from auvid_cli.config.units import Amount, Unit
 from auvid_cli.config.vehicle import Drawing, Size
 
 # A mass outside these limits has a wrong unit.
-LEAST_SHARE = 0.5  # of the mass of water that the hull displaces
-LARGEST_SHARE = 1.5  # of the mass of water that the hull displaces
+MIN_MASS_SHARE = 0.5  # of the mass of water that the hull displaces
+MAX_MASS_SHARE = 1.5  # of the mass of water that the hull displaces
 # Defaults of the shape; the hinges are about as far aft as those of the REMUS.
 _NOSE = 1.0  # diameters
 _TAIL = 2.5  # diameters
@@ -48,11 +48,11 @@ class Outline(Settings):
     def _one_body_in_water(self) -> "Outline":
         hull = self.geometry().shape(self.length, self.diameter, self.density).hull
         displaced = self.density * hull.volume
-        if not LEAST_SHARE <= self.mass / displaced <= LARGEST_SHARE:
+        if not MIN_MASS_SHARE <= self.mass / displaced <= MAX_MASS_SHARE:
             raise ValueError(
                 f"a mass of {self.mass:.4g} kg is {self.mass / displaced:.2g} times the {displaced:.4g} kg of water "
-                f"that a hull of {self.length:g} m by {self.diameter:g} m displaces; expected {LEAST_SHARE:g} to "
-                f"{LARGEST_SHARE:g} times: check mass (with all water inside), length and diameter, and their units"
+                f"that a hull of {self.length:g} m by {self.diameter:g} m displaces; expected {MIN_MASS_SHARE:g} to "
+                f"{MAX_MASS_SHARE:g} times: check mass (with all water inside), length and diameter, and their units"
             )
         return self
 

@@ -23,11 +23,11 @@ _LARGEST_SIZE_ERROR = 0.05  # of the size
 _LARGEST_VOLUME_ERROR = 0.25  # of the volume
 _LARGEST_OFFSET = 0.1  # of the length
 # Range of the formulas of a drawing.
-LEAST_SLENDERNESS = 4.0  # length per diameter
-LARGEST_SLENDERNESS = 15.0  # length per diameter
+MIN_SLENDERNESS = 4.0  # length per diameter
+MAX_SLENDERNESS = 15.0  # length per diameter
 # Coefficients that are a third off hardly exceed these limits.
-WEAKEST_FINS = 0.55  # times the strength that the vehicle file states
-STRONGEST_FINS = 1.8  # times the strength that the vehicle file states
+MIN_FIN_STRENGTH = 0.55  # times the strength that the vehicle file states
+MAX_FIN_STRENGTH = 1.8  # times the strength that the vehicle file states
 
 
 class SanityWarning(NamedTuple):
@@ -50,7 +50,7 @@ class SanityWarning(NamedTuple):
         return f"{self.subject} is {self.value}; expected {self.expected}"
 
 
-def doubts(vehicle: VehicleSettings) -> list[SanityWarning]:
+def sanity_warnings(vehicle: VehicleSettings) -> list[SanityWarning]:
     """Return the doubtful values of a vehicle.
 
     Raises
@@ -139,8 +139,8 @@ def _shape(vehicle: VehicleSettings) -> Iterator[SanityWarning]:
         yield SanityWarning(
             "the geometry's hull", f"{displaced:.4g} N of water", f"about the buoyancy B of {buoyancy:.4g} N"
         )
-    if not LEAST_SLENDERNESS <= hull.slenderness <= LARGEST_SLENDERNESS:
-        limits = f"{LEAST_SLENDERNESS:g} to {LARGEST_SLENDERNESS:g} diameters, for which its formulas are"
+    if not MIN_SLENDERNESS <= hull.slenderness <= MAX_SLENDERNESS:
+        limits = f"{MIN_SLENDERNESS:g} to {MAX_SLENDERNESS:g} diameters, for which its formulas are"
         yield SanityWarning("the geometry's length", f"{hull.slenderness:.3g} diameters", limits)
     if abs(shape.centre_of_buoyancy - hull.centre) > _LARGEST_OFFSET * hull.length:
         centre = f"near the centre of the hull's volume, {hull.centre:.4g} m"

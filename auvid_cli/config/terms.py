@@ -22,7 +22,7 @@ from auvid_cli.vehicle.coefficients import (
 _MOTIONS = "surge force", "sway force", "heave force", "roll moment", "pitch moment", "yaw moment"
 
 
-class Guess(Settings):
+class TermPrior(Settings):
     """Prior of the coefficient of a term, independent of its value."""
 
     mean: float | None = None
@@ -48,8 +48,8 @@ class Term(Settings):
         bool, Field(strict=True, description="whether `identification.coefficients: all` means it too")
     ] = True
     prior: Annotated[
-        Guess, Field(description="mean and standard_deviation, instead of what `identification.prior` says")
-    ] = Guess()
+        TermPrior, Field(description="mean and standard_deviation, instead of what `identification.prior` says")
+    ] = TermPrior()
     meaning: Annotated[str, Field(max_length=200, description="a phrase for tables and files")] = ""
     status: Annotated[str, Field(description="read, derived or assumed, and how")] = "stated"
     source: Annotated[str | None, Field(description="where from, if not the vehicle file's own source")] = None
@@ -87,7 +87,7 @@ class Term(Settings):
         if not isinstance(value, dict) or unit is None:
             return value if unit is not None else {}
         return {
-            key: amount if amount is None or key not in Guess.model_fields else _parsed(amount, unit, key)
+            key: amount if amount is None or key not in TermPrior.model_fields else _parsed(amount, unit, key)
             for key, amount in value.items()
         }
 

@@ -42,10 +42,10 @@ EXAMPLES = {
 
 
 class Magnitude(NamedTuple):
-    """Sizes that numbers of a unit may have: `least` binds amounts, such as a standard deviation, if they are not 0."""
+    """Sizes that numbers of a unit may have: `smallest` binds amounts, such as a standard deviation, if they are not 0."""
 
-    least: float
-    most: float
+    smallest: float
+    largest: float
 
 
 _BY_UNIT = {
@@ -83,7 +83,7 @@ def check_size(value: float, unit: str) -> float:
     ValueError
         If it may not be.
     """
-    most = magnitude_of(unit).most
+    most = magnitude_of(unit).largest
     if abs(value) > most:
         raise ValueError(f"must be at most {_written(most, unit)} in size, got {value:g}")
     return value
@@ -97,7 +97,7 @@ def check_amount(value: float, unit: str) -> float:
     ValueError
         If it may not be.
     """
-    least = magnitude_of(unit).least
+    least = magnitude_of(unit).smallest
     if 0.0 < abs(value) < least:
         raise ValueError(f"must be at least {_written(least, unit)} if it is not 0, got {value:g}")
     return check_size(value, unit)

@@ -7,7 +7,7 @@ from pydantic import Field, ValidationInfo, create_model, field_validator, model
 
 from auvid_cli.config.geometry import GeometrySettings
 from auvid_cli.config.settings import Settings
-from auvid_cli.config.terms import Guess, Term, check_own_terms
+from auvid_cli.config.terms import Term, TermPrior, check_own_terms
 from auvid_cli.config.units import Amount, Unit
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.actuators import Actuator, Actuators
@@ -23,7 +23,7 @@ _TimeConstant = Annotated[
 _POSITIVE = ("m", "W", "B", "Ixx", "Iyy", "Izz")
 
 
-class _Follows(Settings):
+class _ActuatorSettings(Settings):
     """Settings that fins and propeller share; a setting that is not given has no effect."""
 
     # Of commands, in SI.
@@ -75,7 +75,7 @@ class Stall(Settings):
     ] = 0.0
 
 
-class FinActuator(_Follows):
+class FinActuator(_ActuatorSettings):
     """How both fins follow their commands."""
 
     command_unit = "rad"
@@ -93,7 +93,7 @@ class FinActuator(_Follows):
     stall: Stall | None = None
 
 
-class PropellerActuator(_Follows):
+class PropellerActuator(_ActuatorSettings):
     """How the surge force follows what is commanded of it."""
 
     command_unit = "N"
@@ -114,7 +114,7 @@ class ActuatorSettings(Settings):
     fins: FinActuator = FinActuator()
     propeller: PropellerActuator = PropellerActuator()
 
-    def described(self) -> dict[str, str]:
+    def descriptions(self) -> dict[str, str]:
         """Return what there is of fins and propeller, in words, SI; empty of what follows its commands exactly."""
         return {"fins": self.fins.described(), "a propeller": self.propeller.described()}
 
@@ -171,7 +171,7 @@ class _Table(Settings):
         """Return the standard deviations of the entries that state one, SI, by the paper's symbol."""
         return {symbol: entry.standard_deviation for symbol, entry in self._entries() if entry.standard_deviation}
 
-    def left_out(self) -> list[str]:
+    def not_estimated(self) -> list[str]:
         """Return the symbols of those that are not to be estimated where all are, by the paper's symbol."""
         return [s for s, entry in self._entries() if isinstance(entry, CoefficientEntry) and entry.estimate is False]
 
@@ -304,13 +304,13 @@ class VehicleSettings(Settings):
         table = self.coefficients.model_validate({c.symbol: values[c.symbol] for c in COEFFICIENTS})
         return self.model_copy(update={"coefficients": table, "terms": terms})
 
-    def guess_of_term(self, symbol: str) -> Guess:
+    def term_prior(self, symbol: str) -> TermPrior:
         """Return what a term states of itself before any data; nothing for one of the 22."""
-        return next((term.prior for term in self.terms if term.name == symbol), Guess())
+        return next((term.prior for term in self.terms if term.name == symbol), TermPrior())
 
-    def left_out(self) -> tuple[str, ...]:
+    def not_estimated(self) -> tuple[str, ...]:
         """Return the symbols of coefficients that are not to be estimated where all are."""
-        return (*self.coefficients.left_out(), *(term.name for term in self.terms if not term.estimate))
+        return (*self.coefficients.not_estimated(), *(term.name for term in self.terms if not term.estimate))
 
     def all_coefficients(self) -> dict[str, float]:
         """Return the 22 coefficients and those of own terms by symbol, SI, for a simulation.

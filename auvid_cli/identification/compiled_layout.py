@@ -30,7 +30,7 @@ _SYMBOLS = (
     *(
         quantity.symbol
         for block in ERROR_BLOCKS
-        if not (block.additive or block.shifts)
+        if not (block.additive or block.is_delay)
         for quantity in block.quantities
     ),
 )

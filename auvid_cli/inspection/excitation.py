@@ -215,7 +215,7 @@ def _fin(signals: Signals, symbol: str) -> Check | None:
 def _against(
     signals: Signals, symbol: str, unit: str, usual: float, meaning: str, least: float | None = None
 ) -> Check | None:
-    """Judge the size of an input; `least` stands for the lower limits where little is nothing doubtful."""
+    """Judge the size of an input; `smallest` stands for the lower limits where little is nothing doubtful."""
     if not _largest(signals, symbol):
         return None
     reached = _reached(signals.values[symbol])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from auvid_cli.config.sanity import STRONGEST_FINS, WEAKEST_FINS
+from auvid_cli.config.sanity import MAX_FIN_STRENGTH, MIN_FIN_STRENGTH
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.checks import Check
 from auvid_cli.data.rate_of_change import response_to_rates
@@ -270,8 +270,8 @@ def _strength(signals: Signals, axis: RotationAxis, motion: SmallMotion, time_co
         axis.given,
         "strength",
         statistic=f"{abs(fitted.gain):.2f} +- {fitted.error:.1g} times what the vehicle file makes of it",
-        threshold=f"{WEAKEST_FINS:g} to {STRONGEST_FINS:g} times",
-        passed=low <= STRONGEST_FINS and high >= WEAKEST_FINS,
+        threshold=f"{MIN_FIN_STRENGTH:g} to {MAX_FIN_STRENGTH:g} times",
+        passed=low <= MAX_FIN_STRENGTH and high >= MIN_FIN_STRENGTH,
         advice=f"The vehicle answers {axis.given} {abs(fitted.gain):.2g} times as strongly as its file says: look at "
         f"unit and `scale` of {axis.given} in the map, and at its coefficients, mass and inertia in the vehicle file. "
         "Data alone cannot tell a fin that deflects half as far from one that is twice as effective.",

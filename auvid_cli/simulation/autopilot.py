@@ -8,7 +8,7 @@ from numba import types
 from auvid_cli.compilation import compiled
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.simulation.manoeuvres import WANTED, ManoeuvrePlan
+from auvid_cli.simulation.manoeuvres import SETPOINTS, ManoeuvrePlan
 from auvid_cli.vehicle.matrices import mass_matrix
 
 
@@ -57,7 +57,7 @@ CONTROLS = types.NamedUniTuple(types.float64, len(Controls._fields), Controls)
 INITIAL_MEMORY = (0.0, 0.0, 0.0, 1.0)
 
 
-def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan) -> Controls:
+def autopilot_controls(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan) -> Controls:
     """Tune the autopilot of a manoeuvre to a vehicle.
 
     Raises
@@ -103,7 +103,7 @@ def limited(value, limit):
 
 
 @compiled(
-    types.void(CONTROLS, WANTED, types.int64, types.float64, types.float64, _vector, _vector, _vector), internal=True
+    types.void(CONTROLS, SETPOINTS, types.int64, types.float64, types.float64, _vector, _vector, _vector), internal=True
 )
 def steer(controls, wanted, tick, period, depth, motion, memory, inputs):
     """Command rudder and elevator, still without their limits, force and torque for one tick.

@@ -99,7 +99,7 @@ def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed
     return record
 
 
-def stamped(record: SensorRecord, settings: SensorSettings, name: str, seed: int, duration: float) -> SensorRecord:
+def with_delay(record: SensorRecord, settings: SensorSettings, name: str, seed: int, duration: float) -> SensorRecord:
     """Return the record as it is logged: with the delay on its time stamps, those from 0 to the end of the run, s."""
     delay = settings.delay + settings.delay_spread * float(stream(seed, name, "delay").standard_normal())
     # Of a clock without fault the last tick may round to beyond the end.

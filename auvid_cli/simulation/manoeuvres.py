@@ -34,7 +34,7 @@ _vector = types.float64[::1]
 _HALVINGS = 50
 
 
-class Wanted(NamedTuple):
+class Setpoints(NamedTuple):
     """What a plan commands tick by tick, see `ManoeuvrePlan`."""
 
     time: Array
@@ -43,7 +43,7 @@ class Wanted(NamedTuple):
     turn_rate: Array
 
 
-WANTED = types.NamedTuple((_vector, types.float64[:, ::1], _vector, _vector), Wanted)
+SETPOINTS = types.NamedTuple((_vector, types.float64[:, ::1], _vector, _vector), Setpoints)
 
 
 class ManoeuvrePlan(NamedTuple):
@@ -75,9 +75,9 @@ class ManoeuvrePlan(NamedTuple):
     zigzag: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
-    def wanted(self) -> Wanted:
+    def setpoints(self) -> Setpoints:
         """Return what it commands tick by tick."""
-        return Wanted(self.time, self.feedforward, self.speed, self.turn_rate)
+        return Setpoints(self.time, self.feedforward, self.speed, self.turn_rate)
 
 
 def make_plan(manoeuvre: AnyManoeuvre) -> ManoeuvrePlan:

@@ -11,8 +11,8 @@ from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.lanes import LANES
-from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, limited, steer
-from auvid_cli.simulation.manoeuvres import WANTED, ManoeuvrePlan
+from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, autopilot_controls, limited, steer
+from auvid_cli.simulation.manoeuvres import SETPOINTS, ManoeuvrePlan
 from auvid_cli.vehicle.actuator_motion import ACTUATOR, demanded, effective, moved
 from auvid_cli.vehicle.actuators import IDEAL, N_ACTUATORS
 from auvid_cli.vehicle.equations import (
@@ -73,7 +73,7 @@ class Truth(NamedTuple):
     commands: Array
     motion: Array
     position: Array
-    push: Array
+    disturbance: Array
     constants: Array
     coefficients: Array
 
@@ -137,7 +137,7 @@ def simulate_motion(
     ConfigError
         If the vehicle has no positive-definite mass matrix or lacks coefficients, or the manoeuvre inputs of its terms.
     """
-    if lacking := manoeuvre.lacks_propulsion_for(vehicle.coefficient_set):
+    if lacking := manoeuvre.missing_propulsion(vehicle.coefficient_set):
         raise ConfigError(lacking)
     known = vehicle.known_parameters()
     constants = vehicle_constants(known, vehicle.coefficient_set.terms)
@@ -146,7 +146,7 @@ def simulate_motion(
     if disturbance.any():
         push[:] = np.linalg.solve(mass_matrix(known), disturbance.T).T
     coefficients = factors(vehicle.all_coefficients(), of_vehicle=vehicle.coefficient_set)
-    controls = controls_of(vehicle, manoeuvre, plan)
+    controls = autopilot_controls(vehicle, manoeuvre, plan)
     n = plan.time.size
     motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4 + plan.propulsion.shape[1]))
     motion[0, 0] = plan.speed[0] if manoeuvre.initial_speed is None else manoeuvre.initial_speed
@@ -160,7 +160,7 @@ def simulate_motion(
     commands = np.zeros((n if follows else 0, inputs.shape[1]))
     (commands if follows else inputs)[:, 4:] = plan.propulsion
     truth = Truth(plan.time, inputs, commands, motion, position, push, constants, np.repeat(coefficients, LANES))
-    reason, tick = _fly(plan.wanted, controls, tuple(actuators), trim, truth, longest_step, work)
+    reason, tick = _fly(plan.setpoints, controls, tuple(actuators), trim, truth, longest_step, work)
     if reason:
         raise SimulationError(
             f"the simulation of {vehicle.name} stopped at t = {plan.time[tick]:.2f} s: {_REASONS[reason]}; "
@@ -246,7 +246,7 @@ def _act(actuators, trim, tick, period, truth, places):
         inputs[k] = effective(actuators[k], mean) + trim[k]
 
 
-@compiled(types.UniTuple(types.int64, 2)(WANTED, CONTROLS, _ACTUATORS, _vector, _TRUTH, types.float64, _WORKSPACE))
+@compiled(types.UniTuple(types.int64, 2)(SETPOINTS, CONTROLS, _ACTUATORS, _vector, _TRUTH, types.float64, _WORKSPACE))
 def _fly(wanted, controls, actuators, trim, truth, longest_step, work):
     """Fill in motion, position and inputs; returns (reason, tick), reason 0 if all went well."""
     time, motion, position, block = truth.time, truth.motion, truth.position, work.block
@@ -314,7 +314,10 @@ def sample_motion(truth: Truth, times: Array) -> tuple[Array, Array]:
     motion, derivative : ndarray, shape (len(times), 9)
     """
     sampled, rate = np.zeros((times.size, N_MOTION)), np.zeros((times.size, N_MOTION))
-    record, coefficients = (truth.inputs, truth.motion, truth.push, sampled, rate), np.repeat(truth.coefficients, LANES)
+    record, coefficients = (
+        (truth.inputs, truth.motion, truth.disturbance, sampled, rate),
+        np.repeat(truth.coefficients, LANES),
+    )
     work = np.zeros(N_BLOCK), np.zeros(N_SLOPE), np.zeros(N_WORK)
     _sample(truth.time, record, truth.constants, coefficients, times, *work)
     return sampled, rate

@@ -11,7 +11,7 @@ from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, MagneticField, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord, shared_clock
 from auvid_cli.simulation.ahrs import attitude_reference
-from auvid_cli.simulation.imperfections import corrupt, draw_disturbance, draw_fin_trim, record_inputs, stamped
+from auvid_cli.simulation.imperfections import corrupt, draw_disturbance, draw_fin_trim, record_inputs, with_delay
 from auvid_cli.simulation.manoeuvres import make_plan
 from auvid_cli.simulation.motion import Truth, sample_motion, simulate_motion
 from auvid_cli.vehicle.kinematics import dvl_axes, earth_to_body, specific_force
@@ -47,7 +47,7 @@ def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict
             block = slice(first, first + _BLOCK)
             true[block] = measure_block(_Sampled(truth, times[block], current, settings))
         record = corrupt(times, true, settings, name, seed)
-        records[name] = stamped(record, settings, name, seed, truth.time[-1])
+        records[name] = with_delay(record, settings, name, seed, truth.time[-1])
     return records
 
 
@@ -143,7 +143,7 @@ def simulate(experiment: Experiment) -> Dataset:
         duration = float(truth.time[-1])
         times = shared_clock(sample_times(ahrs.attitude, duration), (truth.time,))
         attitude = attitude_reference(records, ahrs, times)
-        records["attitude"] = stamped(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
+        records["attitude"] = with_delay(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
     return Dataset(
         inputs=record_inputs(truth.time, _recorded(truth.commands, trim), manoeuvre.recorded_rate),
         sensors=records,

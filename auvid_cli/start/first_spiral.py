@@ -7,7 +7,7 @@ import numpy as np
 import yaml
 
 from auvid_cli.config.manoeuvre import Spiral
-from auvid_cli.config.sanity import LARGEST_SLENDERNESS, LEAST_SLENDERNESS, SanityWarning, doubts, full_cylinder
+from auvid_cli.config.sanity import MAX_SLENDERNESS, MIN_SLENDERNESS, SanityWarning, doubts, full_cylinder
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.simulation.manoeuvres import make_plan
@@ -50,7 +50,7 @@ class FirstSpiral(NamedTuple):
     """
 
     lines: tuple[str, ...]
-    vigour: float
+    excitation: float
     speed: tuple[float, float]
     roll: float
     pitch: float
@@ -94,8 +94,8 @@ def first_spiral(vehicle: VehicleSettings, speed: float) -> FirstSpiral:
             return tried
         said = f"roll reached {np.rad2deg(tried.roll):.0f} deg and pitch {np.rad2deg(tried.pitch):.0f} deg"
     slenderness = vehicle.size.length / vehicle.size.diameter
-    is_usual = LEAST_SLENDERNESS <= slenderness <= LARGEST_SLENDERNESS
-    usual = f"usual are {LEAST_SLENDERNESS:g} to {LARGEST_SLENDERNESS:g}"
+    is_usual = MIN_SLENDERNESS <= slenderness <= MAX_SLENDERNESS
+    usual = f"usual are {MIN_SLENDERNESS:g} to {MAX_SLENDERNESS:g}"
     raise ConfigError(
         f"{vehicle.name}: does not survive the gentlest spiral at {speed:g} m/s ({said}); name a lower --speed, or "
         f"check fins, mass and size{'' if is_usual else f' ({slenderness:.3g} diameters long; {usual})'}"
@@ -157,14 +157,14 @@ class SanityRow(NamedTuple):
 
     quantity: str
     value: str
-    beside: str
+    comparison: str
 
 
 def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[SanityRow]:
     """List what a vehicle comes to, and what it did in the simulated spiral."""
     known, size = vehicle.known_parameters(), vehicle.size
     slenderness = size.length / size.diameter
-    usual = f"usual are {LEAST_SLENDERNESS:g} to {LARGEST_SLENDERNESS:g}"
+    usual = f"usual are {MIN_SLENDERNESS:g} to {MAX_SLENDERNESS:g}"
     yield SanityRow("length", f"{size.length:.4g} m", f"{slenderness:.3g} diameters; {usual}")
     if (shape := vehicle.shape()) is not None:
         span, chord = shape.fins.span, shape.fins.area / shape.fins.span
@@ -196,16 +196,16 @@ def sanity_notes(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[str]
     """Say what of it is doubtful, a line each."""
     yield from (str(doubt) for doubt in doubts(vehicle))
     slenderness = vehicle.size.length / vehicle.size.diameter
-    if vehicle.geometry is None and not LEAST_SLENDERNESS <= slenderness <= LARGEST_SLENDERNESS:
-        usual = f"{LEAST_SLENDERNESS:g} to {LARGEST_SLENDERNESS:g}, as torpedo-shaped vehicles have"
+    if vehicle.geometry is None and not MIN_SLENDERNESS <= slenderness <= MAX_SLENDERNESS:
+        usual = f"{MIN_SLENDERNESS:g} to {MAX_SLENDERNESS:g}, as torpedo-shaped vehicles have"
         yield str(SanityWarning("length", f"{slenderness:.3g} diameters", usual))
     displaced, mass = _displaced(vehicle), vehicle.known_parameters()["m"]
     if displaced and abs(mass / displaced - 1.0) > _LARGEST_EXCESS:
         yield str(
             SanityWarning("mass", f"{mass:.4g} kg", f"about the {displaced:.4g} kg of water that the hull displaces")
         )
-    if spiral.vigour < 1.0:
-        yield f"the spiral has {spiral.vigour:.0%} of the usual excitation; with more it rolls or pitches too far"
+    if spiral.excitation < 1.0:
+        yield f"the spiral has {spiral.excitation:.0%} of the usual excitation; with more it rolls or pitches too far"
 
 
 def _displaced(vehicle: VehicleSettings) -> float | None:

@@ -132,7 +132,7 @@ def own_of_each_run(settings: Identification, anew: bool = False) -> tuple[BiasN
     return tuple(
         name
         for name in _OF_THE_MODEL
-        if any(block.walk > 0.0 or (anew and not block.shifts) for block in blocks.get(name, ()))
+        if any(block.walk > 0.0 or (anew and not block.is_delay) for block in blocks.get(name, ()))
     )
 
 

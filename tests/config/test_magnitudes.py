@@ -31,5 +31,5 @@ def test_what_cannot_be_computed_with_is_refused_with_its_limit(override, messag
 
 def test_zero_is_no_small_amount():
     assert check_amount(0.0, "m") == 0.0
-    assert check_amount(magnitude_of("m").least, "m") == 1e-12
+    assert check_amount(magnitude_of("m").smallest, "m") == 1e-12
     assert load_experiment(find_experiment(None), ["sensors.dvl.drift=0"]).sensors.dvl.drift == (0.0,)

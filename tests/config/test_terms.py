@@ -130,7 +130,7 @@ def test_settings_may_name_a_term_and_are_told_of_one_that_is_not_there(text):
     )
     experiment = parse_experiment(text, "test", (with_terms(CROSS), *settings))
     assert experiment.identification.estimated(experiment.vehicle) == ("X_u|u|", "N_|v|r")
-    assert "N_|v|r" not in experiment.identification.held(experiment.vehicle)
+    assert "N_|v|r" not in experiment.identification.fixed(experiment.vehicle)
     for setting in settings:
         with pytest.raises(ConfigError, match=r"'N_\|v\|r' is not a coefficient"):
             parse_experiment(text, "test", (setting,))
@@ -140,7 +140,7 @@ def test_what_is_known_is_left_out_where_all_are_estimated(text):
     left_out = "vehicle.coefficients.M_w|w|={value: 0 kg, estimate: false}"
     known = with_terms(CROSS.replace("}", ", estimate: false}"))
     experiment = parse_experiment(text, "test", (left_out, known))
-    assert experiment.identification.held(experiment.vehicle) == ("M_w|w|", "N_|v|r")
+    assert experiment.identification.fixed(experiment.vehicle) == ("M_w|w|", "N_|v|r")
     assert parse_experiment(dump_experiment(experiment), "test") == experiment
     named = parse_experiment(text, "test", (left_out, known, "identification.coefficients=[M_w|w|]"))
     assert named.identification.estimated(named.vehicle) == ("M_w|w|",)

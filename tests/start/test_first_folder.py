@@ -110,12 +110,12 @@ def test_what_a_vehicle_comes_to_stands_beside_what_is_usual(mine):
     # A cylinder of the middle, half an ellipsoid and a paraboloid-like tail: between two thirds and all of a full one.
     displaced = float(rows["water displaced by the hull"].value.split()[0])
     assert 0.67 < displaced / (1025.0 * 3.14159 * 0.01 * 2.0) < 1.0
-    assert rows["water displaced by the hull"].beside.startswith("mass 60 kg, ")
-    assert rows["length"].beside.startswith("10 diameters")
+    assert rows["water displaced by the hull"].comparison.startswith("mass 60 kg, ")
+    assert rows["length"].comparison.startswith("10 diameters")
     # Of 0.1 m span and 0.012 m^2.
     assert rows["fin: span, mean chord"][1:] == ("0.1, 0.12 m", "0.5 diameters by 0.06 lengths, 4 of them")
     # m d^2 / 8 of a full cylinder.
-    assert rows["inertia about x"].beside == "0.3 kg m^2 of a full cylinder"
+    assert rows["inertia about x"].comparison == "0.3 kg m^2 of a full cylinder"
     assert [*sanity_notes(mine.vehicle, mine.spiral)] == []
 
 

@@ -34,7 +34,7 @@ def shipped(name):
 )
 def test_a_vehicle_in_outline_keeps_upright_and_near_its_speed(outline, speed):
     spiral = first_spiral(outlined(*outline), speed)
-    assert spiral.vigour == 1.0
+    assert spiral.excitation == 1.0
     assert spiral.roll < np.deg2rad(45.0)
     assert spiral.pitch < np.deg2rad(60.0)
     assert 0.7 * speed < spiral.speed[0] < speed < spiral.speed[1] < 1.3 * speed
@@ -46,13 +46,13 @@ def test_a_shipped_vehicle_survives_it_at_the_speed_of_its_thrust(vehicle_file):
     vehicle = shipped(vehicle_file)
     speed = cruising_speed(vehicle)
     assert speed is not None
-    assert first_spiral(vehicle, speed).vigour == 1.0
+    assert first_spiral(vehicle, speed).excitation == 1.0
 
 
 def test_a_vehicle_that_turns_too_fast_gets_less_of_it(monkeypatch):
     monkeypatch.setattr("auvid_cli.start.first_spiral._SHORTEST", 60.0)
     vehicle = outlined(1, 0.2, 22, 0.08, 0.006)
-    assert 0.0 < first_spiral(vehicle, 4.0).vigour < 1.0
+    assert 0.0 < first_spiral(vehicle, 4.0).excitation < 1.0
     with pytest.raises(
         ConfigError, match=r"boat: does not survive the gentlest spiral at 20 m/s \(.*\); name a lower --speed"
     ):
