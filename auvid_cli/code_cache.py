@@ -29,7 +29,6 @@ CORE = (
     "identification",
     "design",
     "config/extra_states.py",
-    "config/moving_states.py",
     "angles.py",
     "lanes.py",
     "compilation.py",

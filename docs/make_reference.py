@@ -14,9 +14,9 @@ import yaml
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from auvid_cli.config.assembly import SECTIONS
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.loading import SECTIONS
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.outline import Outline
 from auvid_cli.config.sensors import SensorSettings

@@ -7,9 +7,8 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.assembly import Override, assemble
 from auvid_cli.config.enums import FilterName
-from auvid_cli.config.loading import as_yaml, open_source, validated
+from auvid_cli.config.loading import Override, as_yaml, assemble, open_source, validated
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.source_positions import Mistake, Tree, dotted
 

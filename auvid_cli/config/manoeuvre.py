@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from auvid_cli.config.moving_states import Disturbance
+from auvid_cli.config.extra_states import Disturbance
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.units import Amount, Unit
 from auvid_cli.vehicle.coefficients import CoefficientSet

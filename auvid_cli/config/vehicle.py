@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
+from auvid_cli.config.coefficients import Term, TermPrior, check_own_terms
 from auvid_cli.config.geometry import GeometrySettings
 from auvid_cli.config.settings import Settings
-from auvid_cli.config.terms import Term, TermPrior, check_own_terms
 from auvid_cli.config.units import Amount, Unit
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.actuators import Actuator, Actuators

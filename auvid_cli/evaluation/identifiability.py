@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.extra_states import BiasName
-from auvid_cli.config.moving_states import ProcessNoise
+from auvid_cli.config.extra_states import BiasName, ProcessNoise
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import is_observed

@@ -11,8 +11,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.config.extra_states import ERROR_BLOCKS
-from auvid_cli.config.moving_states import FURTHER_STATES
+from auvid_cli.config.extra_states import ERROR_BLOCKS, FURTHER_STATES
 from auvid_cli.identification.states import StateLayout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS

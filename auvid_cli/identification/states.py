@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.extra_states import ErrorBlock
-from auvid_cli.config.filters import Prior
+from auvid_cli.config.coefficients import Prior
+from auvid_cli.config.extra_states import FURTHER_STATES, ErrorBlock
 from auvid_cli.config.identification import Identification
-from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.config.vehicle import Size, VehicleSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate_file import read_estimate

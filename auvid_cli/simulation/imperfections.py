@@ -9,8 +9,8 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
+from auvid_cli.config.extra_states import Disturbance
 from auvid_cli.config.manoeuvre import FinTrim
-from auvid_cli.config.moving_states import Disturbance
 from auvid_cli.config.sensors import Accelerometer, MagneticField, SensorSettings
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.vehicle.parameters import DISTURBANCE

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.coefficients import Prior
 from auvid_cli.config.extra_states import EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT, BiasName
-from auvid_cli.config.filters import Prior
 from auvid_cli.config.identification import Identification, InputSettings, Use
 from auvid_cli.config.vehicle import ActuatorSettings, VehicleEntry
 from auvid_cli.data.acting_inputs import as_acting

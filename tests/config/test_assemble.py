@@ -4,8 +4,7 @@ from pathlib import Path
 import pytest
 
 from auvid_cli.api.files import read_dataset
-from auvid_cli.config.assembly import assemble, read_source
-from auvid_cli.config.loading import find_experiment, load_experiment
+from auvid_cli.config.loading import assemble, find_experiment, load_experiment, read_source
 from auvid_cli.errors import ConfigError
 
 

@@ -4,8 +4,7 @@ from pathlib import Path
 import pytest
 
 from auvid_cli.config.log_columns import unit_factor
-from auvid_cli.config.log_map import load_map
-from auvid_cli.config.log_sensors import _plain_map
+from auvid_cli.config.log_map import _plain_map, load_map
 from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.errors import ConfigError
 

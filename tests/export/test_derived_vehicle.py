@@ -1,7 +1,7 @@
 import pytest
 import yaml
 
-from auvid_cli.config.filters import Prior
+from auvid_cli.config.coefficients import Prior
 from auvid_cli.config.loading import find_experiment, load_experiment, parse_drawing, parse_vehicle
 from auvid_cli.config.sanity import doubts
 from auvid_cli.errors import ConfigError

@@ -5,8 +5,8 @@ import pint
 import pytest
 from numpy.testing import assert_allclose
 
+from auvid_cli.config.coefficients import Prior
 from auvid_cli.config.enums import FilterName
-from auvid_cli.config.filters import Prior
 from auvid_cli.config.vehicle import Size
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.identification.prepared_data import prepare
