@@ -89,7 +89,13 @@ def _columns_of(sensor: str) -> type[Columns]:
 
 
 if TYPE_CHECKING:
-    Rates = SpecificForces = Heading = Fields = Velocity = Angles = Down = Columns
+    Rates = Columns
+    SpecificForces = Columns
+    Heading = Columns
+    Fields = Columns
+    Velocity = Columns
+    Angles = Columns
+    Down = Columns
 else:
     Rates, SpecificForces, Heading, Fields, Velocity, Angles, Down = map(
         _columns_of, ("gyroscope", "accelerometer", "magnetometer", "magnetic_field", "dvl", "attitude", "depth")
@@ -163,7 +169,7 @@ class AccelerometerMap(InBody):
     sensor = "accelerometer"
     columns: SpecificForces
     position: Annotated[
-        Lever, Field(description="position [forward, starboard, down] relative to the vehicle's origin")
+        Lever, Field(description="[forward, starboard, down] from the vehicle's origin; used by estimators")
     ] = (0.0, 0.0, 0.0)
 
 
@@ -193,9 +199,7 @@ class DvlMap(SensorMap):
     mount: Annotated[Mount | None, Field(description="attitude of the sensor in the body")] = None
     position: Annotated[
         Lever | None,
-        Field(
-            description="position [forward, starboard, down] relative to the vehicle's origin; lever-arm velocity is removed"
-        ),
+        Field(description="[forward, starboard, down] from the vehicle's origin; lever-arm velocity is removed"),
     ] = None
 
     @model_validator(mode="after")
@@ -247,9 +251,7 @@ class DepthMap(SensorMap):
     columns: Down
     position: Annotated[
         Lever | None,
-        Field(
-            description="position [forward, starboard, down] relative to the vehicle's origin; the depth is corrected for it"
-        ),
+        Field(description="[forward, starboard, down] from the vehicle's origin; the depth is corrected for it"),
     ] = None
 
 
@@ -338,7 +340,7 @@ class LogMap(Settings):
 
     @model_validator(mode="before")
     @classmethod
-    def _with_lag_of_vehicle(cls, data: Any) -> Any:
+    def _move_fin_lag(cls, data: Any) -> Any:
         return move_fin_lag(data)
 
     def files(self, folder: Path, given: Sequence[str] = ()) -> dict[str, tuple[Path, ...]]:
