@@ -120,7 +120,7 @@ class Excitation(Settings):
     orthogonal: Annotated[
         bool,
         Field(
-            description="use harmonics of the run's length, different ones for each channel, so that channels are orthogonal "
+            description="use different harmonics of the run's length for each channel, so that channels are orthogonal "
             "and start and end at zero"
         ),
     ] = False
