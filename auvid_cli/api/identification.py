@@ -14,7 +14,7 @@ from auvid_cli.api.output import Advance, Progress
 from auvid_cli.config.enums import FilterName, named
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.extra_states import BiasName
-from auvid_cli.config.sanity import doubts
+from auvid_cli.config.sanity import sanity_warnings
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate, EstimateChunk
@@ -285,8 +285,8 @@ def identify_data_into(
             dataset = read_simulated(folder, data[0])
         settings, vehicle = dataset.experiment.identification, dataset.experiment.vehicle
         chosen = settings.with_judge(filters or settings.default_filters())
-        for doubt in doubts(vehicle):
-            progress.message(f"note: vehicle {vehicle.name}: {doubt}")
+        for warning in sanity_warnings(vehicle):
+            progress.message(f"note: vehicle {vehicle.name}: {warning}")
         prepared = estimate_delays_and_noise(prepare(dataset), progress)
         estimates = identify_into(folder, prepared, chosen, overwrite, progress)
         paths = [folder / "estimates" / f"{name.value}.h5" for name in chosen]

@@ -39,7 +39,7 @@ class _ActuatorSettings(Settings):
             )
         return self
 
-    def described(self) -> str:
+    def description(self) -> str:
         """Return the given settings in words, SI, in the order of their effects."""
         words = [
             f"{name.replace('_', ' ')} {value['angle']:g} with slope {value['slope']:g}"
@@ -115,7 +115,7 @@ class ActuatorSettings(Settings):
 
     def descriptions(self) -> dict[str, str]:
         """Return the settings of fins and propeller in words, SI; empty for an ideal actuator."""
-        return {"fins": self.fins.described(), "a propeller": self.propeller.described()}
+        return {"fins": self.fins.description(), "a propeller": self.propeller.description()}
 
     def actuators(self) -> Actuators:
         """Return the actuator of each input, SI."""

@@ -18,7 +18,7 @@ from auvid_cli.vehicle.parameters import DISTURBANCE
 Array = NDArray[np.float64]
 _vector = types.float64[::1]
 # Samples of noise drawn at once; that of ten hours at 100 Hz would take 86 MB.
-_BLOCK = 50_000
+BLOCK = 50_000
 
 
 def stream(seed: int, *names: str) -> np.random.Generator:
@@ -59,8 +59,8 @@ def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed
         del drift
     noise = np.array(settings.noise_standard_deviation())
     white, size = numbers("noise"), np.sqrt(1.0 - settings.coloured_share) * noise
-    for first in range(0, n, _BLOCK):
-        block = values[first : first + _BLOCK]
+    for first in range(0, n, BLOCK):
+        block = values[first : first + BLOCK]
         block += white.standard_normal(block.shape) * size
     if settings.coloured_share > 0.0:
         coloured = numbers("coloured")

@@ -7,7 +7,7 @@ import numpy as np
 import yaml
 
 from auvid_cli.config.manoeuvre import Spiral
-from auvid_cli.config.sanity import MAX_SLENDERNESS, MIN_SLENDERNESS, SanityWarning, doubts, full_cylinder
+from auvid_cli.config.sanity import MAX_SLENDERNESS, MIN_SLENDERNESS, SanityWarning, full_cylinder, sanity_warnings
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.simulation.manoeuvres import make_plan
@@ -200,7 +200,7 @@ def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[Sanit
 
 def sanity_notes(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[str]:
     """Yield a line for each implausible value."""
-    yield from (str(warning) for warning in doubts(vehicle))
+    yield from (str(warning) for warning in sanity_warnings(vehicle))
     slenderness = vehicle.size.length / vehicle.size.diameter
     if vehicle.geometry is None and not MIN_SLENDERNESS <= slenderness <= MAX_SLENDERNESS:
         usual = f"{MIN_SLENDERNESS:g} to {MAX_SLENDERNESS:g} for a torpedo-shaped vehicle"

@@ -13,13 +13,13 @@ def warnings(experiment_with):
 
     def of(*changes):
         vehicle = experiment_with(*(f"vehicle.{change}" for change in changes)).vehicle
-        return {warning.subject: str(warning) for warning in sanity.doubts(vehicle)}
+        return {warning.subject: str(warning) for warning in sanity.sanity_warnings(vehicle)}
 
     return of
 
 
 def test_shipped_vehicle_has_no_warnings(vehicle_file, experiment_with):
-    assert sanity.doubts(experiment_with(f"vehicle=vehicles/{vehicle_file}").vehicle) == []
+    assert sanity.sanity_warnings(experiment_with(f"vehicle=vehicles/{vehicle_file}").vehicle) == []
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_their_file_comes_back_and_one_of_before_is_read(run, tmp_path):
 
 
 def test_a_manoeuvre_that_does_not_state_them_is_refused(experiment_with):
-    refusal = r"states no revolutions or voltage.*X_n\|n\|.*manoeuvre.propeller="
+    refusal = r"no revolutions or voltage.*X_n\|n\|.*manoeuvre.propeller="
     with pytest.raises(ConfigError, match=refusal) as refused:
         experiment_with(TERMS)
     assert "manoeuvres/spiral.yaml" in str(refused.value)
