@@ -102,8 +102,7 @@ class FilterVariant(Settings):
     filter: FilterName
     name: Annotated[str, Field(pattern=_NAME, description="name in the results; default: that of the filter")]
     settings: Annotated[
-        dict[str, AnyValue],
-        Field(description="settings of the filter by dotted key, in identification or vehicle"),
+        dict[str, AnyValue], Field(description="settings of the filter by dotted key, in identification or vehicle")
     ] = Field(default_factory=dict)
 
     @model_validator(mode="before")

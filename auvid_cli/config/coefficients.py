@@ -35,9 +35,7 @@ class TermPrior(Settings):
 class Term(Settings):
     """A term of the equations of motion: a coefficient times a product of factors."""
 
-    name: Annotated[
-        str, Field(pattern=TERM_NAME, description="row of the term, an underscore and a word, such as N_|v|r")
-    ]
+    name: Annotated[str, Field(pattern=TERM_NAME, description="row, underscore and word, such as N_|v|r")]
     row: Literal["X", "Y", "Z", "K", "M", "N"]
     factors: Annotated[
         tuple[str, ...],
@@ -47,9 +45,7 @@ class Term(Settings):
             description=f"factors, each one of {', '.join(SIGNALS)}, or a modulus such as |v|",
         ),
     ]
-    value: Annotated[
-        float | None, Field(description="value; needed by a simulation, and if the term is not estimated")
-    ] = None
+    value: Annotated[float | None, Field(description="value; needed by simulations, and if not estimated")] = None
     estimate: Annotated[
         bool, Field(strict=True, description="whether `identification.coefficients: all` includes this term")
     ] = True
@@ -59,7 +55,7 @@ class Term(Settings):
     meaning: Annotated[str, Field(max_length=200, description="phrase for tables and files")] = ""
     status: Annotated[str, Field(description="read, derived or assumed, and how")] = "stated"
     source: Annotated[str | None, Field(description="source, if not that of the vehicle file")] = None
-    standard_deviation: Annotated[float | None, Field(description="standard deviation of the value, in its unit")] = (
+    standard_deviation: Annotated[float | None, Field(description="standard deviation, in the unit of the value")] = (
         None
     )
 

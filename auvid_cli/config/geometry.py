@@ -84,9 +84,7 @@ class TableOfRadii(Settings):
     """Hull as a table of radii along its axis, with linear interpolation."""
 
     type: Literal["table"]
-    station: Annotated[
-        tuple[Distance, ...], Field(min_length=3, description="distances from the nose, increasing from 0, m")
-    ]
+    station: Annotated[tuple[Distance, ...], Field(min_length=3, description="distances from the nose, from 0, m")]
     radius: Annotated[tuple[Distance, ...], Field(min_length=3, description="radii at the stations, m")]
 
     @model_validator(mode="after")
@@ -113,9 +111,7 @@ class FinSettings(Settings):
     position: Annotated[PositiveLength, Field(description="distance of the hinges from the nose")]
     span: Annotated[PositiveLength, Field(description="span of one fin, from root to tip")]
     area: Annotated[float, Amount("m^2"), Field(gt=0, le=1e4, description="area of one fin")]
-    number: Annotated[
-        int, Field(ge=3, le=12, strict=True, description="number of fins, evenly spaced around the hull")
-    ] = 4
+    number: Annotated[int, Field(ge=3, le=12, strict=True, description="number of evenly spaced fins")] = 4
     tail: Annotated[
         Literal["+", "x"],
         Field(description="+: vertical rudders and horizontal stern planes; x: all fins turn for both inputs"),

@@ -22,7 +22,7 @@ INPUTS_DELAY = "inputs"
 
 
 class Use(Settings):
-    """Which data are used; each segment starts from its own initial motion, with the coefficients found so far."""
+    """Selection of data; each segment starts from its own initial motion, with the coefficients found so far."""
 
     spans: Annotated[
         SeparateSpans, Field(description="spans [begin, end], s; null: start or end of the data; empty: all data")
@@ -33,17 +33,14 @@ class Use(Settings):
     longest_gap: Annotated[
         float | None, Amount("s"), Field(gt=0, description="longest gap of a sensor; a longer one ends the segment")
     ] = None
-    shortest: Annotated[float, Amount("s"), Field(ge=0, description="shortest segment; shorter ones are left out")] = (
-        2.0
-    )
+    shortest: Annotated[float, Amount("s"), Field(ge=0, description="length of the shortest segment to use")] = 2.0
 
 
 class InputSettings(Settings):
     """Interpolation of the inputs."""
 
     between: Annotated[
-        Literal["hold", "linear"],
-        Field(description="between samples: hold (constant until the next sample) or linear"),
+        Literal["hold", "linear"], Field(description="between samples: hold (constant until the next sample) or linear")
     ] = "hold"
 
 
@@ -73,9 +70,7 @@ class UkfSettings(Settings):
 class OutputErrorSettings(Settings):
     """Output-error method: fit of coefficients and initial motion, without process noise."""
 
-    max_evaluations: Annotated[
-        int, Field(ge=1, strict=True, description="largest number of simulations of the motion")
-    ] = 100
+    max_evaluations: Annotated[int, Field(ge=1, strict=True, description="largest number of simulations")] = 100
     use_prior: Annotated[
         bool, Field(strict=True, description="whether the fit includes the priors of coefficients and initial motion")
     ] = False
@@ -157,10 +152,7 @@ class Identification(Settings):
     integration_step: Annotated[
         float, Unit("s"), Field(ge=1e-5, le=1e3, description="longest step of the filter's integration")
     ] = 0.02
-    keep_every: Annotated[
-        int,
-        Field(ge=1, strict=True, description="written states: every n-th one; all innovations are written"),
-    ] = 1
+    keep_every: Annotated[int, Field(ge=1, strict=True, description="write every n-th state (and all innovations)")] = 1
     gate: Annotated[
         float | None,
         Field(
@@ -173,10 +165,7 @@ class Identification(Settings):
         Literal["none", "huber"],
         Field(description="huber: smoother and output_error give less weight to residuals beyond 2 sigma"),
     ] = "none"
-    judge: Annotated[
-        bool,
-        Field(description="whether the smoother always runs, as the reference for the other filters"),
-    ] = True
+    judge: Annotated[bool, Field(description="whether the smoother runs as the reference for other filters")] = True
     ekf: EkfSettings = EkfSettings()
     ukf: UkfSettings = UkfSettings()
     smoother: SmootherSettings = SmootherSettings()

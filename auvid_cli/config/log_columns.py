@@ -73,18 +73,14 @@ class LogSignal(NamedColumn):
 
     si: ClassVar[str] = ""
 
-    unit: Annotated[
-        str | None, Field(description="unit of the log's numbers; default: that in the log's header, else SI")
-    ]
+    unit: Annotated[str | None, Field(description="unit in the log; default: that in its header, else SI")]
     unit = None
     sign: Annotated[Literal[1, -1], Field(description="-1 if the log has the opposite sign")] = 1
     centre: Annotated[float, Field(ge=-1e12, le=1e12, description="number in the log that means zero")] = 0.0
     scale: Annotated[float | None, Field(description="size of one count of the log, such as 0.35 deg")]
     scale = None
     offset: Annotated[float, Field(description="offset, added last")] = 0.0
-    limits: Annotated[
-        tuple[float, float] | None, Field(description="[lowest, highest]; values outside are missing")
-    ] = None
+    limits: Annotated[tuple[float, float] | None, Field(description="[lowest, highest] valid value")] = None
 
     @field_validator("unit", mode="before")
     @classmethod
@@ -124,12 +120,8 @@ class TimeSource(NamedColumn):
     """Times of the rows of a table; the bare name of a column is enough."""
 
     column: Annotated[str, Field(min_length=1, description="column, `@log_time` or `@header_stamp`")]
-    table: Annotated[
-        str | None, Field(description="another table that has the times, one row for each row of this table")
-    ] = None
-    unit: Annotated[str | None, Field(description="unit of the times; default: that in the log's header, else s")] = (
-        None
-    )
+    table: Annotated[str | None, Field(description="table of the times, one row for each row of this table")] = None
+    unit: Annotated[str | None, Field(description="unit; default: that in the log's header, else s")] = None
     offset: Annotated[float, Unit("s"), Field(description="offset, added to the times")] = 0.0
 
     @field_validator("unit", mode="after")
@@ -328,9 +320,7 @@ class InputsMap(LogRows):
     elevator: Annotated[Fin | None, Field(description="elevator angle; positive pushes the tail up")] = None
     fins: Annotated[Fins | None, Field(description="single fins, instead of rudder and elevator")] = None
     surge_force: Annotated[Force | None, Field(description="thrust, if the log has it")] = None
-    thrust: Annotated[
-        Thrust | None, Field(description="thrust computed from revolutions or command of the propeller")
-    ] = None
+    thrust: Annotated[Thrust | None, Field(description="thrust from revolutions or command")] = None
     roll_moment: Annotated[
         Moment | Literal["propeller"] | None,
         Field(description="roll moment, or 'propeller': thrust times the vehicle's K_prop / X_prop"),

@@ -121,9 +121,7 @@ class SensorMap(LogRows):
             description="drop: leave out rows that repeat the row before, as in a table that is faster than the sensor"
         ),
     ] = "keep"
-    exclude: Annotated[
-        Spans, Field(description="spans [begin, end], in the dataset's time, in which the sensor is missing")
-    ] = ()
+    exclude: Annotated[Spans, Field(description="spans [begin, end] without this sensor, in the dataset's time")] = ()
 
     @field_validator("unit", mode="after")
     @classmethod
@@ -301,9 +299,7 @@ else:
 class LogFile(Settings):
     """A log, and the layout of its text if it cannot be recognised."""
 
-    file: Annotated[str | None, Field(description="file, relative to the map; not needed if the command names it")] = (
-        None
-    )
+    file: Annotated[str | None, Field(description="file, relative to the map; or given in the command")] = None
     more: Annotated[tuple[str, ...], Field(description="files that continue the log, in order")] = ()
     delimiter: Annotated[str | None, Field(min_length=1, description="separator of the fields of a row")] = None
     header_row: Annotated[
@@ -328,9 +324,9 @@ class LogMap(Settings):
     vehicle: VehicleSettings
     identification: IdentificationOfVehicle = Identification()
     logs: Annotated[dict[str, LogFile], Field(min_length=1, description="log files, each under a name of your choice")]
-    time: Annotated[
-        TimeSource | None, Field(description="default of all sensors; if none: header stamp or log time")
-    ] = None
+    time: Annotated[TimeSource | None, Field(description="times of the sensors; default: header stamp or log time")] = (
+        None
+    )
     use: Annotated[Spans, Field(description="spans [begin, end] to use, in the dataset's time; default: all")] = ()
     exclude: Annotated[
         Spans, Field(description="spans [begin, end], in the dataset's time, in which all sensors are missing")

@@ -114,9 +114,7 @@ class Propeller(Settings):
 class Excitation(Settings):
     """Excitation added to the autopilot's commands, for each channel."""
 
-    fade_in: Annotated[Pause, Field(description="time in which excitation, turn rate and speed grow to full size")] = (
-        0.0
-    )
+    fade_in: Annotated[Pause, Field(description="time in which excitation, turn rate and speed grow")] = 0.0
     orthogonal: Annotated[
         bool,
         Field(
@@ -138,41 +136,31 @@ class Autopilot(Settings):
     """Control loops on the true motion, with gains scaled by the vehicle's length and speed."""
 
     speed: Annotated[bool, Field(description="whether thrust controls the speed; otherwise constant thrust")] = True
-    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="quantity that the elevator controls")] = (
-        "pitch"
+    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="controlled by the elevator")] = "pitch"
+    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="controlled by the rudder")] = "turn_rate"
+    bandwidth: Annotated[float, Field(ge=1e-3, le=1e3, description="stiffness of the loops; 1 for a torpedo shape")] = (
+        1.0
     )
-    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="quantity that the rudder controls")] = (
-        "turn_rate"
-    )
-    bandwidth: Annotated[
-        float, Field(ge=1e-3, le=1e3, description="stiffness of the loops; 1 suits a torpedo shape")
-    ] = 1.0
 
 
 class DepthAutopilot(Autopilot):
     """Autopilot of level manoeuvres: the elevator controls the depth."""
 
-    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="quantity that the elevator controls")] = (
-        "depth"
-    )
+    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="controlled by the elevator")] = "depth"
 
 
 class LevelAutopilot(DepthAutopilot):
     """Autopilot of manoeuvres with a prescribed rudder: the elevator controls the depth, the rudder is free."""
 
-    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="quantity that the rudder controls")] = "none"
+    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="controlled by the rudder")] = "none"
 
 
 class NoAutopilot(Autopilot):
     """Autopilot of given inputs: all loops are off."""
 
-    speed: Annotated[bool, Field(description="whether thrust controls the speed; otherwise no additional thrust")] = (
-        False
-    )
-    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="quantity that the elevator controls")] = (
-        "none"
-    )
-    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="quantity that the rudder controls")] = "none"
+    speed: Annotated[bool, Field(description="whether thrust controls the speed")] = False
+    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="controlled by the elevator")] = "none"
+    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="controlled by the rudder")] = "none"
 
 
 class ManoeuvreSettings(Settings):
@@ -184,10 +172,8 @@ class ManoeuvreSettings(Settings):
     initial_speed: Annotated[
         float | None, Amount("m/s"), Field(ge=0, le=100, description="speed at the start; default: the speed to hold")
     ] = None
-    current_north: Annotated[float, Unit("m/s"), Field(ge=-100, le=100, description="velocity of the water, north")] = (
-        0.0
-    )
-    current_east: Annotated[float, Unit("m/s"), Field(ge=-100, le=100, description="velocity of the water, east")] = 0.0
+    current_north: Annotated[float, Unit("m/s"), Field(ge=-100, le=100, description="current to the north")] = 0.0
+    current_east: Annotated[float, Unit("m/s"), Field(ge=-100, le=100, description="current to the east")] = 0.0
     initial_pitch: Annotated[Pitch, Field(description="pitch at the start")] = 0.0
     input_rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="rate at which inputs change")] = 100.0
     recorded_rate: Annotated[
@@ -197,9 +183,7 @@ class ManoeuvreSettings(Settings):
     ] = None
     limits: Limits = Limits()
     excitation: Excitation = Excitation()
-    propeller: Annotated[
-        Propeller | None, Field(description="revolutions and voltage, for own terms of the vehicle")
-    ] = None
+    propeller: Annotated[Propeller | None, Field(description="revolutions and voltage, for own terms")] = None
     fin_trim: FinTrim = FinTrim()
     disturbance: Disturbance = Disturbance()
 

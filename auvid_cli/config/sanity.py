@@ -125,7 +125,7 @@ def _shape(vehicle: VehicleSettings) -> Iterator[SanityWarning]:
     displaced = size.density * GRAVITY * hull.volume
     if abs(displaced / buoyancy - 1.0) > _MAX_VOLUME_ERROR:
         yield SanityWarning(
-            "the geometry's hull", f"{displaced:.4g} N of water", f"about the buoyancy B of {buoyancy:.4g} N"
+            "the geometry's hull", f"{displaced:.4g} N of water", f"about the buoyancy B, {buoyancy:.4g} N"
         )
     if not MIN_SLENDERNESS <= hull.slenderness <= MAX_SLENDERNESS:
         limits = f"{MIN_SLENDERNESS:g} to {MAX_SLENDERNESS:g} diameters, the range of the formulas"

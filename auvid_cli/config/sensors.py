@@ -17,12 +17,8 @@ class EarthField(Settings):
     """Magnetic field of the earth at the place of the run."""
 
     strength: Annotated[float, Amount("T"), Field(gt=0, description="strength of the earth's field, 25 to 65 uT")]
-    declination: Annotated[
-        float, Unit("rad"), Field(description="angle from true to magnetic north, positive to the east")
-    ]
-    dip: Annotated[
-        float, Unit("rad"), Field(gt=-np.pi / 2, lt=np.pi / 2, description="angle of the field below the horizontal")
-    ]
+    declination: Annotated[float, Unit("rad"), Field(description="magnetic from true north, positive to the east")]
+    dip: Annotated[float, Unit("rad"), Field(gt=-np.pi / 2, lt=np.pi / 2, description="angle below the horizontal")]
 
     @property
     def earth_field(self) -> tuple[float, float, float]:
@@ -39,9 +35,7 @@ class SensorSettings(Settings):
 
     rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="samples per second")]
     start: Annotated[float, Amount("s"), Field(ge=0, le=1e6, description="time of the first sample")] = 0.0
-    noise: Annotated[
-        PerComponent, Field(description="standard deviation of the noise, white except for its coloured share")
-    ] = ()
+    noise: Annotated[PerComponent, Field(description="standard deviation of the noise")] = ()
     range: Annotated[
         PerComponent, Field(description="catalogue accuracy +-range, treated as three standard deviations of the noise")
     ] = ()
@@ -116,9 +110,7 @@ class SensorSettings(Settings):
     @model_validator(mode="after")
     def _noise_or_range(self) -> "SensorSettings":
         if bool(self.noise) == bool(self.range):
-            raise ValueError(
-                "expected exactly one of 'noise' (standard deviation) and 'range' (three standard deviations)"
-            )
+            raise ValueError("expected exactly one of 'noise' (standard deviation) and 'range' (three of these)")
         return self
 
     def noise_standard_deviation(self) -> PerComponent:
@@ -151,12 +143,9 @@ class Accelerometer(SensorSettings):
     sensor = "accelerometer"
 
     position: Annotated[
-        Lever,
-        Field(description="[forward, starboard, down] from the origin; used by estimators, not by an AHRS"),
+        Lever, Field(description="[forward, starboard, down] from the origin; used by estimators, not by an AHRS")
     ] = (0.0, 0.0, 0.0)
-    scale_error: Annotated[
-        float, Field(gt=-1, le=10, description="scale error of all components; 0.01 means 1 % too large")
-    ] = 0.0
+    scale_error: Annotated[float, Field(gt=-1, le=10, description="scale error; 0.01 means 1 % too large")] = 0.0
 
 
 class Magnetometer(SensorSettings):

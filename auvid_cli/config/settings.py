@@ -27,7 +27,7 @@ Lever = Annotated[tuple[float, float, float], BeforeValidator(_three_lengths)]
 
 
 def three(values: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the numbers of three axes, of which one may stand for all."""
+    """Return the numbers of three axes from three numbers, or one number for all axes."""
     return values if len(values) == 3 else values * 3
 
 

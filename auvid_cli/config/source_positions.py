@@ -206,7 +206,7 @@ class Tree:
 def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
     """Read a YAML document safely; return its tree and its errors.
 
-    Of a duplicate key, the first value counts. The content is None if the text is not valid YAML.
+    The first value of a duplicate key counts. The content is None if the text is not valid YAML.
     """
     start = Position(source, 1, 1)
     try:

@@ -229,7 +229,7 @@ def _factor(text: str, unit: str) -> float:
     if dimension.get("meter") and not dimension.get("kilogram") and dimension.get("second", 0.0) < -1.0:
         text = with_standard_gravity(text)
     size, other_dimension, other_angle = _base(text)
-    # Tell rad/s from Hz.
+    # The radian distinguishes rad/s from Hz.
     angle_matters = set(dimension) <= {"second"}
     if other_dimension != dimension or (angle_matters and other_angle != angle):
         raise ValueError("another dimension")

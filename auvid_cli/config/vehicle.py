@@ -16,9 +16,7 @@ from auvid_cli.vehicle.geometry import DerivedValue, coefficients_from_geometry
 from auvid_cli.vehicle.hull import Geometry
 from auvid_cli.vehicle.parameters import PARAMETERS
 
-_TimeConstant = Annotated[
-    float | None, Amount("s"), Field(gt=0, le=1e3, description="time constant of a first-order lag")
-]
+_TimeConstant = Annotated[float | None, Amount("s"), Field(gt=0, le=1e3, description="time constant of the lag")]
 # Added mass can hide an invalid mass in the mass matrix, so each of these is checked by itself.
 _POSITIVE = ("m", "W", "B", "Ixx", "Iyy", "Izz")
 
@@ -61,9 +59,7 @@ class _ActuatorSettings(Settings):
 class Stall(Settings):
     """Stall of a fin: its force beyond a limit angle."""
 
-    angle: Annotated[
-        float, Amount("rad"), Field(gt=0, lt=1.6, description="fin angle up to which the force is proportional")
-    ]
+    angle: Annotated[float, Amount("rad"), Field(gt=0, lt=1.6, description="largest angle without stall")]
     slope: Annotated[
         float,
         Field(
@@ -80,16 +76,10 @@ class FinActuator(_ActuatorSettings):
     command_unit = "rad"
 
     dead_band: Annotated[
-        float | None,
-        Amount("rad"),
-        Field(gt=0, lt=1.6, description="dead band, subtracted from the size of a command"),
+        float | None, Amount("rad"), Field(gt=0, lt=1.6, description="dead band, subtracted from the size of a command")
     ] = None
-    saturation: Annotated[float | None, Amount("rad"), Field(gt=0, lt=1.6, description="largest effective command")] = (
-        None
-    )
-    rate_limit: Annotated[float | None, Amount("rad/s"), Field(gt=0, description="largest rate of the fin angle")] = (
-        None
-    )
+    saturation: Annotated[float | None, Amount("rad"), Field(gt=0, lt=1.6, description="largest command")] = None
+    rate_limit: Annotated[float | None, Amount("rad/s"), Field(gt=0, description="largest fin rate")] = None
     time_constant: _TimeConstant = None
     stall: Stall | None = None
 
@@ -102,7 +92,7 @@ class PropellerActuator(_ActuatorSettings):
     dead_band: Annotated[
         float | None, Amount("N"), Field(gt=0, description="dead band, subtracted from the size of a command")
     ] = None
-    saturation: Annotated[float | None, Amount("N"), Field(gt=0, description="largest effective command")] = None
+    saturation: Annotated[float | None, Amount("N"), Field(gt=0, description="largest command")] = None
     rate_limit: Annotated[float | None, Unit("N/s"), Field(gt=0, description="largest rate of the force")] = None
     time_constant: _TimeConstant = None
 
@@ -129,7 +119,7 @@ class VehicleEntry(Settings):
     value: float
     status: Annotated[str, Field(description="read, derived or assumed, and how")] = "stated"
     source: Annotated[str | None, Field(description="source, if not that of the vehicle file")] = None
-    standard_deviation: Annotated[float | None, Field(description="standard deviation of the value, in its unit")] = (
+    standard_deviation: Annotated[float | None, Field(description="standard deviation, in the unit of the value")] = (
         None
     )
 
@@ -242,20 +232,15 @@ class VehicleSettings(Settings):
     source: Annotated[str, Field(description="source of the numbers")] = ""
     notes: tuple[str, ...] = ()
     size: Size
-    geometry: Annotated[
-        GeometrySettings | None, Field(description="hull and fins, for `prior: geometry` and for checks")
-    ] = None
+    geometry: Annotated[GeometrySettings | None, Field(description="hull and fins, for prior and checks")] = None
     parameters: ParameterTable
     coefficients: Annotated[
         CoefficientTable,
         Field(description="values; needed by a simulation, and for coefficients that are not estimated"),
     ] = CoefficientTable()
-    terms: Annotated[
-        tuple[Term, ...], Field(description="own terms of the equations of motion, in addition to the 22")
-    ] = ()
+    terms: Annotated[tuple[Term, ...], Field(description="own terms, in addition to the 22")] = ()
     actuators: Annotated[
-        ActuatorSettings,
-        Field(description="dynamics of fins and propeller; the recorded inputs are then commands"),
+        ActuatorSettings, Field(description="dynamics of fins and propeller; the recorded inputs are then commands")
     ] = ActuatorSettings()
 
     @field_validator("geometry", mode="after")

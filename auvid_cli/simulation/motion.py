@@ -134,7 +134,7 @@ def simulate_motion(
     Raises
     ------
     SimulationError
-        If the vehicle capsizes, stands on its nose or blows up; says when.
+        If roll, pitch or speed leave the range of the model; the message has the time.
     ConfigError
         If the vehicle has no positive-definite mass matrix or lacks coefficients, or the manoeuvre inputs of its terms.
     """
