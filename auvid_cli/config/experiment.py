@@ -25,9 +25,9 @@ def move_fin_lag(data: Any) -> Any:
     ValueError
         If the vehicle also has a lag.
     """
-    identification, vehicle = (
-        (data.get(key) for key in ("identification", "vehicle")) if isinstance(data, dict) else (None,) * 2
-    )
+    if not isinstance(data, dict):
+        return data
+    identification, vehicle = data.get("identification"), data.get("vehicle")
     if not isinstance(identification, dict) or not isinstance(vehicle, dict) or _LAG not in identification:
         return data
     rest = {key: value for key, value in identification.items() if key != _LAG}

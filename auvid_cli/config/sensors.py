@@ -3,7 +3,7 @@
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from auvid_cli.config.settings import Lever, Settings
 from auvid_cli.config.units import Amount, Unit, check_amount, parse_components
@@ -73,37 +73,21 @@ class SensorSettings(Settings):
     ] = ()
 
     @field_validator(
-        *("noise", "range", "bias_spread", "vibration", "quantisation", "outlier_size", "standard_deviation"),
+        *("noise", "range", "bias", "bias_spread", "drift", "vibration", "quantisation", "outlier_size"),
+        "standard_deviation",
         mode="before",
     )
     @classmethod
-    def _amount_per_component(cls, value: Any) -> PerComponent:
-        return () if value is None else parse_components(value, *cls._unit_and_width(), check_amount)
-
-    @field_validator("bias", mode="before")
-    @classmethod
-    def _per_component(cls, value: Any) -> PerComponent:
-        return () if value is None else parse_components(value, *cls._unit_and_width())
-
-    @field_validator("drift", mode="before")
-    @classmethod
-    def _per_component_and_root_second(cls, value: Any) -> PerComponent:
+    def _per_component(cls, value: Any, info: ValidationInfo) -> PerComponent:
+        if value is None:
+            return ()
         unit, width = cls._unit_and_width()
-        return parse_components(value, f"{unit}/s^0.5", width, check_amount)
-
-    @field_validator(
-        *("noise", "range", "bias_spread", "drift", "vibration", "quantisation", "outlier_size"), mode="after"
-    )
-    @classmethod
-    def _not_negative(cls, values: PerComponent) -> PerComponent:
+        if info.field_name == "bias":
+            return parse_components(value, unit, width)
+        values = parse_components(value, f"{unit}/s^0.5" if info.field_name == "drift" else unit, width, check_amount)
         if any(value < 0.0 for value in values):
             raise ValueError("expected values of 0 or more")
-        return values
-
-    @field_validator("standard_deviation", mode="after")
-    @classmethod
-    def _positive(cls, values: PerComponent) -> PerComponent:
-        if any(value <= 0.0 for value in values):
+        if info.field_name == "standard_deviation" and not all(values):
             raise ValueError("expected values greater than 0")
         return values
 

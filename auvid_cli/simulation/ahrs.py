@@ -31,22 +31,11 @@ _INITIAL_TILT = np.deg2rad(3.0)  # standard deviation, rad
 
 
 def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, times: Array) -> SensorRecord:
-    """Return estimated roll, pitch and yaw.
+    """Return estimated roll, pitch and yaw at some times, s.
 
-    Parameters
-    ----------
-    records : dict of SensorRecord
-        Records of gyroscope, accelerometer, magnetometer and dvl.
-    sensors : AhrsSensors
-        Settings of the sensors: noise levels, not the true biases.
-    times : ndarray, shape (n,)
-        Times of the output, s.
-
-    Returns
-    -------
-    SensorRecord
-        Its standard deviation is that in `sensors.attitude`, which must be larger than the scatter, because the errors
-        of an AHRS are autocorrelated.
+    `records` has those of gyroscope, accelerometer, magnetometer and dvl; `sensors` has their noise, not their biases.
+    The standard deviation of the result is that in `sensors.attitude`, which must be larger than the scatter, because the
+    errors of an AHRS are autocorrelated.
     """
     settings = sensors.attitude
     gyroscope, dvl, accelerometer, magnetometer = (
@@ -77,56 +66,28 @@ def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, t
 
 
 class _Noise(NamedTuple):
-    """Noise of the sensors.
+    """Noise of the sensors: spectral density of the gyroscope, variances, and standard deviation of the gyro bias."""
 
-    Attributes
-    ----------
-    rate_density : float
-        Power spectral density of the gyroscope's noise, (rad/s)^2/Hz.
-    force_variance : float
-        Variance of the accelerometer's noise and of the vehicle's own acceleration, g^2.
-    heading_variance : float
-        Variance of the magnetometer's noise, rad^2.
-    gyro_bias : float
-        Standard deviation of the gyroscope's bias, rad/s.
-    """
-
-    rate_density: float
-    force_variance: float
-    heading_variance: float
-    gyro_bias: float
+    rate_density: float  # (rad/s)^2/Hz
+    force_variance: float  # accelerometer and the vehicle's own acceleration, g^2
+    heading_variance: float  # rad^2
+    gyro_bias: float  # rad/s
 
 
 class _Ahrs(NamedTuple):
-    """State of the filter, and work arrays.
+    """State of the filter, and work arrays; vectors have shape (3,) unless noted."""
 
-    Attributes
-    ----------
-    rotation : ndarray, shape (3, 3)
-        Rotation from body to NED.
-    covariance, moved : ndarray, shape (6, 6)
-        Covariance of the errors of attitude (NED) and gyro bias; `moved` is a work array.
-    rate, velocity : ndarray, shape (3,)
-        Last measurements; NaN before the first.
-    bias : ndarray, shape (3,)
-        Estimated bias of the gyroscope, rad/s.
-    body, turn : ndarray, shape (3,)
-        Work arrays: a vector in the body frame, and in NED.
-    row, error, gain : ndarray, shape (6,)
-        Work arrays.
-    """
-
-    rotation: Array
-    covariance: Array
-    moved: Array
-    rate: Array
-    velocity: Array
-    bias: Array
-    body: Array
-    turn: Array
-    row: Array
-    error: Array
-    gain: Array
+    rotation: Array  # body to NED, shape (3, 3)
+    covariance: Array  # of the errors of attitude (NED) and gyro bias, shape (6, 6)
+    moved: Array  # work array, shape (6, 6)
+    rate: Array  # last measurement, NaN before the first
+    velocity: Array  # last measurement, NaN before the first
+    bias: Array  # estimate, rad/s
+    body: Array  # work array, in the body frame
+    turn: Array  # work array, in NED
+    row: Array  # work array, shape (6,)
+    error: Array  # work array, shape (6,)
+    gain: Array  # work array, shape (6,)
 
 
 _vector = types.float64[::1]

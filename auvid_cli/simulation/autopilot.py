@@ -13,42 +13,23 @@ from auvid_cli.vehicle.matrices import mass_matrix
 
 
 class Controls(NamedTuple):
-    """Gains and limits of an autopilot, SI; a gain is 0 if its loop is off.
+    """Gains and limits of an autopilot, SI; a gain is 0 if its loop is off."""
 
-    Attributes
-    ----------
-    drag, surge_gain : float
-        Thrust by the square of the speed setpoint, and by the speed error.
-    length_time : float
-        Vehicle's length by the speed of the manoeuvre, s.
-    rudder_gain, elevator_gain, depth_gain : float
-    pitch : float
-        Setpoint without a depth loop, rad.
-    fin_angle, fin_rate, largest_force : float
-        Limits of fins (rad, rad/s) and thrust (N).
-    shared_fins : float
-        1 if each fin turns for both rudder and elevator, as on an x tail, else 0.
-    torque : float
-        Roll moment of the propeller by its thrust, m.
-    zigzag_rudder, zigzag_heading, zigzag_start : float
-        Rudder angle (rad), heading of its reversal (rad) and start (s) of a zigzag.
-    """
-
-    drag: float
-    surge_gain: float
-    length_time: float
+    drag: float  # thrust by the square of the speed setpoint
+    surge_gain: float  # thrust by the speed error
+    length_time: float  # vehicle's length by the speed of the manoeuvre, s
     rudder_gain: float
     elevator_gain: float
-    pitch: float
+    pitch: float  # setpoint without a depth loop, rad
     depth_gain: float
-    fin_angle: float
-    fin_rate: float
-    largest_force: float
-    shared_fins: float
-    torque: float
-    zigzag_rudder: float
-    zigzag_heading: float
-    zigzag_start: float
+    fin_angle: float  # limit, rad
+    fin_rate: float  # limit, rad/s
+    largest_force: float  # limit, N
+    shared_fins: float  # 1 if each fin turns for both rudder and elevator, as on an x tail, else 0
+    torque: float  # roll moment of the propeller by its thrust, m
+    zigzag_rudder: float  # rad
+    zigzag_heading: float  # heading at which the rudder is reversed, rad
+    zigzag_start: float  # s
 
 
 _vector = types.float64[::1]
@@ -58,17 +39,11 @@ INITIAL_MEMORY = (0.0, 0.0, 0.0, 1.0)
 
 
 def autopilot_controls(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan) -> Controls:
-    """Return the autopilot of a manoeuvre, tuned to a vehicle.
-
-    Raises
-    ------
-    ConfigError
-        If the vehicle has no positive-definite mass matrix or lacks coefficients.
-    """
-    coefficients, known = vehicle.all_coefficients(), vehicle.known_parameters()
+    """Return the autopilot of a manoeuvre, tuned to a vehicle; ConfigError if the vehicle is invalid or incomplete."""
+    coefficients, parameters = vehicle.all_coefficients(), vehicle.known_parameters()
     autopilot, limits, geometry = manoeuvre.autopilot, manoeuvre.limits, vehicle.geometry
     # Proportional to thrust, so that an idle propeller has no torque.
-    torque = known["K_prop"] / known["X_prop"] if known["X_prop"] else 0.0
+    torque = parameters["K_prop"] / parameters["X_prop"] if parameters["X_prop"] else 0.0
     drag = -coefficients["X_u|u|"]
     if isinstance(manoeuvre, Recorded):
         # The recorded inputs include all thrust and torque.
@@ -78,7 +53,7 @@ def autopilot_controls(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: 
         drag = 0.0
     return Controls(
         drag=drag,
-        surge_gain=mass_matrix(known)[0, 0] * autopilot.bandwidth * float(autopilot.speed),
+        surge_gain=mass_matrix(parameters)[0, 0] * autopilot.bandwidth * float(autopilot.speed),
         length_time=vehicle.size.length / manoeuvre.speed,
         rudder_gain=np.copysign(autopilot.bandwidth, coefficients["N_uudr"])
         * float(autopilot.horizontal == "turn_rate"),

@@ -28,17 +28,9 @@ _COEFFICIENT_ERROR = 0.3  # share of each coefficient and of the propeller's for
 
 
 def field_log(dataset: Dataset) -> dict[str, str]:
-    """Return the logs of a run, and a vehicle file with coefficients that are randomly 30 % too large or too small.
+    """Return the texts of the logs and of a vehicle file by the names of the files.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        Simulated run; its attitude, DVL and depth are logged.
-
-    Returns
-    -------
-    dict of str
-        Text of each file by its name.
+    Attitude, DVL and depth are logged; coefficients of the vehicle are randomly 30 % too large or too small.
     """
     fins, sensors = dataset.inputs, dataset.sensors
     rudder, elevator = np.rad2deg(fins.values[:, :2].T)

@@ -83,27 +83,13 @@ _TRUTH = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 2), Truth)
 
 
 class _Workspace(NamedTuple):
-    """Work arrays of a simulation.
+    """Work arrays of a simulation."""
 
-    Attributes
-    ----------
-    memory : ndarray, shape (4,)
-        Memory of the autopilot, see `INITIAL_MEMORY`.
-    block : ndarray, shape (N_BLOCK,)
-        Motion, in the first lane of a block.
-    velocity : ndarray, shape (3, 3)
-        Velocity over ground at the beginning, middle and end of a substep, m/s.
-    step : ndarray, shape (N_WORK,)
-        Work array of a Runge-Kutta step.
-    positions : ndarray, shape (N_ACTUATORS,)
-        Positions of the actuators, SI.
-    """
-
-    memory: Array
-    block: Array
-    velocity: Array
-    step: Array
-    positions: Array
+    memory: Array  # of the autopilot, see `INITIAL_MEMORY`
+    block: Array  # motion in the first lane, shape (N_BLOCK,)
+    velocity: Array  # over ground at the beginning, middle and end of a substep, m/s, shape (3, 3)
+    step: Array  # for a Runge-Kutta step, shape (N_WORK,)
+    positions: Array  # of the actuators, SI, shape (N_ACTUATORS,)
 
 
 _WORKSPACE = types.NamedTuple((_vector, _vector, _matrix, _vector, _vector), _Workspace)
@@ -121,13 +107,10 @@ def simulate_motion(
 
     Parameters
     ----------
-    vehicle : VehicleSettings
-    manoeuvre : AnyManoeuvre
-    plan : ManoeuvrePlan
+    vehicle, manoeuvre, plan
     disturbance : ndarray, shape (n, 6)
         Force (N) and moment (N m) in addition to those of the model, from each tick to the next.
     longest_step : float
-        s.
     trim : ndarray, shape (4,)
         Part of the planned inputs that is not a command and bypasses the actuators, SI.
 
@@ -140,12 +123,12 @@ def simulate_motion(
     """
     if message := manoeuvre.missing_propulsion(vehicle.coefficient_set):
         raise ConfigError(message)
-    known = vehicle.known_parameters()
-    constants = vehicle_constants(known, vehicle.coefficient_set.terms)
+    parameters = vehicle.known_parameters()
+    constants = vehicle_constants(parameters, vehicle.coefficient_set.terms)
     acceleration = np.zeros(disturbance.shape)
     # Pages of zeros that are never written take no memory.
     if disturbance.any():
-        acceleration[:] = np.linalg.solve(mass_matrix(known), disturbance.T).T
+        acceleration[:] = np.linalg.solve(mass_matrix(parameters), disturbance.T).T
     coefficients = factors(vehicle.all_coefficients(), of_vehicle=vehicle.coefficient_set)
     controls = autopilot_controls(vehicle, manoeuvre, plan)
     n = plan.time.size

@@ -25,14 +25,8 @@ _BLOCK = 50_000
 def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict[str, SensorRecord]:
     """Return the records of all sensors of a suite, except an AHRS, which computes from the others.
 
-    Parameters
-    ----------
-    truth : Truth
-    suite : SensorSuite
-    current : ndarray, shape (3,)
-        Velocity of the water: north, east, down, m/s.
-    seed : int
-        Each error of each sensor has its own random stream, so that a change of one does not change the others.
+    `current` is the velocity of the water: north, east, down, m/s. Each error of each sensor has its own random stream,
+    so that a change of one does not change the others.
     """
     records: dict[str, SensorRecord] = {}
     for name, settings in suite.given().items():

@@ -99,23 +99,12 @@ _SHIPPED = "All numbers are those of the shipped vehicle; `notes` in `vehicle.ya
 
 
 class FirstFolder(NamedTuple):
-    """Files of a first folder.
+    """Files of a first folder."""
 
-    Attributes
-    ----------
-    texts : dict of str
-        Texts by the names of the files.
-    vehicle : VehicleSettings
-    spiral : FirstSpiral
-        Result of the simulated spiral.
-    assumed : tuple of str
-        Defaults in use, each as an option of `auvid init`.
-    """
-
-    texts: dict[str, str]
+    texts: dict[str, str]  # by the names of the files
     vehicle: VehicleSettings
     spiral: FirstSpiral
-    assumed: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()  # defaults in use, each as an option of `auvid init`
 
 
 def folder_of_outline(folder: Path, outline: Outline) -> FirstFolder:

@@ -34,31 +34,15 @@ _MAX_EXCESS_MASS = 0.15  # difference of mass and displaced water, share; estima
 
 
 class FirstSpiral(NamedTuple):
-    """A spiral that a vehicle can follow.
+    """A spiral that a vehicle can follow, and its simulation."""
 
-    Attributes
-    ----------
-    lines : tuple of str
-        Settings as YAML, one line each.
-    excitation : float
-        Share of the full excitation.
-    speed : tuple of float
-        Lowest and highest speed after the start, m/s.
-    roll, pitch : float
-        Largest angles of the whole run, rad.
-    slip : float
-        Largest angle between axis and flow after the start, rad.
-    depth : float
-        Depth at the end, m.
-    """
-
-    lines: tuple[str, ...]
-    excitation: float
-    speed: tuple[float, float]
-    roll: float
-    pitch: float
-    slip: float
-    depth: float
+    lines: tuple[str, ...]  # settings as YAML
+    excitation: float  # share of the full excitation
+    speed: tuple[float, float]  # lowest and highest after the start, m/s
+    roll: float  # largest of the whole run, rad
+    pitch: float  # largest of the whole run, rad
+    slip: float  # largest angle between axis and flow after the start, rad
+    depth: float  # at the end, m
 
 
 def cruising_speed(vehicle: VehicleSettings) -> float | None:
@@ -70,17 +54,7 @@ def cruising_speed(vehicle: VehicleSettings) -> float | None:
 def first_spiral(vehicle: VehicleSettings, speed: float) -> FirstSpiral:
     """Return the spiral with the most excitation in which the vehicle does not roll or pitch too far.
 
-    Parameters
-    ----------
-    vehicle : VehicleSettings
-        Vehicle with all coefficients.
-    speed : float
-        Speed to hold, m/s.
-
-    Raises
-    ------
-    ConfigError
-        If it rolls or pitches too far with the least excitation.
+    The vehicle needs all coefficients; `speed` is in m/s. ConfigError if the least excitation is too much.
     """
     reason = ""
     for excitation in _EXCITATIONS:
@@ -107,9 +81,12 @@ def first_spiral(vehicle: VehicleSettings, speed: float) -> FirstSpiral:
 
 def spiral_lines(vehicle: VehicleSettings, speed: float, excitation: float) -> tuple[str, ...]:
     """Return the settings of a spiral for a vehicle, with a share of the full excitation."""
-    known, length_time = vehicle.known_parameters(), vehicle.size.length / speed
-    righting = max(known["W"] * known["zG"] - known["B"] * known["zB"], 0.01 * known["W"] * vehicle.size.diameter)
-    rolling = float(np.sqrt(righting / (known["Ixx"] - known["K_pdot"]))) / (2.0 * np.pi)
+    parameters, length_time = vehicle.known_parameters(), vehicle.size.length / speed
+    righting = max(
+        parameters["W"] * parameters["zG"] - parameters["B"] * parameters["zB"],
+        0.01 * parameters["W"] * vehicle.size.diameter,
+    )
+    rolling = float(np.sqrt(righting / (parameters["Ixx"] - parameters["K_pdot"]))) / (2.0 * np.pi)
     drag = -vehicle.all_coefficients()["X_u|u|"] * speed**2
     fins, duration = (
         f"{excitation * _FIN_ANGLE:.3g} deg",
@@ -168,7 +145,7 @@ class SanityRow(NamedTuple):
 
 def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[SanityRow]:
     """Yield quantities that follow from a vehicle, and results of the simulated spiral."""
-    known, size = vehicle.known_parameters(), vehicle.size
+    parameters, size = vehicle.known_parameters(), vehicle.size
     slenderness = size.length / size.diameter
     usual = f"expected {MIN_SLENDERNESS:g} to {MAX_SLENDERNESS:g}"
     yield SanityRow("length", f"{size.length:.4g} m", f"{slenderness:.3g} diameters; {usual}")
@@ -179,17 +156,17 @@ def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[Sanit
         )
         yield SanityRow("fin: span, mean chord", f"{span:.3g}, {chord:.3g} m", relative)
     if displaced := _displaced(vehicle):
-        share = f"{known['m'] / displaced:.3g} of it"
-        yield SanityRow("water displaced by the hull", f"{displaced:.4g} kg", f"mass {known['m']:.4g} kg, {share}")
-    yield SanityRow("buoyancy", f"{known['B']:.4g} N", f"weight {known['W']:.4g} N")
-    central = central_inertia(known)
+        share = f"{parameters['m'] / displaced:.3g} of it"
+        yield SanityRow("water displaced by the hull", f"{displaced:.4g} kg", f"mass {parameters['m']:.4g} kg, {share}")
+    yield SanityRow("buoyancy", f"{parameters['B']:.4g} N", f"weight {parameters['W']:.4g} N")
+    central = central_inertia(parameters)
     axial, transverse = (
-        f"full cylinder: {full:.3g} kg m^2" for full in full_cylinder(known["m"], size.length, size.diameter)
+        f"full cylinder: {full:.3g} kg m^2" for full in full_cylinder(parameters["m"], size.length, size.diameter)
     )
     yield SanityRow("inertia about x", f"{central[0, 0]:.3g} kg m^2", axial)
     yield SanityRow("inertia about y, z", f"{central[1, 1]:.3g}, {central[2, 2]:.3g} kg m^2", transverse)
-    righting = known["W"] * known["zG"] - known["B"] * known["zB"]
-    below = f"centre of gravity {1e3 * (known['zG'] - known['zB']):.3g} mm below the centre of buoyancy"
+    righting = parameters["W"] * parameters["zG"] - parameters["B"] * parameters["zB"]
+    below = f"centre of gravity {1e3 * (parameters['zG'] - parameters['zB']):.3g} mm below the centre of buoyancy"
     yield SanityRow("righting moment", f"{np.deg2rad(righting):.3g} N m per degree", below)
     drag = -vehicle.all_coefficients()["X_u|u|"]
     slowest, fastest = spiral.speed
