@@ -34,8 +34,8 @@ def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, t
     """Return estimated roll, pitch and yaw at some times, s.
 
     `records` has those of gyroscope, accelerometer, magnetometer and dvl; `sensors` has their noise, not their biases.
-    The standard deviation of the result is that in `sensors.attitude`, which must be larger than the scatter, because the
-    errors of an AHRS are autocorrelated.
+    The standard deviation of the result is that in `sensors.attitude`, which must be larger than the scatter, because
+    the errors of an AHRS are autocorrelated.
     """
     settings = sensors.attitude
     gyroscope, dvl, accelerometer, magnetometer = (

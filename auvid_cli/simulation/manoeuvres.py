@@ -161,8 +161,8 @@ def _excitation(excitation: Excitation, time: Array) -> Array:
 def orthogonal_multisine(settings: Multisine, time: Array, index: int, channels: int) -> Array:
     """Return a multisine of a channel's own harmonics, shifted in time so that it starts and ends at zero.
 
-    It has `settings.lines` harmonics, evenly spaced in its band, or all if there are fewer. `time` covers the run, whose
-    length is the common period. Channel `index`, from 0, has every `channels`-th harmonic.
+    It has `settings.lines` harmonics, evenly spaced in its band, or all if there are fewer. `time` covers the run,
+    whose length is the common period. Channel `index`, from 0, has every `channels`-th harmonic.
 
     Different harmonics are orthogonal over the run (Morelli, Flight test maneuver design for efficient aerodynamic
     modeling, 2012).
