@@ -46,9 +46,7 @@ class CampaignAxis(Settings):
     setting: Annotated[str | None, Field(description="dotted key of a setting of the experiment")] = None
     values: Annotated[tuple[AnyValue, ...] | None, Field(min_length=1, description="values of the setting")] = None
     draw: Annotated[Distribution | None, Field(description="distribution of the setting, in SI")] = None
-    relative: Annotated[
-        bool, Field(strict=True, description="whether values and draws multiply the value in the experiment")
-    ] = False
+    relative: Annotated[bool, Field(strict=True, description="whether values and draws are factors")] = False
     name: Annotated[str | None, Field(pattern=_NAME, description="column in the results; default: the setting")] = None
     levels: Annotated[
         dict[str, dict[str, AnyValue]] | None,
@@ -127,10 +125,8 @@ class Campaign(Settings):
     """A campaign file."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/campaigns/")]
-    experiment: Annotated[
-        str, Field(description="experiment file, relative to this file, or the name of a shipped experiment")
-    ] = "spiral"
-    settings: Annotated[dict[str, AnyValue], Field(description="settings of all runs, by dotted key")] = Field(
+    experiment: Annotated[str, Field(description="experiment file, relative to this file, or shipped name")] = "spiral"
+    settings: Annotated[dict[str, AnyValue], Field(description="common settings, by dotted key")] = Field(
         default_factory=dict
     )
     seeds: Annotated[
@@ -138,9 +134,7 @@ class Campaign(Settings):
         | Annotated[tuple[Annotated[int, Field(ge=0, lt=2**63, strict=True)], ...], Field(min_length=1)],
         Field(description="number of seeds, which count from 1, or a list of seeds"),
     ] = 20
-    filters: Annotated[
-        tuple[FilterVariant, ...], Field(min_length=1, description="filters, each a name or a name with settings")
-    ] = ()
+    filters: Annotated[tuple[FilterVariant, ...], Field(min_length=1, description="names, or names with settings")] = ()
     vary: Annotated[tuple[CampaignAxis, ...], Field(description="axes; all combinations run")] = ()
 
     @field_validator("settings")

@@ -46,18 +46,14 @@ class Term(Settings):
         ),
     ]
     value: Annotated[float | None, Field(description="value; needed by simulations, and if not estimated")] = None
-    estimate: Annotated[
-        bool, Field(strict=True, description="whether `identification.coefficients: all` includes this term")
-    ] = True
+    estimate: Annotated[bool, Field(strict=True, description="whether `coefficients: all` includes this term")] = True
     prior: Annotated[
         TermPrior, Field(description="mean and standard_deviation, which replace those of `identification.prior`")
     ] = TermPrior()
     meaning: Annotated[str, Field(max_length=200, description="phrase for tables and files")] = ""
     status: Annotated[str, Field(description="read, derived or assumed, and how")] = "stated"
     source: Annotated[str | None, Field(description="source, if not that of the vehicle file")] = None
-    standard_deviation: Annotated[float | None, Field(description="standard deviation, in the unit of the value")] = (
-        None
-    )
+    standard_deviation: Annotated[float | None, Field(description="standard deviation of the value")] = None
 
     @field_validator("row")
     @classmethod
@@ -193,7 +189,7 @@ class Prior(Settings):
         float, Field(ge=1e-6, le=1e6, description="standard deviation in natural magnitudes, if the mean is zero")
     ] = 3.0
     standard_deviation: dict[str, float] = Field(
-        default_factory=dict, description="standard deviation by coefficient; replaces all others"
+        default_factory=dict, description="by coefficient; replaces all others"
     )
     from_estimate: Annotated[
         str | None,

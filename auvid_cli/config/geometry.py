@@ -40,9 +40,7 @@ class MyringShape(Settings):
     tail: Annotated[PositiveLength, Field(description="c, length of the tail")]
     tail_offset: Annotated[Distance, Field(description="c_0, length cut off the tail")] = 0.0
     exponent: Annotated[float, Field(ge=0.5, le=20, description="n, exponent of the nose; 2: ellipse")] = 2.0
-    tail_angle: Annotated[
-        float, Amount("rad"), Field(gt=0, lt=1.5, description="theta, angle of the contour at the end of the tail")
-    ]
+    tail_angle: Annotated[float, Amount("rad"), Field(gt=0, lt=1.5, description="theta, contour angle at the end")]
 
     @model_validator(mode="after")
     def _valid_offsets(self) -> "MyringShape":

@@ -24,14 +24,12 @@ INPUTS_DELAY = "inputs"
 class Use(Settings):
     """Selection of data; each segment starts from its own initial motion, with the coefficients found so far."""
 
-    spans: Annotated[
-        SeparateSpans, Field(description="spans [begin, end], s; null: start or end of the data; empty: all data")
-    ] = ()
-    least_speed: Annotated[
-        float | None, Amount("m/s"), Field(gt=0, description="smallest speed of the DVL; slower data are left out")
-    ] = None
+    spans: Annotated[SeparateSpans, Field(description="spans [begin, end], s; null: open end; empty: all data")] = ()
+    least_speed: Annotated[float | None, Amount("m/s"), Field(gt=0, description="lowest speed of the DVL to use")] = (
+        None
+    )
     longest_gap: Annotated[
-        float | None, Amount("s"), Field(gt=0, description="longest gap of a sensor; a longer one ends the segment")
+        float | None, Amount("s"), Field(gt=0, description="a longer gap of a sensor ends the segment")
     ] = None
     shortest: Annotated[float, Amount("s"), Field(ge=0, description="length of the shortest segment to use")] = 2.0
 
@@ -71,9 +69,7 @@ class OutputErrorSettings(Settings):
     """Output-error method: fit of coefficients and initial motion, without process noise."""
 
     max_evaluations: Annotated[int, Field(ge=1, strict=True, description="largest number of simulations")] = 100
-    use_prior: Annotated[
-        bool, Field(strict=True, description="whether the fit includes the priors of coefficients and initial motion")
-    ] = False
+    use_prior: Annotated[bool, Field(strict=True, description="whether the fit includes the priors")] = False
     bounds: dict[str, tuple[float, float]] = Field(
         default_factory=dict, description="bounds [lowest, highest] of the estimate, by coefficient"
     )
@@ -99,9 +95,7 @@ class OutputErrorSettings(Settings):
 class SmootherSettings(Settings):
     """Smoother: the most probable trajectory and coefficients, with process noise."""
 
-    max_passes: Annotated[
-        int, Field(ge=1, strict=True, description="largest number of passes over the data, from each start")
-    ] = 50
+    max_passes: Annotated[int, Field(ge=1, strict=True, description="largest number of passes from each start")] = 50
     answer: Annotated[
         Literal["automatic", "joint", "marginal"],
         Field(
@@ -150,7 +144,7 @@ class Identification(Settings):
     )
     initial_motion: InitialMotion = InitialMotion()
     integration_step: Annotated[
-        float, Unit("s"), Field(ge=1e-5, le=1e3, description="longest step of the filter's integration")
+        float, Unit("s"), Field(ge=1e-5, le=1e3, description="longest step of the integration")
     ] = 0.02
     keep_every: Annotated[int, Field(ge=1, strict=True, description="write every n-th state (and all innovations)")] = 1
     gate: Annotated[

@@ -134,9 +134,7 @@ class RowChoice(Settings):
     """Column that selects rows, and its values in the rows to use."""
 
     column: Annotated[str, Field(min_length=1, description="name in the log")]
-    values: Annotated[
-        tuple[bool | int | float | str, ...], Field(min_length=1, description="values of the rows to use")
-    ] = (
+    values: Annotated[tuple[bool | int | float | str, ...], Field(min_length=1, description="values of valid rows")] = (
         True,
         1,
     )

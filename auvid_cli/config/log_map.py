@@ -303,7 +303,7 @@ class LogFile(Settings):
     more: Annotated[tuple[str, ...], Field(description="files that continue the log, in order")] = ()
     delimiter: Annotated[str | None, Field(min_length=1, description="separator of the fields of a row")] = None
     header_row: Annotated[
-        int | None, Field(ge=1, strict=True, description="line with the names of the columns; the first line is 1")
+        int | None, Field(ge=1, strict=True, description="line of the names; the first line is 1")
     ] = None
     names: Annotated[tuple[str, ...], Field(description="names of the columns, if the file has none")] = ()
     decimal: Annotated[str | None, Field(pattern=r"^[.,]$", description="decimal point")] = None
@@ -324,13 +324,9 @@ class LogMap(Settings):
     vehicle: VehicleSettings
     identification: IdentificationOfVehicle = Identification()
     logs: Annotated[dict[str, LogFile], Field(min_length=1, description="log files, each under a name of your choice")]
-    time: Annotated[TimeSource | None, Field(description="times of the sensors; default: header stamp or log time")] = (
-        None
-    )
+    time: Annotated[TimeSource | None, Field(description="times; default: header stamp or log time")] = None
     use: Annotated[Spans, Field(description="spans [begin, end] to use, in the dataset's time; default: all")] = ()
-    exclude: Annotated[
-        Spans, Field(description="spans [begin, end], in the dataset's time, in which all sensors are missing")
-    ] = ()
+    exclude: Annotated[Spans, Field(description="spans [begin, end] without sensors, in the dataset's time")] = ()
     sensors: SensorMaps
     inputs: InputsMap
 

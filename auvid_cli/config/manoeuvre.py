@@ -53,7 +53,7 @@ class FinTrim(Settings):
     rudder: Annotated[Radians, Field(description="actual minus recorded angle")] = 0.0
     elevator: Annotated[Radians, Field(description="actual minus recorded angle")] = 0.0
     spread: Annotated[
-        float, Amount("rad"), Field(ge=0, description="standard deviation of a further offset of each, drawn per seed")
+        float, Amount("rad"), Field(ge=0, description="standard deviation of a random offset per seed")
     ] = 0.0
 
 
@@ -105,9 +105,7 @@ class Propeller(Settings):
 
     revolutions: Annotated[float, Unit("turn/s"), Field(description="mean revolutions after the fade-in")]
     voltage: Annotated[float, Unit("V"), Field(description="voltage at the start")] = 0.0
-    final_voltage: Annotated[
-        float | None, Unit("V"), Field(description="voltage at the end; linear change; default: constant")
-    ] = None
+    final_voltage: Annotated[float | None, Unit("V"), Field(description="voltage at the end; default: constant")] = None
     excitation: Annotated[TurnMultisine | None, Field(description="multisine added to the revolutions")] = None
 
 
@@ -138,9 +136,7 @@ class Autopilot(Settings):
     speed: Annotated[bool, Field(description="whether thrust controls the speed; otherwise constant thrust")] = True
     vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="controlled by the elevator")] = "pitch"
     horizontal: Annotated[Literal["turn_rate", "none"], Field(description="controlled by the rudder")] = "turn_rate"
-    bandwidth: Annotated[float, Field(ge=1e-3, le=1e3, description="stiffness of the loops; 1 for a torpedo shape")] = (
-        1.0
-    )
+    bandwidth: Annotated[float, Field(ge=1e-3, le=1e3, description="stiffness; 1 for a torpedo shape")] = 1.0
 
 
 class DepthAutopilot(Autopilot):

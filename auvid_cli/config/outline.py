@@ -40,9 +40,7 @@ class Outline(Settings):
     fins: Annotated[int, Field(ge=3, le=12, description="number of fins")] = 4
     tail: Annotated[Literal["+", "x"], Field(description="arrangement of the fins")] = "+"
     nose: Annotated[_OptionalLength, Field(description="length of the nose; default: about a diameter")] = None
-    tail_length: Annotated[_OptionalLength, Field(description="length of the tail; default: about 2.5 diameters")] = (
-        None
-    )
+    tail_length: Annotated[_OptionalLength, Field(description="length of the tail; default: 2.5 diameters")] = None
     speed: Annotated[float, Amount("m/s"), Field(ge=0.05, le=50, description="cruising speed")] = 1.5
     density: Annotated[float, Amount("kg/m^3"), Field(ge=1, le=2e4, description="density of the water")] = 1025.0
 

@@ -36,17 +36,11 @@ class SensorSettings(Settings):
     rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="samples per second")]
     start: Annotated[float, Amount("s"), Field(ge=0, le=1e6, description="time of the first sample")] = 0.0
     noise: Annotated[PerComponent, Field(description="standard deviation of the noise")] = ()
-    range: Annotated[
-        PerComponent, Field(description="catalogue accuracy +-range, treated as three standard deviations of the noise")
-    ] = ()
+    range: Annotated[PerComponent, Field(description="catalogue accuracy +-range, three standard deviations")] = ()
     bias: Annotated[PerComponent, Field(description="constant bias")] = (0.0,)
-    bias_spread: Annotated[
-        PerComponent, Field(description="standard deviation of a further constant bias, drawn per seed")
-    ] = (0.0,)
+    bias_spread: Annotated[PerComponent, Field(description="standard deviation of a random bias per seed")] = (0.0,)
     drift: Annotated[PerComponent, Field(description="random walk of the bias, per square root of a second")] = (0.0,)
-    coloured_share: Annotated[
-        float, Field(ge=0, le=1, description="share of the noise variance that is a Gauss-Markov process")
-    ] = 0.0
+    coloured_share: Annotated[float, Field(ge=0, le=1, description="Gauss-Markov share of the noise variance")] = 0.0
     coloured_time_constant: Annotated[
         float,
         Amount("s"),
@@ -69,7 +63,7 @@ class SensorSettings(Settings):
         Field(ge=0, le=1e3, description="standard deviation of a further delay (clock offset), drawn per seed"),
     ] = 0.0
     standard_deviation: Annotated[
-        PerComponent, Field(description="standard deviation that filters assume; default: that of the noise")
+        PerComponent, Field(description="standard deviation for filters; default: noise")
     ] = ()
 
     @field_validator(
@@ -186,7 +180,7 @@ class AhrsSettings(Settings):
         Field(gt=0, description="density of the vehicle's own acceleration, which an AHRS cannot tell from tilt"),
     ] = 0.1
     gyro_bias: Annotated[
-        float, Amount("rad/s"), Field(ge=0, description="initial standard deviation of the AHRS's gyro bias")
+        float, Amount("rad/s"), Field(ge=0, description="prior standard deviation of the gyro bias")
     ] = 0.0
 
 

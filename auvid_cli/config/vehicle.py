@@ -76,7 +76,7 @@ class FinActuator(_ActuatorSettings):
     command_unit = "rad"
 
     dead_band: Annotated[
-        float | None, Amount("rad"), Field(gt=0, lt=1.6, description="dead band, subtracted from the size of a command")
+        float | None, Amount("rad"), Field(gt=0, lt=1.6, description="dead band, subtracted from commands")
     ] = None
     saturation: Annotated[float | None, Amount("rad"), Field(gt=0, lt=1.6, description="largest command")] = None
     rate_limit: Annotated[float | None, Amount("rad/s"), Field(gt=0, description="largest fin rate")] = None
@@ -89,9 +89,9 @@ class PropellerActuator(_ActuatorSettings):
 
     command_unit = "N"
 
-    dead_band: Annotated[
-        float | None, Amount("N"), Field(gt=0, description="dead band, subtracted from the size of a command")
-    ] = None
+    dead_band: Annotated[float | None, Amount("N"), Field(gt=0, description="dead band, subtracted from commands")] = (
+        None
+    )
     saturation: Annotated[float | None, Amount("N"), Field(gt=0, description="largest command")] = None
     rate_limit: Annotated[float | None, Unit("N/s"), Field(gt=0, description="largest rate of the force")] = None
     time_constant: _TimeConstant = None
@@ -119,9 +119,7 @@ class VehicleEntry(Settings):
     value: float
     status: Annotated[str, Field(description="read, derived or assumed, and how")] = "stated"
     source: Annotated[str | None, Field(description="source, if not that of the vehicle file")] = None
-    standard_deviation: Annotated[float | None, Field(description="standard deviation, in the unit of the value")] = (
-        None
-    )
+    standard_deviation: Annotated[float | None, Field(description="standard deviation of the value")] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -132,9 +130,7 @@ class VehicleEntry(Settings):
 class CoefficientEntry(VehicleEntry):
     """A coefficient, and whether it is estimated by default."""
 
-    estimate: Annotated[
-        bool | None, Field(strict=True, description="false: `identification.coefficients: all` excludes it")
-    ] = None
+    estimate: Annotated[bool | None, Field(strict=True, description="false: `coefficients: all` excludes it")] = None
 
 
 def _entry(unit: str, base: type[VehicleEntry] = VehicleEntry, positive: bool = False) -> type[VehicleEntry]:
