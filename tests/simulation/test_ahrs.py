@@ -1,4 +1,4 @@
-"""The attitude reference against the true attitude."""
+"""Attitude of the AHRS against the true attitude."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ NOISELESS = tuple(
 
 
 def error_in_degrees(attitude, truth):
-    """Of roll, pitch, yaw, wrapped; the attitude comes on every tick of the truth."""
+    """Return the errors of roll, pitch and yaw, wrapped; the attitude has the ticks of the truth."""
     difference = attitude.values - truth.motion[:, 6:9]
     return np.rad2deg((difference + np.pi) % (2 * np.pi) - np.pi)
 
@@ -50,7 +50,7 @@ def test_perfect_sensors_on_straight_climb_give_true_attitude(simulated_with):
 def test_attitude_error_in_spiral_is_below_a_degree(spiral):
     error = rms(error_in_degrees(spiral.sensors["attitude"], spiral.truth))
     assert np.all(error < 0.3)
-    # Better than the magnetometer's 0.5 deg alone.
+    # Smaller than the 0.5 deg of the magnetometer alone.
     assert error[2] < 0.25
 
 

@@ -1,4 +1,4 @@
-"""A simulated survey as somebody else's vehicle would have logged it."""
+"""A simulated survey in the form of logs from the field."""
 
 import csv
 

@@ -1,4 +1,4 @@
-"""Manoeuvres as arrays."""
+"""Plans of manoeuvres: inputs and setpoints over time."""
 
 import os
 
@@ -58,7 +58,7 @@ def test_multisine_has_peak_and_lines_of_settings(experiment_with):
     lines = np.flatnonzero(amplitude > 1e-6)
     assert_allclose(lines / 100.0, [0.1, 0.2, 0.3, 0.4, 0.5])
     assert_allclose(amplitude[lines], amplitude[lines[0]], rtol=1e-9)
-    # What the phases are for: five sines in phase would peak at 5 times one of them.
+    # Five sines without phases would have a peak of 5 times one sine.
     assert np.abs(signal).max() < 4.0 * amplitude[lines[0]]
 
 

@@ -1,4 +1,4 @@
-"""Noise that is correlated in time, against closed forms."""
+"""Autocorrelated noise against closed forms."""
 
 import numpy as np
 from numpy.testing import assert_allclose
@@ -11,7 +11,7 @@ def test_gauss_markov_process_has_variance_and_autocorrelation():
     numbers = stream(1, "test")
     drawn = np.array([gauss_markov(time, time_constant, numbers) for _ in range(n)])
     expected = np.exp(-np.abs(time[:, None] - time) / time_constant)
-    # The variance of a sample covariance of normal numbers is 1 plus the square of the correlation, by n.
+    # Variance of a sample covariance of normal numbers: (1 + correlation^2) / n.
     chance = 5.0 * np.sqrt((1.0 + expected**2) / n)
     assert (np.abs(drawn.T @ drawn / n - expected) < chance).all()
     assert np.abs(drawn.mean(axis=0)).max() < 5.0 / np.sqrt(n)

@@ -1,4 +1,4 @@
-"""Raw sensors: what they measure, and each of their imperfections."""
+"""Raw sensors: measured quantities and each error."""
 
 from functools import cache
 
@@ -19,11 +19,11 @@ NOISELESS = tuple(f"sensors.{name}={{rate: 50 Hz, noise: 0}}" for name in RAW)
 
 @pytest.fixture
 def measurement(experiment_with, standing_still):
-    """Function: samples of one sensor of a vehicle that stands still."""
+    """Function: samples of one sensor of a vehicle at rest."""
 
     @cache
     def suite(name: str, settings: str):
-        """Sensors of which the others take one sample."""
+        """Return a suite in which the other sensors have one sample."""
         others = (f"sensors.{other}.rate=0.001 Hz" for other in RAW if other != name)
         return experiment_with(f"sensors.{name}={settings}", *others).sensors
 
@@ -34,7 +34,7 @@ def measurement(experiment_with, standing_still):
 
 
 def within_chance(sum_of_squares, count):
-    """Whether a sum of squares of standard normal numbers is credible, at one in a million."""
+    """Whether a sum of squares of standard normal numbers passes a chi-squared test at one in a million."""
     low, high = stats.chi2.ppf([5e-7, 1 - 5e-7], count)
     return low < sum_of_squares < high
 

@@ -1,4 +1,4 @@
-"""The true motion against an independent integrator, and the manoeuvres against what they promise."""
+"""True motion against an independent integrator, and manoeuvres against their settings."""
 
 from itertools import pairwise
 
@@ -20,7 +20,7 @@ CIRCLE = "{type: turning_circle, duration: 180 s, speed: 2 m/s, rudder: -8 deg, 
 
 
 def slope(time, state, truth, inputs, push):
-    """Of motion and position; the position by rotation matrices about one axis after the other."""
+    """Return the derivatives of motion and position, the latter by elementary rotation matrices."""
     block, rate = np.zeros(9 * LANES), np.zeros(9 * LANES)
     coefficients = np.zeros(truth.coefficients.size * LANES)
     block[::LANES], coefficients[::LANES] = state[:9], truth.coefficients
@@ -127,7 +127,7 @@ def test_speed_at_constant_thrust_is_hyperbolic_tangent(fly, experiment_with):
     drag, known = -vehicle.all_coefficients()["X_u|u|"], vehicle.known_parameters()
     thrust, inertia = drag * 2.0**2, known["m"] - known["X_udot"]
     assert_allclose(truth.inputs[:, 2], thrust, rtol=1e-12)
-    # 2 tanh(rate t) solves inertia du/dt = thrust - drag u^2, but for a little pitch from the low zG.
+    # 2 tanh(rate t) solves inertia du/dt = thrust - drag u^2, except for a small pitch from the low zG.
     rate = np.sqrt(thrust * drag) / inertia
     assert_allclose(truth.motion[:, 0], 2.0 * np.tanh(rate * truth.time), atol=0.01)
 
@@ -148,7 +148,7 @@ def test_zigzag_reverses_at_heading_and_overshoots(fly):
     turns = np.flatnonzero(np.sign(rudder[1:]) * np.sign(rudder[:-1]) < 0)
     assert turns.size >= 3
     for turn in turns:
-        # The fin needs 10 deg at its rate to come back to zero; the heading goes on meanwhile.
+        # The heading changes further while the fin returns to zero at its rate limit.
         assert abs(heading[turn]) >= np.deg2rad(20.0)
     peaks = [np.abs(heading[a:b]).max() for a, b in pairwise(turns)]
     assert min(peaks) > np.deg2rad(21.0)

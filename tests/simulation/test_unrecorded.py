@@ -1,4 +1,4 @@
-"""What acts on the vehicle and no record shows."""
+"""Disturbances, fin trims and recorded inputs."""
 
 import numpy as np
 import pytest
