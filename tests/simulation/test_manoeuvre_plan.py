@@ -116,12 +116,12 @@ GOOD = [(0, 0, 0, 0, 0), (4, 0, 0, 0, 0)]
         ([(0, 0, 0, 0, 0), (4, 0, "5_0", 0, 0)], None, "line 3: '5_0' is not a finite number"),
         ([(0, 0, 0, 0, 0), (4, 0, "\u0665", 0, 0)], None, "line 3: '\u0665' is not a finite number"),
         ([(0, 0, 0, 0, 0), (4, 0, "9" * 200_000, 0, 0)], None, "line 3: field larger than field limit"),
-        (GOOD, "time,rudder,elevator,surge_force,roll_moment,rudder", "no column rudder, or several"),
+        (GOOD, "time,rudder,elevator,surge_force,roll_moment,rudder", "no or several columns rudder"),
         ([(0, 0, 0, 0, 0), (4, "nan", 0, 0, 0)], None, "finite"),
         ([(0, 0, 0, 0, 0), (2, 0, 0, 0, 0), (1, 0, 0, 0, 0)], None, "increasing"),
         ([(0, 0, 0, 0, 0), (0, 0, 0, 0, 0)], None, "increasing"),
-        ([(1, 0, 0, 0, 0), (4, 0, 0, 0, 0)], None, "covers"),
-        ([(0, 0, 0, 0, 0), (2, 0, 0, 0, 0)], None, "covers"),
+        ([(1, 0, 0, 0, 0), (4, 0, 0, 0, 0)], None, "manoeuvre needs"),
+        ([(0, 0, 0, 0, 0), (2, 0, 0, 0, 0)], None, "manoeuvre needs"),
     ],
     ids=[
         "column",
@@ -155,7 +155,7 @@ def test_byte_order_mark_is_ignored(plan_of, tmp_path):
 
 def test_pipe_as_recording_raises(plan_of, tmp_path):
     os.mkfifo(tmp_path / "inputs.csv")
-    with pytest.raises(ConfigError, match="is a pipe or a device"):
+    with pytest.raises(ConfigError, match="pipe or a device"):
         plan_of(f"{{type: recorded, duration: 4 s, speed: 1 m/s, file: {tmp_path / 'inputs.csv'}}}")
 
 
