@@ -210,14 +210,14 @@ def test_settings_travel_as_text_that_means_the_same(planned):
         (("values: [1, 10]", "values: []"), r"expected at least 1 of them"),
         (("seeds: [3, 5]", "seeds: [3, 3]"), "duplicate seed"),
         (("seeds: [3, 5]", "seeds: 0"), "seeds"),
-        (("{setting: identification.prior.factor,", "{"), "need the key of their `setting`"),
+        (("{setting: identification.prior.factor,", "{"), "need the key of a `setting`"),
         (("ekf.transition: first_order", "gate: x"), r"campaign\.yaml:6:\d+: identification\.gate"),
         (
             ("{identification.ekf.transition", "{sensors.dvl.rate: 3 Hz, identification.ekf.transition"),
             "all filters share",
         ),
-        (("values: [1, 10]", "values: [1, 10], known: false"), "`known: false` is for settings of vehicle or sensors"),
-        (("setting: identification.prior.factor", "setting: seed"), "seeds and filters have lists of their own"),
+        (("values: [1, 10]", "values: [1, 10], known: false"), "`known: false` is only possible for"),
+        (("setting: identification.prior.factor", "setting: seed"), "set `seeds` and `filters`"),
         (("name: rate", "name: identification.prior.factor"), "duplicate name"),
         (
             ("settings: {manoeuvre.duration: 5 s}", "settings: {manoeuvre.duration: 5 s, seed: 3}"),
