@@ -39,7 +39,6 @@ CORE = (
     "identification",
     "design",
     "config/extra_states.py",
-    "config/moving_states.py",
     "angles.py",
     "numerics.py",
 )

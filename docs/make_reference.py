@@ -14,9 +14,9 @@ import yaml
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from auvid_cli.config.assembly import SECTIONS
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.loading import SECTIONS
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.outline import Outline
 from auvid_cli.config.sensors import SensorSettings
@@ -189,7 +189,7 @@ def limits(field) -> str:
     for item in field.metadata:
         if isinstance(item, Unit):
             size = magnitude_of(item.unit)
-            low, high = plain(size.least if isinstance(item, Amount) else -size.most), plain(size.most)
+            low, high = plain(size.smallest if isinstance(item, Amount) else -size.largest), plain(size.largest)
     for item in field.metadata:
         least = next(
             (limit for limit in (getattr(item, "ge", None), getattr(item, "gt", None)) if limit is not None), None

@@ -1,8 +1,16 @@
 """Tables of the package are complete: each name that users can write has everything that it needs."""
 
 from auvid_cli.config.enums import FilterName, FormatName
-from auvid_cli.config.extra_states import DELAYS, ERROR_BLOCKS, ERROR_STATES, AugmentedStates, BiasName
-from auvid_cli.config.moving_states import FURTHER_STATES, InitialMotion, ProcessNoise
+from auvid_cli.config.extra_states import (
+    DELAYS,
+    ERROR_BLOCKS,
+    ERROR_STATES,
+    FURTHER_STATES,
+    AugmentedStates,
+    BiasName,
+    InitialMotion,
+    ProcessNoise,
+)
 from auvid_cli.config.sensors import SensorSuite
 from auvid_cli.export.formats import FORMATS
 from auvid_cli.identification.faults import DELAY_FAULTS

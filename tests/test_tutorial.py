@@ -18,6 +18,6 @@ def test_the_blocks_of_the_tutorial_run_in_order_and_leave_one_file(tmp_path, mo
     assert names["tukf"].completed
     assert (names["errors"]["tukf"] < 20.0).mean() > 0.8
     assert capsys.readouterr().out.endswith(
-        "'tufk' is no filter; auvid knows ekf, ckf, tukf, ukf, smoother, output_error\n"
+        "unknown filter 'tufk'; auvid knows ekf, ckf, tukf, ukf, smoother, output_error\n"
     )
     assert [path.name for path in tmp_path.iterdir()] == ["vehicle.py"]

@@ -6,9 +6,8 @@ from pathlib import Path
 
 from auvid_cli.api.arguments import checked
 from auvid_cli.config import loading
-from auvid_cli.config.assembly import Override
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.config.loading import find_experiment
+from auvid_cli.config.loading import Override, find_experiment
 from auvid_cli.data import dataset_file, estimate_file
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate

@@ -14,7 +14,7 @@ from auvid_cli.api.output import Advance, Progress
 from auvid_cli.config.enums import FilterName, named
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.extra_states import BiasName
-from auvid_cli.config.sanity import doubts
+from auvid_cli.config.sanity import sanity_warnings
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate, EstimateChunk
@@ -151,7 +151,7 @@ def _record(filter_run: FilterRun, path: Path, advance: Advance) -> Estimate:
 def estimate_delays_and_noise(prepared: PreparedData, progress: Progress) -> PreparedData:
     """Return the data with the delays and the noise that make them most likely, where the settings ask for these."""
     settings = prepared.experiment.identification
-    asked = ("delays", settings.seeks_delays), ("noise", settings.noise != "stated")
+    asked = ("delays", settings.estimates_delays), ("noise", settings.noise != "stated")
     sought = [name for name, is_asked in asked if is_asked]
     if not sought:
         return prepared
@@ -284,9 +284,9 @@ def identify_data_into(
         if isinstance(data, Path):
             put_copy(data, dataset, folder, files, overwrite)
         settings, vehicle = dataset.experiment.identification, dataset.experiment.vehicle
-        chosen = settings.with_judge(filters or settings.by_default())
-        for doubt in doubts(vehicle):
-            progress.message(f"note: vehicle {vehicle.name}: {doubt}")
+        chosen = settings.with_judge(filters or settings.default_filters())
+        for warning in sanity_warnings(vehicle):
+            progress.message(f"note: vehicle {vehicle.name}: {warning}")
         prepared = estimate_delays_and_noise(prepare(dataset), progress)
         estimates = identify_into(folder, prepared, chosen, overwrite, progress)
         paths = [folder / "estimates" / f"{name.value}.h5" for name in chosen]

@@ -125,7 +125,7 @@ def run(
     (['ckf', 'smoother'], 'report.html')
     """
     settings, progress = experiment.identification, progress or Progress()
-    names = [named(FilterName, name, "filter") for name in filters or settings.by_default()]
+    names = [named(FilterName, name, "filter") for name in filters or settings.default_filters()]
     formats = [named(FigureFormat, name, "format of a figure") for name in figure_formats]
     chosen = settings.with_judge(names)
     settings.check_filters(chosen)

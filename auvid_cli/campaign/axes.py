@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from auvid_cli.config.assembly import Change
 from auvid_cli.config.campaign import CampaignAxis, Distribution
+from auvid_cli.config.loading import Change
 from auvid_cli.config.source_positions import KeyPath, Mistake, Tree, mistakes_text
 from auvid_cli.errors import ConfigError
 

@@ -19,11 +19,11 @@ from auvid_cli._version import __version__
 from auvid_cli.campaign.measures import Measure, measures
 from auvid_cli.campaign.plan import CampaignRun, RunGroup
 from auvid_cli.child_processes import SAFE_PATH, starting_children
+from auvid_cli.config.coefficients import Term
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.identification import Identification, Use
 from auvid_cli.config.loading import given_settings
-from auvid_cli.config.terms import Term
 from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
@@ -154,7 +154,7 @@ def _judging(assumed: Experiment) -> str:
     settings = assumed.identification
     if JUDGE not in settings.with_judge(settings.filters):
         return ""
-    judge = settings.of_filter(JUDGE)
+    judge = settings.for_filter(JUDGE)
     return json.dumps(given_settings(assumed.model_copy(update={"identification": judge})))
 
 

@@ -10,10 +10,17 @@ from typing import Any, NamedTuple, TypeAlias
 from auvid_cli._version import __version__
 from auvid_cli.campaign.axes import Label, Option, axis_options, changes_in
 from auvid_cli.campaign.measures import Measure
-from auvid_cli.config.assembly import Change, assemble, with_changes
 from auvid_cli.config.campaign import Campaign, FilterVariant
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.config.loading import find_experiment, given_settings, open_source, validated
+from auvid_cli.config.loading import (
+    Change,
+    assemble,
+    find_experiment,
+    given_settings,
+    open_source,
+    validated,
+    with_changes,
+)
 from auvid_cli.config.source_positions import Mistake, Tree, mistakes_text
 from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import ConfigError

@@ -139,14 +139,14 @@ def _next(dataset: "Dataset", name: str) -> str:
     settings = dataset.experiment.identification
     known = dataset.known_coefficients()
     stated = dataset.experiment.vehicle.stated_coefficients()
-    if without_value := [symbol for symbol in settings.held(dataset.experiment.vehicle) if symbol not in stated]:
+    if without_value := [symbol for symbol in settings.fixed(dataset.experiment.vehicle) if symbol not in stated]:
         return (
             f"state values of {', '.join(without_value)} in the vehicle file, or estimate them "
             "(identification.coefficients leaves them out)"
         )
     if all(symbol in known for symbol in settings.estimated(dataset.experiment.vehicle)):
         return f"`auvid identifiability {name}`, then `auvid identify` alike"
-    filters = settings.with_judge(settings.by_default())
+    filters = settings.with_judge(settings.default_filters())
     return (
         f"`auvid identify {name}`, then `auvid identifiability {name} --at` with its estimate "
         f"estimates/{filters[0].value}.h5, for the vehicle file does not state every coefficient"

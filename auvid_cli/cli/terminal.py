@@ -114,10 +114,10 @@ class Terminal(Progress):
 
     def print_sanity_warnings(self, vehicle: "VehicleSettings") -> None:
         """Print a line for each implausible number of a vehicle."""
-        from auvid_cli.config.sanity import doubts
+        from auvid_cli.config.sanity import sanity_warnings
 
-        for doubt in doubts(vehicle):
-            self.print_wrapped(f"note: vehicle {vehicle.name}: {doubt}")
+        for warning in sanity_warnings(vehicle):
+            self.print_wrapped(f"note: vehicle {vehicle.name}: {warning}")
 
     def open_page(self, page: Path) -> None:
         """Open a page in the browser of the system, or print that there is none."""

@@ -1,4 +1,4 @@
-"""Settings of a campaign: an experiment over seeds, filters and any settings."""
+"""Settings of a campaign: an experiment repeated over seeds, filters and any settings."""
 
 from collections.abc import Sequence
 from math import prod
@@ -7,27 +7,26 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.assembly import Override, assemble
 from auvid_cli.config.enums import FilterName
-from auvid_cli.config.loading import as_yaml, open_source, validated
+from auvid_cli.config.loading import Override, as_yaml, assemble, open_source, validated
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.source_positions import Mistake, Tree, dotted
 
-# A value of any setting, as YAML gives it; the experiment judges it.
+# Value of any setting, from YAML; it is validated as part of the experiment.
 AnyValue: TypeAlias = Any
 _Finite = Annotated[float, Field(ge=-1e20, le=1e20)]
 _NAME = r"^[A-Za-z][A-Za-z0-9_.-]*$"
 
 
 class Distribution(Settings):
-    """Distribution from which a setting is drawn, once for each seed, the same for all filters."""
+    """Distribution of a setting, drawn once per seed, the same for all filters."""
 
     uniform: Annotated[tuple[_Finite, _Finite] | None, Field(description="[lowest, highest]")] = None
     log_uniform: Annotated[tuple[_Finite, _Finite] | None, Field(description="[lowest, highest], both above 0")] = None
     normal: Annotated[tuple[_Finite, _Finite] | None, Field(description="[mean, standard deviation]")] = None
 
     @model_validator(mode="after")
-    def _is_one(self) -> "Distribution":
+    def _valid_distribution(self) -> "Distribution":
         if len(self.model_fields_set) != 1:
             raise ValueError(f"expected one of {', '.join(type(self).model_fields)}")
         for name in ("uniform", "log_uniform"):
@@ -42,71 +41,66 @@ class Distribution(Settings):
 
 
 class CampaignAxis(Settings):
-    """One thing that varies: by values of a setting, by levels that set several, or by a draw for each seed."""
+    """One axis of a campaign: values of a setting, levels of several settings, or a draw per seed."""
 
-    setting: Annotated[str | None, Field(description="dotted key of the experiment")] = None
-    values: Annotated[
-        tuple[AnyValue, ...] | None, Field(min_length=1, description="of the setting, one after the other")
-    ] = None
-    draw: Annotated[Distribution | None, Field(description="of the setting, in SI")] = None
-    relative: Annotated[
-        bool, Field(strict=True, description="whether values and draws multiply what the experiment states")
-    ] = False
+    setting: Annotated[str | None, Field(description="dotted key of a setting of the experiment")] = None
+    values: Annotated[tuple[AnyValue, ...] | None, Field(min_length=1, description="values of the setting")] = None
+    draw: Annotated[Distribution | None, Field(description="distribution of the setting, in SI")] = None
+    relative: Annotated[bool, Field(strict=True, description="whether values and draws are factors")] = False
     name: Annotated[str | None, Field(pattern=_NAME, description="column in the results; default: the setting")] = None
     levels: Annotated[
         dict[str, dict[str, AnyValue]] | None,
-        Field(min_length=1, description="by label, the settings of each level by their dotted keys"),
+        Field(min_length=1, description="levels by label, each with the values of its settings by dotted key"),
     ] = None
     known: Annotated[
         bool,
         Field(
             strict=True,
-            description="whether filters use the value, too; otherwise they use the value of the experiment",
+            description="whether filters also use the value; otherwise they use the value in the experiment",
         ),
     ] = True
 
     @model_validator(mode="after")
-    def _is_one_kind(self) -> "CampaignAxis":
+    def _valid_axis(self) -> "CampaignAxis":
         given = [name for name in ("values", "draw", "levels") if getattr(self, name) is not None]
         if len(given) != 1:
-            raise ValueError("expected `values` or `draw` of a `setting`, or `levels`, and only one of them")
+            raise ValueError("expected exactly one of `values` or `draw` of a `setting`, or `levels`")
         if (self.setting is None) != (self.levels is not None):
-            raise ValueError("`values` and `draw` need the key of their `setting`; `levels` name their own")
+            raise ValueError("`values` and `draw` need the key of a `setting`; `levels` have their own keys")
         if self.levels is not None and self.name is None:
-            raise ValueError("`levels` need a `name` for their column in the results")
+            raise ValueError("`levels` need a `name`, the column in the results")
         if self.levels is not None and self.relative:
-            raise ValueError("`relative` goes with `values` or `draw`")
+            raise ValueError("`relative` is only possible with `values` or `draw`")
         for key in self.keys:
             if key in ("seed", "name", "identification.filters"):
-                raise ValueError(f"`{key}` does not vary: seeds and filters have lists of their own")
+                raise ValueError(f"`{key}` cannot vary; set `seeds` and `filters` of the campaign instead")
             if not self.known and not key.startswith(("vehicle.", "sensors.")):
-                raise ValueError(f"`known: false` is for settings of vehicle or sensors, not for {key!r}")
+                raise ValueError(f"`known: false` is only possible for settings of vehicle or sensors, not for {key!r}")
         return self
 
     @property
     def keys(self) -> set[str]:
-        """Return the dotted keys of all settings that it touches."""
+        """Return the dotted keys of the settings that vary."""
         return {str(self.setting)} if self.levels is None else {key for level in self.levels.values() for key in level}
 
     @property
     def column(self) -> str:
-        """Return what the axis is called in results."""
+        """Return the name of the column in the results."""
         return self.name or str(self.setting)
 
     @property
     def size(self) -> int:
-        """Return how many settings it leads to; a draw adds none."""
+        """Return the number of combinations along the axis, 1 for a draw."""
         return len(self.values or self.levels or (None,))
 
 
 class FilterVariant(Settings):
-    """A filter, with settings of its own."""
+    """A filter with its own settings."""
 
     filter: FilterName
-    name: Annotated[str, Field(pattern=_NAME, description="in the results; default: the filter")]
+    name: Annotated[str, Field(pattern=_NAME, description="name in the results; default: that of the filter")]
     settings: Annotated[
-        dict[str, AnyValue],
-        Field(description="settings of the filter by dotted key, below identification or vehicle"),
+        dict[str, AnyValue], Field(description="settings of the filter by dotted key, in identification or vehicle")
     ] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -118,12 +112,12 @@ class FilterVariant(Settings):
 
     @field_validator("settings")
     @classmethod
-    def _concerns_the_filter(cls, settings: dict[str, AnyValue]) -> dict[str, AnyValue]:
+    def _only_filter_settings(cls, settings: dict[str, AnyValue]) -> dict[str, AnyValue]:
         for key in settings:
             if key == "identification.filters":
-                raise ValueError(f"{key!r} has no effect here: each filter runs alone")
+                raise ValueError(f"{key!r}: not possible here, since each filter runs alone")
             if not key.startswith(("identification.", "vehicle.")):
-                raise ValueError(f"{key!r} concerns the data, which all filters share: vary it instead")
+                raise ValueError(f"{key!r}: not possible here, since all filters share the data; use `vary`")
         return settings
 
 
@@ -131,86 +125,72 @@ class Campaign(Settings):
     """A campaign file."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/campaigns/")]
-    experiment: Annotated[str, Field(description="file, relative to this one, or the name of one that ships")] = (
-        "spiral"
-    )
-    settings: Annotated[dict[str, AnyValue], Field(description="of every run, by dotted key")] = Field(
+    experiment: Annotated[str, Field(description="experiment file, relative to this file, or shipped name")] = "spiral"
+    settings: Annotated[dict[str, AnyValue], Field(description="common settings, by dotted key")] = Field(
         default_factory=dict
     )
     seeds: Annotated[
         Annotated[int, Field(ge=1, strict=True)]
         | Annotated[tuple[Annotated[int, Field(ge=0, lt=2**63, strict=True)], ...], Field(min_length=1)],
-        Field(description="a number of seeds, which count from 1, or a list"),
+        Field(description="number of seeds, which count from 1, or a list of seeds"),
     ] = 20
     filters: Annotated[tuple[FilterVariant, ...], Field(min_length=1, description="names, or names with settings")] = ()
-    vary: Annotated[tuple[CampaignAxis, ...], Field(description="every combination is run")] = ()
+    vary: Annotated[tuple[CampaignAxis, ...], Field(description="axes; all combinations run")] = ()
 
     @field_validator("settings")
     @classmethod
-    def _have_an_effect(cls, settings: dict[str, AnyValue]) -> dict[str, AnyValue]:
+    def _no_seed_or_name(cls, settings: dict[str, AnyValue]) -> dict[str, AnyValue]:
         for key, instead in (("seed", "`seeds`"), ("name", "the campaign's own `name`")):
             if key in settings:
-                raise ValueError(f"`{key}` has no effect in a campaign: say {instead}, outside of `settings`")
+                raise ValueError(f"`{key}` has no effect in a campaign; use {instead}, outside of `settings`")
         return settings
 
     @field_validator("seeds")
     @classmethod
-    def _each_once(cls, seeds: int | tuple[int, ...]) -> int | tuple[int, ...]:
+    def _distinct_seeds(cls, seeds: int | tuple[int, ...]) -> int | tuple[int, ...]:
         if not isinstance(seeds, int) and len(set(seeds)) < len(seeds):
-            raise ValueError("a seed stands twice")
+            raise ValueError("duplicate seed")
         return seeds
 
     @model_validator(mode="after")
-    def _names_are_told_apart(self) -> "Campaign":
-        for what, names in (
+    def _distinct_names(self) -> "Campaign":
+        for key, names in (
             ("filters", [variant.name for variant in self.filters]),
             ("vary", [axis.column for axis in self.vary]),
         ):
-            twice = next((name for name in names if names.count(name) > 1), None)
-            if twice is not None:
-                raise ValueError(f"{what}: {twice!r} stands twice; give one of them another `name`")
+            duplicate = next((name for name in names if names.count(name) > 1), None)
+            if duplicate is not None:
+                raise ValueError(f"{key}: duplicate name {duplicate!r}; give one of them another `name`")
         return self
 
     @property
     def seed_list(self) -> Sequence[int]:
-        """Return all seeds; of more than 2^63 Python cannot say how many there are, `n_seeds` can."""
+        """Return all seeds; use `n_seeds` for their number, because `len` of a range is limited to 2^63."""
         return range(1, self.seeds + 1) if isinstance(self.seeds, int) else self.seeds
 
     @property
     def n_seeds(self) -> int:
-        """Return how many seeds there are."""
+        """Return the number of seeds."""
         return self.seeds if isinstance(self.seeds, int) else len(self.seeds)
 
     @property
     def n_cells(self) -> int:
-        """Return how many combinations of settings there are."""
+        """Return the number of combinations of settings."""
         return prod(axis.size for axis in self.vary)
 
 
 def dump_campaign(campaign: Campaign) -> str:
-    """Write what a campaign's file and overrides say as YAML, which `load_campaign` reads back to an equal object."""
+    """Return the given settings as YAML, which `load_campaign` reads back to an equal object."""
     return as_yaml(campaign.model_dump(mode="json", by_alias=True, exclude_unset=True))
 
 
 def load_campaign(path: Path, overrides: Sequence[str] = ()) -> tuple[Campaign, Tree]:
-    """Read and validate a campaign file.
-
-    Returns
-    -------
-    Campaign
-    Tree
-        The settings with the position of each value.
-
-    Raises
-    ------
-    ConfigError
-        With every mistake at once, each at its file, line and column.
-    """
+    """Read and validate a campaign file; also return its tree with positions. ConfigError with all mistakes."""
     tree, mistakes = assemble(open_source(path))
     for override in map(Override.parse, overrides):
         mistakes += override.mistakes
         for key, value in override.changes:
-            # Keys of the experiment have dots of their own: `settings.manoeuvre.duration=60 s` sets one of them.
+            # Keys in `settings` contain dots: `settings.manoeuvre.duration=60 s` sets `manoeuvre.duration`.
             place = (key[0], dotted(key[1:])) if key[0] == "settings" and len(key) > 1 else key
             try:
                 tree = tree.put(place, value)

@@ -1,6 +1,4 @@
-"""Names of filters, export formats and figure formats, apart from what implements them: the command line needs only
-these.
-"""
+"""Names of filters, export formats and figure formats, without the code behind them, so that `--help` is fast."""
 
 from enum import StrEnum
 from typing import TypeVar, assert_never
@@ -11,7 +9,7 @@ Member = TypeVar("Member", bound=StrEnum)
 
 
 class FilterName(StrEnum):
-    """A filter, the smoother or the output-error method, by the name that commands, settings and files use."""
+    """A filter, the smoother or the output-error method; the value is its name in commands, settings and files."""
 
     EKF = "ekf"
     CKF = "ckf"
@@ -23,13 +21,7 @@ class FilterName(StrEnum):
     @property
     def in_one_batch(self) -> bool:
         """Whether it fits all data at once, instead of one measurement after another."""
-        match self:
-            case FilterName.EKF | FilterName.CKF | FilterName.TUKF | FilterName.UKF:
-                return False
-            case FilterName.SMOOTHER | FilterName.OUTPUT_ERROR:
-                return True
-            case _:
-                assert_never(self)
+        return self in (FilterName.SMOOTHER, FilterName.OUTPUT_ERROR)
 
     @property
     def description(self) -> str:
@@ -54,22 +46,16 @@ class FilterName(StrEnum):
 
     @property
     def is_free_run_fit(self) -> bool:
-        """Whether it fits the free motion: without process noise and, by default, without the prior."""
-        match self:
-            case FilterName.OUTPUT_ERROR:
-                return True
-            case FilterName.EKF | FilterName.CKF | FilterName.TUKF | FilterName.UKF | FilterName.SMOOTHER:
-                return False
-            case _:
-                assert_never(self)
+        """Whether it fits simulated motion: without process noise and, by default, without the prior."""
+        return self is FilterName.OUTPUT_ERROR
 
 
-# It weighs all data together, each state with what is measured later as well, and so sees where a filter went wrong.
+# Reference for the other filters: it estimates each state from all data, earlier and later.
 JUDGE = FilterName.SMOOTHER
 
 
 class FormatName(StrEnum):
-    """A form of an identified model, or of a whole run, by the name that the command uses."""
+    """Export format of an identified model, or of a whole run; the value is its name in commands."""
 
     YAML = "yaml"
     JSON = "json"
@@ -83,12 +69,12 @@ class FormatName(StrEnum):
 
     @property
     def is_of_a_run(self) -> bool:
-        """Whether it holds the estimates over time, instead of the model."""
+        """Whether it exports the estimates over time, instead of the model."""
         return self is FormatName.MCAP
 
 
 class FigureFormat(StrEnum):
-    """A form of a figure's file, by the name that commands use, which is also how the file's name ends."""
+    """File format of a figure; the value is its name in commands and the suffix of the file."""
 
     PNG = "png"
     SVG = "svg"
@@ -96,21 +82,8 @@ class FigureFormat(StrEnum):
 
 
 def named(kind: type[Member], name: str, noun: str) -> Member:
-    """Return the member of a name, such as ``"tukf"``; a member itself is its own name.
-
-    Parameters
-    ----------
-    kind : enumeration of text
-    name : str
-    noun : str
-        Noun for such a member in the message.
-
-    Raises
-    ------
-    ConfigError
-        If there is none of that name.
-    """
+    """Return the member of a name, such as ``"tukf"``; ConfigError, which calls it a `noun`, if it is unknown."""
     try:
         return kind(name)
     except ValueError:
-        raise ConfigError(f"{name!r} is no {noun}; auvid knows {', '.join(kind)}") from None
+        raise ConfigError(f"unknown {noun} {name!r}; auvid knows {', '.join(kind)}") from None

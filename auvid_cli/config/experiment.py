@@ -1,4 +1,4 @@
-"""Settings of an experiment: vehicle, sensors, manoeuvre, and how to identify."""
+"""Settings of an experiment: vehicle, sensors, manoeuvre and identification."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,18 +13,21 @@ from auvid_cli.config.settings import Settings
 from auvid_cli.config.units import Unit
 from auvid_cli.config.vehicle import VehicleSettings
 
+# Old key of the lag of the fins in `identification`.
+_LAG = "fin_time_constant"
 
-def with_lag_of_vehicle(data: Any) -> Any:
-    """Move the lag of the fins from `identification`, where files of before have it, to the vehicle's actuators.
+
+def move_fin_lag(data: Any) -> Any:
+    """Move the lag of the fins from `identification`, as in old files, to the vehicle's actuators.
 
     Raises
     ------
     ValueError
-        If the vehicle states one as well.
+        If the vehicle also has a lag.
     """
-    identification, vehicle = (
-        (data.get(key) for key in ("identification", "vehicle")) if isinstance(data, dict) else (None,) * 2
-    )
+    if not isinstance(data, dict):
+        return data
+    identification, vehicle = data.get("identification"), data.get("vehicle")
     if not isinstance(identification, dict) or not isinstance(vehicle, dict) or _LAG not in identification:
         return data
     rest = {key: value for key, value in identification.items() if key != _LAG}
@@ -34,15 +37,11 @@ def with_lag_of_vehicle(data: Any) -> Any:
     fins = actuators.get("fins") or {}
     if "time_constant" in fins:
         raise ValueError(
-            f"identification.{_LAG} and vehicle.actuators.fins.time_constant both state a lag: leave out the first"
+            f"identification.{_LAG}: the lag is already in vehicle.actuators.fins.time_constant; leave out the first"
         )
     fins = {**fins, "time_constant": identification[_LAG]}
     vehicle = {**vehicle, "actuators": {**actuators, "fins": fins}}
     return {**data, "vehicle": vehicle, "identification": rest}
-
-
-# What it was called there.
-_LAG = "fin_time_constant"
 
 
 class RecordedFile(Settings):
@@ -53,28 +52,28 @@ class RecordedFile(Settings):
 
 
 class Recording(Settings):
-    """Where an imported dataset comes from."""
+    """Source of an imported dataset."""
 
     files: tuple[RecordedFile, ...]
-    map: Annotated[str, Field(description="text of the map by which they were read")]
-    origin: Annotated[float, Unit("s"), Field(description="time of the log at which the dataset's begins")]
-    remarks: Annotated[
-        dict[str, tuple[str, ...]], Field(description="what the import had to say of a sensor or input")
-    ] = Field(default_factory=dict)
+    map: Annotated[str, Field(description="text of the map")]
+    origin: Annotated[float, Unit("s"), Field(description="time of the log at the start of the dataset")]
+    remarks: Annotated[dict[str, tuple[str, ...]], Field(description="remarks of the import, by sensor or input")] = (
+        Field(default_factory=dict)
+    )
 
 
 class RunSettings(Settings):
-    """Settings of a simulated or recorded run: the vehicle, and how to identify it."""
+    """Settings of a simulated or recorded run: vehicle and identification."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
-    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True, description="of every random stream")] = 1
+    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True, description="seed of all random streams")] = 1
     vehicle: VehicleSettings
     identification: IdentificationOfVehicle = Identification()
 
     @model_validator(mode="before")
     @classmethod
-    def _with_lag_of_vehicle(cls, data: Any) -> Any:
-        return with_lag_of_vehicle(data)
+    def _move_fin_lag(cls, data: Any) -> Any:
+        return move_fin_lag(data)
 
     @property
     def has_ahrs(self) -> bool:
@@ -82,13 +81,13 @@ class RunSettings(Settings):
         return True
 
     def data_files(self) -> list[Path]:
-        """Return the files with numbers that the settings name."""
+        """Return the data files that the settings name."""
         earlier = self.identification.prior.from_estimate
         return [] if earlier is None else [Path(earlier)]
 
 
 class ImportedRun(RunSettings):
-    """A run that a vehicle recorded."""
+    """A recorded run."""
 
     recording: Recording
 
@@ -97,7 +96,7 @@ _OF_THE_PAPER = (FilterName.EKF, FilterName.CKF, FilterName.TUKF)
 
 
 class Experiment(RunSettings):
-    """A whole experiment file: a run to simulate."""
+    """An experiment file: a run to simulate."""
 
     sensors: SensorSuite
     manoeuvre: AnyManoeuvre
@@ -105,7 +104,7 @@ class Experiment(RunSettings):
     @model_validator(mode="before")
     @classmethod
     def _filters_of_the_paper(cls, data: Any) -> Any:
-        """Take the filters of the paper for a simulation that names none; what is recorded has the smoother first."""
+        """Set the default of a simulation: the filters of the paper."""
         identification = data.get("identification", {}) if isinstance(data, dict) else None
         if not isinstance(identification, dict) or "filters" in identification:
             return data
@@ -113,10 +112,10 @@ class Experiment(RunSettings):
 
     @field_validator("manoeuvre")
     @classmethod
-    def _inputs_of_all_terms(cls, value: AnyManoeuvre, info: ValidationInfo) -> AnyManoeuvre:
+    def _inputs_for_all_terms(cls, value: AnyManoeuvre, info: ValidationInfo) -> AnyManoeuvre:
         vehicle: VehicleSettings | None = info.data.get("vehicle")
-        if vehicle is not None and (lacking := value.lacks_propulsion_for(vehicle.coefficient_set)):
-            raise ValueError(lacking)
+        if vehicle is not None and (message := value.missing_propulsion(vehicle.coefficient_set)):
+            raise ValueError(message)
         return value
 
     @property
@@ -125,6 +124,6 @@ class Experiment(RunSettings):
         return self.sensors.has_ahrs
 
     def data_files(self) -> list[Path]:
-        """Return those of any run, and the inputs of a recorded manoeuvre."""
+        """Return the data files, with the inputs of a recorded manoeuvre."""
         recorded = [Path(self.manoeuvre.file)] if isinstance(self.manoeuvre, Recorded) else []
         return [*super().data_files(), *recorded]

@@ -1,4 +1,4 @@
-"""How to identify: which data, which coefficients and errors, which noise, by which filters."""
+"""Settings of the identification: data, coefficients, extra states, noise and filters."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,58 +6,108 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
+from auvid_cli.config.coefficients import Prior, check_symbol, of_vehicle
 from auvid_cli.config.enums import JUDGE, FilterName
-from auvid_cli.config.extra_states import AugmentedStates, BiasName, ErrorBlock
-from auvid_cli.config.filters import (
-    EkfSettings,
-    OutputErrorSettings,
-    Prior,
-    SmootherSettings,
-    UkfSettings,
-    check_symbol,
-    of_vehicle,
-)
-from auvid_cli.config.moving_states import InitialMotion, ProcessNoise
+from auvid_cli.config.extra_states import AugmentedStates, BiasName, ErrorBlock, InitialMotion, ProcessNoise
 from auvid_cli.config.settings import SeparateSpans, Settings
-from auvid_cli.config.units import Amount, Unit
+from auvid_cli.config.units import Amount, Unit, check_size, parse_quantity
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.vehicle.parameters import INERTIAL, SENSORS
 
-
-class Use(Settings):
-    """Which of the data are used; each segment starts with a motion of its own and the coefficients found so far."""
-
-    spans: Annotated[
-        SeparateSpans, Field(description="[begin, end], s, each; null: as far as there are data; empty: all")
-    ] = ()
-    least_speed: Annotated[
-        float | None, Amount("m/s"), Field(gt=0, description="leave out what is slower by the DVL")
-    ] = None
-    longest_gap: Annotated[
-        float | None, Amount("s"), Field(gt=0, description="a sensor that is silent for longer ends a segment")
-    ] = None
-    shortest: Annotated[float, Amount("s"), Field(ge=0, description="leave out segments that last less")] = 2.0
-
-
-# So that what a disturbance forgets from one step, or measurement, to the next is little.
+# Smallest time constant of a disturbance, in integration steps: it must change little from one step to the next.
 STEPS_PER_TIME_CONSTANT = 5
-
-
-class InputSettings(Settings):
-    """How inputs are between their samples."""
-
-    between: Annotated[
-        Literal["hold", "linear"], Field(description="hold: each until the next; linear: straight lines")
-    ] = "hold"
-
-
 # Key of the delay of the inputs, next to those of sensors.
 INPUTS_DELAY = "inputs"
 
 
+class Use(Settings):
+    """Selection of data; each segment starts from its own initial motion, with the coefficients found so far."""
+
+    spans: Annotated[SeparateSpans, Field(description="spans [begin, end], s; null: open end; empty: all data")] = ()
+    least_speed: Annotated[float | None, Amount("m/s"), Field(gt=0, description="lowest speed of the DVL to use")] = (
+        None
+    )
+    longest_gap: Annotated[
+        float | None, Amount("s"), Field(gt=0, description="a longer gap of a sensor ends the segment")
+    ] = None
+    shortest: Annotated[float, Amount("s"), Field(ge=0, description="length of the shortest segment to use")] = 2.0
+
+
+class InputSettings(Settings):
+    """Interpolation of the inputs."""
+
+    between: Annotated[
+        Literal["hold", "linear"], Field(description="between samples: hold (constant until the next sample) or linear")
+    ] = "hold"
+
+
+class EkfSettings(Settings):
+    """Extended Kalman filter."""
+
+    transition: Annotated[
+        Literal["exact", "first_order"],
+        Field(description="transition matrix: variational equation along the integration, or the paper's I + A dt"),
+    ] = "exact"
+
+
+class UkfSettings(Settings):
+    """Scaled unscented transformation."""
+
+    alpha: Annotated[float, Field(ge=1e-4, le=10, description="scaling of the points")] = 0.1
+    beta: Annotated[float, Field(ge=0, le=100, description="weight of the central point; 2 suits a Gaussian")] = 2.0
+    kappa: Annotated[float, Field(ge=0, le=1000, description="secondary scaling")] = 0.0
+
+    @model_validator(mode="after")
+    def _positive_definite_covariance(self) -> "UkfSettings":
+        if self.beta < self.alpha**2:
+            raise ValueError("beta must be at least alpha^2; otherwise the covariance can become indefinite")
+        return self
+
+
+class OutputErrorSettings(Settings):
+    """Output-error method: fit of coefficients and initial motion, without process noise."""
+
+    max_evaluations: Annotated[int, Field(ge=1, strict=True, description="largest number of simulations")] = 100
+    use_prior: Annotated[bool, Field(strict=True, description="whether the fit includes the priors")] = False
+    bounds: dict[str, tuple[float, float]] = Field(
+        default_factory=dict, description="bounds [lowest, highest] of the estimate, by coefficient"
+    )
+
+    @field_validator("bounds", mode="before")
+    @classmethod
+    def _parse_bounds(cls, value: Any, info: ValidationInfo) -> Any:
+        if not isinstance(value, dict):
+            return value
+        units = of_vehicle(info).units
+        parsed = {}
+        for symbol, interval in value.items():
+            check_symbol(symbol, of_vehicle(info))
+            if not isinstance(interval, list | tuple) or len(interval) != 2:
+                raise ValueError(f"the bounds of {symbol}: expected [lowest, highest]")
+            low, high = (check_size(parse_quantity(bound, units[symbol]), units[symbol]) for bound in interval)
+            if not low < high:
+                raise ValueError(f"the bounds of {symbol}: the lowest must be less than the highest")
+            parsed[symbol] = low, high
+        return parsed
+
+
+class SmootherSettings(Settings):
+    """Smoother: the most probable trajectory and coefficients, with process noise."""
+
+    max_passes: Annotated[int, Field(ge=1, strict=True, description="largest number of passes from each start")] = 50
+    answer: Annotated[
+        Literal["automatic", "joint", "marginal"],
+        Field(
+            description="estimate: joint (most probable coefficients and trajectory), marginal (most probable "
+            "coefficients, with the trajectory integrated out), or automatic (marginal if a disturbance or the noise "
+            "is estimated)"
+        ),
+    ] = "automatic"
+
+
 class Identification(Settings):
-    """How coefficients are estimated from a dataset."""
+    """Estimation of coefficients from a dataset."""
 
     filters: Annotated[tuple[FilterName, ...], Field(min_length=1)] = (
         FilterName.SMOOTHER,
@@ -67,52 +117,49 @@ class Identification(Settings):
     coefficients: Annotated[
         Literal["all"] | tuple[str, ...],
         Field(
-            description="'all', or a list; the others, and of all those with `estimate: false`, are held at the "
-            "vehicle file's values"
+            description="'all' (except those with `estimate: false`), or a list; the other coefficients have the "
+            "values of the vehicle file"
         ),
     ] = "all"
     attitude_from: Annotated[
         Literal["ahrs", "inertial"],
-        Field(description="the attitude record, or instead of it those of accelerometer and magnetometer themselves"),
+        Field(description="source of the attitude: its record, or the records of accelerometer and magnetometer"),
     ] = "ahrs"
     use: Use = Use()
     inputs: InputSettings = InputSettings()
     delays: dict[str, Annotated[float, Amount("s")]] = Field(
         default_factory=dict,
-        description="by sensor: how much later than they were taken its samples are stamped; `inputs`: how much later "
-        "than stated they act",
+        description="known delays: of a sensor, time stamp minus time of measurement; of `inputs`, time from command "
+        "to effect",
     )
     estimate: AugmentedStates = AugmentedStates()
     prior: Prior = Prior()
     process_noise: ProcessNoise = ProcessNoise()
     noise: Annotated[
         Literal["stated", "estimate"],
-        Field(description="process noise as stated here, or as the data make it most likely"),
+        Field(description="process noise: as stated in `process_noise`, or estimated by maximum likelihood"),
     ] = "stated"
     measurement_noise: dict[str, Annotated[float, Field(ge=1e-6, le=1e6)]] = Field(
-        default_factory=dict, description="by sensor: how many times the standard deviation that its record states"
+        default_factory=dict, description="factor on the standard deviation of a sensor's record, by sensor"
     )
     initial_motion: InitialMotion = InitialMotion()
     integration_step: Annotated[
-        float, Unit("s"), Field(ge=1e-5, le=1e3, description="longest step of the filter's integration")
+        float, Unit("s"), Field(ge=1e-5, le=1e3, description="longest step of the integration")
     ] = 0.02
-    keep_every: Annotated[
-        int, Field(ge=1, strict=True, description="interval at which states are written; all innovations are written")
-    ] = 1
+    keep_every: Annotated[int, Field(ge=1, strict=True, description="write every n-th state (and all innovations)")] = 1
     gate: Annotated[
         float | None,
         Field(
-            ge=1e-3, le=1e6, description="reject a component whose innovation is more standard deviations; null: none"
+            ge=1e-3,
+            le=1e6,
+            description="gate in standard deviations of the innovation: components beyond it are rejected; null: none",
         ),
     ] = None
     robust: Annotated[
         Literal["none", "huber"],
-        Field(description="huber: smoother and output_error weigh down residuals beyond 2 standard deviations"),
+        Field(description="huber: smoother and output_error give less weight to residuals beyond 2 sigma"),
     ] = "none"
-    judge: Annotated[
-        bool,
-        Field(description="fit the smoother whether or not it is asked for, to judge the others by it"),
-    ] = True
+    judge: Annotated[bool, Field(description="whether the smoother runs as the reference for other filters")] = True
     ekf: EkfSettings = EkfSettings()
     ukf: UkfSettings = UkfSettings()
     smoother: SmootherSettings = SmootherSettings()
@@ -124,7 +171,7 @@ class Identification(Settings):
         return ("attitude",) if self.attitude_from == "inertial" else INERTIAL
 
     @property
-    def seeks_delays(self) -> bool:
+    def estimates_delays(self) -> bool:
         """Whether delays are estimated first."""
         return BiasName.DELAY in self.estimate.biases
 
@@ -140,14 +187,22 @@ class Identification(Settings):
     def _known_sensors(cls, value: dict[str, float]) -> dict[str, float]:
         for sensor in value:
             if sensor not in SENSORS:
-                raise ValueError(f"unknown sensor {sensor!r}; there are {', '.join(SENSORS)}")
+                raise ValueError(f"unknown sensor {sensor!r}; expected one of {', '.join(SENSORS)}")
+        return value
+
+    @field_validator("delays")
+    @classmethod
+    def _known_delays(cls, value: dict[str, float]) -> dict[str, float]:
+        known = (*SENSORS, INPUTS_DELAY)
+        if unknown := [name for name in value if name not in known]:
+            raise ValueError(f"unknown sensor {unknown[0]!r}; expected one of {', '.join(known)}")
         return value
 
     @field_validator("coefficients", mode="before")
     @classmethod
-    def _names_alone(cls, value: Any) -> Any:
+    def _no_values(cls, value: Any) -> Any:
         if isinstance(value, dict):
-            raise ValueError("expected 'all', or a list of those to estimate; values stand in vehicle.coefficients")
+            raise ValueError("expected 'all' or a list of names; values belong in vehicle.coefficients")
         return value
 
     @field_validator("coefficients", mode="after")
@@ -156,13 +211,13 @@ class Identification(Settings):
         if value == "all":
             return value
         if not value:
-            raise ValueError("at least one coefficient, or 'all'")
+            raise ValueError("expected at least one coefficient, or 'all'")
         for symbol in value:
             check_symbol(symbol, of_vehicle(info))
         return tuple(symbol for symbol in of_vehicle(info).symbols if symbol in value)
 
     @model_validator(mode="after")
-    def _biases_of_sensors_in_use(self) -> "Identification":
+    def _biases_of_used_sensors(self) -> "Identification":
         for name in self.estimate.biases:
             if any(block.sensor in self.unused_sensors for block in self.estimate.blocks_of(name)):
                 raise ValueError(
@@ -171,16 +226,8 @@ class Identification(Settings):
                 )
         return self
 
-    @field_validator("delays")
-    @classmethod
-    def _delays_of_something(cls, value: dict[str, float]) -> dict[str, float]:
-        known = (*SENSORS, INPUTS_DELAY)
-        if unknown := [name for name in value if name not in known]:
-            raise ValueError(f"{unknown[0]!r} is no sensor; expected one of {', '.join(known)}")
-        return value
-
     @model_validator(mode="after")
-    def _disturbance_of_a_size(self) -> "Identification":
+    def _slow_disturbance(self) -> "Identification":
         blocks = self._disturbances()
         if BiasName.DISTURBANCE in self.estimate.biases and not blocks:
             raise ValueError(
@@ -192,38 +239,38 @@ class Identification(Settings):
             if block.time_constant < shortest:
                 raise ValueError(
                     f"estimate.disturbance: {block.name} has a time_constant of {block.time_constant:g} s; expected at "
-                    f"least {shortest:g} s, {STEPS_PER_TIME_CONSTANT} times integration_step: what fades sooner is "
-                    "white process noise (process_noise.velocity, process_noise.rate)"
+                    f"least {shortest:g} s, {STEPS_PER_TIME_CONSTANT} times integration_step; model a faster "
+                    "disturbance by white process noise (process_noise.velocity, process_noise.rate)"
                 )
         return self
 
     def _disturbances(self) -> tuple[ErrorBlock, ...]:
-        asked = BiasName.DISTURBANCE in self.estimate.biases
-        return self.estimate.disturbance.blocks() if asked else ()
+        is_estimated = BiasName.DISTURBANCE in self.estimate.biases
+        return self.estimate.disturbance.blocks() if is_estimated else ()
 
     def estimated(self, vehicle: VehicleSettings) -> tuple[str, ...]:
         """Return the symbols of a vehicle's coefficients to estimate, in the order of its table."""
         if self.coefficients != "all":
             return tuple(self.coefficients)
-        left_out = vehicle.left_out()
-        return tuple(symbol for symbol in vehicle.coefficient_set.symbols if symbol not in left_out)
+        excluded = vehicle.not_estimated()
+        return tuple(symbol for symbol in vehicle.coefficient_set.symbols if symbol not in excluded)
 
-    def held(self, vehicle: VehicleSettings) -> tuple[str, ...]:
-        """Return the symbols of the others, which are held at the vehicle file's values."""
+    def fixed(self, vehicle: VehicleSettings) -> tuple[str, ...]:
+        """Return the symbols of the other coefficients, which keep the vehicle file's values."""
         estimated = self.estimated(vehicle)
         return tuple(symbol for symbol in vehicle.coefficient_set.symbols if symbol not in estimated)
 
-    def by_default(self) -> tuple[FilterName, ...]:
-        """Return the filters that run where none is named: with a gate none of those that cannot have one."""
+    def default_filters(self) -> tuple[FilterName, ...]:
+        """Return the filters that run if the user names none: with a gate, only those that can have one."""
         return tuple(name for name in self.filters if self.gate is None or not name.in_one_batch) or self.filters
 
     def with_judge(self, filters: Sequence[FilterName]) -> tuple[FilterName, ...]:
-        """Add the smoother, which judges the others; not where a gate is set, which it cannot have."""
-        judges = self.judge and self.gate is None and JUDGE not in filters
-        return (*dict.fromkeys(filters), *([JUDGE] if judges else []))
+        """Return the filters with the smoother added as the reference, unless a gate, which it cannot have, is set."""
+        needs_judge = self.judge and self.gate is None and JUDGE not in filters
+        return (*dict.fromkeys(filters), *([JUDGE] if needs_judge else []))
 
-    def of_filter(self, name: FilterName | None) -> "Identification":
-        """Return the settings with one filter or none, and those that concern others alone as they are by default."""
+    def for_filter(self, name: FilterName | None) -> "Identification":
+        """Return the settings with only this filter, or none; settings of other filters have their defaults."""
         fields = type(self).model_fields
         others = {other: fields[other].default for other in FilterName if other in fields and other != name}
         return self.model_copy(update={"filters": () if name is None else (name,), **others})
@@ -233,39 +280,38 @@ class Identification(Settings):
         if self.gate is not None and any(name.in_one_batch for name in filters):
             batch = next(name for name in filters if name.in_one_batch)
             raise ConfigError(
-                f"identification.gate has no meaning for {batch}, which weighs all measurements at once; leave out "
-                "the gate or the filter, or let it weigh down outliers (identification.robust=huber)"
+                f"identification.gate: not possible for {batch}, which fits all measurements at once; leave out the "
+                "gate or the filter, or reduce the weight of outliers (identification.robust=huber)"
             )
         if self._disturbances() and any(name.is_free_run_fit for name in filters):
             raise ConfigError(
-                "identification.estimate.biases has disturbance, which output_error cannot follow: it fits motions "
-                "without process noise; leave out one of the two, or take the smoother"
+                "identification.estimate.biases: disturbance is not possible for output_error, which has no process "
+                "noise; leave out one of the two, or use the smoother"
             )
         earlier = self.prior.from_estimate
         if earlier is not None and not Path(earlier).is_file():
             raise FileError(f"identification.prior.from_estimate: {earlier}: no such estimate file")
 
 
-def _of_its_vehicle(value: Any, info: ValidationInfo) -> Any:
-    """Validate how to identify beside the vehicle, whose own terms it may name."""
+def _with_vehicle(value: Any, info: ValidationInfo) -> Any:
+    """Validate the settings together with the vehicle, a field before them, whose own terms they may name."""
     vehicle = info.data.get("vehicle")
     if vehicle is None:
-        # That is wrong itself, and what would be said of its coefficients might be as well.
+        # The vehicle is invalid, so its coefficients are unknown.
         return Identification()
     settings = Identification.model_validate(value, context=vehicle.coefficient_set)
     if settings.prior.mean == "geometry" and vehicle.geometry is None:
         raise ValueError(
-            f"prior.mean is geometry, and the vehicle {vehicle.name!r} states none: describe hull and fins in "
-            "vehicle.geometry, or take mean: zero or vehicle"
+            f"prior.mean is geometry, but the vehicle {vehicle.name!r} has none; describe hull and fins in "
+            "vehicle.geometry, or use mean: zero or vehicle"
         )
     estimated = settings.estimated(vehicle)
     if not estimated:
-        raise ValueError("no coefficient is left to estimate: all of the vehicle's have `estimate: false`")
+        raise ValueError("no coefficient to estimate: all of the vehicle's have `estimate: false`")
     for symbol in settings.output_error.bounds:
         if symbol not in estimated:
             raise ValueError(f"output_error.bounds names {symbol}, which is not among the coefficients to estimate")
     return settings
 
 
-# Stands behind the vehicle.
-IdentificationOfVehicle = Annotated[Identification, BeforeValidator(_of_its_vehicle)]
+IdentificationOfVehicle = Annotated[Identification, BeforeValidator(_with_vehicle)]

@@ -1,4 +1,4 @@
-"""Validation errors of pydantic as plain messages at their place in the files."""
+"""Validation errors of pydantic as plain messages with their positions in the files."""
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
@@ -22,8 +22,8 @@ LIMITS = {
     "string_pattern_mismatch": "must match {pattern}",
     "too_short": "expected at least {min_length} of them",
 }
-# By the first word of the type of an error of pydantic.
-_KINDS = {
+# Expected values by the first word of the error type of pydantic.
+_EXPECTED = {
     "string": "text",
     "int": "a whole number",
     "float": "a number",
@@ -36,7 +36,7 @@ _KINDS = {
 
 
 class _Place(NamedTuple):
-    """Location of an error: path in the settings, settings class and field around it, expected type."""
+    """Location of an error: path in the settings, enclosing settings class and field, expected type."""
 
     path: KeyPath
     holder: type[BaseModel] | None
@@ -59,22 +59,7 @@ class _Place(NamedTuple):
 
 
 def locate(error: ValidationError, model: type[BaseModel], tree: Tree) -> list[Mistake]:
-    """Return each error of a validation in plain words, at its place.
-
-    Parameters
-    ----------
-    error : pydantic.ValidationError
-        From validating ``tree.data``.
-    model : type
-        The settings class that was validated.
-    tree : Tree
-        The settings as they were read.
-
-    Returns
-    -------
-    list of Mistake
-        In the order of the fields.
-    """
+    """Return the errors of validating `tree.data` with `model`, each at its position, in the order of the fields."""
     details = error.errors(include_url=False)
     places = [_follow(model, detail["loc"]) for detail in details]
     paths = [place.path for place in places if place.in_union]
@@ -82,14 +67,14 @@ def locate(error: ValidationError, model: type[BaseModel], tree: Tree) -> list[M
     for detail, place in zip(details, places, strict=True):
         n = len(place.path)
         if place.in_union and any(len(path) > n and path[:n] == place.path for path in paths):
-            continue  # another branch of the union fits better: it failed further down
+            continue  # another branch of the union matched further
         mistake = _mistake(detail, place, tree)
         mistakes.setdefault((mistake.path, mistake.message), mistake)
     return list(mistakes.values())
 
 
 def _follow(model: type[BaseModel], location: Iterable[str | int]) -> _Place:
-    """Walk the settings classes along an error's location, past labels of unions, which are not keys."""
+    """Follow an error's location through the settings classes, without labels of unions, which are not keys."""
     place = _Place((), None, None, model, False)
     for part in location:
         origin, models = get_origin(place.annotation), place.models
@@ -150,13 +135,13 @@ def _at_mapping(tree: Tree, path: KeyPath, message: str) -> Mistake:
 
 
 def _changed_kind(mapping: Tree) -> Position | None:
-    """Return the position of a `type` from another source, which requires other keys; None if there is none."""
+    """Return the position of a `type` from another source, which changes the expected keys; None without one."""
     kind = mapping.child("type")
     return None if kind is None or kind.at.source == mapping.at.source else kind.at
 
 
 def at_value(tree: Tree, path: KeyPath, message: str) -> Mistake:
-    """Return a mistake at a value, or at the nearest one around it where shorthand leaves the path out."""
+    """Return a mistake at a value, or at the nearest enclosing one if a short form omits the path."""
     nodes = list(tree.descend(path))
     node = nodes[-1]
     at = node.heading if isinstance(node.content, dict) else node.at
@@ -173,11 +158,11 @@ def _expectation(detail: ErrorDetails, place: _Place) -> str:
     if place.models and kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"expected {_mapping_like(place.models[0]) if len(place.models) == 1 else 'a mapping'}"
     stem = kind.split("_")[0]
-    return f"expected {_KINDS[stem]}" if stem in _KINDS else detail["msg"][:1].lower() + detail["msg"][1:]
+    return f"expected {_EXPECTED[stem]}" if stem in _EXPECTED else detail["msg"][:1].lower() + detail["msg"][1:]
 
 
 def _meaning(field: FieldInfo | None) -> str:
-    """Return the meaning and an example of a key, as far as its field has them."""
+    """Return the meaning and an example of a key, if its field has them."""
     if field is None:
         return ""
     models = _models(field.annotation)

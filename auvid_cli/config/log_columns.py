@@ -1,4 +1,4 @@
-"""Settings of what is read from a log: columns with their units, times, spans, and which rows count."""
+"""Settings of the columns of a log: units, times and valid rows of its signals, and the inputs of the model."""
 
 from difflib import get_close_matches
 from typing import Annotated, Any, ClassVar, Literal
@@ -6,11 +6,12 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from auvid_cli.config.settings import Settings
-from auvid_cli.config.units import EXAMPLES, Unit, check_size, describe, parse_quantity
+from auvid_cli.config.units import EXAMPLES, Amount, Unit, check_size, describe, parse_quantity
+from auvid_cli.vehicle.parameters import ALL_INPUTS
 
-# Units that logs write so and the registry of units does not know.
-_WORDS = {"%": "percent", "1": "dimensionless", "rev/s": "turn/s", "rpm": "turn/min", "RPM": "turn/min"}
-# How logs spell units, to name the one that was meant.
+# Spellings of units that pint does not know.
+_ALIASES = {"%": "percent", "1": "dimensionless", "rev/s": "turn/s", "rpm": "turn/min", "RPM": "turn/min"}
+# Usual spellings by SI unit, for suggestions in messages.
 _SPELLINGS = {
     "s": ("s", "sec", "ms", "us", "ns", "min", "h"),
     "rad": ("rad", "deg", "degree", "degrees", "radian", "turn"),
@@ -26,21 +27,14 @@ _SPELLINGS = {
 
 
 def unit_factor(name: str, unit: str) -> float:
-    """Return the size of a unit as logs write it, in an SI unit.
-
-    Parameters
-    ----------
-    name : str
-        ``deg``, ``Kn``, ``m/s``; capitals do not matter where the unit is not known otherwise.
-    unit : str
-        SI unit.
+    """Return the size of a unit such as ``deg`` or ``Kn`` in an SI unit; an unknown unit is tried in lower case.
 
     Raises
     ------
     ValueError
-        If it is no unit of that dimension.
+        If it is unknown or of another dimension.
     """
-    name = _WORDS.get(name, name)
+    name = _ALIASES.get(name, name)
     try:
         return parse_quantity(f"1 {name}", unit)
     except ValueError:
@@ -48,26 +42,20 @@ def unit_factor(name: str, unit: str) -> float:
 
 
 def check_unit(name: str | None, unit: str) -> str | None:
-    """Return a unit as it is given.
-
-    Raises
-    ------
-    ValueError
-        If it is no unit that a map may state where `unit` is the SI unit; the message names those that it may.
-    """
+    """Return the unit of a log unchanged; ValueError if it is not of the dimension of the SI unit `unit`."""
     if name is not None:
         try:
             unit_factor(name, unit)
         except ValueError:
             usual = _SPELLINGS.get(unit, (unit,))
             near = get_close_matches(name.lower(), usual, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"expected one such as {', '.join(usual)}"
-            raise ValueError(f"{name!r} is no unit of {EXAMPLES.get(unit, ('this', ''))[0]}; {hint}") from None
+            hint = f"did you mean {near[0]!r}?" if near else f"expected a unit such as {', '.join(usual)}"
+            raise ValueError(f"{name!r}: not a unit of {EXAMPLES.get(unit, ('this signal', ''))[0]}; {hint}") from None
     return name
 
 
 class NamedColumn(Settings):
-    """A column of a log; a bare name is one without further ado."""
+    """A column of a log; the bare name is enough."""
 
     column: Annotated[str, Field(min_length=1, description="name in the log")]
 
@@ -78,23 +66,21 @@ class NamedColumn(Settings):
 
 
 class LogSignal(NamedColumn):
-    """A column, or a message's field, and how its numbers become SI: sign x (raw - centre) x scale + offset.
+    """A column, or a field of a message; its SI value is sign x (raw - centre) x scale + offset.
 
-    A bare name is a column without further ado.
+    The bare name of the column is enough.
     """
 
     si: ClassVar[str] = ""
 
-    unit: Annotated[str | None, Field(description="of the log's numbers; else as the log's header states it, else SI")]
+    unit: Annotated[str | None, Field(description="unit in the log; default: that in its header, else SI")]
     unit = None
-    sign: Annotated[Literal[1, -1], Field(description="-1 where the log counts the other way")] = 1
-    centre: Annotated[float, Field(ge=-1e12, le=1e12, description="the log's number that means zero")] = 0.0
-    scale: Annotated[float | None, Field(description="one unit of the log's number, such as 0.35 deg; for counts")]
+    sign: Annotated[Literal[1, -1], Field(description="-1 if the log has the opposite sign")] = 1
+    centre: Annotated[float, Field(ge=-1e12, le=1e12, description="number in the log that means zero")] = 0.0
+    scale: Annotated[float | None, Field(description="size of one count of the log, such as 0.35 deg")]
     scale = None
-    offset: Annotated[float, Field(description="added at the end")] = 0.0
-    limits: Annotated[
-        tuple[float, float] | None, Field(description="[lowest, highest]; what is outside is missing")
-    ] = None
+    offset: Annotated[float, Field(description="offset, added last")] = 0.0
+    limits: Annotated[tuple[float, float] | None, Field(description="[lowest, highest] valid value")] = None
 
     @field_validator("unit", mode="before")
     @classmethod
@@ -131,14 +117,12 @@ class LogSignal(NamedColumn):
 
 
 class TimeSource(NamedColumn):
-    """When the rows of a table were measured; a bare name is a column without further ado."""
+    """Times of the rows of a table; the bare name of a column is enough."""
 
-    column: Annotated[str, Field(min_length=1, description="a column, `@log_time` or `@header_stamp`")]
-    table: Annotated[
-        str | None, Field(description="another table that holds the times: its rows go with this one's one by one")
-    ] = None
-    unit: Annotated[str | None, Field(description="of numbers; else as the log's header states it, else s")] = None
-    offset: Annotated[float, Unit("s"), Field(description="added, where the clock is late")] = 0.0
+    column: Annotated[str, Field(min_length=1, description="column, `@log_time` or `@header_stamp`")]
+    table: Annotated[str | None, Field(description="table of the times, one row for each row of this table")] = None
+    unit: Annotated[str | None, Field(description="unit; default: that in the log's header, else s")] = None
+    offset: Annotated[float, Unit("s"), Field(description="offset, added to the times")] = 0.0
 
     @field_validator("unit", mode="after")
     @classmethod
@@ -147,26 +131,26 @@ class TimeSource(NamedColumn):
 
 
 class RowChoice(Settings):
-    """A column that tells rows apart, and what it holds in those that count."""
+    """Column that selects rows, and its values in the rows to use."""
 
     column: Annotated[str, Field(min_length=1, description="name in the log")]
-    values: Annotated[tuple[bool | int | float | str, ...], Field(min_length=1, description="in those that count")] = (
+    values: Annotated[tuple[bool | int | float | str, ...], Field(min_length=1, description="values of valid rows")] = (
         True,
         1,
     )
 
 
 class LogRows(Settings):
-    """Where columns stand."""
+    """Table of the columns, with its times and rows."""
 
-    log: Annotated[str | None, Field(description="one of `logs`; may be left out if there is one")] = None
-    table: Annotated[str | None, Field(description="topic or kind of message; of a CSV file left out")] = None
-    time: Annotated[TimeSource | None, Field(description="when its rows were measured")] = None
-    rows: Annotated[RowChoice | None, Field(description="which rows count, by an id; else all")] = None
+    log: Annotated[str | None, Field(description="name in `logs`; not needed if there is only one")] = None
+    table: Annotated[str | None, Field(description="topic or kind of message; not needed for a CSV file")] = None
+    time: Annotated[TimeSource | None, Field(description="times of the rows")] = None
+    rows: Annotated[RowChoice | None, Field(description="rows to use, by an id; default: all")] = None
 
 
 class PlacedSignal(LogSignal, LogRows):
-    """Signal that may be in another table, with its own times."""
+    """A signal that may be in another table, with its own times."""
 
 
 class Angle(PlacedSignal):
@@ -194,13 +178,13 @@ class Acceleration(PlacedSignal):
 
 
 class MagneticFlux(PlacedSignal):
-    """Density of a magnetic flux."""
+    """A signal of a magnetic flux density."""
 
     si = "T"
 
 
 class Length(PlacedSignal):
-    """A signal of a length; of a depth also a pressure, by its scale in metres."""
+    """A signal of a length; for the depth also a pressure, with a scale in metres."""
 
     si = "m"
 
@@ -214,3 +198,166 @@ class Number(LogSignal):
 LOG_SIGNALS: dict[str, type[PlacedSignal]] = {
     kind.si: kind for kind in (Angle, AngularRate, Speed, Acceleration, MagneticFlux, Length)
 }
+
+
+class InputSignal(PlacedSignal):
+    """A signal of an input, or a constant; a bare number is a constant in SI units."""
+
+    column: Annotated[str, Field(description="name in the log")] = ""
+    constant: Annotated[float | None, Field(description="constant value such as 10.9 N, instead of a column")] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_a_number(cls, data: Any) -> Any:
+        return {"constant": data} if isinstance(data, int | float) and not isinstance(data, bool) else data
+
+    @field_validator("constant", mode="before")
+    @classmethod
+    def _quantity_of_input(cls, value: Any) -> Any:
+        return value if value is None else check_size(parse_quantity(value, cls.si), cls.si)
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "InputSignal":
+        if bool(self.column) == (self.constant is not None):
+            raise ValueError("expected either 'column' or 'constant'")
+        return self
+
+
+class Fin(InputSignal):
+    """Angle of a fin, or of all fins of one input."""
+
+    si = "rad"
+
+
+class Force(InputSignal):
+    """A force."""
+
+    si = "N"
+
+
+class Moment(InputSignal):
+    """A moment."""
+
+    si = "N*m"
+
+
+class Revolutions(InputSignal):
+    """Revolutions per second of a propeller."""
+
+    si = "turn/s"
+
+
+class Voltage(InputSignal):
+    """Voltage of the battery."""
+
+    si = "V"
+
+
+class Share(InputSignal):
+    """A thruster's command in percent, or with the unit '1' as a fraction."""
+
+    si = "percent"
+
+
+class Fins(Settings):
+    """Angles of single fins: any of top, bottom, right and left; or the four of an X tail.
+
+    A fin angle is positive if it pushes the tail to starboard, or up for a horizontal fin; otherwise use sign: -1.
+    """
+
+    top: Annotated[Fin | None, Field(description="fin above the hull")] = None
+    bottom: Annotated[Fin | None, Field(description="fin below the hull")] = None
+    right: Annotated[Fin | None, Field(description="fin to starboard")] = None
+    left: Annotated[Fin | None, Field(description="fin to port")] = None
+    upper_right: Annotated[Fin | None, Field(description="fin of an X tail")] = None
+    lower_right: Annotated[Fin | None, Field(description="fin of an X tail")] = None
+    lower_left: Annotated[Fin | None, Field(description="fin of an X tail")] = None
+    upper_left: Annotated[Fin | None, Field(description="fin of an X tail")] = None
+
+    @model_validator(mode="after")
+    def _one_tail(self) -> "Fins":
+        names = set(self.given())
+        diagonal = {name for name in names if "_" in name}
+        if not names:
+            raise ValueError(f"expected at least one of {', '.join(type(self).model_fields)}")
+        if diagonal and (len(diagonal) < 4 or names - diagonal):
+            raise ValueError("an X tail has upper_right, lower_right, lower_left and upper_left, and no other fins")
+        return self
+
+    def given(self) -> dict[str, Fin]:
+        """Return the fins that are given, by name."""
+        fins = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: fin for name, fin in fins.items() if fin is not None}
+
+
+class Thrust(Settings):
+    """Thrust by F = a n|n| + b |n| u of a propeller, or F = full x|x| of a command x from -100 to 100 percent."""
+
+    revolutions: Annotated[Revolutions | None, Field(description="revolutions n, in turn/s or rpm")] = None
+    a: Annotated[float | None, Amount("N*s^2"), Field(gt=0, description="force at zero speed per (turn/s)^2")] = None
+    b: Annotated[float, Unit("N*s^2/m"), Field(le=0, description="loss of force with speed u")] = 0.0
+    share: Annotated[Share | None, Field(description="command x in percent, or with unit '1' as a fraction")] = None
+    full: Annotated[float | None, Amount("N"), Field(gt=0, description="force at 100 percent")] = None
+
+    @model_validator(mode="after")
+    def _one_law(self) -> "Thrust":
+        by_revolutions = self.revolutions is not None and self.a is not None
+        by_share = self.share is not None and self.full is not None
+        mixed = (self.revolutions, self.a) != (None, None) and (self.share, self.full) != (None, None)
+        if by_revolutions == by_share or mixed:
+            raise ValueError("expected 'revolutions' with 'a', or 'share' with 'full'")
+        if self.b and not by_revolutions:
+            raise ValueError("'b' is only possible with 'revolutions'")
+        return self
+
+
+class InputsMap(LogRows):
+    """Inputs of the model; missing inputs are zero. Log, table and time are the defaults of all signals."""
+
+    rudder: Annotated[Fin | None, Field(description="rudder angle; positive pushes the tail to starboard")] = None
+    elevator: Annotated[Fin | None, Field(description="elevator angle; positive pushes the tail up")] = None
+    fins: Annotated[Fins | None, Field(description="single fins, instead of rudder and elevator")] = None
+    surge_force: Annotated[Force | None, Field(description="thrust, if the log has it")] = None
+    thrust: Annotated[Thrust | None, Field(description="thrust from revolutions or command")] = None
+    roll_moment: Annotated[
+        Moment | Literal["propeller"] | None,
+        Field(description="roll moment, or 'propeller': thrust times the vehicle's K_prop / X_prop"),
+    ] = None
+    revolutions: Annotated[Revolutions | None, Field(description="revolutions, for own terms of the vehicle")] = None
+    voltage: Annotated[Voltage | None, Field(description="voltage of the battery, for own terms of the vehicle")] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_a_bare_name(cls, data: Any) -> Any:
+        moment = data.get("roll_moment") if isinstance(data, dict) else None
+        if isinstance(moment, str) and moment != "propeller":
+            return {**data, "roll_moment": {"column": moment}}
+        return data
+
+    @model_validator(mode="after")
+    def _no_contradiction(self) -> "InputsMap":
+        if self.fins is not None and (self.rudder is not None or self.elevator is not None):
+            raise ValueError("expected 'fins', or 'rudder' and 'elevator', not both")
+        if self.thrust is not None and self.surge_force is not None:
+            raise ValueError("expected 'thrust' or 'surge_force', not both")
+        if not self._signals():
+            raise ValueError(f"expected at least one of {', '.join(InputsMap.model_fields)}")
+        return self
+
+    def channels(self) -> dict[tuple[str, ...], InputSignal]:
+        """Return the signals in the log, by their path in the settings."""
+        return {path: signal for path, signal in self._signals().items() if signal.constant is None}
+
+    def constants(self) -> dict[tuple[str, ...], float]:
+        """Return the constants, SI, by their path in the settings."""
+        return {path: signal.constant for path, signal in self._signals().items() if signal.constant is not None}
+
+    def _signals(self) -> dict[tuple[str, ...], InputSignal]:
+        signals: dict[tuple[str, ...], Any] = {
+            (quantity.symbol,): getattr(self, quantity.symbol) for quantity in ALL_INPUTS
+        }
+        if self.fins is not None:
+            signals |= {("fins", name): fin for name, fin in self.fins.given().items()}
+        if self.thrust is not None:
+            signals |= {("thrust", name): getattr(self.thrust, name) for name in ("revolutions", "share")}
+        return {path: signal for path, signal in signals.items() if isinstance(signal, InputSignal)}

@@ -1,203 +1,313 @@
-"""Settings by which a vehicle's logs become a dataset, with the model's inputs from fins and propeller."""
+"""Settings by which a vehicle's logs become a dataset: logs, sensors and their axes."""
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
 
-from auvid_cli.config.assembly import assemble
-from auvid_cli.config.experiment import with_lag_of_vehicle
+from auvid_cli.config.experiment import move_fin_lag
 from auvid_cli.config.identification import Identification, IdentificationOfVehicle
-from auvid_cli.config.loading import open_source, validated
-from auvid_cli.config.log_columns import LogRows, PlacedSignal, TimeSource
-from auvid_cli.config.log_sensors import SensorMaps
-from auvid_cli.config.settings import Settings, Spans
+from auvid_cli.config.loading import assemble, open_source, validated
+from auvid_cli.config.log_columns import (
+    LOG_SIGNALS,
+    InputsMap,
+    LogRows,
+    LogSignal,
+    Number,
+    RowChoice,
+    TimeSource,
+    check_unit,
+)
+from auvid_cli.config.sensors import EarthField
+from auvid_cli.config.settings import Lever, Settings, Spans
 from auvid_cli.config.source_positions import Tree
-from auvid_cli.config.units import Amount, Unit, check_size, parse_quantity
+from auvid_cli.config.units import Unit, check_amount, parse_components
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError
-from auvid_cli.vehicle.parameters import ALL_INPUTS
+from auvid_cli.vehicle.parameters import SENSORS
 
 
-class InputSignal(PlacedSignal):
-    """A signal of an input, or a constant; a bare number is a constant in SI."""
-
-    column: Annotated[str, Field(description="name in the log")] = ""
-    constant: Annotated[float | None, Field(description="such as 10.9 N, instead of a column")] = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _accept_a_number(cls, data: Any) -> Any:
-        return {"constant": data} if isinstance(data, int | float) and not isinstance(data, bool) else data
-
-    @field_validator("constant", mode="before")
-    @classmethod
-    def _quantity_of_input(cls, value: Any) -> Any:
-        return value if value is None else check_size(parse_quantity(value, cls.si), cls.si)
-
-    @model_validator(mode="after")
-    def _one_source(self) -> "InputSignal":
-        if bool(self.column) == (self.constant is not None):
-            raise ValueError("expected 'column' or 'constant', one of them")
-        return self
+def _axes(value: Any) -> Any:
+    """Return the value unchanged; ValueError with a suggestion if it is nearly the name of axes."""
+    axes = ("FRD", "FLU", "NED", "ENU")
+    near = get_close_matches(value.upper(), axes, n=1) if isinstance(value, str) and value not in axes else ()
+    if near:
+        raise ValueError(f"unknown axes {value!r}; did you mean {near[0]!r}?")
+    return value
 
 
-class Fin(InputSignal):
-    """Deflection of a fin, or of all that stand for one input."""
-
-    si = "rad"
-
-
-class Force(InputSignal):
-    """A force."""
-
-    si = "N"
+BodyAxes = Annotated[Literal["FRD", "FLU"], BeforeValidator(_axes)]
+EarthAxes = Annotated[Literal["NED", "ENU"], BeforeValidator(_axes)]
+AnyAxes = Annotated[Literal["FRD", "FLU", "NED", "ENU"], BeforeValidator(_axes)]
+MOUNTS = {"upside down": {"roll": "180 deg"}, "backward": {"yaw": "180 deg"}}
 
 
-class Moment(InputSignal):
-    """A moment."""
+class Mount(Settings):
+    """Attitude of a sensor in the body, by yaw, then pitch, then roll; or `upside down` or `backward`."""
 
-    si = "N*m"
-
-
-class Revolutions(InputSignal):
-    """Revolutions per second of a propeller."""
-
-    si = "turn/s"
-
-
-class Voltage(InputSignal):
-    """Voltage of the battery."""
-
-    si = "V"
-
-
-class Share(InputSignal):
-    """A thruster's command in percent, or with the unit '1' as a fraction."""
-
-    si = "percent"
-
-
-class Fins(Settings):
-    """Deflections of single fins: top, bottom, right, left, as many as there are; or the four of an X tail.
-
-    A fin's deflection is positive if it pushes the tail to starboard, or up where it cannot push sideways; where the
-    log counts the other way the sign is -1.
-    """
-
-    top: Annotated[Fin | None, Field(description="above the hull")] = None
-    bottom: Annotated[Fin | None, Field(description="below the hull")] = None
-    right: Annotated[Fin | None, Field(description="to starboard")] = None
-    left: Annotated[Fin | None, Field(description="to port")] = None
-    upper_right: Annotated[Fin | None, Field(description="of an X tail")] = None
-    lower_right: Annotated[Fin | None, Field(description="of an X tail")] = None
-    lower_left: Annotated[Fin | None, Field(description="of an X tail")] = None
-    upper_left: Annotated[Fin | None, Field(description="of an X tail")] = None
-
-    @model_validator(mode="after")
-    def _one_tail(self) -> "Fins":
-        names = set(self.given())
-        diagonal = {name for name in names if "_" in name}
-        if not names:
-            raise ValueError(f"expected at least one of {', '.join(type(self).model_fields)}")
-        if diagonal and (len(diagonal) < 4 or names - diagonal):
-            raise ValueError("an X tail has upper_right, lower_right, lower_left and upper_left, and no other fins")
-        return self
-
-    def given(self) -> dict[str, Fin]:
-        """Return the fins that are given, by name."""
-        fins = {name: getattr(self, name) for name in type(self).model_fields}
-        return {name: fin for name, fin in fins.items() if fin is not None}
-
-
-class Thrust(Settings):
-    """Thrust by F = a n|n| + b |n| u of a propeller, or F = full x|x| of a command x from -100 to 100 percent."""
-
-    revolutions: Annotated[Revolutions | None, Field(description="n, in turn/s or rpm")] = None
-    a: Annotated[float | None, Amount("N*s^2"), Field(gt=0, description="force at rest per (turn/s)^2")] = None
-    b: Annotated[float, Unit("N*s^2/m"), Field(le=0, description="what speed takes off")] = 0.0
-    share: Annotated[Share | None, Field(description="x, in percent, or with unit '1' where 1 is full")] = None
-    full: Annotated[float | None, Amount("N"), Field(gt=0, description="force at 100 percent")] = None
-
-    @model_validator(mode="after")
-    def _one_law(self) -> "Thrust":
-        by_revolutions = self.revolutions is not None and self.a is not None
-        by_share = self.share is not None and self.full is not None
-        mixed = (self.revolutions, self.a) != (None, None) and (self.share, self.full) != (None, None)
-        if by_revolutions == by_share or mixed:
-            raise ValueError("expected 'revolutions' with 'a', or 'share' with 'full'")
-        if self.b and not by_revolutions:
-            raise ValueError("'b' belongs to 'revolutions'")
-        return self
-
-
-class InputsMap(LogRows):
-    """Inputs of the model; what is not given is zero. Log, table and time hold for all that state none."""
-
-    rudder: Annotated[Fin | None, Field(description="positive pushes the tail to starboard")] = None
-    elevator: Annotated[Fin | None, Field(description="positive pushes the tail up")] = None
-    fins: Annotated[Fins | None, Field(description="single fins, instead of rudder and elevator")] = None
-    surge_force: Annotated[Force | None, Field(description="thrust, where the log has it")] = None
-    thrust: Annotated[Thrust | None, Field(description="law by which it follows from the propeller")] = None
-    roll_moment: Annotated[
-        Moment | Literal["propeller"] | None,
-        Field(description="a column, or 'propeller': thrust times the vehicle's K_prop / X_prop"),
-    ] = None
-    revolutions: Annotated[
-        Revolutions | None, Field(description="n itself, for terms of the vehicle that are made of it")
-    ] = None
-    voltage: Annotated[Voltage | None, Field(description="of the battery, for terms of the vehicle")] = None
+    roll: Annotated[float, Unit("rad"), Field(description="angle about the forward axis")] = 0.0
+    pitch: Annotated[float, Unit("rad"), Field(description="angle about the starboard axis")] = 0.0
+    yaw: Annotated[float, Unit("rad"), Field(description="angle about the downward axis")] = 0.0
 
     @model_validator(mode="before")
     @classmethod
-    def _accept_a_bare_name(cls, data: Any) -> Any:
-        moment = data.get("roll_moment") if isinstance(data, dict) else None
-        if isinstance(moment, str) and moment != "propeller":
-            return {**data, "roll_moment": {"column": moment}}
+    def _accept_a_name(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            if data not in MOUNTS:
+                raise ValueError(f"expected {', '.join(MOUNTS)}, or angles as {{roll: 180 deg}}, got {data!r}")
+            return MOUNTS[data]
         return data
 
+    def angles(self) -> tuple[float, float, float]:
+        """Return roll, pitch and yaw, rad."""
+        return self.roll, self.pitch, self.yaw
+
+
+class Columns(Settings):
+    """A signal for each component that the log has."""
+
     @model_validator(mode="after")
-    def _each_once(self) -> "InputsMap":
-        if self.fins is not None and (self.rudder is not None or self.elevator is not None):
-            raise ValueError("expected 'fins', or 'rudder' and 'elevator', not both")
-        if self.thrust is not None and self.surge_force is not None:
-            raise ValueError("expected 'thrust' or 'surge_force', not both")
-        if not self._signals():
-            raise ValueError(f"expected at least one of {', '.join(InputsMap.model_fields)}")
+    def _at_least_one(self) -> "Columns":
+        if not self.signals():
+            raise ValueError(f"expected a column for at least one of {', '.join(type(self).model_fields)}")
         return self
 
-    def channels(self) -> dict[tuple[str, ...], InputSignal]:
-        """Return the signals that the log has, by where they stand in the settings."""
-        return {path: signal for path, signal in self._signals().items() if signal.constant is None}
+    def signals(self) -> dict[str, LogSignal]:
+        """Return the signals by component."""
+        return {symbol: signal for symbol, signal in self if signal is not None}
 
-    def constants(self) -> dict[tuple[str, ...], float]:
-        """Return what is constant, in SI, by where it stands in the settings."""
-        return {path: signal.constant for path, signal in self._signals().items() if signal.constant is not None}
 
-    def _signals(self) -> dict[tuple[str, ...], InputSignal]:
-        signals: dict[tuple[str, ...], Any] = {
-            (quantity.symbol,): getattr(self, quantity.symbol) for quantity in ALL_INPUTS
-        }
-        if self.fins is not None:
-            signals |= {("fins", name): fin for name, fin in self.fins.given().items()}
-        if self.thrust is not None:
-            signals |= {("thrust", name): getattr(self.thrust, name) for name in ("revolutions", "share")}
-        return {path: signal for path, signal in signals.items() if isinstance(signal, InputSignal)}
+def _columns_of(sensor: str) -> type[Columns]:
+    """Return the settings class with a column for each component of a sensor."""
+    fields: dict[str, Any] = {
+        q.symbol: (LOG_SIGNALS[q.unit] | None, Field(None, description=q.meaning)) for q in SENSORS[sensor]
+    }
+    words = f"Columns of the components of `{sensor}` that the log has."
+    return create_model("Columns", __base__=Columns, __doc__=words, **fields)
+
+
+if TYPE_CHECKING:
+    Rates = Columns
+    SpecificForces = Columns
+    Heading = Columns
+    Fields = Columns
+    Velocity = Columns
+    Angles = Columns
+    Down = Columns
+else:
+    Rates, SpecificForces, Heading, Fields, Velocity, Angles, Down = map(
+        _columns_of, ("gyroscope", "accelerometer", "magnetometer", "magnetic_field", "dvl", "attitude", "depth")
+    )
+
+
+class SensorMap(LogRows):
+    """Settings of each sensor."""
+
+    sensor: ClassVar[str]
+    if TYPE_CHECKING:
+        columns: Any
+
+    unit: Annotated[str | None, Field(description="default unit of the columns")] = None
+    standard_deviation: Annotated[
+        tuple[float, ...] | Literal["estimate"],
+        Field(description="standard deviation of the noise, one for all or one per component, or 'estimate'"),
+    ]
+    valid: Annotated[RowChoice | None, Field(description="column that marks valid rows")] = None
+    repeats: Annotated[
+        Literal["keep", "drop"],
+        Field(
+            description="drop: leave out rows that repeat the row before, as in a table that is faster than the sensor"
+        ),
+    ] = "keep"
+    exclude: Annotated[Spans, Field(description="spans [begin, end] without this sensor, in the dataset's time")] = ()
+
+    @field_validator("unit", mode="after")
+    @classmethod
+    def _known_unit(cls, unit: str | None) -> str | None:
+        return check_unit(unit, SENSORS[cls.sensor][0].unit)
+
+    @field_validator("standard_deviation", mode="before")
+    @classmethod
+    def _per_component(cls, value: Any) -> Any:
+        if value == "estimate":
+            return value
+        quantities = SENSORS[cls.sensor]
+        try:
+            deviations = parse_components(value, quantities[0].unit, len(quantities), check_amount)
+        except ValueError as error:
+            raise ValueError(f"{error}; 'estimate' computes it from the signal") from None
+        if any(deviation <= 0.0 for deviation in deviations):
+            raise ValueError("expected standard deviations greater than 0")
+        return deviations * (len(quantities) // len(deviations))
+
+    def signals(self) -> dict[str, LogSignal]:
+        """Return the signals by component."""
+        return self.columns.signals()
+
+
+class InBody(SensorMap):
+    """A sensor with its own axes."""
+
+    frame: Annotated[BodyAxes, Field(description="axes: forward, right, down; or forward, left, up")] = "FRD"
+    mount: Annotated[Mount | None, Field(description="attitude of the sensor in the body")] = None
+
+
+class GyroscopeMap(InBody):
+    """Angular rates."""
+
+    sensor = "gyroscope"
+    columns: Rates
+
+
+class AccelerometerMap(InBody):
+    """Specific force."""
+
+    sensor = "accelerometer"
+    columns: SpecificForces
+    position: Annotated[
+        Lever, Field(description="[forward, starboard, down] from the vehicle's origin; used by estimators")
+    ] = (0.0, 0.0, 0.0)
+
+
+class MagneticFieldMap(EarthField, InBody):
+    """Magnetic field along three axes."""
+
+    sensor = "magnetic_field"
+    columns: Fields
+
+
+class MagnetometerMap(SensorMap):
+    """Heading of a compass."""
+
+    sensor = "magnetometer"
+    columns: Heading
+    reference: Annotated[
+        EarthAxes, Field(description="zero and sense: from north clockwise (NED), or from east anticlockwise (ENU)")
+    ] = "NED"
+
+
+class DvlMap(SensorMap):
+    """Velocity along the axes of the sensor or of the earth."""
+
+    sensor = "dvl"
+    columns: Velocity
+    frame: Annotated[AnyAxes, Field(description="axes; NED and ENU are rotated into the body by the attitude")] = "FRD"
+    mount: Annotated[Mount | None, Field(description="attitude of the sensor in the body")] = None
+    position: Annotated[
+        Lever | None,
+        Field(description="[forward, starboard, down] from the vehicle's origin; lever-arm velocity is removed"),
+    ] = None
+
+    @model_validator(mode="after")
+    def _one_frame(self) -> "DvlMap":
+        if self.mount is not None and self.frame in ("NED", "ENU"):
+            raise ValueError(f"mount: not possible for a velocity in {self.frame} axes")
+        return self
+
+
+class Quaternion(Settings):
+    """Columns of a quaternion from the sensor's to the earth's axes; a bare name means name.w, name.x and so on."""
+
+    w: Number
+    x: Number
+    y: Number
+    z: Number
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_a_name(cls, data: Any) -> Any:
+        return {axis: f"{data}.{axis}" for axis in "wxyz"} if isinstance(data, str) else data
+
+
+class AttitudeMap(InBody):
+    """Roll, pitch and yaw, as angles or as a quaternion."""
+
+    sensor = "attitude"
+    columns: Angles | None = None
+    quaternion: Quaternion | None = None
+    reference: Annotated[EarthAxes, Field(description="axes of the earth")] = "NED"
+
+    @model_validator(mode="after")
+    def _angles_or_quaternion(self) -> "AttitudeMap":
+        if (self.columns is None) == (self.quaternion is None):
+            raise ValueError("expected either 'columns' (phi, theta, psi) or 'quaternion'")
+        if self.quaternion is not None and self.unit is not None:
+            raise ValueError("a quaternion has no unit")
+        return self
+
+    def signals(self) -> dict[str, LogSignal]:
+        """Return the signals by component, of the angles or of the quaternion."""
+        return super().signals() if self.quaternion is None else dict(self.quaternion)
+
+
+class DepthMap(SensorMap):
+    """Depth."""
+
+    sensor = "depth"
+    columns: Down
+    position: Annotated[
+        Lever | None,
+        Field(description="[forward, starboard, down] from the vehicle's origin; the depth is corrected for it"),
+    ] = None
+
+
+class _SensorMaps(Settings):
+    """Sensors in the logs."""
+
+    gyroscope: GyroscopeMap | None = None
+    accelerometer: AccelerometerMap | None = None
+    magnetometer: MagnetometerMap | None = None
+    magnetic_field: MagneticFieldMap | None = None
+    dvl: DvlMap | None = None
+    attitude: AttitudeMap | None = None
+    depth: DepthMap | None = None
+
+    @model_validator(mode="after")
+    def _at_least_one(self) -> "SensorMaps":
+        if not self.given():
+            raise ValueError(f"expected at least one of {', '.join(type(self).model_fields)}")
+        return self
+
+    def given(self) -> dict[str, SensorMap]:
+        """Return the given sensors by name."""
+        return {name: sensor for name, sensor in self if sensor is not None}
+
+
+def plain_map(sensor: str) -> type[SensorMap]:
+    """Return the settings class of a sensor without axes, lever arm or reference."""
+
+    class _PlainMap(SensorMap):
+        columns: _columns_of(sensor)  # type: ignore[valid-type]
+
+    _PlainMap.sensor = sensor
+    return _PlainMap
+
+
+if TYPE_CHECKING:
+    SensorMaps = _SensorMaps
+else:
+    SensorMaps = create_model(
+        "SensorMaps",
+        __base__=_SensorMaps,
+        __doc__=_SensorMaps.__doc__,
+        **{name: (plain_map(name) | None, None) for name in SENSORS if name not in _SensorMaps.model_fields},
+    )
 
 
 class LogFile(Settings):
-    """A log, and how its text is laid out if its reader is to be told."""
+    """A log, and the layout of its text if it cannot be recognised."""
 
-    file: Annotated[str | None, Field(description="relative to the map; may be left out if the command names it")] = (
-        None
-    )
-    more: Annotated[tuple[str, ...], Field(description="files that continue it, in their order")] = ()
-    delimiter: Annotated[str | None, Field(min_length=1, description="between the fields of a row")] = None
-    header_row: Annotated[int | None, Field(ge=1, strict=True, description="line of the names, from 1")] = None
-    names: Annotated[tuple[str, ...], Field(description="of the columns, where the file has none")] = ()
+    file: Annotated[str | None, Field(description="file, relative to the map; or given in the command")] = None
+    more: Annotated[tuple[str, ...], Field(description="files that continue the log, in order")] = ()
+    delimiter: Annotated[str | None, Field(min_length=1, description="separator of the fields of a row")] = None
+    header_row: Annotated[
+        int | None, Field(ge=1, strict=True, description="line of the names; the first line is 1")
+    ] = None
+    names: Annotated[tuple[str, ...], Field(description="names of the columns, if the file has none")] = ()
     decimal: Annotated[str | None, Field(pattern=r"^[.,]$", description="decimal point")] = None
-    missing: Annotated[tuple[str, ...], Field(description="value that means a missing number")] = ()
+    missing: Annotated[tuple[str, ...], Field(description="texts that mean a missing number")] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -213,73 +323,66 @@ class LogMap(Settings):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
     vehicle: VehicleSettings
     identification: IdentificationOfVehicle = Identification()
-    logs: Annotated[dict[str, LogFile], Field(min_length=1, description="files by a name of your choice")]
-    time: Annotated[
-        TimeSource | None, Field(description="where a sensor states none; else header stamp or log time")
-    ] = None
-    use: Annotated[Spans, Field(description="[begin, end] in the dataset's time; else all")] = ()
-    exclude: Annotated[Spans, Field(description="[begin, end] in the dataset's time: missing in every sensor")] = ()
+    logs: Annotated[dict[str, LogFile], Field(min_length=1, description="log files, each under a name of your choice")]
+    time: Annotated[TimeSource | None, Field(description="times; default: header stamp or log time")] = None
+    use: Annotated[Spans, Field(description="spans [begin, end] to use, in the dataset's time; default: all")] = ()
+    exclude: Annotated[Spans, Field(description="spans [begin, end] without sensors, in the dataset's time")] = ()
     sensors: SensorMaps
     inputs: InputsMap
 
     @model_validator(mode="before")
     @classmethod
-    def _with_lag_of_vehicle(cls, data: Any) -> Any:
-        return with_lag_of_vehicle(data)
+    def _move_fin_lag(cls, data: Any) -> Any:
+        return move_fin_lag(data)
 
     def files(self, folder: Path, given: Sequence[str] = ()) -> dict[str, tuple[Path, ...]]:
-        """Return the files of the logs by name; of one that goes on in further files all of them, in order.
+        """Return the files of each log by its name.
 
         Parameters
         ----------
         folder : pathlib.Path
             Folder of relative paths in the map.
         given : sequence of str
-            ``name=FILE``, or files in the order of `logs`, instead of those that the map names.
+            ``name=FILE``, several times for a log in several files, or files in the order of `logs`; they replace those
+            in the map.
 
         Raises
         ------
         ConfigError
-            If there are more files than logs, none for a log, or one for a log that the map has not.
+            If there are more files than logs, none for a log, or one for an unknown log.
         """
-        names = list(self.logs)
-        files = {
+        names = ", ".join(self.logs)
+        in_map = {
             name: tuple(folder / file for file in (log.file, *log.more))
             for name, log in self.logs.items()
             if log.file is not None
         }
-        named: dict[str, tuple[Path, ...]] = {}
-        for place, text in enumerate(given):
+        by_name: dict[str, tuple[Path, ...]] = {}
+        by_order: dict[str, tuple[Path, ...]] = {}
+        for index, text in enumerate(given):
             name, equals, file = text.partition("=")
-            if equals and name in names:
-                # Of a log that goes on in further files each is named.
-                named[name] = (*named.get(name, ()), Path(file))
-                files[name] = named[name]
+            if equals and name in self.logs:
+                by_name[name] = (*by_name.get(name, ()), Path(file))
             elif equals and name.isidentifier() and not Path(text).exists():
-                raise ConfigError(f"{text}: the map has no log named {name!r}; it has {', '.join(names)}")
-            elif place < len(names):
-                files[names[place]] = (Path(text),)
+                raise ConfigError(f"{text}: unknown log {name!r}; expected one of {names}")
+            elif index < len(self.logs):
+                by_order[[*self.logs][index]] = (Path(text),)
             else:
-                raise ConfigError(f"{text}: one file too many: the map knows {len(names)}, {', '.join(names)}")
-        for name in names:
+                raise ConfigError(f"{text}: one file too many; the map has {len(self.logs)} logs: {names}")
+        files = in_map | by_order | by_name
+        for name in self.logs:
             if name not in files:
-                raise ConfigError(f"the map names no file for the log {name!r}: name one before --map, or in `logs`")
+                raise ConfigError(f"no file for the log {name!r}; name one before --map, or in `logs` of the map")
         return files
 
 
 def load_map(path: Path) -> tuple[LogMap, Tree]:
-    """Read and validate a map file.
-
-    Returns
-    -------
-    LogMap
-    Tree
-        The settings with the position of each, for messages about the logs.
+    """Read and validate a map file; also return its tree, for the positions of settings in messages.
 
     Raises
     ------
     ConfigError
-        With every mistake at once, each at its file, line and column.
+        With all mistakes, each at its file, line and column.
     """
     tree, mistakes = assemble(open_source(path))
     return validated(LogMap, tree, mistakes), tree

@@ -1,11 +1,11 @@
-"""Settings of a manoeuvre: commands, control, limits of the fins, and limits that a designed run must respect."""
+"""Settings of a manoeuvre: commands, autopilot, limits of the fins, and the envelope of a designed run."""
 
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from auvid_cli.config.moving_states import Disturbance
+from auvid_cli.config.extra_states import Disturbance
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.units import Amount, Unit
 from auvid_cli.vehicle.coefficients import CoefficientSet
@@ -15,52 +15,56 @@ _Inclination = Annotated[float, Amount("rad"), Field(gt=0, lt=1.48)]
 Seconds = Annotated[float, Amount("s"), Field(gt=0, le=1e6)]
 Pause = Annotated[float, Amount("s"), Field(ge=0, le=1e6)]
 Radians = Annotated[float, Unit("rad")]
-# Short of straight up and down, where heading and roll mean nothing.
+# Roll and heading are undefined at +-90 deg.
 Pitch = Annotated[float, Unit("rad"), Field(gt=-1.57, lt=1.57)]
 PositiveRadians = Annotated[float, Amount("rad"), Field(gt=0)]
 
 
 class Envelope(Settings):
-    """Limits that every drawn vehicle has to keep, each named as the option that sets it."""
+    """Limits that a designed run must keep for all drawn vehicles; the keys are the options that set them."""
 
     box: Annotated[_Length, Field(description="largest extent of the track, north and east")] = 200.0
-    depth: Annotated[_Length, Field(description="from the shallowest to the deepest point")] = 40.0
-    pitch: Annotated[_Inclination, Field(description="largest pitch, up or down")] = float(np.deg2rad(40.0))
-    roll: Annotated[_Inclination, Field(description="largest roll, either way")] = float(np.deg2rad(40.0))
+    depth: Annotated[_Length, Field(description="largest difference in depth")] = 40.0
+    pitch: Annotated[_Inclination, Field(description="largest pitch angle, up or down")] = float(np.deg2rad(40.0))
+    roll: Annotated[_Inclination, Field(description="largest roll angle, to either side")] = float(np.deg2rad(40.0))
     speed: Annotated[
-        float | None, Amount("m/s"), Field(gt=0, description="least speed after the start; else 0.4 of the cruise")
+        float | None,
+        Amount("m/s"),
+        Field(gt=0, description="lowest speed after the start; default: 0.4 of the cruising speed"),
     ] = None
     energy: Annotated[
-        float | None, Amount("J"), Field(gt=0, description="largest work of the thrust, without losses; else any")
+        float | None,
+        Amount("J"),
+        Field(gt=0, description="largest work of the thrust, without losses; default: no limit"),
     ] = None
 
 
 class Limits(Settings):
-    """Largest commands of the autopilot; a vehicle's `actuators` state how fins and thrust follow."""
+    """Largest commands of the autopilot; a vehicle's `actuators` are the dynamics of fins and thrust."""
 
     fin_angle: Annotated[PositiveRadians, Field(lt=1.6, description="largest fin angle")] = 0.35
     fin_rate: Annotated[float, Amount("rad/s"), Field(gt=0, description="largest fin rate")] = 1.0
-    surge_force: Annotated[float, Amount("N"), Field(gt=0, description="largest thrust, either way")] = 1e4
+    surge_force: Annotated[float, Amount("N"), Field(gt=0, description="largest thrust, in either direction")] = 1e4
 
 
 class FinTrim(Settings):
-    """How far the fins of the vehicle are off from what is recorded of them."""
+    """Offset between actual and recorded fin angles."""
 
-    rudder: Annotated[Radians, Field(description="true less recorded")] = 0.0
-    elevator: Annotated[Radians, Field(description="true less recorded")] = 0.0
+    rudder: Annotated[Radians, Field(description="actual minus recorded angle")] = 0.0
+    elevator: Annotated[Radians, Field(description="actual minus recorded angle")] = 0.0
     spread: Annotated[
-        float, Amount("rad"), Field(ge=0, description="standard deviation of a further offset of each, drawn per seed")
+        float, Amount("rad"), Field(ge=0, description="standard deviation of a random offset per seed")
     ] = 0.0
 
 
 class Multisine(Settings):
     """Sum of equal sines at evenly spaced frequencies with Schroeder phases, scaled to its peak."""
 
-    amplitude: Annotated[float, Field(ge=0, description="peak: rad, N or N m by channel")]
+    amplitude: Annotated[float, Field(ge=0, description="peak, in rad, N or N m depending on the channel")]
     lowest: Annotated[float, Amount("Hz"), Field(gt=0, description="lowest frequency")] = 0.02
     highest: Annotated[float, Amount("Hz"), Field(gt=0, description="highest frequency")] = 0.5
     lines: Annotated[int, Field(ge=1, le=1000, description="number of sines")] = 8
-    phase: Annotated[Radians, Field(description="added to every phase, to tell channels apart")] = 0.0
+    phase: Annotated[Radians, Field(description="phase added to all sines, so that channels differ")] = 0.0
 
     @model_validator(mode="after")
     def _frequencies_in_order(self) -> "Multisine":
@@ -94,31 +98,26 @@ class TurnMultisine(Multisine):
 
 
 class Propeller(Settings):
-    """Revolutions and voltage along a run, whatever the autopilot does; terms of the vehicle make forces of them.
+    """Revolutions and voltage along a run, independent of the autopilot, for own terms of the vehicle.
 
-    Then the surge force has no part of its own that balances the drag, but only what the speed loop and the excitation
-    add.
+    The surge force then does not balance the drag; it consists of the speed loop and the excitation only.
     """
 
-    revolutions: Annotated[float, Unit("turn/s"), Field(description="after the fade-in, on the average")]
-    voltage: Annotated[float, Unit("V"), Field(description="at the start")] = 0.0
-    final_voltage: Annotated[float | None, Unit("V"), Field(description="at the end, to which it changes evenly")] = (
-        None
-    )
-    excitation: Annotated[TurnMultisine | None, Field(description="added to the revolutions")] = None
+    revolutions: Annotated[float, Unit("turn/s"), Field(description="mean revolutions after the fade-in")]
+    voltage: Annotated[float, Unit("V"), Field(description="voltage at the start")] = 0.0
+    final_voltage: Annotated[float | None, Unit("V"), Field(description="voltage at the end; default: constant")] = None
+    excitation: Annotated[TurnMultisine | None, Field(description="multisine added to the revolutions")] = None
 
 
 class Excitation(Settings):
     """Excitation added to the autopilot's commands, for each channel."""
 
-    fade_in: Annotated[Pause, Field(description="time in which excitation, turn rate and speed grow to full size")] = (
-        0.0
-    )
+    fade_in: Annotated[Pause, Field(description="time in which excitation, turn rate and speed grow")] = 0.0
     orthogonal: Annotated[
         bool,
         Field(
-            description="take harmonics of the run's length, dealt out to the channels in turn: none has a part in "
-            "another, and each starts and ends at zero"
+            description="use different harmonics of the run's length for each channel, so that channels are orthogonal "
+            "and start and end at zero"
         ),
     ] = False
     rudder: FinMultisine | None = None
@@ -127,101 +126,94 @@ class Excitation(Settings):
     roll_moment: MomentMultisine | None = None
 
     def channels(self) -> tuple[Multisine | None, ...]:
-        """Return the multisine of each input, or None, in the order of the inputs."""
+        """Return the multisine or None of each input, in the order of the inputs."""
         return self.rudder, self.elevator, self.surge_force, self.roll_moment
 
 
 class Autopilot(Settings):
-    """Simple loops on the true motion; gains are scaled by the vehicle's length and speed."""
+    """Control loops on the true motion, with gains scaled by the vehicle's length and speed."""
 
-    speed: Annotated[bool, Field(description="hold the speed with thrust, else constant thrust")] = True
-    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="what the elevator holds")] = "pitch"
-    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="what the rudder holds")] = "turn_rate"
-    bandwidth: Annotated[
-        float, Field(ge=1e-3, le=1e3, description="stiffness of the loops; 1 suits a torpedo shape")
-    ] = 1.0
+    speed: Annotated[bool, Field(description="whether thrust controls the speed; otherwise constant thrust")] = True
+    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="controlled by the elevator")] = "pitch"
+    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="controlled by the rudder")] = "turn_rate"
+    bandwidth: Annotated[float, Field(ge=1e-3, le=1e3, description="stiffness; 1 for a torpedo shape")] = 1.0
 
 
 class DepthAutopilot(Autopilot):
-    """For level manoeuvres: depth is held."""
+    """Autopilot of level manoeuvres: the elevator controls the depth."""
 
-    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="what the elevator holds")] = "depth"
+    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="controlled by the elevator")] = "depth"
 
 
 class LevelAutopilot(DepthAutopilot):
-    """For manoeuvres whose rudder follows a rule of its own: depth is held, the rudder is free."""
+    """Autopilot of manoeuvres with a prescribed rudder: the elevator controls the depth, the rudder is free."""
 
-    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="what the rudder holds")] = "none"
+    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="controlled by the rudder")] = "none"
 
 
 class NoAutopilot(Autopilot):
-    """For inputs that are given."""
+    """Autopilot of given inputs: all loops are off."""
 
-    speed: Annotated[bool, Field(description="hold the speed with thrust, else no thrust of its own")] = False
-    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="what the elevator holds")] = "none"
-    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="what the rudder holds")] = "none"
+    speed: Annotated[bool, Field(description="whether thrust controls the speed")] = False
+    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="controlled by the elevator")] = "none"
+    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="controlled by the rudder")] = "none"
 
 
 class ManoeuvreSettings(Settings):
-    """Settings of every manoeuvre."""
+    """Settings of all manoeuvres."""
 
     name: str = ""
     duration: Annotated[Seconds, Field(description="length of the run")]
-    speed: Annotated[float, Amount("m/s"), Field(gt=0, le=100, description="speed that is held")]
+    speed: Annotated[float, Amount("m/s"), Field(gt=0, le=100, description="speed to hold")]
     initial_speed: Annotated[
-        float | None, Amount("m/s"), Field(ge=0, le=100, description="speed at the start, if another one")
+        float | None, Amount("m/s"), Field(ge=0, le=100, description="speed at the start; default: the speed to hold")
     ] = None
-    current_north: Annotated[float, Unit("m/s"), Field(ge=-100, le=100, description="velocity of the water, north")] = (
-        0.0
-    )
-    current_east: Annotated[float, Unit("m/s"), Field(ge=-100, le=100, description="velocity of the water, east")] = 0.0
+    current_north: Annotated[float, Unit("m/s"), Field(ge=-100, le=100, description="current to the north")] = 0.0
+    current_east: Annotated[float, Unit("m/s"), Field(ge=-100, le=100, description="current to the east")] = 0.0
     initial_pitch: Annotated[Pitch, Field(description="pitch at the start")] = 0.0
-    input_rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="inputs change this often")] = 100.0
+    input_rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="rate at which inputs change")] = 100.0
     recorded_rate: Annotated[
         float | None,
         Amount("Hz"),
-        Field(gt=0, le=1e4, description="inputs are recorded this often, and held in between; null: each of them"),
+        Field(gt=0, le=1e4, description="rate at which inputs are recorded and held; null: all inputs are recorded"),
     ] = None
     limits: Limits = Limits()
     excitation: Excitation = Excitation()
-    propeller: Annotated[
-        Propeller | None, Field(description="revolutions and voltage, for terms of the vehicle that are made of them")
-    ] = None
+    propeller: Annotated[Propeller | None, Field(description="revolutions and voltage, for own terms")] = None
     fin_trim: FinTrim = FinTrim()
     disturbance: Disturbance = Disturbance()
 
-    def lacks_propulsion_for(self, coefficients: CoefficientSet) -> str:
-        """Say which terms are made of inputs that are not stated, and what to do; "" if there are none."""
+    def missing_propulsion(self, coefficients: CoefficientSet) -> str:
+        """Return an error message if terms need revolutions or voltage that the manoeuvre lacks; otherwise ""."""
         terms = coefficients.of_propulsion
         if self.propeller is not None or not terms:
             return ""
         return (
-            "the manoeuvre states no revolutions or voltage, of which terms of the vehicle are made "
-            f"({', '.join(term.symbol for term in terms)}): "
-            "manoeuvre.propeller={revolutions: 20 turn/s, voltage: 24 V}, or take these terms out (vehicle.terms)"
+            f"no revolutions or voltage for the vehicle's terms {', '.join(term.symbol for term in terms)}; set for "
+            "example manoeuvre.propeller={revolutions: 20 turn/s, voltage: 24 V}, or remove these terms (vehicle.terms)"
         )
 
     @model_validator(mode="after")
-    def _lasts_a_second(self) -> "ManoeuvreSettings":
+    def _minimum_duration(self) -> "ManoeuvreSettings":
         if self.duration < 1.0 or self.duration * self.input_rate < 2.0:
             raise ValueError("expected a duration of at least 1 s and two periods of the input rate")
         return self
 
     @model_validator(mode="after")
-    def _room_for_orthogonal_sines(self) -> "ManoeuvreSettings":
+    def _band_for_orthogonal_sines(self) -> "ManoeuvreSettings":
         if self.excitation.orthogonal:
             given = [channel for channel in self.excitation.channels() if channel is not None]
-            least = len(given) / self.duration
-            # The narrowest band that is sure to have a harmonic of each channel.
-            if any(channel.highest - channel.lowest < least for channel in given):
+            # The narrowest band that always contains a harmonic of each channel.
+            min_band = len(given) / self.duration
+            if any(channel.highest - channel.lowest < min_band for channel in given):
                 raise ValueError(
                     f"{len(given)} orthogonal multisines in {self.duration:g} s: expected highest at least "
-                    f"{least:.3g} Hz above lowest in each of them"
+                    f"{min_band:.3g} Hz above lowest in each of them"
                 )
         return self
 
     @model_validator(mode="after")
-    def _recorded_no_faster_than_they_change(self) -> "ManoeuvreSettings":
+    def _recorded_rate_below_input_rate(self) -> "ManoeuvreSettings":
         if self.recorded_rate is not None and self.recorded_rate > self.input_rate:
             raise ValueError(
                 f"expected recorded_rate ({self.recorded_rate:g} Hz) not above input_rate ({self.input_rate:g} Hz)"
@@ -234,12 +226,12 @@ class Spiral(ManoeuvreSettings):
 
     type: Literal["spiral"]
     turn_rate: Annotated[float, Unit("rad/s"), Field(description="mean yaw rate, positive to starboard")]
-    pitch: Annotated[Pitch, Field(description="mean pitch, negative is nose down")]
+    pitch: Annotated[Pitch, Field(description="mean pitch angle; negative: nose down")]
     autopilot: Autopilot = Autopilot()
 
 
 class Zigzag(ManoeuvreSettings):
-    """Rudder to one side until the heading has changed so far, then to the other, and so on."""
+    """Rudder reversed each time the heading has changed by `heading` to one side."""
 
     type: Literal["zigzag"]
     rudder: Annotated[PositiveRadians, Field(description="rudder deflection")]
@@ -258,16 +250,16 @@ class TurningCircle(ManoeuvreSettings):
 
 
 class Lawnmower(ManoeuvreSettings):
-    """Straight legs, and half turns between them to alternating sides, the first to starboard."""
+    """Straight legs with half turns to alternating sides, the first to starboard."""
 
     type: Literal["lawnmower"]
     leg: Annotated[Seconds, Field(description="time on each straight leg")]
-    turn_rate: Annotated[float, Amount("rad/s"), Field(gt=0, description="yaw rate that is held in a turn")]
+    turn_rate: Annotated[float, Amount("rad/s"), Field(gt=0, description="yaw rate in a turn")]
     autopilot: DepthAutopilot = DepthAutopilot()
 
 
 class MultisineRun(ManoeuvreSettings):
-    """A straight, level run with the excitation on top."""
+    """A straight, level run with excitation."""
 
     type: Literal["multisine"]
     autopilot: Autopilot = Autopilot()

@@ -3,7 +3,7 @@
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from auvid_cli.config.settings import Lever, Settings
 from auvid_cli.config.units import Amount, Unit, check_amount, parse_components
@@ -14,13 +14,11 @@ Probability = Annotated[float, Field(ge=0, lt=1)]
 
 
 class EarthField(Settings):
-    """What a magnetometer of three axes turns with; all three are to be stated."""
+    """Magnetic field of the earth at the place of the run."""
 
-    strength: Annotated[float, Amount("T"), Field(gt=0, description="of the earth's field, some 25 to 65 uT")]
-    declination: Annotated[float, Unit("rad"), Field(description="how far magnetic north is east of true north")]
-    dip: Annotated[
-        float, Unit("rad"), Field(gt=-np.pi / 2, lt=np.pi / 2, description="how steeply the field goes down")
-    ]
+    strength: Annotated[float, Amount("T"), Field(gt=0, description="strength of the earth's field, 25 to 65 uT")]
+    declination: Annotated[float, Unit("rad"), Field(description="magnetic from true north, positive to the east")]
+    dip: Annotated[float, Unit("rad"), Field(gt=-np.pi / 2, lt=np.pi / 2, description="angle below the horizontal")]
 
     @property
     def earth_field(self) -> tuple[float, float, float]:
@@ -31,35 +29,29 @@ class EarthField(Settings):
 
 
 class SensorSettings(Settings):
-    """One sensor. Values per component may be one number for all or a list of one each."""
+    """One sensor. A value per component is one number for all components or a list of one each."""
 
     sensor: ClassVar[str]
 
     rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="samples per second")]
     start: Annotated[float, Amount("s"), Field(ge=0, le=1e6, description="time of the first sample")] = 0.0
-    noise: Annotated[
-        PerComponent, Field(description="standard deviation of the noise, white but for its coloured share")
-    ] = ()
-    range: Annotated[
-        PerComponent, Field(description="catalogue accuracy +-range, read as three sigma of that noise")
-    ] = ()
+    noise: Annotated[PerComponent, Field(description="standard deviation of the noise")] = ()
+    range: Annotated[PerComponent, Field(description="catalogue accuracy +-range, three standard deviations")] = ()
     bias: Annotated[PerComponent, Field(description="constant bias")] = (0.0,)
-    bias_spread: Annotated[
-        PerComponent, Field(description="standard deviation of a further constant bias, drawn per seed")
-    ] = (0.0,)
+    bias_spread: Annotated[PerComponent, Field(description="standard deviation of a random bias per seed")] = (0.0,)
     drift: Annotated[PerComponent, Field(description="random walk of the bias, per square root of a second")] = (0.0,)
-    coloured_share: Annotated[
-        float, Field(ge=0, le=1, description="share of the noise's variance that is Gauss-Markov, and not white")
-    ] = 0.0
+    coloured_share: Annotated[float, Field(ge=0, le=1, description="Gauss-Markov share of the noise variance")] = 0.0
     coloured_time_constant: Annotated[
-        float, Amount("s"), Field(gt=0, description="after which 1/e of that noise is left")
+        float,
+        Amount("s"),
+        Field(gt=0, description="correlation time of that process: its autocorrelation falls to 1/e in this time"),
     ] = 1.0
     vibration: Annotated[PerComponent, Field(description="amplitude of a sine with a phase drawn per seed")] = (0.0,)
-    vibration_frequency: Annotated[float, Amount("Hz"), Field(gt=0, description="of that sine")] = 20.0
+    vibration_frequency: Annotated[float, Amount("Hz"), Field(gt=0, description="frequency of that sine")] = 20.0
     quantisation: Annotated[PerComponent, Field(description="step of the output; 0 for none")] = (0.0,)
-    dropout_probability: Annotated[Probability, Field(description="share of samples that are lost")] = 0.0
-    outlier_probability: Annotated[Probability, Field(description="share of samples that are wild")] = 0.0
-    outlier_size: Annotated[PerComponent, Field(description="standard deviation of a wild sample's error")] = (0.0,)
+    dropout_probability: Annotated[Probability, Field(description="share of lost samples")] = 0.0
+    outlier_probability: Annotated[Probability, Field(description="share of outliers")] = 0.0
+    outlier_size: Annotated[PerComponent, Field(description="standard deviation of an outlier's error")] = (0.0,)
     delay: Annotated[
         float,
         Unit("s"),
@@ -68,61 +60,43 @@ class SensorSettings(Settings):
     delay_spread: Annotated[
         float,
         Amount("s"),
-        Field(ge=0, le=1e3, description="standard deviation of a further delay, the offset of its clock, per seed"),
+        Field(ge=0, le=1e3, description="standard deviation of a further delay (clock offset), drawn per seed"),
     ] = 0.0
     standard_deviation: Annotated[
-        PerComponent, Field(description="standard deviation that filters assume; default: the noise")
+        PerComponent, Field(description="standard deviation for filters; default: noise")
     ] = ()
 
     @field_validator(
-        *("noise", "range", "bias_spread", "vibration", "quantisation", "outlier_size", "standard_deviation"),
+        *("noise", "range", "bias", "bias_spread", "drift", "vibration", "quantisation", "outlier_size"),
+        "standard_deviation",
         mode="before",
     )
     @classmethod
-    def _amount_per_component(cls, value: Any) -> PerComponent:
-        return () if value is None else parse_components(value, *cls._unit_and_width(), check_amount)
-
-    @field_validator("bias", mode="before")
-    @classmethod
-    def _per_component(cls, value: Any) -> PerComponent:
-        return () if value is None else parse_components(value, *cls._unit_and_width())
-
-    @field_validator("drift", mode="before")
-    @classmethod
-    def _per_component_and_root_second(cls, value: Any) -> PerComponent:
+    def _per_component(cls, value: Any, info: ValidationInfo) -> PerComponent:
+        if value is None:
+            return ()
         unit, width = cls._unit_and_width()
-        return parse_components(value, f"{unit}/s^0.5", width, check_amount)
-
-    @field_validator(
-        *("noise", "range", "bias_spread", "drift", "vibration", "quantisation", "outlier_size"), mode="after"
-    )
-    @classmethod
-    def _not_negative(cls, values: PerComponent) -> PerComponent:
+        if info.field_name == "bias":
+            return parse_components(value, unit, width)
+        values = parse_components(value, f"{unit}/s^0.5" if info.field_name == "drift" else unit, width, check_amount)
         if any(value < 0.0 for value in values):
             raise ValueError("expected values of 0 or more")
-        return values
-
-    @field_validator("standard_deviation", mode="after")
-    @classmethod
-    def _positive(cls, values: PerComponent) -> PerComponent:
-        if any(value <= 0.0 for value in values):
+        if info.field_name == "standard_deviation" and not all(values):
             raise ValueError("expected values greater than 0")
         return values
 
     @model_validator(mode="after")
-    def _one_statement_of_noise(self) -> "SensorSettings":
+    def _noise_or_range(self) -> "SensorSettings":
         if bool(self.noise) == bool(self.range):
-            raise ValueError(
-                "expected exactly one of 'noise' (standard deviation) and 'range' (three sigma), the other null"
-            )
+            raise ValueError("expected exactly one of 'noise' (standard deviation) and 'range' (three of these)")
         return self
 
     def noise_standard_deviation(self) -> PerComponent:
-        """Return the standard deviation of the noise per component, SI."""
+        """Return the standard deviation of the noise of each component, SI."""
         return self._all(self.noise or tuple(value / 3.0 for value in self.range))
 
     def stated_standard_deviation(self) -> PerComponent:
-        """Return the standard deviations that filters assume, one for each component, SI."""
+        """Return the standard deviations that filters assume for each component, SI."""
         return self._all(self.standard_deviation) if self.standard_deviation else self.noise_standard_deviation()
 
     def _all(self, values: PerComponent) -> PerComponent:
@@ -142,15 +116,14 @@ class Gyroscope(SensorSettings):
 
 
 class Accelerometer(SensorSettings):
-    """Specific force where it sits."""
+    """Specific force at the position of the sensor."""
 
     sensor = "accelerometer"
 
     position: Annotated[
-        Lever,
-        Field(description="[forward, starboard, down] from the vehicle's origin; estimators use it, an AHRS does not"),
+        Lever, Field(description="[forward, starboard, down] from the origin; used by estimators, not by an AHRS")
     ] = (0.0, 0.0, 0.0)
-    scale_error: Annotated[float, Field(gt=-1, le=10, description="of all components: 0.01 is 1 % too much")] = 0.0
+    scale_error: Annotated[float, Field(gt=-1, le=10, description="scale error; 0.01 means 1 % too large")] = 0.0
 
 
 class Magnetometer(SensorSettings):
@@ -171,11 +144,16 @@ class Dvl(SensorSettings):
     sensor = "dvl"
 
     scale_error: Annotated[
-        float, Field(gt=-1, le=10, description="of all components, from a wrong speed of sound: 0.01 is 1 % too fast")
+        float,
+        Field(
+            gt=-1,
+            le=10,
+            description="scale error of all components, from a wrong speed of sound; 0.01 means 1 % too fast",
+        ),
     ] = 0.0
-    mounting_yaw: Annotated[float, Unit("rad"), Field(description="how far it is turned to starboard")] = 0.0
+    mounting_yaw: Annotated[float, Unit("rad"), Field(description="mounting yaw, positive to starboard")] = 0.0
     arm: Annotated[
-        Lever, Field(description="[forward, starboard, down] from the vehicle's origin; no estimator uses it")
+        Lever, Field(description="[forward, starboard, down] from the vehicle's origin; unknown to estimators")
     ] = (0.0, 0.0, 0.0)
 
 
@@ -186,7 +164,7 @@ class Depth(SensorSettings):
 
 
 class AhrsSettings(Settings):
-    """How the AHRS computes attitude, and how far a filter may trust it."""
+    """Tuning of the AHRS, and the standard deviation that filters assume for its attitude."""
 
     standard_deviation: Annotated[
         float,
@@ -199,28 +177,28 @@ class AhrsSettings(Settings):
     manoeuvre_acceleration: Annotated[
         float,
         Amount("m/s^2/Hz^0.5"),
-        Field(gt=0, description="density of the vehicle's own acceleration, which the AHRS mistakes for tilt"),
+        Field(gt=0, description="density of the vehicle's own acceleration, which an AHRS cannot tell from tilt"),
     ] = 0.1
     gyro_bias: Annotated[
-        float, Amount("rad/s"), Field(ge=0, description="initial standard deviation of the AHRS's gyro bias")
+        float, Amount("rad/s"), Field(ge=0, description="prior standard deviation of the gyro bias")
     ] = 0.0
 
 
 class Attitude(SensorSettings):
     """Roll, pitch and yaw: computed by an AHRS from the other sensors, or measured directly.
 
-    Noise and faults are those of the direct source; an AHRS makes its own errors from its sensors'.
+    Noise and faults apply to the direct source; the errors of an AHRS follow from those of its sensors.
     """
 
     sensor = "attitude"
 
-    source: Annotated[Literal["ahrs", "direct"], Field(description="AHRS, or angles plus white noise")] = "ahrs"
+    source: Annotated[Literal["ahrs", "direct"], Field(description="AHRS, or true angles plus noise")] = "ahrs"
     rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="samples per second")] = 100.0
     ahrs: AhrsSettings = AhrsSettings()
 
     @model_validator(mode="before")
     @classmethod
-    def _accept_the_source_alone_and_fill_in_noise(cls, data: Any) -> Any:
+    def _accept_a_bare_source_and_add_noise(cls, data: Any) -> Any:
         if isinstance(data, str):
             data = {"source": data}
         if isinstance(data, dict) and not data.keys() & {"noise", "range"}:
@@ -228,12 +206,12 @@ class Attitude(SensorSettings):
         return data
 
     def stated_standard_deviation(self) -> PerComponent:
-        """Return the standard deviations that filters assume, one for each component, rad."""
+        """Return the standard deviations that filters assume for each component, rad."""
         return (self.ahrs.standard_deviation,) * 3 if self.source == "ahrs" else super().stated_standard_deviation()
 
 
 class AhrsSensors(NamedTuple):
-    """An AHRS, and the sensors from which it computes the attitude, apart from the DVL, whose noise it neglects."""
+    """An AHRS and its sensors, except the DVL, whose noise it neglects."""
 
     attitude: Attitude
     gyroscope: Gyroscope
@@ -242,7 +220,7 @@ class AhrsSensors(NamedTuple):
 
 
 class SensorSuite(Settings):
-    """A sensor file: what is not there is not carried; an AHRS needs gyroscope, accelerometer, magnetometer and DVL."""
+    """A sensor file; an AHRS needs gyroscope, accelerometer, magnetometer and DVL."""
 
     name: str = ""
     gyroscope: Gyroscope | None = None
@@ -254,19 +232,19 @@ class SensorSuite(Settings):
     depth: Depth | None = None
 
     @model_validator(mode="after")
-    def _something_to_measure_with(self) -> "SensorSuite":
+    def _at_least_one(self) -> "SensorSuite":
         if not self.given():
             raise ValueError(f"expected at least one sensor of {', '.join(SENSORS)}")
         return self
 
     @model_validator(mode="after")
-    def _what_an_ahrs_computes_from(self) -> "SensorSuite":
-        needed = "gyroscope", "accelerometer", "magnetometer", "dvl"
+    def _sensors_of_ahrs(self) -> "SensorSuite":
+        needed = ("gyroscope", "accelerometer", "magnetometer", "dvl")
         missing = [name for name in needed if getattr(self, name) is None]
         if self.has_ahrs and missing:
             raise ValueError(
-                f"an AHRS computes the attitude from {', '.join(needed)}, and there is no {' and no '.join(missing)}; "
-                "state what is missing, or take attitude: {source: direct}"
+                f"an AHRS needs {', '.join(needed)}; missing: {', '.join(missing)}; add them, or set "
+                "attitude: {source: direct}"
             )
         return self
 
@@ -276,13 +254,12 @@ class SensorSuite(Settings):
         return self.attitude is not None and self.attitude.source == "ahrs"
 
     def ahrs(self) -> AhrsSensors | None:
-        """Return the AHRS with its sensors; None where the attitude is measured directly, or not at all."""
+        """Return the AHRS with its sensors; None if the attitude is measured directly, or not at all."""
         attitude, gyroscope, accelerometer = self.attitude, self.gyroscope, self.accelerometer
         if not (self.has_ahrs and attitude and gyroscope and accelerometer and self.magnetometer):
             return None
         return AhrsSensors(attitude, gyroscope, accelerometer, self.magnetometer)
 
     def given(self) -> dict[str, SensorSettings]:
-        """Return the sensors by name, of those that there are."""
-        fields = {name: getattr(self, name) for name in type(self).model_fields}
-        return {name: settings for name, settings in fields.items() if isinstance(settings, SensorSettings)}
+        """Return the given sensors by name."""
+        return {name: settings for name, settings in self if isinstance(settings, SensorSettings)}

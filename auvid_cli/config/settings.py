@@ -27,18 +27,12 @@ Lever = Annotated[tuple[float, float, float], BeforeValidator(_three_lengths)]
 
 
 def three(values: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the numbers of three axes."""
+    """Return the numbers of three axes from three numbers, or one number for all axes."""
     return values if len(values) == 3 else values * 3
 
 
 def parse_spans(value: Any) -> tuple[tuple[float, float], ...]:
-    """Read spans, s: a list of ``[begin, end]``, or one of them alone; null is an end as far as there are data.
-
-    Raises
-    ------
-    ValueError
-        If it is not such a list, or if a span ends before it begins.
-    """
+    """Read spans, s, from a list of ``[begin, end]`` or a single one; null means the start or end of the data."""
     if not isinstance(value, list | tuple):
         raise ValueError("expected a list of [begin, end]")
     if len(value) == 2 and not any(isinstance(end, list | tuple) for end in value):
@@ -48,11 +42,11 @@ def parse_spans(value: Any) -> tuple[tuple[float, float], ...]:
         if not isinstance(span, list | tuple) or len(span) != 2:
             raise ValueError("expected [begin, end] for each span")
         begin, end = (
-            farthest if bound is None else parse_quantity(bound, "s")
-            for bound, farthest in zip(span, (-inf, inf), strict=True)
+            open_end if bound is None else parse_quantity(bound, "s")
+            for bound, open_end in zip(span, (-inf, inf), strict=True)
         )
         if not begin < end:
-            raise ValueError(f"the span [{begin:g}, {end:g}] s must begin before it ends")
+            raise ValueError(f"span [{begin:g}, {end:g}] s: the end must be later than the begin")
         parsed.append((begin, end))
     return tuple(parsed)
 
@@ -66,14 +60,10 @@ def parse_separate_spans(value: Any) -> tuple[tuple[float, float], ...]:
     return parsed
 
 
-def _written(end: float) -> float | None:
+def _null_if_open(end: float) -> float | None:
     return end if isfinite(end) else None
 
 
-_End = Annotated[float, AllowInfNan(True), PlainSerializer(_written)]
-
-
+_End = Annotated[float, AllowInfNan(True), PlainSerializer(_null_if_open)]
 Spans = Annotated[tuple[tuple[_End, _End], ...], BeforeValidator(parse_spans)]
-
-
 SeparateSpans = Annotated[tuple[tuple[_End, _End], ...], BeforeValidator(parse_separate_spans)]

@@ -1,4 +1,4 @@
-"""YAML text to a tree of plain values that know where they are written, and errors that point there."""
+"""YAML text to a tree of plain values with their positions, and errors at these positions."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -13,8 +13,8 @@ import yaml
 from auvid_cli.text import shortened
 
 KeyPath = tuple[str | int, ...]
-"""Keys and list indices from the top of the settings down to one of them."""
-# Start of the name of a source that is an override.
+"""Keys and list indices from the top of the settings to a value."""
+# Prefix of the name of an override.
 OVERRIDE = "--set "
 LINE_WIDTH = 100  # characters of an excerpt
 MAX_MESSAGES = 50
@@ -22,7 +22,7 @@ MAX_MESSAGE_LENGTH = 600  # characters
 _TAGS = "tag:yaml.org,2002:"
 _INT, _FLOAT, _MERGE = f"{_TAGS}int", f"{_TAGS}float", f"{_TAGS}merge"
 _KEPT_TAGS = (f"{_TAGS}null", f"{_TAGS}bool", _MERGE)
-# More than settings have; larger files take long to read.
+# Real settings are smaller; larger files would take long to read.
 MAX_VALUES = 10_000
 MAX_DEPTH = 50
 
@@ -34,13 +34,13 @@ class ConfigSource:
     Attributes
     ----------
     name : str
-        Name in messages: the path of the file, or the override as it was given.
+        Name in messages: the path of the file, or the text of the override.
     folder : pathlib.Path
         Folder of relative paths in the text.
     text : str
         Whole content; empty for an override.
     path : pathlib.Path or None
-        The file, if it is one.
+        The file; None for other text.
     """
 
     name: str
@@ -79,24 +79,20 @@ class Mistake:
     path: KeyPath
     message: str
 
-    def under(self, path: KeyPath) -> "Mistake":
-        """Return the mistake with `path` in front of its own."""
-        return replace(self, path=path + self.path)
-
     def __str__(self) -> str:
         path = dotted(self.path)
-        # An override begins with its key.
+        # The text of an override already begins with its key.
         is_named = str(self.at).startswith(f"{OVERRIDE}{path}=")
         return ": ".join(part for part in (str(self.at), "" if is_named else path, self.message) if part)
 
 
 def dotted(path: KeyPath) -> str:
-    """Return a path as the user writes it in an override."""
+    """Return a path in dotted form, as in an override."""
     return ".".join(map(str, path))
 
 
 def mistakes_text(mistakes: Iterable[Mistake]) -> str:
-    """Return the first mistakes, file by file: a line for each, then an excerpt for those at the same place."""
+    """Return the first mistakes, file by file: a line for each, then an excerpt of their position."""
     ordered = list(mistakes)
     ranks = {file: rank for rank, file in enumerate(dict.fromkeys(m.at.source.name for m in ordered))}
     ordered.sort(key=lambda m: (ranks[m.at.source.name], m.at.line, m.at.column))
@@ -114,7 +110,7 @@ def _shortened(text: str) -> str:
 
 @dataclass(frozen=True)
 class Tree:
-    """Value with its position; children are trees, too.
+    """Value with its position; children are trees.
 
     Attributes
     ----------
@@ -124,7 +120,7 @@ class Tree:
     key_at : Position or None
         Start of its key, if it has one.
     readable : bool
-        False for a file that could not be read, whose missing values are no further mistakes.
+        False for a file that could not be read, whose missing values are not reported.
     """
 
     content: Any
@@ -150,11 +146,11 @@ class Tree:
 
     @property
     def heading(self) -> Position:
-        """Return the position of the value as a whole: that of its key, if that is in the same source."""
+        """Return the position of the key, if it is in the same source, else that of the value."""
         return self.key_at if self.key_at is not None and self.key_at.source == self.at.source else self.at
 
     def child(self, part: str | int) -> "Tree | None":
-        """Return the child at a key or list index, None if there is none."""
+        """Return the child at a key or list index; None if it does not exist."""
         return self.children.get(part)
 
     def descend(self, path: KeyPath) -> "Iterator[Tree]":
@@ -167,12 +163,12 @@ class Tree:
             yield node
 
     def files(self) -> set[Path]:
-        """Return the files of the values."""
+        """Return the files from which the values were read."""
         own = {self.at.source.path} if self.at.source.path is not None else set()
         return own.union(*(child.files() for child in self.children.values()))
 
     def placed_at(self, at: Position) -> "Tree":
-        """Return the tree with every value and key at one position."""
+        """Return the tree with all positions replaced by one."""
         content = self.content
         if isinstance(content, dict):
             content = {key: child.placed_at(at) for key, child in content.items()}
@@ -181,12 +177,12 @@ class Tree:
         return Tree(content, at, at)
 
     def put(self, path: KeyPath, new: "Tree") -> "Tree":
-        """Return a copy with `new` at `path`, with new mappings on the way where there is nothing.
+        """Return a copy with `new` at `path`; missing mappings are created.
 
         Raises
         ------
         ValueError
-            If a scalar, or a list without that index, is in the way.
+            If the path leads through a scalar, or a list without that index.
         """
         if not path:
             return replace(new, key_at=self.key_at or new.key_at)
@@ -194,33 +190,23 @@ class Tree:
         if isinstance(self.content, list):
             index = int(part) if str(part).isdecimal() else -1
             if (child := self.child(index)) is None:
-                raise ValueError(f"there is no entry {part} in a list of {len(self.content)} (they count from 0)")
+                raise ValueError(f"no entry {part} in a list of {len(self.content)}; entries count from 0")
             content = list(self.content)
             content[index] = child.put(tuple(rest), new)
         elif isinstance(self.content, dict) or self.content is None:
             child = self.child(part) or Tree(None, new.at, new.at)
             content = {**self.children, part: child.put(tuple(rest), new)}
         else:
-            raise ValueError(f"cannot set {part!r} in {self.content!r}, which has no keys")
+            raise ValueError(f"cannot set {part!r} in {self.content!r}: it has no keys")
         return replace(self, content=content)
 
 
-# Campaigns and notebooks read the same few files many times.
+# Campaigns and notebooks read the same files many times.
 @lru_cache(maxsize=32)
 def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
-    """Read YAML safely.
+    """Read a YAML document safely; return its tree and its errors.
 
-    Parameters
-    ----------
-    source : ConfigSource
-        Text of one YAML document.
-
-    Returns
-    -------
-    Tree
-        With the first value of a duplicate key; the content is None if the text cannot be read.
-    tuple of Mistake
-        YAML errors.
+    The first value of a duplicate key counts. The content is None if the text is not valid YAML.
     """
     start = Position(source, 1, 1)
     try:
@@ -230,7 +216,7 @@ def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         message = ", ".join(part for part in (error.context, error.problem) if part)
-        message = "a tab where only spaces may stand" if "'\\t'" in message else message
+        message = "a tab in the indentation; use spaces" if "'\\t'" in message else message
         mistake = Mistake(_position(source, mark) if mark else start, (), f"not valid YAML: {message}")
     except yaml.reader.ReaderError as error:
         mistake = _unreadable_character(source, error.position)
@@ -238,7 +224,7 @@ def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's loader without the surprises of YAML 1.1: 010 is not 8, 1:30 is not 90, and a date is text."""
+    """PyYAML's loader with plain rules for scalars: 010 is not 8, 1:30 is not 90, and a date is text."""
 
     yaml_implicit_resolvers = {  # noqa: RUF012
         first: [(tag, pattern) for tag, pattern in kinds if tag in _KEPT_TAGS]
@@ -252,14 +238,14 @@ class _Loader(yaml.SafeLoader):
         self._composed = self._depth = self._values = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        """Compose the next node; refuse a text that is too long or unsafe before all of it is read."""
+        """Compose the next node; raise an error as soon as the text is too large or unsafe."""
         event: Any = self.peek_event()
         tag = getattr(event, "tag", None)
         if tag is not None:
             raise _error(event, f"the tag {tag.replace(_TAGS, '!!')!r} is not allowed")
-        # "\ud800" is half of a character, which no file or terminal accepts.
+        # A lone surrogate cannot be written to a file or terminal.
         if any("\ud800" <= letter <= "\udfff" for letter in getattr(event, "value", None) or ""):
-            raise _error(event, "half of a character (\\ud800 to \\udfff), which is no text")
+            raise _error(event, "half of a character (\\ud800 to \\udfff); expected text")
         self._composed += 1
         _check_size(event, self._composed, self._depth)
         self._depth += 1
@@ -268,7 +254,7 @@ class _Loader(yaml.SafeLoader):
         return node
 
     def tree(self, node: yaml.Node, path: KeyPath = (), above: tuple[yaml.Node, ...] = ()) -> Tree:
-        """Return the tree of a node; `above` are the nodes that contain it. Aliases count each time."""
+        """Return the tree of a node; `above` are the nodes that contain it. Each use of an alias counts."""
         self._values += 1
         if node in above:
             raise _error(node, "an alias to a value that contains it")
@@ -287,14 +273,14 @@ class _Loader(yaml.SafeLoader):
         numbers = yaml.SafeLoader.yaml_implicit_resolvers.get(node.value[:1], [])
         is_number = any(tag in (_INT, _FLOAT) and pattern.match(node.value) for tag, pattern in numbers)
         if node.style is None and "_" in node.value and is_number:
-            raise _error(node, f"{node.value!r} is no number with an underscore in it; text like this stands in quotes")
+            raise _error(node, f"{node.value!r}: underscore in a number; put text in quotes")
         try:
             return self.construct_object(node)
         except ValueError:  # more digits than Python reads
-            raise _error(node, f"{shortened(node.value, 60)} is not a number that can be") from None
+            raise _error(node, f"{shortened(node.value, 60)}: too many digits for a number") from None
 
     def _mapping(self, node: yaml.MappingNode, path: KeyPath, above: tuple[yaml.Node, ...]) -> dict[str, Tree]:
-        """Return the children of a mapping: its own keys, then those of merged mappings that it lacks."""
+        """Return the children of a mapping, and of merged mappings for keys that it lacks."""
         content: dict[str, Tree] = {}
         merged: list[yaml.Node] = []
         for key, value in node.value:
@@ -317,8 +303,6 @@ class _Loader(yaml.SafeLoader):
 
 
 _Loader.add_implicit_resolver(_INT, re.compile(r"[-+]?(?:0|[1-9][0-9]*)$"), list("-+0123456789"))
-
-
 _Loader.add_implicit_resolver(
     _FLOAT,
     re.compile(r"[-+]?(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][-+][0-9]+)?$|[-+]?\.(?:inf|Inf|INF)$|\.(?:nan|NaN|NAN)$"),

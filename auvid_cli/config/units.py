@@ -1,6 +1,4 @@
-"""Numbers with units (``7 Hz``, ``0.1 cm/s``, ``0.003 g`` or a bare SI number) to floats in SI, within plausible
-limits.
-"""
+"""Quantities such as ``7 Hz``, ``0.1 cm/s`` or a bare SI number, to floats in SI within plausible limits."""
 
 import json
 import math
@@ -22,8 +20,7 @@ SizeCheck: TypeAlias = Callable[[float, str], float]
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 UNIT_TOKEN = re.compile(r"[^\W\d]\w*(?:(?:\^|\*\*)-?\d(?:\.\d+)?|[²³])?|°|1(?=\s*/)|[\s*/()·]")
 _STANDARD_GRAVITY = re.compile(r"(?<!\w)([mµμu]?)g(?!\w)")
-# Characters; pint takes the square of the length in time.
-_LONGEST_UNIT = 100
+_MAX_UNIT_LENGTH = 100  # characters; the time of pint is proportional to the square of the length
 EXAMPLES = {
     "Hz": ("a frequency", "7 Hz"),
     "s": ("a time", "10 s"),
@@ -42,14 +39,14 @@ EXAMPLES = {
 
 
 class Magnitude(NamedTuple):
-    """Sizes that numbers of a unit may have: `least` binds amounts, such as a standard deviation, if they are not 0."""
+    """Limits of numbers of a unit; `smallest` is for amounts such as a standard deviation, unless they are 0."""
 
-    least: float
-    most: float
+    smallest: float
+    largest: float
 
 
-_BY_UNIT = {
-    # Clocks count from 1970, some of them in nanoseconds.
+_MAGNITUDES = {
+    # Some clocks count nanoseconds since 1970.
     "s": Magnitude(1e-9, 1e20),
     "Hz": Magnitude(1e-6, 1e4),
     "m": Magnitude(1e-12, 1e6),
@@ -60,55 +57,35 @@ _BY_UNIT = {
     "N": Magnitude(1e-9, 1e12),
     "N*m": Magnitude(1e-9, 1e15),
 }
-
-
-# Noise densities, random walks, and what a gain in a log map is.
-_OTHERWISE = Magnitude(1e-12, 1e6)
-
-
-# Mass, inertia and coefficients of hulls from a centimetre to a kilometre.
-_OF_MASS = Magnitude(1e-15, 1e20)
+# Mass, inertia and coefficients, for hulls from a centimetre to a kilometre.
+_MASS_MAGNITUDE = Magnitude(1e-15, 1e20)
+# Noise densities, random walks and gains.
+_OTHER_MAGNITUDE = Magnitude(1e-12, 1e6)
 
 
 def magnitude_of(unit: str) -> Magnitude:
-    """Return the limits of a unit as the settings write it."""
-    return _BY_UNIT.get(unit, _OF_MASS if "kg" in unit else _OTHERWISE)
+    """Return the limits of an SI unit of the settings."""
+    return _MAGNITUDES.get(unit, _MASS_MAGNITUDE if "kg" in unit else _OTHER_MAGNITUDE)
 
 
 def check_size(value: float, unit: str) -> float:
-    """Return a number that may be so large in its unit.
-
-    Raises
-    ------
-    ValueError
-        If it may not be.
-    """
-    most = magnitude_of(unit).most
-    if abs(value) > most:
-        raise ValueError(f"must be at most {_written(most, unit)} in size, got {value:g}")
+    """Return the number unchanged; ValueError if it is too large for its unit."""
+    largest = magnitude_of(unit).largest
+    if abs(value) > largest:
+        raise ValueError(f"must be at most {largest:g} {unit}".rstrip() + f" in size, got {value:g}")
     return value
 
 
 def check_amount(value: float, unit: str) -> float:
-    """Return a number that may be so large, and if it is not 0 so small, in its unit.
-
-    Raises
-    ------
-    ValueError
-        If it may not be.
-    """
-    least = magnitude_of(unit).least
-    if 0.0 < abs(value) < least:
-        raise ValueError(f"must be at least {_written(least, unit)} if it is not 0, got {value:g}")
+    """Return the number unchanged; ValueError if it is too large or, unless it is 0, too small for its unit."""
+    smallest = magnitude_of(unit).smallest
+    if 0.0 < abs(value) < smallest:
+        raise ValueError(f"must be at least {smallest:g} {unit}".rstrip() + f" if it is not 0, got {value:g}")
     return check_size(value, unit)
 
 
-def _written(limit: float, unit: str) -> str:
-    return f"{limit:g} {unit}".strip()
-
-
-# By `docs/make_reference.py`.
-_USUAL = Path(__file__).with_name("usual_units.json")
+# Written by `docs/make_reference.py`.
+_USUAL_UNITS_FILE = Path(__file__).with_name("usual_units.json")
 
 
 def parse_quantity(value: Any, unit: str) -> float:
@@ -117,11 +94,11 @@ def parse_quantity(value: Any, unit: str) -> float:
     Parameters
     ----------
     value : number or str
-        A number, also as text, is in SI already; text such as ``"0.1 cm/s"`` is converted. A lone
-        ``g`` is standard gravity where an acceleration is expected, and gram otherwise.
+        A bare number, also as text, is in SI; text such as ``"0.1 cm/s"`` is converted. ``g`` is standard
+        gravity for an acceleration, and gram otherwise.
     unit : str
-        SI unit of the result. A radian is a pure number, except that it tells ``rad/s`` from
-        ``Hz``: neither is taken for the other.
+        SI unit of the result. A radian is a pure number, except that ``rad/s`` and ``Hz`` are different
+        dimensions.
 
     Returns
     -------
@@ -131,7 +108,7 @@ def parse_quantity(value: Any, unit: str) -> float:
     Raises
     ------
     ValueError
-        If it is not such a quantity; the message is one sentence.
+        If it is not a quantity of that dimension.
     """
     try:
         if isinstance(value, Real) and not isinstance(value, bool):
@@ -149,30 +126,19 @@ def parse_quantity(value: Any, unit: str) -> float:
 
 
 def parse_number(text: str) -> float:
-    """Read a bare number as programs write it: ASCII digits, perhaps a sign, a decimal point, an exponent.
-
-    Raises
-    ------
-    ValueError
-        If it is not a number, or too large; other notations of Python, such as ``5_0``, are refused.
-    """
+    """Read a bare decimal number in ASCII digits; ValueError for other notations, such as ``5_0``, and for infinity."""
     if not NUMBER.fullmatch(text.strip()) or not math.isfinite(number := float(text)):
         raise ValueError(f"{describe(text)} is not a finite number")
     return number
 
 
 def parse_components(value: Any, unit: str, n: int, check: SizeCheck = check_size) -> tuple[float, ...]:
-    """Read one quantity for all components, or a list of 1 or `n` of them, each of a size that passes a check.
-
-    Returns
-    -------
-    tuple of float
-        Magnitudes in `unit`, of length 1 or `n`.
+    """Read one quantity for all components, or a list of 1 or `n`; return 1 or `n` numbers in `unit`.
 
     Raises
     ------
     ValueError
-        If the list is of another length or one of the quantities is wrong.
+        If the list has another length, or a quantity is invalid or fails `check`.
     """
     if not isinstance(value, list | tuple):
         return (check(parse_quantity(value, unit), unit),)
@@ -184,13 +150,13 @@ def parse_components(value: Any, unit: str, n: int, check: SizeCheck = check_siz
 
 @dataclass(frozen=True)
 class Unit:
-    """SI unit of a field, ``Annotated[float, Unit("m/s")]``: the field takes any unit of that dimension."""
+    """SI unit of a field, ``Annotated[float, Unit("m/s")]``; users may write any unit of that dimension."""
 
     unit: str
     check: ClassVar[SizeCheck] = staticmethod(check_size)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Parse the quantity before the field's own validation, and see whether it can be of that size."""
+        """Parse the quantity and check its size before the field's own validation."""
 
         def parse(value: Any) -> float:
             return type(self).check(parse_quantity(value, self.unit), self.unit)
@@ -199,13 +165,13 @@ class Unit:
 
 
 class Amount(Unit):
-    """SI unit of a field that is not negative: values too small to compute with are refused, except 0."""
+    """SI unit of a field that is not negative; very small values, except 0, are refused."""
 
     check = staticmethod(check_amount)
 
 
 class AmountPerAxis(Amount):
-    """SI unit of a field of amounts along three axes: one for all of them or a list of one each."""
+    """SI unit of a field of amounts along three axes: one for all axes or a list of one each."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Parse the quantities before the field's own validation."""
@@ -217,14 +183,14 @@ class AmountPerAxis(Amount):
 
 
 def expected(unit: str) -> str:
-    """Return a phrase for messages with an example of a quantity of that unit."""
+    """Return a phrase for messages, with an example of a quantity of that unit."""
     kind, example = EXAMPLES.get(unit, ("a quantity", f"0.1 {unit}"))
     bare = "a bare number" if unit == "1" else f"a bare number in {unit}"
     return f"{kind} such as '{example}' or {bare}"
 
 
 def describe(value: Any) -> str:
-    """Describe a YAML value in a few words, for messages."""
+    """Return a short description of a YAML value, for messages."""
     match value:
         case None:
             return "nothing"
@@ -263,30 +229,31 @@ def _factor(text: str, unit: str) -> float:
     if dimension.get("meter") and not dimension.get("kilogram") and dimension.get("second", 0.0) < -1.0:
         text = with_standard_gravity(text)
     size, other_dimension, other_angle = _base(text)
-    angle_tells = set(dimension) <= {"second"}
-    if other_dimension != dimension or (angle_tells and other_angle != angle):
+    # The radian distinguishes rad/s from Hz.
+    angle_matters = set(dimension) <= {"second"}
+    if other_dimension != dimension or (angle_matters and other_angle != angle):
         raise ValueError("another dimension")
     return size / scale
 
 
 @cache
 def _usual_units() -> dict[str, list[Any]]:
-    """Return what `size_of_unit` says of units that ship: with no others pint, a third of a second, is not loaded."""
-    return json.loads(_USUAL.read_text(encoding="utf-8"))
+    """Return `size_of_unit` of the units in shipped files, for which pint (0.3 s to import) is then not needed."""
+    return json.loads(_USUAL_UNITS_FILE.read_text(encoding="utf-8"))
 
 
 def with_standard_gravity(unit: str) -> str:
-    """Take every g of an acceleration's unit for standard gravity, and not for a gram."""
+    """Replace g, which is not a gram in the unit of an acceleration, by standard gravity."""
     return _STANDARD_GRAVITY.sub(r"\1g_0", unit)
 
 
 @cache
 def _base(unit: str) -> tuple[float, dict[str, float], float]:
-    """Return what `size_of_unit` says; ValueError for an unknown unit."""
-    if len(unit) > _LONGEST_UNIT or UNIT_TOKEN.sub("", unit):
+    """Return `size_of_unit` of any unit; ValueError for an unknown one."""
+    if len(unit) > _MAX_UNIT_LENGTH or UNIT_TOKEN.sub("", unit):
         raise ValueError(f"{describe(unit)} is not a unit")
-    if (known := _usual_units().get(unit)) is not None:
-        size, exponents, angle = known
+    if (usual := _usual_units().get(unit)) is not None:
+        size, exponents, angle = usual
         return size, exponents, angle
     return size_of_unit(unit)
 
@@ -297,12 +264,12 @@ def size_of_unit(unit: str) -> tuple[float, dict[str, float], float]:
     Raises
     ------
     ValueError
-        If it is none.
+        If pint does not know the unit.
     """
     registry = _registry()
     try:
         base: Any = registry.Quantity(1.0, unit.replace("·", "*")).to_base_units()
         exponents = {name: float(power) for name, power in base.unit_items()}
-    except Exception as error:  # pint lets errors of its tokenizer and of its arithmetic escape
+    except Exception as error:  # pint raises errors of its tokenizer and of its arithmetic
         raise ValueError(f"{unit!r} is not a unit") from error
     return float(base.magnitude), exponents, exponents.pop("radian", 0.0)

@@ -89,7 +89,7 @@ def read_result_tables(folder: Path, beside: str) -> ResultTables:
     Parameters
     ----------
     folder : pathlib.Path
-        A results folder, a folder with the tables themselves, or one with a results folder named `beside`.
+        A results folder, a folder with the tables themselves, or one with a results folder named `comparison`.
     beside : str
         Name of the results folder with which these are to be compared.
 

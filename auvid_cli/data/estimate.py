@@ -10,8 +10,14 @@ from pydantic_core import core_schema
 
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.config.extra_states import ERROR_STATES, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
-from auvid_cli.config.moving_states import FURTHER_STATES
+from auvid_cli.config.extra_states import (
+    ERROR_STATES,
+    EXCESS_BUOYANCY,
+    FIN_TRIMS,
+    FURTHER_STATES,
+    THRUST_SCALE,
+    TRIM_MOMENT,
+)
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.actuators import ActuatorErrors

@@ -147,7 +147,7 @@ def _difference(
     here = experiment
     if kind == "estimate":
         here, there = (
-            run.model_copy(update={"name": "", "identification": run.identification.of_filter(filter_name)})
+            run.model_copy(update={"name": "", "identification": run.identification.for_filter(filter_name)})
             for run in (here, there)
         )
     parts = [part for part in type(here).model_fields if getattr(here, part) != getattr(there, part, None)]

@@ -63,7 +63,7 @@ def _check_sensor(name: str, record: SensorRecord) -> None:
 
 def _check_sizes(where: str, values: Array, unit: str) -> None:
     """Refuse what no sensor reads and no actuator does; NaN stands for what is missing."""
-    most = magnitude_of(unit).most
+    most = magnitude_of(unit).largest
     largest = float(np.fmax.reduce(np.abs(values), initial=0.0))
     if largest > most:
         raise ValueError(f"{where} has {largest:g} {unit}; {most:g} is beyond anything that can be")

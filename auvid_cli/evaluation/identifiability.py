@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.extra_states import BiasName
-from auvid_cli.config.moving_states import ProcessNoise
+from auvid_cli.config.extra_states import BiasName, ProcessNoise
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import is_observed
@@ -92,12 +91,12 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     prior_stds = {
         quantity.symbol: (information.state.index(quantity.symbol), block.prior_std)
         for block in blocks
-        if not block.shifts
+        if not block.is_delay
         for quantity in block.quantities
     }
     noisy = {} if with_noise is None else with_noise.bound()
     identifiability = assess(information.by_sensor, information.growing, values, information.scale, prior_stds, noisy)
-    for delay in (block for block in blocks if block.shifts):
+    for delay in (block for block in blocks if block.is_delay):
         # Of which only the way with process noise knows.
         identifiability.sensor_errors[delay.name] = _error_bound(noisy.get(delay.name, np.inf), delay.prior_std)
     lost, remarks = information.lost_after, [] if dataset.truth is not None else _presumed(prepared)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.extra_states import AugmentedStates, BiasName
-from auvid_cli.config.sanity import STRONGEST_FINS, WEAKEST_FINS
+from auvid_cli.config.sanity import MAX_FIN_STRENGTH, MIN_FIN_STRENGTH
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import Cause, FaultKind
 from auvid_cli.data.innovations import LAGS, WINDOW, Innovations
@@ -72,7 +72,7 @@ def out_of_proportion(estimate: Estimate, sigmas: float) -> dict[str, float]:
     for symbol in _MOMENTS:
         if symbol in deviations and stated.get(symbol):
             times, unsure = abs(values[symbol] / stated[symbol]), sigmas * deviations[symbol] / abs(stated[symbol])
-            if times - unsure > STRONGEST_FINS or times + unsure < WEAKEST_FINS:
+            if times - unsure > MAX_FIN_STRENGTH or times + unsure < MIN_FIN_STRENGTH:
                 found[symbol] = times
     return found
 

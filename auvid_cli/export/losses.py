@@ -100,7 +100,7 @@ def _gain_lines(model: IdentifiedModel) -> list[str]:
 
 def _actuator_lines(model: IdentifiedModel) -> list[str]:
     actuators, units = model.actuation.actuators, {size.symbol: size.unit for size in model.term_sizes}
-    described = [f"{what} of {words}" for what, words in actuators.described().items() if words]
+    described = [f"{what} of {words}" for what, words in actuators.descriptions().items() if words]
     if not described:
         return []
     changes = ", ".join(

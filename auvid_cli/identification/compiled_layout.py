@@ -10,8 +10,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.config.extra_states import ERROR_BLOCKS
-from auvid_cli.config.moving_states import FURTHER_STATES
+from auvid_cli.config.extra_states import ERROR_BLOCKS, FURTHER_STATES
 from auvid_cli.identification.states import StateLayout
 from auvid_cli.numerics import LANES, compiled
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
@@ -29,7 +28,7 @@ _SYMBOLS = (
     *(
         quantity.symbol
         for block in ERROR_BLOCKS
-        if not (block.additive or block.shifts)
+        if not (block.additive or block.is_delay)
         for quantity in block.quantities
     ),
 )

@@ -116,7 +116,7 @@ def _sought(prepared: PreparedData) -> tuple[list[str], tuple[str, ...]]:
         If one is that of a sensor that is not there.
     """
     blocks = prepared.experiment.identification.estimate.blocks()
-    symbols = tuple(block.name for block in blocks if block.shifts)
+    symbols = tuple(block.name for block in blocks if block.is_delay)
     names = [name for name, delay in DELAYS.items() if delay.symbol in symbols]
     if missing := [name for name in names if name not in (INPUTS_DELAY, *prepared.measuring)]:
         raise DataError(

@@ -130,7 +130,7 @@ def push(moving, row_length, constants, n_lanes, duration, velocity, velocity_ro
 
 @compiled()
 def fade(moving, row_length, constants, n_lanes, duration):
-    """Let what disturbs some states fade for so long; arguments as of `push`."""
+    """Let what disturbs some states fade for so long; arguments as of `disturbance`."""
     for axis in range(_N_AXES):
         row = row_of(constants, _ROWS[axis])
         if row >= 0:
@@ -142,7 +142,7 @@ def fade(moving, row_length, constants, n_lanes, duration):
 
 @compiled()
 def _push_derivative(constants, duration, left, by_force):
-    """Do to the derivative of the motion what `push` does to the motion."""
+    """Do to the derivative of the motion what `disturbance` does to the motion."""
     inverse = named_constants(constants).inverse
     for i in range(6):
         for axis in range(_N_AXES):

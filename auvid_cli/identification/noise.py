@@ -8,9 +8,14 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.config.extra_states import BiasName, EstimatedDisturbance
+from auvid_cli.config.extra_states import (
+    FURTHER_STATES,
+    BiasName,
+    DisturbingForce,
+    DisturbingMoment,
+    EstimatedDisturbance,
+)
 from auvid_cli.config.identification import STEPS_PER_TIME_CONSTANT, Identification
-from auvid_cli.config.moving_states import FURTHER_STATES, DisturbingForce, DisturbingMoment
 from auvid_cli.config.settings import Settings, three
 from auvid_cli.config.units import Unit
 from auvid_cli.data.findings import DisturbanceChoice, TunedNoise, Tuning

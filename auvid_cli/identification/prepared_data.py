@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.extra_states import FURTHER_STATES
 from auvid_cli.config.identification import Identification, Use
-from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.acting_inputs import as_acting
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.signals import longer_intervals

@@ -214,7 +214,7 @@ def held_coefficients(experiment: RunSettings) -> dict[str, float]:
     ConfigError
         If the vehicle states none for one of them.
     """
-    held = experiment.identification.held(experiment.vehicle)
+    held = experiment.identification.fixed(experiment.vehicle)
     given = experiment.vehicle.stated_coefficients()
     if missing := [symbol for symbol in held if symbol not in given]:
         raise ConfigError(

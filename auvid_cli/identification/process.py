@@ -8,8 +8,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.config.extra_states import ERROR_BLOCKS
-from auvid_cli.config.moving_states import FURTHER_STATES
+from auvid_cli.config.extra_states import ERROR_BLOCKS, FURTHER_STATES
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TIMELINE, TRANSITION_SIGNATURE, Process
 from auvid_cli.identification import compiled_layout, sensors
 from auvid_cli.identification.compiled_layout import (

@@ -56,7 +56,7 @@ def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Id
 
             if settings.is_marginal:
                 import auvid_cli.filters.marginal  # noqa: F401  # Compiled here, and not while filters run.
-            sought = [block.name for block in settings.estimate.blocks() if block.shifts]
+            sought = [block.name for block in settings.estimate.blocks() if block.is_delay]
             own = settings.smoother.max_passes, VehicleFaults(augmented, sought), settings.is_marginal
             return IteratedSmoother(name.value, *problem, *own)
         case FilterName.OUTPUT_ERROR:
@@ -147,7 +147,7 @@ def resolve_settings(prepared: PreparedData) -> PreparedData:
         As `auvid_cli.identification.noise.tune_noise` and `auvid_cli.identification.delays.estimate_delays`.
     """
     settings = prepared.experiment.identification
-    if settings.seeks_delays:
+    if settings.estimates_delays:
         from auvid_cli.identification.delays import estimate_delays
 
         prepared = estimate_delays(prepared)

@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.extra_states import ErrorBlock
-from auvid_cli.config.filters import Prior
+from auvid_cli.config.coefficients import Prior
+from auvid_cli.config.extra_states import FURTHER_STATES, ErrorBlock
 from auvid_cli.config.identification import Identification
-from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.config.vehicle import Size, VehicleSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate_file import read_estimate
@@ -100,7 +99,7 @@ def coefficient_priors(vehicle: VehicleSettings, prior: Prior) -> dict[str, Coef
     means, known = _expected(vehicle, prior)
     priors = {}
     for coefficient in vehicle.coefficient_set:
-        symbol, guess = coefficient.symbol, vehicle.guess_of_term(coefficient.symbol)
+        symbol, guess = coefficient.symbol, vehicle.term_prior(coefficient.symbol)
         mean = means.get(symbol, 0.0) if guess.mean is None else guess.mean
         share = _share(prior, coefficient)
         stated = guess.standard_deviation or (known.get(symbol) if share is None else None)
@@ -348,7 +347,7 @@ def state_layout(settings: Identification, vehicle: VehicleSettings, measuring: 
             start, density = getattr(initial, name), getattr(noise, name)
             blocks.append(StateBlock(name, (quantity,), (start,), (density,), starts_as_measured=True))
     for error in settings.estimate.blocks():
-        if error.shifts:
+        if error.is_delay:
             continue
         n = len(error.quantities)
         walk = (error.walk,) * n if error.walk > 0.0 else ()

@@ -9,10 +9,10 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.coefficients import Term
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.identification import Use
 from auvid_cli.config.settings import Spans
-from auvid_cli.config.terms import Term
 from auvid_cli.data.findings import LEAST_HELD_OUT_GAIN, ScoredTerm, TermFindings
 from auvid_cli.errors import DataError
 from auvid_cli.filters.fault_scores import correlation, explained, gains, score_faults, sizes

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from auvid_cli.config.sanity import STRONGEST_FINS, WEAKEST_FINS
+from auvid_cli.config.sanity import MAX_FIN_STRENGTH, MIN_FIN_STRENGTH
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.checks import Check
 from auvid_cli.data.rate_of_change import response_to_rates
@@ -233,8 +233,8 @@ def _strength(signals: Signals, axis: RotationAxis, motion: LinearMotion, time_c
         axis.input,
         "strength",
         statistic=f"{abs(fitted.gain):.2f} +- {fitted.error:.1g} times that of the vehicle file",
-        threshold=f"{WEAKEST_FINS:g} to {STRONGEST_FINS:g} times",
-        passed=low <= STRONGEST_FINS and high >= WEAKEST_FINS,
+        threshold=f"{MIN_FIN_STRENGTH:g} to {MAX_FIN_STRENGTH:g} times",
+        passed=low <= MAX_FIN_STRENGTH and high >= MIN_FIN_STRENGTH,
         advice=f"The vehicle responds to {axis.input} {abs(fitted.gain):.2g} times as strongly as its file predicts. "
         f"Check the unit and `scale` of {axis.input} in the map, and its coefficients, the mass and the inertia in the "
         "vehicle file. Data alone cannot distinguish half the deflection from twice the effectiveness.",

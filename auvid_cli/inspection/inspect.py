@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import ImportedRun, RunSettings
-from auvid_cli.config.sanity import doubts
+from auvid_cli.config.sanity import sanity_warnings
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.acting_inputs import as_acting, with_actuator_dynamics
 from auvid_cli.data.checks import Check, Checks
@@ -180,8 +180,10 @@ def _vehicle(vehicle: VehicleSettings) -> list[Check]:
     """Return implausible values of the vehicle file."""
     advice = "Check the sign and the unit of this value in the vehicle file, and the value that it is compared with."
     return [
-        judged("vehicle", doubt.subject, statistic=doubt.value, threshold=doubt.expected, passed=None, advice=advice)
-        for doubt in doubts(vehicle)
+        judged(
+            "vehicle", warning.subject, statistic=warning.value, threshold=warning.expected, passed=None, advice=advice
+        )
+        for warning in sanity_warnings(vehicle)
     ]
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.log_sensors import AttitudeMap, DvlMap, InBody, MagnetometerMap, SensorMap
+from auvid_cli.config.log_map import AttitudeMap, DvlMap, InBody, MagnetometerMap, SensorMap
 from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import gap_limit

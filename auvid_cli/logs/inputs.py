@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.log_map import InputsMap, LogMap
+from auvid_cli.config.log_columns import InputsMap
+from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.data.signals import gap_limit

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.log_map import LogMap
-from auvid_cli.config.log_sensors import AccelerometerMap, DepthMap, DvlMap, MagneticFieldMap, SensorMap
+from auvid_cli.config.log_map import AccelerometerMap, DepthMap, DvlMap, LogMap, MagneticFieldMap, SensorMap
 from auvid_cli.config.settings import Spans
 from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.data.dataset import SensorRecord

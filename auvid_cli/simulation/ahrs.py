@@ -1,14 +1,13 @@
 """Attitude and heading reference: roll, pitch and yaw from gyroscope, accelerometer and magnetometer.
 
-A Kalman filter on the attitude error, with the error expressed in the NED frame, where gravity and
-north stand still and the measurement matrices are constant (Crassidis, Markley and Cheng, "Survey of
-nonlinear attitude estimation methods", J. Guid. Control Dyn. 30(1), 2007, gives the family). Each
-sensor comes at its own rate, and the magnetometer gives a heading only, which is why the AHRS
-packages that want three field components at one common rate do not serve.
+A Kalman filter of the attitude error, expressed in the NED frame, where the measurement matrices are constant
+(Crassidis, Markley and Cheng, "Survey of nonlinear attitude estimation methods", J. Guid. Control Dyn. 30(1), 2007).
+Each sensor has its own rate, and the magnetometer measures only the heading; AHRS packages need three field components
+at one common rate.
 
-In a turn the accelerometer feels omega x v, a tenth of g at 3.9 m/s; it is removed with the DVL's
-velocity and the gyro's rate. What remains of the vehicle's own acceleration has no mean, and its
-stated density makes the filter trust the gyro over the length of a turn.
+In a turn the accelerometer also measures omega x v (a tenth of g at 3.9 m/s), which is removed with the velocity of the
+DVL and the rate of the gyroscope. Other accelerations of the vehicle are treated as noise; their density makes the
+filter rely on the gyroscope during a turn.
 """
 
 from typing import NamedTuple
@@ -26,28 +25,17 @@ from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]
 
-# Order of treatment at equal times: the gyro carries the attitude there, the output comes last.
+# Order at equal times: the gyroscope first, which propagates the attitude, and the output last.
 _GYROSCOPE, _DVL, _ACCELEROMETER, _MAGNETOMETER, _OUTPUT = range(5)
-_INITIAL_TILT = np.deg2rad(3.0)
+_INITIAL_TILT = np.deg2rad(3.0)  # standard deviation, rad
 
 
 def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, times: Array) -> SensorRecord:
-    """Estimate roll, pitch and yaw.
+    """Return estimated roll, pitch and yaw at some times, s.
 
-    Parameters
-    ----------
-    records : dict of SensorRecord
-        gyroscope, accelerometer, magnetometer and dvl.
-    sensors : AhrsSensors
-        Noise levels as stated; nothing here knows the true biases.
-    times : ndarray, shape (n,)
-        At which they are wanted, s.
-
-    Returns
-    -------
-    SensorRecord
-        Its standard deviation is the stated one of `sensors.attitude`, which must be larger than the
-        scatter, because the errors of an AHRS are correlated in time.
+    `records` has those of gyroscope, accelerometer, magnetometer and dvl; `sensors` has their noise, not their biases.
+    The standard deviation of the result is that in `sensors.attitude`, which must be larger than the scatter, because
+    the errors of an AHRS are autocorrelated.
     """
     settings = sensors.attitude
     gyroscope, dvl, accelerometer, magnetometer = (
@@ -65,69 +53,41 @@ def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, t
         heading_variance=sensors.magnetometer.noise_standard_deviation()[0] ** 2,
         gyro_bias=settings.ahrs.gyro_bias,
     )
-    unknown = np.full((2, 3), np.nan)
+    not_measured = np.full((2, 3), np.nan)
     values = np.full((times.size, 3), np.nan)
     _run(
         (*(source.time for source in sources), times),
         (*(source.values for source in sources), values),
         noise,
         np.zeros(5, np.int64),
-        _Ahrs(np.eye(3), np.zeros((6, 6)), np.zeros((6, 6)), *unknown, *np.zeros((3, 3)), *np.zeros((3, 6))),
+        _Ahrs(np.eye(3), np.zeros((6, 6)), np.zeros((6, 6)), *not_measured, *np.zeros((3, 3)), *np.zeros((3, 6))),
     )
     return SensorRecord(times, values, np.array(settings.stated_standard_deviation()))
 
 
 class _Noise(NamedTuple):
-    """How far the sensors are trusted.
+    """Noise of the sensors: spectral density of the gyroscope, variances, and standard deviation of the gyro bias."""
 
-    Attributes
-    ----------
-    rate_density : float
-        Power spectral density of the gyroscope's noise, (rad/s)^2/Hz.
-    force_variance : float
-        Of the accelerometer's noise and the vehicle's own acceleration, in units of g^2.
-    heading_variance : float
-        Of the magnetometer's noise, rad^2.
-    gyro_bias : float
-        Standard deviation of the gyroscope's bias, rad/s.
-    """
-
-    rate_density: float
-    force_variance: float
-    heading_variance: float
-    gyro_bias: float
+    rate_density: float  # (rad/s)^2/Hz
+    force_variance: float  # accelerometer and the vehicle's own acceleration, g^2
+    heading_variance: float  # rad^2
+    gyro_bias: float  # rad/s
 
 
 class _Ahrs(NamedTuple):
-    """What the filter knows, and arrays to work with.
+    """State of the filter, and work arrays; vectors have shape (3,) unless noted."""
 
-    Attributes
-    ----------
-    rotation : ndarray, shape (3, 3)
-        From body to NED.
-    covariance, moved : ndarray, shape (6, 6)
-        Of the errors of attitude (NED) and gyro bias; `moved` is scratch.
-    rate, velocity : ndarray, shape (3,)
-        Last measured; NaN before the first.
-    bias : ndarray, shape (3,)
-        Estimated, of the gyro.
-    body, turn : ndarray, shape (3,)
-        Scratch: a vector in the body's frame, and in NED.
-    row, error, gain : ndarray, shape (6,)
-        Scratch.
-    """
-
-    rotation: Array
-    covariance: Array
-    moved: Array
-    rate: Array
-    velocity: Array
-    bias: Array
-    body: Array
-    turn: Array
-    row: Array
-    error: Array
-    gain: Array
+    rotation: Array  # body to NED, shape (3, 3)
+    covariance: Array  # of the errors of attitude (NED) and gyro bias, shape (6, 6)
+    moved: Array  # work array, shape (6, 6)
+    rate: Array  # last measurement, NaN before the first
+    velocity: Array  # last measurement, NaN before the first
+    bias: Array  # estimate, rad/s
+    body: Array  # work array, in the body frame
+    turn: Array  # work array, in NED
+    row: Array  # work array, shape (6,)
+    error: Array  # work array, shape (6,)
+    gain: Array  # work array, shape (6,)
 
 
 _vector = types.float64[::1]
@@ -145,7 +105,7 @@ def _missing(values):
 
 @compiled()
 def _correct(ahrs, residual, variance):
-    """Update error and covariance with one scalar, the product of `row` and the error (Kalman)."""
+    """Kalman update of error and covariance with a scalar measurement of `row` times the error."""
     row, error, gain, covariance = ahrs.row, ahrs.error, ahrs.gain, ahrs.covariance
     total, predicted = variance, 0.0
     for i in range(6):
@@ -156,7 +116,7 @@ def _correct(ahrs, residual, variance):
         total += row[i] * gain[i]
         predicted += row[i] * error[i]
     if total <= 0.0:
-        return  # A perfect sensor has nothing to say about what is known exactly.
+        return  # The predicted value and the measurement are both exact.
     for i in range(6):
         error[i] += gain[i] * (residual - predicted) / total
     for i in range(6):
@@ -180,7 +140,7 @@ def _turn_on_the_left(rotation, angle):
 
 @compiled()
 def _apply(ahrs):
-    """Take the error over into attitude and bias, and begin a new one."""
+    """Correct attitude and bias by the estimated error, and reset the error to 0."""
     _turn_on_the_left(ahrs.rotation, ahrs.error)
     for i in range(3):
         ahrs.bias[i] += ahrs.error[3 + i]
@@ -190,7 +150,7 @@ def _apply(ahrs):
 
 @compiled()
 def _to_navigation(ahrs):
-    """Turn the vector `body` to NED, into `turn`."""
+    """Rotate the vector `body` to NED, into `turn`."""
     rotation, body = ahrs.rotation, ahrs.body
     for i in range(3):
         ahrs.turn[i] = rotation[i, 0] * body[0] + rotation[i, 1] * body[1] + rotation[i, 2] * body[2]
@@ -198,12 +158,12 @@ def _to_navigation(ahrs):
 
 @compiled()
 def _propagate(ahrs, rate, interval, rate_density):
-    """Turn with the mean of the last rate and this one."""
+    """Propagate attitude and covariance with the mean of the last rate and this one."""
     rotation, covariance, moved = ahrs.rotation, ahrs.covariance, ahrs.moved
     for i in range(3):
         ahrs.body[i] = (0.5 * (ahrs.rate[i] + rate[i]) - ahrs.bias[i]) * interval
     _to_navigation(ahrs)
-    # error' = [I, -R dt; 0, I] error: the gyro's bias turns the attitude the other way.
+    # error' = [I, -R dt; 0, I] error, since the bias is subtracted from the rate.
     for i in range(6):
         for j in range(6):
             total = covariance[i, j]
@@ -224,8 +184,8 @@ def _propagate(ahrs, rate, interval, rate_density):
 
 
 @compiled()
-def _feel(ahrs, force):
-    """Put the specific force without what the turn adds to it into `body`: gravity, upwards."""
+def _remove_turn(ahrs, force):
+    """Store the specific force without its part omega x v in `body`."""
     rate, bias, velocity = ahrs.rate, ahrs.bias, ahrs.velocity
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -234,7 +194,7 @@ def _feel(ahrs, force):
 
 @compiled()
 def _begin(ahrs, heading, noise):
-    """Begin: level by the measured force, and take a heading."""
+    """Initialise roll and pitch from the measured force, and yaw from a heading."""
     body, rotation, covariance = ahrs.body, ahrs.rotation, ahrs.covariance
     phi = np.arctan2(-body[1], -body[2])
     theta = np.arctan2(body[0], np.hypot(body[1], body[2]))
@@ -249,7 +209,7 @@ def _begin(ahrs, heading, noise):
 
 @compiled()
 def _level(ahrs, variance):
-    """Correct roll and pitch by the measured force, in units of g."""
+    """Correct roll and pitch by the specific force in `body`; variance in g^2."""
     _to_navigation(ahrs)
     for axis in range(2):
         for i in range(6):
@@ -260,7 +220,7 @@ def _level(ahrs, variance):
 
 @compiled()
 def _align(ahrs, heading, variance):
-    """Correct by a heading."""
+    """Correct the attitude by a measured heading."""
     rotation, row = ahrs.rotation, ahrs.row
     psi = np.arctan2(rotation[1, 0], rotation[0, 0])
     tangent = -rotation[2, 0] / np.hypot(rotation[2, 1], rotation[2, 2])
@@ -273,44 +233,46 @@ def _align(ahrs, heading, variance):
 
 @compiled()
 def _write_attitude(rotation, attitude):
-    """Write down roll, pitch and yaw of a rotation."""
+    """Compute roll, pitch and yaw of a rotation."""
     attitude[0] = np.arctan2(rotation[2, 1], rotation[2, 2])
     attitude[1] = np.arctan2(-rotation[2, 0], np.hypot(rotation[2, 1], rotation[2, 2]))
     attitude[2] = np.arctan2(rotation[1, 0], rotation[0, 0])
 
 
 @compiled()
-def _keep(sample, latest):
+def _copy(source, target):
     for i in range(3):
-        latest[i] = sample[i]
+        target[i] = source[i]
 
 
 @compiled()
-def _earliest(times, treated):
-    """Find which source has the earliest of the samples that are not yet treated; -1 if there are none."""
+def _earliest(times, processed):
+    """Return the source of the earliest sample that is not yet processed; -1 if none is left."""
     source, earliest = -1, np.inf
     for i in range(5):
-        if treated[i] < times[i].size and times[i][treated[i]] < earliest:
-            source, earliest = i, times[i][treated[i]]
+        if processed[i] < times[i].size and times[i][processed[i]] < earliest:
+            source, earliest = i, times[i][processed[i]]
     return source
 
 
-@compiled(types.void(types.UniTuple(_vector, 5), types.UniTuple(_matrix, 5), _NOISE, types.int64[::1], _AHRS))
-def _run(times, values, noise, treated, ahrs):
-    """Treat all samples in the order of their times, and fill in the output.
+@compiled(
+    types.void(types.UniTuple(_vector, 5), types.UniTuple(_matrix, 5), _NOISE, types.int64[::1], _AHRS),
+)
+def _run(times, values, noise, processed, ahrs):
+    """Process all samples in the order of their times, and fill in the output.
 
-    The attitude begins with the first force that is measured when rate, velocity and heading are known.
+    The filter starts at the first force after the first rate, velocity and heading.
     """
     heading, now, running = np.nan, 0.0, False
     while True:
-        source = _earliest(times, treated)
+        source = _earliest(times, processed)
         if source < 0:
             break
-        time, sample = times[source][treated[source]], values[source][treated[source]]
-        treated[source] += 1
+        time, sample = times[source][processed[source]], values[source][processed[source]]
+        processed[source] += 1
         if running and time > now:
-            turns = source == _GYROSCOPE and not _missing(sample)
-            _propagate(ahrs, sample if turns else ahrs.rate, time - now, noise.rate_density)
+            is_new_rate = source == _GYROSCOPE and not _missing(sample)
+            _propagate(ahrs, sample if is_new_rate else ahrs.rate, time - now, noise.rate_density)
         now = time
         if source == _OUTPUT:
             if running:
@@ -323,11 +285,11 @@ def _run(times, values, noise, treated, ahrs):
         elif _missing(sample):
             continue
         elif source == _GYROSCOPE:
-            _keep(sample, ahrs.rate)
+            _copy(sample, ahrs.rate)
         elif source == _DVL:
-            _keep(sample, ahrs.velocity)
+            _copy(sample, ahrs.velocity)
         elif not (_missing(ahrs.rate) or _missing(ahrs.velocity)):
-            _feel(ahrs, sample)
+            _remove_turn(ahrs, sample)
             if running:
                 _level(ahrs, noise.force_variance)
             elif not np.isnan(heading):

@@ -1,4 +1,4 @@
-"""What commands the simulated fins and thrust: speed, turn rate and pitch or depth held, excitation on top."""
+"""Autopilot of the simulation: control loops of speed, turn rate and pitch or depth, plus the excitation."""
 
 from typing import NamedTuple
 
@@ -13,72 +13,47 @@ from auvid_cli.vehicle.matrices import mass_matrix
 
 
 class Controls(NamedTuple):
-    """Gains and limits of an autopilot, SI; a gain is zero where it has nothing to hold.
+    """Gains and limits of an autopilot, SI; a gain is 0 if its loop is off."""
 
-    Attributes
-    ----------
-    drag, surge_gain : float
-        Thrust by the square of the wanted speed, and by the speed that is lacking.
-    length_time : float
-        Of the vehicle's length at the speed of the manoeuvre, s.
-    rudder_gain, elevator_gain, depth_gain : float
-    pitch : float
-        To be held where depth is not.
-    fin_angle, fin_rate, largest_force : float
-        Limits.
-    shared_fins : float
-        1 where each fin turns for rudder and elevator, as on an x tail, else 0.
-    torque : float
-        Roll moment of the propeller by its thrust, m.
-    zigzag_rudder, zigzag_heading, zigzag_start : float
-        Rudder to either side, changed over at this heading, from this time on.
-    """
-
-    drag: float
-    surge_gain: float
-    length_time: float
+    drag: float  # thrust by the square of the speed setpoint
+    surge_gain: float  # thrust by the speed error
+    length_time: float  # vehicle's length by the speed of the manoeuvre, s
     rudder_gain: float
     elevator_gain: float
-    pitch: float
+    pitch: float  # setpoint without a depth loop, rad
     depth_gain: float
-    fin_angle: float
-    fin_rate: float
-    largest_force: float
-    shared_fins: float
-    torque: float
-    zigzag_rudder: float
-    zigzag_heading: float
-    zigzag_start: float
+    fin_angle: float  # limit, rad
+    fin_rate: float  # limit, rad/s
+    largest_force: float  # limit, N
+    shared_fins: float  # 1 if each fin turns for both rudder and elevator, as on an x tail, else 0
+    torque: float  # roll moment of the propeller by its thrust, m
+    zigzag_rudder: float  # rad
+    zigzag_heading: float  # heading at which the rudder is reversed, rad
+    zigzag_start: float  # s
 
 
 _vector = types.float64[::1]
 CONTROLS = types.NamedUniTuple(types.float64, len(Controls._fields), Controls)
-# Integrals of the errors of speed, turn rate and pitch, and the side to which a zigzag steers.
+# Integrals of the errors of speed, turn rate and pitch, and the side of a zigzag.
 INITIAL_MEMORY = (0.0, 0.0, 0.0, 1.0)
 
 
-def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan) -> Controls:
-    """Tune the autopilot of a manoeuvre to a vehicle.
-
-    Raises
-    ------
-    ConfigError
-        If the vehicle has no positive-definite mass matrix or lacks coefficients.
-    """
-    coefficients, known = vehicle.all_coefficients(), vehicle.known_parameters()
+def autopilot_controls(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan) -> Controls:
+    """Return the autopilot of a manoeuvre, tuned to a vehicle; ConfigError if the vehicle is invalid or incomplete."""
+    coefficients, parameters = vehicle.all_coefficients(), vehicle.known_parameters()
     autopilot, limits, geometry = manoeuvre.autopilot, manoeuvre.limits, vehicle.geometry
-    # Per newton of thrust, so that an idle propeller makes no torque.
-    torque = known["K_prop"] / known["X_prop"] if known["X_prop"] else 0.0
+    # Proportional to thrust, so that an idle propeller has no torque.
+    torque = parameters["K_prop"] / parameters["X_prop"] if parameters["X_prop"] else 0.0
     drag = -coefficients["X_u|u|"]
     if isinstance(manoeuvre, Recorded):
-        # What was recorded is all the thrust and torque there was.
+        # The recorded inputs include all thrust and torque.
         torque = drag = 0.0
     if manoeuvre.propeller is not None:
-        # Terms of its revolutions balance the drag.
+        # Terms with the revolutions balance the drag.
         drag = 0.0
     return Controls(
         drag=drag,
-        surge_gain=mass_matrix(known)[0, 0] * autopilot.bandwidth * float(autopilot.speed),
+        surge_gain=mass_matrix(parameters)[0, 0] * autopilot.bandwidth * float(autopilot.speed),
         length_time=vehicle.size.length / manoeuvre.speed,
         rudder_gain=np.copysign(autopilot.bandwidth, coefficients["N_uudr"])
         * float(autopilot.horizontal == "turn_rate"),
@@ -98,35 +73,18 @@ def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Manoeuv
 
 @compiled()
 def limited(value, limit):
-    """Limit a value."""
+    """Return the value, limited to +-limit."""
     return min(max(value, -limit), limit)
 
 
 @compiled()
-def steer(controls, wanted, tick, period, depth, motion, memory, inputs):
-    """Command rudder and elevator, still without their limits, force and torque for one tick.
+def steer(controls, setpoints, tick, period, depth, motion, memory, inputs):
+    """Compute the `inputs` of a tick, shape (4,): rudder and elevator without limits (rad), force (N), torque (N m).
 
-    Parameters
-    ----------
-    controls : Controls
-    wanted : Wanted
-    tick : int
-    period : float
-        Of the tick, s.
-    depth : float
-        m.
-    motion : ndarray, shape (9,)
-    memory : ndarray, shape (4,)
-        Starts as `INITIAL_MEMORY`.
-    inputs : ndarray, shape (4,)
-        Filled in.
+    `period` is that of the tick (s), `depth` in m, `motion` has shape (9,), and `memory` starts as `INITIAL_MEMORY`.
     """
-    time, speed, turn_rate, feedforward = (
-        wanted.time[tick],
-        wanted.speed[tick],
-        wanted.turn_rate[tick],
-        wanted.feedforward[tick],
-    )
+    time, speed, turn_rate = setpoints.time[tick], setpoints.speed[tick], setpoints.turn_rate[tick]
+    feedforward = setpoints.feedforward[tick]
     speed_error = speed - motion[0]
     memory[0] += 0.2 * controls.surge_gain * speed_error * period
     force = controls.drag * speed**2 + controls.surge_gain * speed_error + memory[0] + feedforward[2]

@@ -1,4 +1,4 @@
-"""Imperfections of sensors and disturbances that no model explains, from random processes."""
+"""Random errors of sensors, disturbances of the motion, and fin trims."""
 
 from dataclasses import replace
 from functools import partial
@@ -8,8 +8,8 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from auvid_cli.config.extra_states import Disturbance
 from auvid_cli.config.manoeuvre import FinTrim
-from auvid_cli.config.moving_states import Disturbance
 from auvid_cli.config.sensors import Accelerometer, MagneticField, SensorSettings
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.numerics import compiled
@@ -17,47 +17,36 @@ from auvid_cli.vehicle.parameters import DISTURBANCE
 
 Array = NDArray[np.float64]
 _vector = types.float64[::1]
-# So many samples have their noise drawn at once: of ten hours at 100 Hz it would be 86 MB.
-_BLOCK = 50_000
+# Samples of noise drawn at once; that of ten hours at 100 Hz would take 86 MB.
+BLOCK = 50_000
 
 
 def stream(seed: int, *names: str) -> np.random.Generator:
-    """Return the random numbers of one cause, by its names, which leave those of all others as they are."""
+    """Return a random generator that depends only on the seed and the names of its purpose."""
     return np.random.default_rng([seed, *(crc32(name.encode()) for name in names)])
 
 
 def gauss_markov(time: Array, time_constant: float, numbers: np.random.Generator) -> Array:
-    """Draw a stationary first-order Gauss-Markov process of variance 1.
+    """Draw a stationary first-order Gauss-Markov process of variance 1 at increasing times, s.
 
-    Its autocorrelation over a lag is ``exp(-lag / time_constant)``, exactly and at any times.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        s, increasing.
-    time_constant : float
-        s.
-    numbers : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape (n,)
+    Its autocorrelation over a lag is exactly ``exp(-lag / time_constant)``.
     """
     values = numbers.standard_normal(time.size)
     lag = np.diff(time) / time_constant
     values[1:] *= np.sqrt(-np.expm1(-2.0 * lag))
-    _carry_on(np.exp(-lag), values)
+    _add_decayed(np.exp(-lag), values)
     return values
 
 
 @compiled(types.void(_vector, _vector))
-def _carry_on(left, values):
-    for k in range(left.size):
-        values[k + 1] += left[k] * values[k]
+def _add_decayed(decay, values):
+    """Add to each value its predecessor times the decay between them."""
+    for k in range(decay.size):
+        values[k + 1] += decay[k] * values[k]
 
 
 def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed: int) -> SensorRecord:
-    """Add bias, drift, noise, vibration, outliers, quantisation and dropouts, in that order, to `true` itself."""
+    """Add bias, drift, noise, vibration, outliers, quantisation and dropouts, in that order; `true` is overwritten."""
     n, components = true.shape
     numbers = partial(stream, seed, name)
     values = true
@@ -70,8 +59,8 @@ def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed
         del drift
     noise = np.array(settings.noise_standard_deviation())
     white, size = numbers("noise"), np.sqrt(1.0 - settings.coloured_share) * noise
-    for first in range(0, n, _BLOCK):
-        block = values[first : first + _BLOCK]
+    for first in range(0, n, BLOCK):
+        block = values[first : first + BLOCK]
         block += white.standard_normal(block.shape) * size
     if settings.coloured_share > 0.0:
         coloured = numbers("coloured")
@@ -83,8 +72,9 @@ def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed
         values += np.array(settings.vibration) * np.sin(turns[:, None] + phases)
 
     outliers = numbers("outliers")
-    wild = outliers.random(n) < settings.outlier_probability
-    values[wild] += np.array(settings.outlier_size) * outliers.standard_normal((int(wild.sum()), components))
+    is_outlier = outliers.random(n) < settings.outlier_probability
+    errors = outliers.standard_normal((int(is_outlier.sum()), components))
+    values[is_outlier] += np.array(settings.outlier_size) * errors
 
     step = np.broadcast_to(np.array(settings.quantisation), components)
     for component in np.flatnonzero(step > 0.0):
@@ -99,15 +89,15 @@ def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed
     return record
 
 
-def stamped(record: SensorRecord, settings: SensorSettings, name: str, seed: int, duration: float) -> SensorRecord:
-    """Return the record as it is logged: with the delay on its time stamps, those from 0 to the end of the run, s."""
+def with_delay(record: SensorRecord, settings: SensorSettings, name: str, seed: int, duration: float) -> SensorRecord:
+    """Return the record with the delay added to its time stamps, cut to the run from 0 to `duration`, s."""
     delay = settings.delay + settings.delay_spread * float(stream(seed, name, "delay").standard_normal())
-    # Of a clock without fault the last tick may round to beyond the end.
+    # Without a delay nothing is cut: the last time stamp may exceed the duration by rounding.
     return replace(record, time=record.time + delay).between(0.0, duration) if delay else record
 
 
 def draw_disturbance(settings: Disturbance, time: Array, seed: int) -> Array:
-    """Return force and moment from each time to the next, N and N m, shape (n, 6); each has a stream of its own."""
+    """Return force (N) and moment (N m) from each time to the next, shape (n, 6), each from its own stream."""
     drawn = np.zeros((time.size, len(DISTURBANCE)))
     for column, (quantity, (size, time_constant)) in enumerate(zip(DISTURBANCE, settings.per_axis(), strict=True)):
         if size > 0.0:
@@ -116,15 +106,15 @@ def draw_disturbance(settings: Disturbance, time: Array, seed: int) -> Array:
 
 
 def draw_fin_trim(settings: FinTrim, seed: int) -> Array:
-    """Return how far the inputs of a vehicle are off from what is recorded of them, shape (4,)."""
+    """Return the offsets between actual and recorded inputs, SI, shape (4,)."""
     rudder, elevator = settings.spread * stream(seed, "manoeuvre", "fin_trim").standard_normal(2)
     return np.array([settings.rudder + rudder, settings.elevator + elevator, 0.0, 0.0])
 
 
 def record_inputs(time: Array, inputs: Array, rate: float | None) -> InputRecord:
-    """Write down inputs, each of which holds from its time to the next: all, or those of a slower clock, Hz."""
+    """Return the record of inputs that are constant from each time to the next; `rate`, Hz, selects a slower clock."""
     if rate is None:
         return InputRecord(time, inputs)
     ticks = np.arange(int(np.floor(time[-1] * rate + 1e-9)) + 1) / rate
-    # A tick of both clocks is one, however either rounds it.
+    # The tolerance matches ticks of both clocks despite rounding.
     return InputRecord(ticks, inputs[np.searchsorted(time, ticks + 1e-9, side="right") - 1])

@@ -1,4 +1,4 @@
-"""A manoeuvre as arrays: what is fed forward and what is held, tick by tick."""
+"""A manoeuvre as arrays: feedforward inputs and setpoints of the autopilot at each tick."""
 
 import csv
 from collections.abc import Iterator
@@ -30,12 +30,11 @@ Array = NDArray[np.float64]
 
 
 _vector = types.float64[::1]
-# Of an interval of a tick, until it is as narrow as a double.
-_HALVINGS = 50
+_BISECTIONS = 50  # until the interval has the width of a rounding error
 
 
-class Wanted(NamedTuple):
-    """What a plan commands tick by tick, see `ManoeuvrePlan`."""
+class Setpoints(NamedTuple):
+    """Commands at each tick, see `ManoeuvrePlan`."""
 
     time: Array
     feedforward: Array
@@ -43,25 +42,24 @@ class Wanted(NamedTuple):
     turn_rate: Array
 
 
-WANTED = types.NamedTuple((_vector, types.float64[:, ::1], _vector, _vector), Wanted)
+SETPOINTS = types.NamedTuple((_vector, types.float64[:, ::1], _vector, _vector), Setpoints)
 
 
 class ManoeuvrePlan(NamedTuple):
-    """What a manoeuvre commands.
+    """Commands of a manoeuvre.
 
     Attributes
     ----------
     time : ndarray, shape (n,)
-        Start of each tick, s; inputs are constant within a tick.
+        Start of each tick, s; inputs are constant during a tick.
     feedforward : ndarray, shape (n, 4)
-        Rudder, elevator (rad), surge force (N), roll moment (N m), before the autopilot's share.
+        Rudder, elevator (rad), surge force (N), roll moment (N m), without the autopilot's part.
     speed, turn_rate : ndarray, shape (n,)
-        What the thrust and rudder loops hold, m/s and rad/s; to hold less speed the thrust may also brake, and is cut
-        only where the manoeuvre has the thrust loop off.
-    pitch : float
-        What the elevator loop holds, rad; with a depth loop, pitch at the start only.
+        Setpoints of the thrust and rudder loops, m/s and rad/s. Thrust may be negative, to brake.
     propulsion : ndarray, shape (n, 2) or (n, 0)
-        Revolutions (turn/s) and voltage (V), where the manoeuvre states them.
+        Revolutions (turn/s) and voltage (V), if the manoeuvre has them.
+    pitch : float
+        Setpoint of the elevator loop, rad; not used by a depth loop.
     zigzag : tuple of float
         Rudder (rad), heading (rad) and approach (s) of a zigzag; rudder 0 for none.
     """
@@ -75,18 +73,18 @@ class ManoeuvrePlan(NamedTuple):
     zigzag: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
-    def wanted(self) -> Wanted:
-        """Return what it commands tick by tick."""
-        return Wanted(self.time, self.feedforward, self.speed, self.turn_rate)
+    def setpoints(self) -> Setpoints:
+        """Return the commands at each tick, for compiled code."""
+        return Setpoints(self.time, self.feedforward, self.speed, self.turn_rate)
 
 
 def make_plan(manoeuvre: AnyManoeuvre) -> ManoeuvrePlan:
-    """Turn the settings of a manoeuvre into a plan.
+    """Return the plan of a manoeuvre.
 
     Raises
     ------
     ConfigError
-        If a recorded manoeuvre's file cannot be read or ends too early.
+        If the file of a recorded manoeuvre cannot be read or ends too early.
     """
     ticks = round(manoeuvre.duration * manoeuvre.input_rate)
     time = np.arange(ticks + 1) / manoeuvre.input_rate
@@ -117,7 +115,7 @@ def make_plan(manoeuvre: AnyManoeuvre) -> ManoeuvrePlan:
 
 
 def multisine(settings: Multisine, time: Array) -> Array:
-    """Sum equal sines with the phases of Schroeder (1970), which keep the peak low, scaled to `amplitude`."""
+    """Return a sum of equal sines with Schroeder phases (1970), which keep the peak low, scaled to `amplitude`."""
     k = np.arange(settings.lines)
     frequencies = np.linspace(settings.lowest, settings.highest, settings.lines)
     phases = settings.phase - np.pi * k * (k + 1) / settings.lines
@@ -128,10 +126,9 @@ def multisine(settings: Multisine, time: Array) -> Array:
 
 
 def _ramp(time: Array, fade_in: float) -> Array:
-    """Grow smoothly from 0 to 1.
+    """Return a smooth ramp from 0 to 1.
 
-    A filter that starts with wide priors learns from a small motion first: while the motion is small
-    the unknown terms are nearly linear, and no prior can throw the predicted vehicle off its course.
+    A filter with wide priors then starts with a small motion, for which the unknown terms are nearly linear.
     """
     if fade_in == 0.0:
         return np.ones(time.size)
@@ -152,49 +149,41 @@ def _propulsion(manoeuvre: AnyManoeuvre, time: Array, ramp: Array) -> Array:
 
 def _excitation(excitation: Excitation, time: Array) -> Array:
     columns = np.zeros((time.size, len(INPUT_SYMBOLS)))
-    given = [(place, channel) for place, channel in enumerate(excitation.channels()) if channel is not None]
-    for turn, (place, channel) in enumerate(given):
+    given = [(column, channel) for column, channel in enumerate(excitation.channels()) if channel is not None]
+    for index, (column, channel) in enumerate(given):
         if excitation.orthogonal:
-            columns[:, place] = orthogonal_multisine(channel, time, turn, len(given))
+            columns[:, column] = orthogonal_multisine(channel, time, index, len(given))
         else:
-            columns[:, place] = multisine(channel, time)
+            columns[:, column] = multisine(channel, time)
     return columns
 
 
-def orthogonal_multisine(settings: Multisine, time: Array, turn: int, channels: int) -> Array:
-    """Sum sines of a channel's own harmonics, shifted in time so that the sum starts and ends at zero.
+def orthogonal_multisine(settings: Multisine, time: Array, index: int, channels: int) -> Array:
+    """Return a multisine of a channel's own harmonics, shifted in time so that it starts and ends at zero.
 
-    Parameters
-    ----------
-    settings : Multisine
-        Takes `lines` of them, evenly spread over its band, or all where there are fewer.
-    time : ndarray
-        From 0 to the end of the run, whose length is the common period.
-    turn, channels : int
-        Of so many channels this is the so-manyth, from 0: every `channels`-th harmonic is its own.
+    It has `settings.lines` harmonics, evenly spaced in its band, or all if there are fewer. `time` covers the run,
+    whose length is the common period. Channel `index`, from 0, has every `channels`-th harmonic.
 
-    Notes
-    -----
-    Whole numbers of periods of different frequencies are orthogonal over the run (Morelli, Flight test maneuver design
-    for efficient aerodynamic modeling, 2012).
+    Different harmonics are orthogonal over the run (Morelli, Flight test maneuver design for efficient aerodynamic
+    modeling, 2012).
     """
     period = time[-1]
-    # The ends of a band that are harmonics belong to it, however they are rounded.
+    # The tolerance keeps harmonics at the ends of the band despite rounding.
     first, last = np.ceil(settings.lowest * period - 1e-6), np.floor(settings.highest * period + 1e-6)
     own = np.arange(max(first, 1.0), last + 1.0)
-    own = own[own % channels == turn]
+    own = own[own % channels == index]
     own = own[np.unique(np.linspace(0, own.size - 1, min(settings.lines, own.size)).round().astype(int))]
     k = np.arange(own.size)
     phases = settings.phase - np.pi * k * (k + 1) / own.size
     omega = 2.0 * np.pi * own / period
     signal = _sines(omega, phases, time)
-    # All its sines have a mean of zero, so it changes sign somewhere.
-    after = int(np.flatnonzero(np.signbit(signal[1:]) != np.signbit(signal[:-1]))[0])
-    low, high = time[after], time[after + 1]
-    for _ in range(_HALVINGS):
+    # A zero exists, because all sines have a mean of zero; find it by bisection.
+    before = int(np.flatnonzero(np.signbit(signal[1:]) != np.signbit(signal[:-1]))[0])
+    low, high = time[before], time[before + 1]
+    for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        same = np.signbit(_sines(omega, phases, np.array([middle]))[0]) == np.signbit(signal[after])
-        low, high = (middle, high) if same else (low, middle)
+        same_sign = np.signbit(_sines(omega, phases, np.array([middle]))[0]) == np.signbit(signal[before])
+        low, high = (middle, high) if same_sign else (low, middle)
     shifted = _sines(omega, phases + omega * low, time)
     return settings.amplitude * shifted / np.abs(shifted).max()
 
@@ -225,34 +214,32 @@ def _doublets(manoeuvre: Doublets, time: Array) -> Array:
 
 
 def _recorded(path: Path, time: Array) -> Array:
-    """Read the inputs of a CSV file, held between its rows."""
+    """Return the inputs in a CSV file at each tick, constant from row to row."""
     try:
         table = np.array(list(_rows(path))).reshape(-1, 1 + len(INPUT_SYMBOLS))
     except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: cannot be read as a recorded manoeuvre: {error}") from None
+        raise ConfigError(f"{path}: not a recorded manoeuvre: {error}") from None
     if table.shape[0] == 0 or np.any(np.diff(table[:, 0]) <= 0.0):
-        raise ConfigError(f"{path}: needs strictly increasing times, at least one row")
+        raise ConfigError(f"{path}: expected at least one row, with strictly increasing times")
     if table[0, 0] > time[0] or table[-1, 0] < time[-1] - 1.0:
-        raise ConfigError(
-            f"{path}: covers {table[0, 0]:g} to {table[-1, 0]:g} s, the manoeuvre lasts from 0 to {time[-1]:g} s"
-        )
+        raise ConfigError(f"{path}: has {table[0, 0]:g} to {table[-1, 0]:g} s; the manoeuvre needs 0 to {time[-1]:g} s")
     return table[np.searchsorted(table[:, 0], time, side="right") - 1, 1:]
 
 
 def _rows(path: Path) -> Iterator[list[float]]:
-    """Read times and inputs of each row; ValueError where it is no table of numbers."""
-    wanted = ("time", *INPUT_SYMBOLS)
+    """Yield time and inputs of each row; ValueError with the line if the file is not a table of numbers."""
+    names = ("time", *INPUT_SYMBOLS)
     check_regular(path)
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.reader(file)
         try:
             header = next(reader, [])
-            if odd := [name for name in wanted if header.count(name) != 1]:
-                raise ValueError(f"no column {', '.join(odd)}, or several; it needs one each for {', '.join(wanted)}")
-            places = [header.index(name) for name in wanted]
+            if wrong := [name for name in names if header.count(name) != 1]:
+                raise ValueError(f"no or several columns {', '.join(wrong)}; expected one each of {', '.join(names)}")
+            columns = [header.index(name) for name in names]
             for row in filter(None, reader):
                 if len(row) != len(header):
-                    raise ValueError(f"{len(row)} cells where the header has {len(header)}")
-                yield [parse_number(row[place]) for place in places]
+                    raise ValueError(f"{len(row)} cells; expected {len(header)} as in the header")
+                yield [parse_number(row[column]) for column in columns]
         except (csv.Error, ValueError) as error:
             raise ValueError(f"line {reader.line_num}: {error}") from None

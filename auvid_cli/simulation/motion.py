@@ -1,4 +1,4 @@
-"""True motion: the vehicle under a plan, its autopilot and the limits of its fins."""
+"""True motion of the vehicle, driven by a plan and its autopilot through actuators with limits."""
 
 from typing import NamedTuple
 
@@ -10,8 +10,8 @@ from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.numerics import LANES, compiled
-from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, limited, steer
-from auvid_cli.simulation.manoeuvres import WANTED, ManoeuvrePlan
+from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, autopilot_controls, limited, steer
+from auvid_cli.simulation.manoeuvres import SETPOINTS, ManoeuvrePlan
 from auvid_cli.vehicle.actuator_motion import ACTUATOR, demanded, effective, moved
 from auvid_cli.vehicle.actuators import IDEAL, N_ACTUATORS
 from auvid_cli.vehicle.equations import (
@@ -35,36 +35,37 @@ _matrix = types.float64[:, ::1]
 _ACTUATORS = types.UniTuple(ACTUATOR, N_ACTUATORS)
 
 _NO_TRIM = np.zeros(4)
-LONGEST_STEP = 0.0025
-LARGEST_PITCH = np.deg2rad(85.0)
-LARGEST_ROLL = np.deg2rad(90.0)
-LARGEST_SPEED = 100.0
+LONGEST_STEP = 0.0025  # s
+LARGEST_PITCH = np.deg2rad(85.0)  # rad
+LARGEST_ROLL = np.deg2rad(90.0)  # rad
+LARGEST_SPEED = 100.0  # m/s
+# Why a simulation stops, by the code of `_reason_to_stop`.
 _REASONS = (
     "",
-    "pitch came within 5 deg of vertical, where Euler angles are singular",
+    "pitch within 5 deg of vertical, where Euler angles are singular",
     "the vehicle capsized (roll passed 90 deg)",
-    "the motion blew up (not finite, or faster than 100 m/s)",
+    "the motion diverged (not finite, or faster than 100 m/s)",
 )
 
 
 class Truth(NamedTuple):
-    """True motion on the ticks of the plan.
+    """True motion at the ticks of the plan.
 
     Attributes
     ----------
     time : ndarray, shape (n,)
     inputs : ndarray, shape (n, 4) or (n, 6)
-        What the actuators did from this tick to the next, on the average.
+        Mean actual inputs from this tick to the next, SI.
     commands : ndarray, shape (n, 4) or (n, 6)
-        What they followed; the same where they do so exactly.
+        Commands of the actuators; equal to `inputs` if these are ideal.
     motion : ndarray, shape (n, 9)
         u, v, w, p, q, r, phi, theta, psi.
     position : ndarray, shape (n, 3)
         North, east, down, m.
-    push : ndarray, shape (n, 6)
-        Acceleration, m/s^2 and rad/s^2, by what disturbs the motion from this tick to the next.
+    disturbance : ndarray, shape (n, 6)
+        Acceleration by the disturbance from this tick to the next, m/s^2 and rad/s^2.
     constants, coefficients : ndarray
-        The vehicle, as `vehicle_constants` and as `factors`.
+        Vehicle, as of `vehicle_constants` and `factors`.
     """
 
     time: Array
@@ -72,7 +73,7 @@ class Truth(NamedTuple):
     commands: Array
     motion: Array
     position: Array
-    push: Array
+    disturbance: Array
     constants: Array
     coefficients: Array
 
@@ -81,27 +82,13 @@ _TRUTH = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 2), Truth)
 
 
 class _Workspace(NamedTuple):
-    """What a flight works with.
+    """Work arrays of a simulation."""
 
-    Attributes
-    ----------
-    memory : ndarray, shape (4,)
-        Of the autopilot, see `INITIAL_MEMORY`.
-    block : ndarray, shape (N_BLOCK,)
-        The motion in the first lane of a block.
-    velocity : ndarray, shape (3, 3)
-        Over ground, at the beginning, the middle and the end of a substep.
-    step : ndarray, shape (N_WORK,)
-        For a Runge-Kutta step.
-    fins : ndarray, shape (N_ACTUATORS,)
-        Where the actuators are.
-    """
-
-    memory: Array
-    block: Array
-    velocity: Array
-    step: Array
-    fins: Array
+    memory: Array  # of the autopilot, see `INITIAL_MEMORY`
+    block: Array  # motion in the first lane, shape (N_BLOCK,)
+    velocity: Array  # over ground at the beginning, middle and end of a substep, m/s, shape (3, 3)
+    step: Array  # for a Runge-Kutta step, shape (N_WORK,)
+    positions: Array  # of the actuators, SI, shape (N_ACTUATORS,)
 
 
 _WORKSPACE = types.NamedTuple((_vector, _vector, _matrix, _vector, _vector), _Workspace)
@@ -119,33 +106,30 @@ def simulate_motion(
 
     Parameters
     ----------
-    vehicle : VehicleSettings
-    manoeuvre : AnyManoeuvre
-    plan : ManoeuvrePlan
+    vehicle, manoeuvre, plan
     disturbance : ndarray, shape (n, 6)
-        Force, N, and moment, N m, beside those of the model, from each tick to the next.
+        Force (N) and moment (N m) in addition to those of the model, from each tick to the next.
     longest_step : float
-        s.
     trim : ndarray, shape (4,)
-        What of the planned inputs is no command: it acts whatever the actuators do.
+        Part of the planned inputs that is not a command and bypasses the actuators, SI.
 
     Raises
     ------
     SimulationError
-        If the vehicle capsizes, stands on its nose or blows up; says when.
+        If roll, pitch or speed leave the range of the model; the message has the time.
     ConfigError
         If the vehicle has no positive-definite mass matrix or lacks coefficients, or the manoeuvre inputs of its terms.
     """
-    if lacking := manoeuvre.lacks_propulsion_for(vehicle.coefficient_set):
-        raise ConfigError(lacking)
-    known = vehicle.known_parameters()
-    constants = vehicle_constants(known, vehicle.coefficient_set.terms)
-    push = np.zeros(disturbance.shape)
-    # Of an undisturbed run of hours nothing is touched, and takes no memory.
+    if message := manoeuvre.missing_propulsion(vehicle.coefficient_set):
+        raise ConfigError(message)
+    parameters = vehicle.known_parameters()
+    constants = vehicle_constants(parameters, vehicle.coefficient_set.terms)
+    acceleration = np.zeros(disturbance.shape)
+    # Pages of zeros that are never written take no memory.
     if disturbance.any():
-        push[:] = np.linalg.solve(mass_matrix(known), disturbance.T).T
+        acceleration[:] = np.linalg.solve(mass_matrix(parameters), disturbance.T).T
     coefficients = factors(vehicle.all_coefficients(), of_vehicle=vehicle.coefficient_set)
-    controls = controls_of(vehicle, manoeuvre, plan)
+    controls = autopilot_controls(vehicle, manoeuvre, plan)
     n = plan.time.size
     motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4 + plan.propulsion.shape[1]))
     motion[0, 0] = plan.speed[0] if manoeuvre.initial_speed is None else manoeuvre.initial_speed
@@ -154,23 +138,25 @@ def simulate_motion(
         np.array(INITIAL_MEMORY), np.zeros(N_BLOCK), np.zeros((3, 3)), np.zeros(N_WORK), np.zeros(N_ACTUATORS)
     )
     actuators = vehicle.actuators.actuators()
-    follows = any(actuator != IDEAL for actuator in actuators)
-    # Where actuators do as they are told, nothing is written down twice.
-    commands = np.zeros((n if follows else 0, inputs.shape[1]))
-    (commands if follows else inputs)[:, 4:] = plan.propulsion
-    truth = Truth(plan.time, inputs, commands, motion, position, push, constants, np.repeat(coefficients, LANES))
-    reason, tick = _fly(plan.wanted, controls, tuple(actuators), trim, truth, longest_step, work)
+    has_dynamics = any(actuator != IDEAL for actuator in actuators)
+    # With ideal actuators, `inputs` and `commands` share one array.
+    commands = np.zeros((n if has_dynamics else 0, inputs.shape[1]))
+    (commands if has_dynamics else inputs)[:, 4:] = plan.propulsion
+    truth = Truth(
+        plan.time, inputs, commands, motion, position, acceleration, constants, np.repeat(coefficients, LANES)
+    )
+    reason, tick = _simulate(plan.setpoints, controls, tuple(actuators), trim, truth, longest_step, work)
     if reason:
         raise SimulationError(
             f"the simulation of {vehicle.name} stopped at t = {plan.time[tick]:.2f} s: {_REASONS[reason]}; "
-            "soften the excitation or let the autopilot hold pitch, turn rate and speed"
+            "reduce the excitation or let the autopilot control pitch, turn rate and speed"
         )
-    return truth._replace(coefficients=coefficients, commands=commands if follows else inputs)
+    return truth._replace(coefficients=coefficients, commands=commands if has_dynamics else inputs)
 
 
 @compiled()
 def _velocity_over_ground(block, velocity):
-    """Find the velocity in the NED frame, eqs. (1) and (2), of the state in lane 0."""
+    """Compute the velocity in the NED frame, eqs. (1) and (2), of the motion in lane 0."""
     u, v, w = block[0], block[LANES], block[2 * LANES]
     sin_phi, cos_phi = sine_cosine(block[6 * LANES])
     sin_theta, cos_theta = sine_cosine(block[7 * LANES])
@@ -183,22 +169,25 @@ def _velocity_over_ground(block, velocity):
 
 
 @compiled()
-def _push(block, push, duration):
-    """Let a disturbance act for so long on the state in lane 0: before and after a step, for half of it each."""
+def _accelerate(block, acceleration, duration):
+    """Add acceleration times duration to the velocities in lane 0."""
     for i in range(6):
-        block[i * LANES] += duration * push[i]
+        block[i * LANES] += duration * acceleration[i]
 
 
 @compiled()
 def _move(truth, tick, step, position, work):
-    """Integrate motion and position; Simpson's rule on half steps is as accurate as the motion itself."""
+    """Integrate motion and, by Simpson's rule, position over a step.
+
+    The disturbance acts by half before and by half after each half step (Strang splitting).
+    """
     block, velocity, coefficients, inputs = work.block, work.velocity, truth.coefficients, truth.inputs[tick]
-    push = truth.push[tick]
+    acceleration = truth.disturbance[tick]
     _velocity_over_ground(block, velocity[0])
     for half in range(1, 3):
-        _push(block, push, 0.25 * step)
+        _accelerate(block, acceleration, 0.25 * step)
         runge_kutta_step(block, coefficients, inputs, truth.constants, 1, 0.5 * step, work.step)
-        _push(block, push, 0.25 * step)
+        _accelerate(block, acceleration, 0.25 * step)
         _velocity_over_ground(block, velocity[half])
     for axis in range(3):
         position[axis] += step / 6.0 * (velocity[0, axis] + 4.0 * velocity[1, axis] + velocity[2, axis])
@@ -218,9 +207,9 @@ def _reason_to_stop(motion):
 
 @compiled()
 def _limit_fins(controls, before, now, change):
-    """Keep fins to their angle, and to so much of a change.
+    """Limit the angles of the fins, and their change to `change`.
 
-    Of an x tail half the sum of two fins is the rudder, half the difference the elevator.
+    On an x tail the rudder is half the sum of two fins, and the elevator half their difference.
     """
     shared = controls.shared_fins
     first, second = now[0] - shared * now[1], now[1] + shared * now[0]
@@ -232,36 +221,36 @@ def _limit_fins(controls, before, now, change):
 
 
 @compiled()
-def _act(actuators, trim, tick, period, truth, places):
-    """Let the actuators follow the commands of a tick; before the first they rest in it."""
+def _move_actuators(actuators, trim, tick, period, truth, positions):
+    """Integrate the actuators over a tick and store the inputs; they start at the first command."""
     commands, inputs = truth.commands[tick], truth.inputs[tick]
     for k in range(N_ACTUATORS, inputs.size):
         inputs[k] = commands[k]
     for k in range(N_ACTUATORS):
         demand = demanded(actuators[k], commands[k] - trim[k])
         if tick == 0:
-            places[k] = demand
-        places[k], mean = moved(actuators[k], places[k], demand, period)
+            positions[k] = demand
+        positions[k], mean = moved(actuators[k], positions[k], demand, period)
         inputs[k] = effective(actuators[k], mean) + trim[k]
 
 
-@compiled(types.UniTuple(types.int64, 2)(WANTED, CONTROLS, _ACTUATORS, _vector, _TRUTH, types.float64, _WORKSPACE))
-def _fly(wanted, controls, actuators, trim, truth, longest_step, work):
-    """Fill in motion, position and inputs; returns (reason, tick), reason 0 if all went well."""
+@compiled(types.UniTuple(types.int64, 2)(SETPOINTS, CONTROLS, _ACTUATORS, _vector, _TRUTH, types.float64, _WORKSPACE))
+def _simulate(setpoints, controls, actuators, trim, truth, longest_step, work):
+    """Fill in motion, position and inputs of `truth`; return the code in `_REASONS`, 0 for success, and the tick."""
     time, motion, position, block = truth.time, truth.motion, truth.position, work.block
-    follows = truth.commands.size > 0
-    commands = truth.commands if follows else truth.inputs
+    has_dynamics = truth.commands.size > 0
+    commands = truth.commands if has_dynamics else truth.inputs
     for i in range(N_MOTION):
         block[i * LANES] = motion[0, i]
     n = time.size
     for tick in range(n):
         period = time[tick + 1] - time[tick] if tick + 1 < n else time[tick] - time[tick - 1]
         now = commands[tick]
-        steer(controls, wanted, tick, period, position[tick, 2], motion[tick], work.memory, now)
-        # Before the first tick fins are where they have to be.
+        steer(controls, setpoints, tick, period, position[tick, 2], motion[tick], work.memory, now)
+        # No limit of the rate at the first tick.
         _limit_fins(controls, commands[tick - 1], now, controls.fin_rate * period if tick > 0 else np.inf)
-        if follows:
-            _act(actuators, trim, tick, period, truth, work.fins)
+        if has_dynamics:
+            _move_actuators(actuators, trim, tick, period, truth, work.positions)
         if tick + 1 == n:
             break
 
@@ -278,40 +267,45 @@ def _fly(wanted, controls, actuators, trim, truth, longest_step, work):
     return 0, n - 1
 
 
-@compiled(types.void(_vector, types.UniTuple(_matrix, 5), _vector, _vector, _vector, _vector, _vector, _vector))
-def _sample(time, record, constants, coefficients, wanted, block, slope, work):
-    inputs, motion, push, sampled, rate = record
+@compiled(
+    types.void(_vector, types.UniTuple(_matrix, 5), _vector, _vector, _vector, _vector, _vector, _vector),
+)
+def _sample(time, record, constants, coefficients, times, block, slope, work):
+    inputs, motion, acceleration, sampled, rate = record
     tick, now = -1, time[0]
-    for k in range(wanted.size):
+    for k in range(times.size):
         before = tick
-        while tick < 0 or (tick + 1 < time.size and time[tick + 1] <= wanted[k]):
+        while tick < 0 or (tick + 1 < time.size and time[tick + 1] <= times[k]):
             tick += 1
         if tick != before:
             now = time[tick]
             for i in range(N_MOTION):
                 block[i * LANES] = motion[tick, i]
-        substeps = int(np.ceil(2.0 * (wanted[k] - now) / LONGEST_STEP))
+        substeps = int(np.ceil(2.0 * (times[k] - now) / LONGEST_STEP))
         for _ in range(substeps):
-            step = (wanted[k] - now) / substeps
-            _push(block, push[tick], 0.5 * step)
+            step = (times[k] - now) / substeps
+            _accelerate(block, acceleration[tick], 0.5 * step)
             runge_kutta_step(block, coefficients, inputs[tick], constants, 1, step, work)
-            _push(block, push[tick], 0.5 * step)
-        now = wanted[k]
+            _accelerate(block, acceleration[tick], 0.5 * step)
+        now = times[k]
         motion_derivative(block, coefficients, inputs[tick], constants, 1, slope)
-        _push(slope, push[tick], 1.0)
+        _accelerate(slope, acceleration[tick], 1.0)
         for i in range(N_MOTION):
             sampled[k, i], rate[k, i] = block[i * LANES], slope[i * LANES]
 
 
 def sample_motion(truth: Truth, times: Array) -> tuple[Array, Array]:
-    """Find true motion and its time derivative at any increasing times, by integrating on from the tick before.
+    """Return true motion and its time derivative at increasing times, integrated from the tick before each.
 
     Returns
     -------
     motion, derivative : ndarray, shape (len(times), 9)
     """
     sampled, rate = np.zeros((times.size, N_MOTION)), np.zeros((times.size, N_MOTION))
-    record, coefficients = (truth.inputs, truth.motion, truth.push, sampled, rate), np.repeat(truth.coefficients, LANES)
+    record, coefficients = (
+        (truth.inputs, truth.motion, truth.disturbance, sampled, rate),
+        np.repeat(truth.coefficients, LANES),
+    )
     work = np.zeros(N_BLOCK), np.zeros(N_SLOPE), np.zeros(N_WORK)
     _sample(truth.time, record, truth.constants, coefficients, times, *work)
     return sampled, rate

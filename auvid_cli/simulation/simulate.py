@@ -1,4 +1,4 @@
-"""Simulate a run: true motion, then the samples of all sensors."""
+"""Simulation of a run: true motion, then the samples of all sensors."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -11,29 +11,22 @@ from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, MagneticField, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord, shared_clock
 from auvid_cli.simulation.ahrs import attitude_reference
-from auvid_cli.simulation.imperfections import corrupt, draw_disturbance, draw_fin_trim, record_inputs, stamped
+from auvid_cli.simulation.imperfections import corrupt, draw_disturbance, draw_fin_trim, record_inputs, with_delay
 from auvid_cli.simulation.manoeuvres import make_plan
 from auvid_cli.simulation.motion import Truth, sample_motion, simulate_motion
 from auvid_cli.vehicle.kinematics import dvl_axes, earth_to_body, specific_force
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
-# So many samples of the whole motion at once, of which a sensor keeps its few components.
+# Samples of the whole motion computed at once, to limit memory.
 _BLOCK = 50_000
 
 
 def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict[str, SensorRecord]:
-    """Sample all sensors of a suite but an attitude reference, which computes from what the others say.
+    """Return the records of all sensors of a suite, except an AHRS, which computes from the others.
 
-    Parameters
-    ----------
-    truth : Truth
-    suite : SensorSuite
-    current : ndarray, shape (3,)
-        Velocity of the water, north, east, down, m/s.
-    seed : int
-        Each sensor and each of its imperfections draws from a stream of its own, derived from the
-        seed and the sensor's name, so that changing one leaves the others' noise as it was.
+    `current` is the velocity of the water: north, east, down, m/s. Each error of each sensor has its own random stream,
+    so that a change of one does not change the others.
     """
     records: dict[str, SensorRecord] = {}
     for name, settings in suite.given().items():
@@ -47,12 +40,12 @@ def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict
             block = slice(first, first + _BLOCK)
             true[block] = measure_block(_Sampled(truth, times[block], current, settings))
         record = corrupt(times, true, settings, name, seed)
-        records[name] = stamped(record, settings, name, seed, truth.time[-1])
+        records[name] = with_delay(record, settings, name, seed, truth.time[-1])
     return records
 
 
 class _Sampled:
-    """What a sensor may measure of the truth at some times."""
+    """Truth at the times of a sensor."""
 
     def __init__(self, truth: Truth, times: Array, current: Array, settings: SensorSettings) -> None:
         self.truth, self.times, self.current, self.settings = truth, times, current, settings
@@ -60,7 +53,7 @@ class _Sampled:
 
 
 def sample_times(settings: SensorSettings, duration: float) -> Array:
-    """Return the ticks of a sensor's clock from its start to the end of the run, s."""
+    """Return the sample times of a sensor until the end of the run, s."""
     count = int(np.floor((duration - settings.start) * settings.rate + 1e-9)) + 1
     return settings.start + np.arange(max(count, 0)) / settings.rate
 
@@ -74,7 +67,7 @@ def _motion_states(quantities: Sequence[Quantity], sampled: _Sampled) -> Array:
 
 
 def _velocity_over_ground(sampled: _Sampled) -> Array:
-    """Turn the velocity of a DVL over ground into its axes, times its scale."""
+    """Return the velocity over ground in the axes of the DVL, with its scale error."""
     motion, current, dvl = sampled.motion, sampled.current, sampled.settings
     assert isinstance(dvl, Dvl)
     velocity = motion[:, :3]
@@ -101,14 +94,14 @@ def _depth(sampled: _Sampled) -> Array:
 
 
 def _specific_force(sampled: _Sampled) -> Array:
-    """Return what an accelerometer measures, whose scale may err."""
+    """Return the specific force at the accelerometer, with its scale error."""
     accelerometer = sampled.settings
     assert isinstance(accelerometer, Accelerometer)
-    felt = specific_force(sampled.motion, sampled.rate, np.array(accelerometer.position))
-    return (1.0 + accelerometer.scale_error) * felt
+    force = specific_force(sampled.motion, sampled.rate, np.array(accelerometer.position))
+    return (1.0 + accelerometer.scale_error) * force
 
 
-# Sensors that measure something else than motion states as they are.
+# Sensors that do not measure motion states directly.
 MEASUREMENT_MODELS: dict[str, Callable[[_Sampled], Array]] = {
     "accelerometer": _specific_force,
     "magnetometer": _heading,
@@ -119,33 +112,33 @@ MEASUREMENT_MODELS: dict[str, Callable[[_Sampled], Array]] = {
 
 
 def simulate(experiment: Experiment) -> Dataset:
-    """Simulate an experiment.
+    """Return the dataset of a simulated experiment.
 
     Raises
     ------
     SimulationError
-        If the vehicle leaves the model's validity.
+        If the vehicle leaves the range of the model.
     ConfigError
-        If the vehicle's parameters are impossible or a recorded manoeuvre cannot be read.
+        If the vehicle's parameters are invalid or a recorded manoeuvre cannot be read.
     """
     manoeuvre = experiment.manoeuvre
     trim = draw_fin_trim(manoeuvre.fin_trim, experiment.seed)
     plan = make_plan(manoeuvre)
-    # Fins are steered, and limited, as if they were where they are recorded to be and the trim were commanded.
+    # Steering and limits act on actual angles: recorded angles plus trim.
     if trim.any():
         plan.feedforward[:] += trim
     disturbance = draw_disturbance(manoeuvre.disturbance, plan.time, experiment.seed)
     truth = simulate_motion(experiment.vehicle, manoeuvre, plan, disturbance, trim=trim)
-    del plan  # Of ten hours 170 MB, which nothing reads any more.
+    del plan  # frees 170 MB for ten hours
     current = np.array([manoeuvre.current_north, manoeuvre.current_east, 0.0])
     records = measure(truth, experiment.sensors, current, experiment.seed)
     if ahrs := experiment.sensors.ahrs():
         duration = float(truth.time[-1])
         times = shared_clock(sample_times(ahrs.attitude, duration), (truth.time,))
         attitude = attitude_reference(records, ahrs, times)
-        records["attitude"] = stamped(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
+        records["attitude"] = with_delay(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
     return Dataset(
-        inputs=record_inputs(truth.time, _recorded(truth.commands, trim), manoeuvre.recorded_rate),
+        inputs=record_inputs(truth.time, _without_trim(truth.commands, trim), manoeuvre.recorded_rate),
         sensors=records,
         experiment=experiment,
         truth=TruthRecord(
@@ -158,8 +151,8 @@ def simulate(experiment: Experiment) -> Dataset:
     )
 
 
-def _recorded(commands: Array, trim: Array) -> Array:
-    """Return commands as they are written down: without what of them nobody knows."""
+def _without_trim(commands: Array, trim: Array) -> Array:
+    """Return the commands as recorded, without the unknown trim."""
     if not trim.any():
         return commands
     recorded = commands.copy()

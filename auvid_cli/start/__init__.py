@@ -1,1 +1,1 @@
-"""A folder to begin with: a vehicle, sensors, an experiment, a map, and what to do next."""
+"""First folder of a user, by `auvid init`: vehicle, sensors, experiment, map and next steps."""

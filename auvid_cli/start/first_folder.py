@@ -1,8 +1,7 @@
-"""The files of a folder to begin with, as texts: they work at once, and say what to put in their place."""
+"""The files of `auvid init` as texts: vehicle, sensors, experiment, map and README. They work without changes."""
 
 import re
 import shlex
-from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,12 +14,11 @@ from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
 from auvid_cli.start.first_spiral import FirstSpiral, cruising_speed, first_spiral
 from auvid_cli.text import printable
 
-# m/s, where neither the user nor the vehicle file says.
-_USUAL_SPEED = 1.5
+_DEFAULT_SPEED = 1.5  # m/s, if neither the user nor the vehicle file gives one
 
 _SENSORS = """\
-# What a small survey vehicle carries: put in the rates and the noise of your own.
-# One standard deviation each. `auvid list sensors` names other suites; the reference has every key.
+# Sensors of a small survey vehicle: replace rates and noise (standard deviations) by those of your sensors.
+# `auvid list sensors` lists other suites; the reference explains all keys.
 name: first sensors
 gyroscope: {rate: 50 Hz, noise: 0.1 deg/s}
 attitude: {source: direct, rate: 20 Hz, noise: 0.2 deg}
@@ -29,30 +27,30 @@ depth: {rate: 5 Hz, noise: 2 cm}
 """
 
 _EXPERIMENT = """\
-# An experiment with the vehicle beside: `auvid run` simulates it, identifies it and reports.
+# An experiment with the vehicle in vehicle.yaml: `auvid run` simulates it, identifies it and reports.
 name: %(name)s
 seed: 1
 vehicle: vehicle.yaml
 sensors: sensors.yaml
 # Or one of `auvid list manoeuvres`: --set manoeuvre=manoeuvres/zigzag_20_20.yaml --set "manoeuvre.speed=%(speed)s"
 manoeuvre:
-  # Excitation in proportion to length, speed and righting moment; the simulated vehicle survives it.
+  # The excitation is scaled by length, speed and righting moment; the simulated vehicle can follow it.
 %(spiral)s
 identification:
   filters: [smoother] # others: `auvid list filters`
 """
 
 _MAP = """\
-# A template: what is what in a log of yours. Put in its columns and units, and how sure each sensor is.
-# `auvid import --suggest dive.csv -o suggested.yaml` looks at the log itself and writes most of such a map.
+# A template of a map for your log: enter its columns and units, and the standard deviation of each sensor.
+# `auvid import --suggest dive.csv -o suggested.yaml` reads the log and writes most of such a map.
 name: %(name)s_dive
 vehicle: vehicle.yaml
 identification:
   filters: [smoother]
-  prior: %(prior)s # of what the log does not tell; leave it out to go by the log alone
+  prior: %(prior)s # for coefficients that the log does not determine; without it, only the log counts
 logs: {log: dive.csv}
 time: time # column, s
-sensors: # leave out what the log does not have
+sensors: # leave out sensors that the log does not have
   gyroscope: {columns: {p: p, q: q, r: r}, unit: deg/s, standard_deviation: 0.1 deg/s}
   attitude: {columns: {phi: roll, theta: pitch, psi: heading}, unit: deg, standard_deviation: 0.5 deg}
   dvl: {columns: {u: u, v: v, w: w}, unit: m/s, standard_deviation: 1 cm/s}
@@ -60,20 +58,20 @@ sensors: # leave out what the log does not have
 inputs:
   rudder: {column: rudder, unit: deg} # positive pushes the tail to starboard; else sign: -1
   elevator: {column: elevator, unit: deg} # positive pushes the tail up; else sign: -1
-  thrust: {revolutions: {column: revolutions, unit: rpm}, a: %(gain)s} # a n|n|, n in turns a second
+  thrust: {revolutions: {column: revolutions, unit: rpm}, a: %(gain)s} # thrust a n|n|, n in turns per second
 """
 
 _README = """\
 # %(name)s
 
-%(origin)s Made by `auvid init`; everything here is to be changed.
+%(origin)s Made by `auvid init`; change everything as you need.
 
-| file | what it is |
+| file | content |
 | --- | --- |
-| `vehicle.yaml` | size, mass, inertia, added mass and coefficients, each with where it is from |
+| `vehicle.yaml` | size, mass, inertia, added mass and coefficients, each with its source |
 | `sensors.yaml` | rates and noise of the sensors |
-| `experiment.yaml` | a spiral that suits the vehicle, and how to identify |
-| `map.yaml` | a template: what is what in a log of yours |
+| `experiment.yaml` | a spiral for the vehicle, and the identification |
+| `map.yaml` | a template of a map for your log |
 
 ## Next
 
@@ -81,9 +79,9 @@ _README = """\
     auvid import dive.csv --map %(map)s
     auvid identify %(dataset)s
 
-The first is a rehearsal: it simulates the vehicle, identifies it from what its sensors said, and compares the two.
-The second makes a dataset of a log `dive.csv` of yours, once its columns stand in `map.yaml`; the third identifies
-from that.
+The first command is a rehearsal: it simulates the vehicle, identifies it from the simulated data and compares both.
+The second makes a dataset from your log `dive.csv`, once its columns are in `map.yaml`. The third identifies the
+vehicle from that dataset.
 
 ## Measure what you can
 
@@ -91,55 +89,34 @@ from that.
 """
 
 _ASSUMED = """\
-- `zG`: how far the centre of gravity is below that of buoyancy: incline the vehicle, or time how it rolls.
-- `W` and `B`: weight, and buoyancy by the weight in water. They are taken to be equal.
-- `Ixx`, `Iyy`, `Izz`: taken to be those of a solid of one density.
-- `X_prop`, `K_prop`: thrust at the speed in `geometry.speed`, which a bollard pull bounds; no torque is assumed.
-- `geometry`: nose, tail and fins from the drawing. What is derived changes with `auvid init`, not by itself."""
-_DERIVED = "The vehicle follows from length, diameter, mass and fins; each number says how, and how sure it is."
-_SHIPPED = (
-    "All numbers are those of the shipped vehicle; `notes` in `vehicle.yaml` says what is known to be odd about them."
-)
+- `zG`: distance of the centre of gravity below that of buoyancy: incline the vehicle, or time its roll oscillation.
+- `W` and `B`: weight, and buoyancy from the weight in water. They are assumed to be equal.
+- `Ixx`, `Iyy`, `Izz`: assumed to be those of a solid of uniform density.
+- `X_prop`, `K_prop`: thrust at the speed in `geometry.speed`, which a bollard pull limits; assumed torque: 0.
+- `geometry`: nose, tail and fins from the drawing. Derived values change with `auvid init`, not by themselves."""
+_DERIVED = "The vehicle is derived from length, diameter, mass and fins; each number has its method and uncertainty."
+_SHIPPED = "All numbers are those of the shipped vehicle; `notes` in `vehicle.yaml` lists known problems with them."
 
 
 class FirstFolder(NamedTuple):
-    """A folder to begin with.
+    """Files of a first folder."""
 
-    Attributes
-    ----------
-    texts : dict of str
-        By the name of each file.
-    vehicle : VehicleSettings
-    spiral : FirstSpiral
-        What the simulated vehicle did.
-    assumed : tuple of str
-        What of the vehicle was taken where nothing was said, each as an option of `auvid init`.
-    """
-
-    texts: dict[str, str]
+    texts: dict[str, str]  # by the names of the files
     vehicle: VehicleSettings
     spiral: FirstSpiral
-    assumed: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()  # defaults in use, each as an option of `auvid init`
 
 
 def folder_of_outline(folder: Path, outline: Outline) -> FirstFolder:
-    """Make the files for a vehicle that follows from its outline.
-
-    Raises
-    ------
-    ConfigError
-        If it survives no spiral.
-    """
+    """Return the files for a vehicle that is derived from its outline; ConfigError if it cannot follow any spiral."""
     name = _name_of(folder)
-    heading = (
-        f"# {name}: all that is derived follows from hull, fins and mass, by formulas numbered in auvid's theory.\n"
-    )
+    heading = f"# {name}: derived values follow from hull, fins and mass, by the numbered formulas of auvid's theory.\n"
     text = heading + derived_vehicle_yaml(outline.drawing(name))
     return _folder(folder, text, outline.speed, _DERIVED, _ASSUMED)._replace(assumed=outline.assumed())
 
 
 def folder_like(folder: Path, like: str, speed: float | None) -> FirstFolder:
-    """Make the files for a vehicle that starts as one that ships with auvid.
+    """Return the files for a copy of a shipped vehicle.
 
     Parameters
     ----------
@@ -147,34 +124,34 @@ def folder_like(folder: Path, like: str, speed: float | None) -> FirstFolder:
     like : str
         Name of the vehicle, such as ``remus100``.
     speed : float or None
-        m/s; else that for which its thrust is stated.
+        Speed of the spiral, m/s; None for the speed that belongs to the thrust in the vehicle file.
 
     Raises
     ------
     ConfigError
-        If no such vehicle ships, or it survives no spiral.
+        If no such vehicle ships, or it cannot follow any spiral.
     """
     part = like if like.endswith(".yaml") else f"vehicles/{like}.yaml"
     path = shipped_part(part)
     if path is None or path.parent.name != "vehicles":
-        known = ", ".join(Path(file.name).stem for file in shipped_files("vehicles"))
-        raise ConfigError(f"--like {like}: no such vehicle ships with auvid; there are {known}")
+        names = ", ".join(Path(file.name).stem for file in shipped_files("vehicles"))
+        raise ConfigError(f"--like {like}: no such vehicle ships with auvid; expected one of {names}")
     described, _, rest = path.read_text(encoding="utf-8").partition("\n")
     text = f"# As {part} of auvid: {described.removeprefix('# ')}\n{rest}"
-    return _folder(folder, text, speed, f"The vehicle starts as `{part}`.", _SHIPPED)
+    return _folder(folder, text, speed, f"The vehicle is a copy of `{part}`.", _SHIPPED)
 
 
 def _folder(folder: Path, vehicle_text: str, speed: float | None, origin: str, assumed: str) -> FirstFolder:
     vehicle = parse_vehicle(vehicle_text, "vehicle.yaml")
-    speed = speed or cruising_speed(vehicle) or _USUAL_SPEED
+    speed = speed or cruising_speed(vehicle) or _DEFAULT_SPEED
     spiral, name = first_spiral(vehicle, speed), _name_of(folder)
     drag = -vehicle.all_coefficients()["X_u|u|"]
     values = {
         "name": name,
-        "spiral": _indented(spiral.lines),
+        "spiral": "\n".join(f"  {line}" for line in spiral.lines),
         "speed": f"{speed:.3g} m/s",
         "prior": "geometry" if vehicle.geometry else "{mean: vehicle}",
-        # As if 25 turns a second made the thrust of that speed.
+        # Guess: the propeller makes 25 turns per second at that speed.
         "gain": f"{drag * speed**2 / 25.0**2:.3g}",
         "folder": printable(shlex.quote(str(folder))),
         "map": printable(shlex.quote(str(folder / "map.yaml"))),
@@ -192,10 +169,6 @@ def _folder(folder: Path, vehicle_text: str, speed: float | None, origin: str, a
     return FirstFolder(texts, vehicle, spiral)
 
 
-def _indented(lines: Iterable[str]) -> str:
-    return "\n".join(f"  {line}" for line in lines)
-
-
 def _name_of(folder: Path) -> str:
-    """Return the folder's name as far as experiments can have it."""
+    """Return the folder's name, without the characters that names of experiments cannot have."""
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", folder.absolute().name, flags=re.ASCII).lstrip("_.-") or "first"

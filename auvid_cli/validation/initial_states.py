@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.coefficients import Prior
 from auvid_cli.config.extra_states import EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT, BiasName
-from auvid_cli.config.filters import Prior
 from auvid_cli.config.identification import Identification, InputSettings, Use
 from auvid_cli.config.vehicle import ActuatorSettings, VehicleEntry
 from auvid_cli.data.acting_inputs import as_acting
@@ -126,7 +126,7 @@ def own_of_each_run(settings: Identification, anew: bool = False) -> tuple[BiasN
     return tuple(
         name
         for name in _MODEL_BLOCKS
-        if any(block.walk > 0.0 or (anew and not block.shifts) for block in blocks.get(name, ()))
+        if any(block.walk > 0.0 or (anew and not block.is_delay) for block in blocks.get(name, ()))
     )
 
 

@@ -86,7 +86,7 @@ def one_round(folder: Path, stages: Stages) -> None:
     with stages.step("read the dataset"):
         dataset = read_dataset(folder / "dataset.h5")
     settings, found = experiment.identification, []
-    runs = set_up_filters(prepare(dataset), settings.with_judge(settings.by_default()))
+    runs = set_up_filters(prepare(dataset), settings.with_judge(settings.default_filters()))
     with stages.step(_FILTERS):
         for run in runs:
             parts = []

@@ -94,7 +94,7 @@ def test_a_folder_that_is_not_empty_stays_as_it_is(tmp_path):
     [
         ((), ("missing --length, --diameter, --mass, --fin-span, --fin-area; ", "--like remus100")),
         (MINE[:6], ("missing --mass, --fin-span, --fin-area; ",)),
-        ((*MINE[:6], "--mass", "180 kg", *MINE[-4:]), ("a mass of 180 kg is 3.3 times the ",)),
+        ((*MINE[:6], "--mass", "180 kg", *MINE[-4:]), ("mass: 180 kg is 3.3 times the ",)),
         (("--length", "0", "m", *MINE[3:]), ("--length 0 m: length: must be greater than 0",)),
         (("--like", "remus"), ("--like remus: no such vehicle ships",)),
         (("--like", "lauv", "--mass", "3"), ("--like lauv is a whole vehicle: leave out --mass",)),

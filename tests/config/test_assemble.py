@@ -4,8 +4,7 @@ from pathlib import Path
 import pytest
 
 from auvid_cli.api.files import read_dataset
-from auvid_cli.config.assembly import assemble, read_source
-from auvid_cli.config.loading import find_experiment, load_experiment
+from auvid_cli.config.loading import assemble, find_experiment, load_experiment, read_source
 from auvid_cli.errors import ConfigError
 
 
@@ -32,7 +31,7 @@ def data(folder: Path, *overrides: str):
     return tree.data
 
 
-def test_reference_is_spliced_in_with_its_own_positions(folder):
+def test_referenced_file_keeps_its_positions(folder):
     tree, _ = assembled(folder)
     *_, node = tree.descend(("vehicle", "size", "length"))
     assert node.content == "1 m"
@@ -54,7 +53,7 @@ def test_reference_is_spliced_in_with_its_own_positions(folder):
         ("seed=", ("seed",), None),
     ],
 )
-def test_override(folder, override, path, value):
+def test_override_sets_value(folder, override, path, value):
     found = data(folder, override)
     for key in path:
         found = found[key]
@@ -65,29 +64,30 @@ def test_last_override_wins(folder):
     assert data(folder, "seed=1", "seed=2")["seed"] == 2
 
 
-def test_override_points_at_itself(folder):
+def test_override_has_its_own_position(folder):
     tree, _ = assembled(folder, "vehicle.size={length: 3 furlong}")
     *_, node = tree.descend(("vehicle", "size", "length"))
     assert str(node.at) == "--set vehicle.size={length: 3 furlong}"
 
 
 @pytest.mark.parametrize("override", ["seed", "=3", "a..b=1", ".a=1", ""])
-def test_override_without_key_or_value(folder, override):
+def test_incomplete_override_is_reported(folder, override):
     _, mistakes = assembled(folder, override)
-    assert mistakes == [f"--set {override}: expected key.key=value, for example sensors.dvl.rate=7 Hz"]
+    (mistake,) = mistakes
+    assert mistake.startswith(f"--set {override}: expected key.key=value")
 
 
 @pytest.mark.parametrize("override", ["name.x=1", "sensors.dvl.noise.3=1", "sensors.dvl.noise=[1"])
-def test_override_that_does_not_fit(folder, override):
+def test_override_of_scalar_or_missing_entry_is_reported(folder, override):
     _, (mistake,) = assembled(folder, override)
     assert mistake.startswith(f"--set {override}: ")
 
 
-def test_section_by_file_from_the_experiments_folder(folder):
+def test_section_file_is_relative_to_experiment(folder):
     assert data(folder, "vehicle=vehicles/b.yaml")["vehicle"] == {"name": "b"}
 
 
-def test_section_by_file_from_the_current_folder_first(folder, tmp_path_factory, monkeypatch):
+def test_section_file_in_current_folder_wins(folder, tmp_path_factory, monkeypatch):
     here = tmp_path_factory.mktemp("here")
     (here / "vehicles").mkdir()
     (here / "vehicles" / "b.yaml").write_text("name: mine\n")
@@ -98,7 +98,7 @@ def test_section_by_file_from_the_current_folder_first(folder, tmp_path_factory,
     }
 
 
-def test_recorded_file_is_relative_to_where_it_is_written(folder, tmp_path_factory, monkeypatch):
+def test_recorded_file_is_relative_to_its_source(folder, tmp_path_factory, monkeypatch):
     (folder / "vehicles" / "m.yaml").write_text("file: ../run.csv\n")
     monkeypatch.chdir(tmp_path_factory.mktemp("here"))
     assert data(folder)["manoeuvre"]["file"] == str(folder / "run.csv")
@@ -111,56 +111,54 @@ def test_recorded_file_is_relative_to_where_it_is_written(folder, tmp_path_facto
     ("reference", "reason"),
     [("nope.yaml", "no such file"), ("folder.yaml", "is a folder, not a file")],
 )
-def test_unreadable_reference_is_an_error_where_it_stands(folder, reference, reason):
+def test_unreadable_reference_is_reported_at_its_position(folder, reference, reason):
     (folder / "folder.yaml").mkdir()
     (folder / "e.yaml").write_text(f"name: e\nvehicle: {reference}\n")
     _, mistakes = assembled(folder)
     assert mistakes == [f"{folder / 'e.yaml'}:2:10: vehicle: {folder / reference}: {reason}"]
 
 
-def test_a_name_beside_a_shipped_one_is_asked_for(folder):
+def test_misspelled_shipped_file_gives_suggestion(folder):
     _, (mistake,) = assembled(folder, "sensors=sensors/table_3.yaml")
-    assert mistake.endswith(
-        "sensors/table_3.yaml: no such file; did you mean 'sensors/table_iii.yaml', which ships with auvid?"
-    )
+    assert "no such file; did you mean 'sensors/table_iii.yaml'" in mistake
 
 
-def test_a_folder_of_the_user_in_the_way_of_a_shipped_part_is_told(folder):
+def test_folder_with_name_of_shipped_file_is_reported(folder):
     (folder / "vehicles" / "lauv.yaml").mkdir()
     _, (mistake,) = assembled(folder, "vehicle=vehicles/lauv.yaml")
     assert mistake.endswith(f"{folder / 'vehicles' / 'lauv.yaml'}: is a folder, not a file")
 
 
 @pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
-def test_what_never_ends_is_no_settings_file(tmp_path, make):
+def test_pipe_or_device_raises(tmp_path, make):
     make(tmp_path / "e.yaml")
-    with pytest.raises(ValueError, match="is a pipe or a device, not a regular file"):
+    with pytest.raises(ValueError, match="pipe or a device"):
         read_source(tmp_path / "e.yaml")
 
 
-def test_a_file_of_megabytes_is_no_settings_file(tmp_path):
+def test_large_file_raises(tmp_path):
     (tmp_path / "e.yaml").write_text("#" * 1_000_001)
-    with pytest.raises(ValueError, match="is larger than 1 MB"):
+    with pytest.raises(ValueError, match="larger than 1 MB"):
         read_source(tmp_path / "e.yaml")
 
 
-def test_an_override_of_thousands_of_keys_is_refused(folder):
+def test_deeply_nested_override_is_reported(folder):
     _, (mistake,) = assembled(folder, f"{'a.' * 2000}a=1")
-    assert mistake.endswith("has 2001 keys, one within the other, where there may be 50")
+    assert "2001 nested keys" in mistake
 
 
-def test_broken_reference_points_into_the_file(folder):
+def test_invalid_yaml_in_reference_is_reported_in_its_file(folder):
     (folder / "vehicles" / "a.yaml").write_text("name: a\nsize: {length: 1 m\n")
     _, (mistake,) = assembled(folder)
     assert mistake.startswith(f"{folder / 'vehicles' / 'a.yaml'}:3:1: vehicle: not valid YAML")
 
 
-def test_references_stay_within_their_sections(folder):
+def test_only_sections_name_files(folder):
     (folder / "e.yaml").write_text("name: vehicles/a.yaml\n")
     assert data(folder) == {"name": "vehicles/a.yaml"}
 
 
-def test_a_file_of_settings_is_an_override_and_its_mistakes_have_places_there(tmp_path):
+def test_yaml_file_as_override_has_its_own_positions(tmp_path):
     file = tmp_path / "tuned.yaml"
     file.write_text("identification:\n  process_noise: {rate: 2e-3}\n")
     experiment = load_experiment(find_experiment("spiral"), ("identification.process_noise.rate=1", str(file)))
@@ -174,7 +172,7 @@ def test_a_file_of_settings_is_an_override_and_its_mistakes_have_places_there(tm
         load_experiment(find_experiment("spiral"), (str(file),))
 
 
-def test_a_dataset_refuses_a_file_that_would_change_what_is_recorded(tmp_path):
+def test_override_of_recorded_data_raises(tmp_path):
     (tmp_path / "more.yaml").write_text("seed: 3\n")
     with pytest.raises(ConfigError, match=r"more\.yaml: seed: would change nothing"):
         read_dataset(tmp_path / "dataset.h5", str(tmp_path / "more.yaml"))

@@ -24,12 +24,12 @@ from auvid_cli.errors import ConfigError
         ("vehicle.coefficients.Y_url=1e30", "must be at most 1e.20 kg/rad"),
     ],
 )
-def test_what_cannot_be_computed_with_is_refused_with_its_limit(override, message):
+def test_implausible_size_raises_with_limit(override, message):
     with pytest.raises(ConfigError, match=message):
         load_experiment(find_experiment(None), [override])
 
 
-def test_zero_is_no_small_amount():
+def test_zero_amount_is_valid():
     assert check_amount(0.0, "m") == 0.0
-    assert check_amount(magnitude_of("m").least, "m") == 1e-12
+    assert check_amount(magnitude_of("m").smallest, "m") == 1e-12
     assert load_experiment(find_experiment(None), ["sensors.dvl.drift=0"]).sensors.dvl.drift == (0.0,)

@@ -8,18 +8,18 @@ DRAWN_TOO_LONG = {*DRAWN_TOO_THIN, "the geometry's length"}
 
 
 @pytest.fixture
-def doubts(experiment_with):
-    """Function: what is doubtful about the vehicle of the paper with other numbers, by what it is of."""
+def warnings(experiment_with):
+    """Function: warnings about the vehicle of the paper with changed numbers, by subject."""
 
     def of(*changes):
         vehicle = experiment_with(*(f"vehicle.{change}" for change in changes)).vehicle
-        return {doubt.subject: str(doubt) for doubt in sanity.doubts(vehicle)}
+        return {warning.subject: str(warning) for warning in sanity.sanity_warnings(vehicle)}
 
     return of
 
 
-def test_nothing_is_doubtful_about_a_vehicle_that_ships(vehicle_file, experiment_with):
-    assert sanity.doubts(experiment_with(f"vehicle=vehicles/{vehicle_file}").vehicle) == []
+def test_shipped_vehicle_has_no_warnings(vehicle_file, experiment_with):
+    assert sanity.sanity_warnings(experiment_with(f"vehicle=vehicles/{vehicle_file}").vehicle) == []
 
 
 @pytest.mark.parametrize(
@@ -42,23 +42,23 @@ def test_nothing_is_doubtful_about_a_vehicle_that_ships(vehicle_file, experiment
         ("geometry.hull={type: table, station: [0, 1.1, 2.2], radius: [0.06, 0.06, 0.06]}", DRAWN_TOO_LONG),
     ],
 )
-def test_a_wrong_sign_or_unit_is_doubtful(doubts, change, subjects):
-    assert set(doubts(change)) == subjects
+def test_wrong_sign_or_unit_gives_warning(warnings, change, subjects):
+    assert set(warnings(change)) == subjects
 
 
-def test_a_length_in_another_unit_is_refused_for_its_fins_and_doubtful_without_a_drawing(doubts):
+def test_length_in_wrong_unit_raises_with_geometry_and_warns_without(warnings):
     with pytest.raises(ConfigError, match="ahead of the centre of buoyancy"):
-        doubts("size.length=21.94")
-    assert set(doubts("size.length=21.94", "geometry=null")) == {"B", "Iyy", "Izz"}
+        warnings("size.length=21.94")
+    assert set(warnings("size.length=21.94", "geometry=null")) == {"B", "Iyy", "Izz"}
 
 
-def test_a_doubt_says_what_is_stated_and_what_is_expected(doubts):
-    assert doubts("parameters.m=60 lb", "parameters.W=588 N", "parameters.B=588 N")["W"] == (
-        "W is 588 N; expected m g = 266.9 N of a mass m of 27.22 kg"
+def test_warning_has_value_and_expected_value(warnings):
+    assert warnings("parameters.m=60 lb", "parameters.W=588 N", "parameters.B=588 N")["W"] == (
+        "W is 588 N; expected m g = 266.9 N for a mass m of 27.22 kg"
     )
-    assert doubts("parameters.X_udot=1.5")["X_udot"].startswith("X_udot is +1.5 kg; expected 0 or less")
+    assert warnings("parameters.X_udot=1.5")["X_udot"].startswith("X_udot is +1.5 kg; expected 0 or less")
 
 
-def test_an_inertia_that_no_body_has_is_refused_though_added_mass_hides_it(doubts):
+def test_impossible_inertia_raises_despite_added_mass(warnings):
     with pytest.raises(ConfigError, match="the inertia of this vehicle cannot be"):
-        doubts("parameters.zG=1 m", "parameters.K_pdot=-1e4", "parameters.M_qdot=-1e4")
+        warnings("parameters.zG=1 m", "parameters.K_pdot=-1e4", "parameters.M_qdot=-1e4")

@@ -5,12 +5,12 @@ from auvid_cli.config.source_positions import ConfigSource, Mistake, Position, m
 SOURCE = ConfigSource("a.yaml", Path(), "name: x\n\tlong: " + "y" * 300 + "\n\x1b[31mred: 1\n")
 
 
-def test_report_shows_the_line_with_a_caret():
+def test_message_has_line_with_caret():
     mistake = Mistake(Position(SOURCE, 1, 7), ("name",), "wrong")
     assert mistakes_text([mistake]) == "a.yaml:1:7: name: wrong\n    1 | name: x\n      |       ^"
 
 
-def test_mistakes_at_one_place_share_the_line_and_are_sorted():
+def test_mistakes_are_sorted_and_share_the_excerpt():
     at, later = Position(SOURCE, 1, 1), Position(SOURCE, 2, 8)
     lines = mistakes_text(
         [Mistake(later, (), "third"), Mistake(at, (), "first"), Mistake(at, (), "second")]
@@ -20,7 +20,7 @@ def test_mistakes_at_one_place_share_the_line_and_are_sorted():
     assert lines[4] == "a.yaml:2:8: third"
 
 
-def test_tab_stays_before_the_caret():
+def test_tab_is_kept_before_the_caret():
     assert mistakes_text([Mistake(Position(SOURCE, 2, 2), (), "x")]).splitlines()[-1] == "      | \t^"
 
 
@@ -30,20 +30,20 @@ def test_long_line_is_cut_around_the_column():
     assert caret.index("^") < len(line)
 
 
-def test_control_characters_do_not_reach_the_terminal():
+def test_control_characters_are_replaced():
     assert "\x1b" not in mistakes_text([Mistake(Position(SOURCE, 3, 1), ("\x1b[0m",), "x")])
 
 
-def test_source_without_lines():
+def test_override_has_no_excerpt():
     assert mistakes_text([Mistake(Position(ConfigSource("--set a=b", Path())), ("a",), "wrong")]) == "--set a=b: wrong"
 
 
-def test_what_an_override_does_not_name_is_named():
+def test_key_inside_override_is_named():
     inner = Mistake(Position(ConfigSource("--set a={b: 1}", Path())), ("a", "b"), "wrong")
     assert mistakes_text([inner]) == "--set a={b: 1}: a.b: wrong"
 
 
-def test_many_and_long_mistakes_are_told_shortly():
+def test_many_and_long_mistakes_are_shortened():
     source = ConfigSource("a.yaml", Path(), "x: 1\n" * 1000)
     text = mistakes_text(Mistake(Position(source, k, 1), ("x" * 100_000,), "wrong") for k in range(1, 1001))
     assert text.endswith("\nand 950 more mistakes")

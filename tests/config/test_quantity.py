@@ -44,12 +44,12 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
         (5, "rad", 5.0),
     ],
 )
-def test_quantity_in_si(stated, unit, si):
+def test_quantity_is_converted_to_si(stated, unit, si):
     assert parse_quantity(stated, unit) == pytest.approx(si, rel=1e-14)
 
 
 @pytest.mark.parametrize("value", ["7 furlong", "7 Hz 3", "7 hz", "", "Hz", "7 kg", True, None, [7], {"a": 7}])
-def test_no_frequency_is_refused_with_an_example(value):
+def test_invalid_frequency_raises_with_example(value):
     with pytest.raises(ValueError, match=r"^expected a frequency such as '7 Hz' or a bare number in Hz, got "):
         parse_quantity(value, "Hz")
 
@@ -61,13 +61,13 @@ def test_cycles_and_angles_are_not_confused(stated, unit):
 
 
 @pytest.mark.parametrize(("stated", "unit"), [("5 kg", "m/s^2"), ("5 g", "m/s"), ("5 m/s^2", "kg")])
-def test_gravity_only_where_an_acceleration_is_expected(stated, unit):
+def test_g_is_gravity_only_in_accelerations(stated, unit):
     with pytest.raises(ValueError, match="expected"):
         parse_quantity(stated, unit)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, "nan", "inf m", "1e999 m", 10**400])
-def test_only_finite_values(value):
+def test_infinite_value_raises(value):
     with pytest.raises(ValueError, match="expected a length"):
         parse_quantity(value, "m")
 
@@ -75,7 +75,7 @@ def test_only_finite_values(value):
 @pytest.mark.parametrize(
     "unit", ["m^9^9^9^9", "9**9**9**9*m", "(m", "m/", "()", "(" * 5000, "m.real", "__class__", "x" * 200_000]
 )
-def test_hostile_units_are_refused(unit):
+def test_hostile_unit_raises(unit):
     with pytest.raises(ValueError, match="expected a length"):
         parse_quantity(f"1 {unit}", "m")
 
@@ -108,12 +108,12 @@ def test_any_text_gives_a_number_or_a_value_error(text):
         ((1.0, 2.0, 3.0), (1.0, 2.0, 3.0)),
     ],
 )
-def test_components(value, expected):
+def test_components_are_parsed(value, expected):
     assert parse_components(value, "m", 3) == expected
 
 
 @pytest.mark.parametrize("value", [[], [1, 2], [1, 2, 3, 4]])
-def test_components_of_another_number_are_refused(value):
+def test_wrong_number_of_components_raises(value):
     with pytest.raises(ValueError, match=f"a list of 1 or 3, got a list of {len(value)}"):
         parse_components(value, "m", 3)
 
@@ -123,7 +123,7 @@ def test_wrong_component_is_named():
         parse_components([1, "2 s", 3], "m", 3)
 
 
-def test_unit_of_a_field():
+def test_field_with_unit_converts_quantity():
     class Model(BaseModel):
         speed: Annotated[float, Unit("m/s")]
 
@@ -132,12 +132,12 @@ def test_unit_of_a_field():
         Model.model_validate({"speed": "1 s"})
 
 
-def test_pint_is_not_loaded_before_a_unit_is_stated():
+def test_import_does_not_load_pint():
     code = "import sys, auvid_cli.config.loading; sys.exit('pint' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_usual_units_are_of_the_sizes_that_pint_says():
+def test_usual_units_agree_with_pint():
     root = Path(__file__).parents[2]
     spec = importlib.util.spec_from_file_location("make_reference", root / "docs/make_reference.py")
     assert spec is not None
@@ -148,7 +148,7 @@ def test_usual_units_are_of_the_sizes_that_pint_says():
     assert module.usual_units() == stated, "python docs/make_reference.py"
 
 
-def test_what_ships_is_loaded_without_pint():
+def test_shipped_experiment_loads_without_pint():
     code = (
         "import sys; from auvid_cli.config.loading import find_experiment, load_experiment;"
         "load_experiment(find_experiment(None), ()); print('pint' in sys.modules)"

@@ -1,4 +1,4 @@
-"""What ships is found from anywhere, and described in one line."""
+"""Shipped settings: folder, descriptions and parts."""
 
 import pytest
 
@@ -14,7 +14,7 @@ def test_configs_inside_the_package_come_first(tmp_path, monkeypatch):
     assert shipped_configs() == tmp_path / "package" / "configs"
 
 
-def test_every_shipped_file_is_of_a_kind_and_says_what_it_is_in_its_first_line():
+def test_every_shipped_file_has_kind_and_description():
     files = [file for kind in KINDS for file in shipped_files(kind)]
     assert len(files) == len([*shipped_configs().rglob("*.yaml")])
     for name, description in files:
@@ -22,7 +22,7 @@ def test_every_shipped_file_is_of_a_kind_and_says_what_it_is_in_its_first_line()
         assert 20 < len(description) <= 95, name
 
 
-def test_a_description_is_the_comment_in_the_first_line(tmp_path, monkeypatch):
+def test_description_is_comment_in_first_line(tmp_path, monkeypatch):
     monkeypatch.setattr(shipped, "PACKAGE", tmp_path)
     for file in ("configs/a.yaml", "configs/vehicles/b.yaml"):
         (tmp_path / file).parent.mkdir(exist_ok=True)
@@ -32,16 +32,16 @@ def test_a_description_is_the_comment_in_the_first_line(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["vehicles", "vehicles/none.yaml", "vehicles/../spiral.yaml", "../pyproject.toml", ""])
-def test_what_is_no_shipped_part_is_none(name):
+def test_unknown_part_is_none(name):
     assert shipped_part(name) is None
 
 
-def test_an_absolute_name_is_none_of_a_shipped_part():
+def test_absolute_name_is_none():
     assert shipped_part(str(shipped_configs() / "spiral.yaml")) is None
 
 
-def test_parts_are_found_from_an_experiment_elsewhere_and_its_own_win(tmp_path, monkeypatch):
-    # As installed: inside the package, and nothing in the folder where one works.
+def test_parts_next_to_experiment_win_over_shipped(tmp_path, monkeypatch):
+    # As after an installation: no settings in the current folder.
     monkeypatch.chdir(tmp_path)
     own = tmp_path / "mine"
     own.mkdir()

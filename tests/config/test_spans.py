@@ -18,22 +18,22 @@ def test_one_span_is_a_list_of_one(parse):
         (3, "expected a list of"),
         ([1, 2, 3], "for each span"),
         ([[1, 2], 3], "for each span"),
-        ([[2, 1]], r"the span \[2, 1\] s must begin before it ends"),
+        ([[2, 1]], r"span \[2, 1\] s"),
         ([["1 m", 2]], "expected a time"),
     ],
 )
-def test_what_is_no_span_is_said(value, message):
+def test_invalid_span_raises(value, message):
     with pytest.raises(ValueError, match=message):
         parse_spans(value)
 
 
-def test_only_separate_spans_must_not_overlap():
+def test_separate_spans_must_not_overlap():
     assert parse_spans([[1, 5], [4, 6]]) == ((1.0, 5.0), (4.0, 6.0))
     with pytest.raises(ValueError, match="two spans overlap from 4 s to 5 s"):
         parse_separate_spans([[4, 6], [1, 5]])
 
 
-def test_an_end_that_is_null_is_as_far_as_there_are_data_and_is_written_so():
+def test_null_means_open_end_and_survives_dump():
     stated = [[None, "20 s"], [30, 40], ["1 min", None]]
     use = Use.model_validate({"spans": stated})
     assert use.spans == ((-inf, 20.0), (30.0, 40.0), (60.0, inf))
@@ -45,6 +45,6 @@ def test_an_end_that_is_null_is_as_far_as_there_are_data_and_is_written_so():
 @pytest.mark.parametrize(
     "wrong", [[[None, 20], [10, 30]], [[10, None], [50, 60]], [[float("inf"), 3]], [[3, float("nan")]]]
 )
-def test_open_spans_may_not_overlap_and_no_number_is_infinite(wrong):
+def test_overlapping_open_spans_and_infinite_numbers_raise(wrong):
     with pytest.raises(ValueError, match=r"overlap|got inf|got nan"):
         Use.model_validate({"spans": wrong})

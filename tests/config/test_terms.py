@@ -1,4 +1,4 @@
-"""Terms of a vehicle's own in settings: what they are, and what is said of those that cannot be."""
+"""Own terms of a vehicle: units, symbols and invalid terms."""
 
 import re
 from pathlib import Path
@@ -16,7 +16,7 @@ def with_terms(*terms):
     return f"vehicle.terms=[{', '.join(terms)}]"
 
 
-def test_a_term_is_a_coefficient_behind_the_22(text):
+def test_term_is_coefficient_after_the_22(text):
     experiment = parse_experiment(text, "test", (with_terms(CROSS, "{name: K_up, row: K, factors: [u, p]}"),))
     vehicle = experiment.vehicle
     assert vehicle.coefficient_set.symbols[22:] == ("N_|v|r", "K_up")
@@ -25,7 +25,7 @@ def test_a_term_is_a_coefficient_behind_the_22(text):
     assert "K_up" not in vehicle.stated_coefficients()
     assert experiment.identification.estimated(vehicle) == vehicle.coefficient_set.symbols
     assert parse_experiment(dump_experiment(experiment), "test") == experiment
-    with pytest.raises(ConfigError, match="states no value for K_up"):
+    with pytest.raises(ConfigError, match="no value for K_up"):
         vehicle.all_coefficients()
 
 
@@ -45,18 +45,18 @@ def test_a_term_is_a_coefficient_behind_the_22(text):
         ("X", "[voltage, voltage]", "0.1 kg*m/(s^2*V^2)", 0.1),
     ],
 )
-def test_a_value_is_in_any_unit_of_its_dimension(row, factors, quantity, si, text):
+def test_value_is_converted_from_any_unit(row, factors, quantity, si, text):
     override = with_terms(f"{{name: {row}_t, row: {row}, factors: {factors}, value: {quantity}}}")
     turns = "manoeuvre.propeller={revolutions: 20 turn/s, voltage: 24 V}"
     (term,) = parse_experiment(text, "test", (override, turns)).vehicle.terms
     assert term.value == pytest.approx(si, rel=1e-12)
 
 
-def test_a_wrong_factor_is_said_once_whatever_stands_behind_it(text):
+def test_unknown_factor_is_reported_once(text):
     term = "{name: X_a, row: X, factors: [nn], value: 1 kg, prior: {mean: 2 kg, standard_deviation: 1 kg}}"
     with pytest.raises(ConfigError) as error:
         parse_experiment(text, "test", (with_terms(term),))
-    assert "'nn' is no factor" in str(error.value)
+    assert "unknown factor 'nn'" in str(error.value)
     assert str(error.value).count("\n") == 0
 
 
@@ -67,10 +67,10 @@ def test_a_wrong_factor_is_said_once_whatever_stands_behind_it(text):
         ("{name: N_|v|, row: N}", 3, "terms.0: missing key 'factors'"),
         ("{name: yaw, row: N, factors: [v]}", 10, "terms.0.name: must match"),
         ("{name: N_a, row: L, factors: [v]}", 20, "terms.0.row: expected 'X', 'Y', 'Z', 'K', 'M' or 'N'"),
-        ("{name: N_a, row: M, factors: [v]}", 20, "terms.0.row: N_a is named for row N, and stands in row M"),
+        ("{name: N_a, row: M, factors: [v]}", 20, "terms.0.row: N_a: the name begins with N"),
         ("{name: N_a, row: N, factors: []}", 32, "terms.0.factors: expected at least 1 of them"),
-        ("{name: N_a, row: N, factors: [vv]}", 32, "terms.0.factors: 'vv' is no factor; expected one of u, v"),
-        ("{name: N_a, row: N, factors: ['|v']}", 32, "terms.0.factors: '|v' is half a modulus; expected |v|"),
+        ("{name: N_a, row: N, factors: [vv]}", 32, "terms.0.factors: unknown factor 'vv'; expected one of u, v"),
+        ("{name: N_a, row: N, factors: ['|v']}", 32, "terms.0.factors: '|v': incomplete modulus; expected |v|"),
         ("{name: N_a, row: N, factors: [v], value: 1 kg}", 44, "terms.0.value: expected a quantity such as '0.1"),
         ("{name: N_a, row: N, factors: [v], size: 1}", 37, "terms.0.size: unknown key 'size'"),
         (
@@ -81,33 +81,33 @@ def test_a_wrong_factor_is_said_once_whatever_stands_behind_it(text):
         (
             "{name: N_vv, row: N, factors: [v, v]}",
             10,
-            "terms.0.name: N_vv is called like N_v|v|, which is there already",
+            "terms.0.name: N_vv: this name is already taken by N_v|v|",
         ),
         (
             "{name: N_a, row: N, factors: [v, '|v|']}",
             10,
-            "terms.0.name: N_a is N_v|v| again, but for a constant: N += N_v|v| |v| v is there already",
+            "terms.0.name: N_a: same factors as N_v|v|",
         ),
         (
             "{name: K_prop, row: K, factors: [thrust]}",
             10,
-            "terms.0.name: K_prop is a name that is there already",
+            "terms.0.name: K_prop: this name is already taken",
         ),
     ],
 )
-def test_what_a_term_cannot_be_is_said_in_one_line_at_its_place(terms, place, message, text, tmp_path):
+def test_invalid_term_gives_one_line_message_at_its_position(terms, place, message, text, tmp_path):
     (line,) = errors_of(terms, text, tmp_path)
     assert line.startswith(f"+0:{place}: vehicle.{message}")
 
 
-def test_terms_that_are_the_same_are_said_to_be(text, tmp_path):
+def test_equal_terms_are_reported(text, tmp_path):
     terms = "{name: N_a, row: N, factors: [v, v]}\n- {name: N_b, row: N, factors: ['|v|', '|v|']}"
     (line,) = errors_of(terms, text, tmp_path)
-    assert "+1:10: vehicle.terms.1.name: N_b is N_a again, but for a constant: N += N_a v v" in line
+    assert "+1:10: vehicle.terms.1.name: N_b: same factors as N_a" in line
 
 
 def errors_of(terms, text, folder):
-    """Return what is said of a vehicle file with terms at its end, lines counted from the first of these."""
+    """Return the messages about a vehicle file with terms at its end, with lines relative to the first term."""
     named = Path(re.search(r"vehicle: (\S+)", text).group(1))
     shipped, path = named.read_text(encoding="utf-8"), folder / "vehicle.yaml"
     path.write_text(f"{shipped}terms:\n- {terms}\n", encoding="utf-8")
@@ -117,12 +117,12 @@ def errors_of(terms, text, folder):
     return [
         re.sub(r"^\S+vehicle.yaml:(\d+)", lambda place: f"+{int(place[1]) - first}", line)
         for line in str(caught.value).splitlines()
-        # The others show the place.
+        # Other lines are excerpts.
         if "vehicle.yaml:" in line
     ]
 
 
-def test_settings_may_name_a_term_and_are_told_of_one_that_is_not_there(text):
+def test_settings_may_name_terms_and_unknown_ones_raise(text):
     settings = (
         "identification.coefficients=[N_|v|r, X_u|u|]",
         "identification.prior.standard_deviation.N_|v|r=50 kg*m/rad",
@@ -130,26 +130,26 @@ def test_settings_may_name_a_term_and_are_told_of_one_that_is_not_there(text):
     )
     experiment = parse_experiment(text, "test", (with_terms(CROSS), *settings))
     assert experiment.identification.estimated(experiment.vehicle) == ("X_u|u|", "N_|v|r")
-    assert "N_|v|r" not in experiment.identification.held(experiment.vehicle)
+    assert "N_|v|r" not in experiment.identification.fixed(experiment.vehicle)
     for setting in settings:
         with pytest.raises(ConfigError, match=r"'N_\|v\|r' is not a coefficient"):
             parse_experiment(text, "test", (setting,))
 
 
-def test_what_is_known_is_left_out_where_all_are_estimated(text):
-    left_out = "vehicle.coefficients.M_w|w|={value: 0 kg, estimate: false}"
-    known = with_terms(CROSS.replace("}", ", estimate: false}"))
-    experiment = parse_experiment(text, "test", (left_out, known))
-    assert experiment.identification.held(experiment.vehicle) == ("M_w|w|", "N_|v|r")
+def test_coefficients_with_estimate_false_are_fixed(text):
+    fixed_coefficient = "vehicle.coefficients.M_w|w|={value: 0 kg, estimate: false}"
+    fixed_term = with_terms(CROSS.replace("}", ", estimate: false}"))
+    experiment = parse_experiment(text, "test", (fixed_coefficient, fixed_term))
+    assert experiment.identification.fixed(experiment.vehicle) == ("M_w|w|", "N_|v|r")
     assert parse_experiment(dump_experiment(experiment), "test") == experiment
-    named = parse_experiment(text, "test", (left_out, known, "identification.coefficients=[M_w|w|]"))
+    named = parse_experiment(text, "test", (fixed_coefficient, fixed_term, "identification.coefficients=[M_w|w|]"))
     assert named.identification.estimated(named.vehicle) == ("M_w|w|",)
     with pytest.raises(ConfigError, match=r"bounds names M_w\|w\|, which is not among the coefficients to estimate"):
-        parse_experiment(text, "test", (left_out, "identification.output_error.bounds.M_w|w|=[-1, 1]"))
+        parse_experiment(text, "test", (fixed_coefficient, "identification.output_error.bounds.M_w|w|=[-1, 1]"))
 
 
-def test_that_nothing_is_left_to_estimate_is_refused_also_where_nothing_is_said_of_identifying(text):
+def test_no_coefficient_to_estimate_raises(text):
     assert "identification" not in text
     known = [f"vehicle.coefficients.{symbol}.estimate=false" for symbol in SYMBOLS]
-    with pytest.raises(ConfigError, match="no coefficient is left to estimate"):
+    with pytest.raises(ConfigError, match="no coefficient to estimate"):
         parse_experiment(text, "test", known)

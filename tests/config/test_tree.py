@@ -32,7 +32,7 @@ def where(position: Position | None) -> tuple[int, int]:
     return position.line, position.column
 
 
-def test_data():
+def test_data_is_plain():
     assert read(TEXT).data == {"name": "a", "dvl": {"rate": "7 Hz", "noise": [1, "2e-3"]}}
 
 
@@ -40,19 +40,19 @@ def test_data():
     ("path", "key", "value"),
     [(("name",), (2, 1), (2, 7)), (("dvl", "rate"), (4, 3), (4, 9)), (("dvl",), (3, 1), (4, 3))],
 )
-def test_positions_of_key_and_value(path, key, value):
+def test_key_and_value_have_positions(path, key, value):
     *_, node = read(TEXT).descend(path)
     assert where(node.key_at) == key
     assert where(node.at) == value
 
 
-def test_position_of_a_list_entry():
+def test_list_entry_has_position():
     *_, node = read(TEXT).descend(("dvl", "noise", 1))
     assert (node.content, where(node.at)) == ("2e-3", (5, 14))
     assert node.at.excerpt().splitlines()[1] == "    5 |   noise: [1, 2e-3]"
 
 
-def test_descent_stops_where_the_path_ends():
+def test_descend_stops_at_missing_key():
     assert len(list(read(TEXT).descend(("dvl", "speed", "x")))) == 2
 
 
@@ -67,15 +67,15 @@ def test_descent_stops_where_the_path_ends():
         ),
     ],
 )
-def test_anchors_and_merge_keys(text, data):
+def test_anchors_and_merge_keys_are_resolved(text, data):
     assert read(text).data == data
 
 
-def test_keys_are_words_as_they_are_written():
+def test_keys_are_text_as_written():
     assert read("on: 1\n2: 3\n").data == {"on": 1, "2": 3}
 
 
-def test_first_of_duplicate_keys_counts():
+def test_duplicate_key_keeps_first_value():
     tree, (mistake,) = read_tree(ConfigSource("f.yaml", Path(), "a:\n  b: 1\n  b: 2\n"))
     assert tree.data == {"a": {"b": 1}}
     assert str(mistake) == "f.yaml:3:3: a.b: duplicate key 'b' (first in line 2)"
@@ -84,7 +84,7 @@ def test_first_of_duplicate_keys_counts():
 @pytest.mark.parametrize(
     ("text", "start"),
     [
-        ("a:\n\tb: 1\n", "f.yaml:2:1: not valid YAML: a tab where only spaces may stand"),
+        ("a:\n\tb: 1\n", "f.yaml:2:1: not valid YAML: a tab"),
         ("a: [1\nb: 2\n", "f.yaml:2:2: not valid YAML: while parsing a flow sequence"),
         ("a: 'x\n", "f.yaml:2:1: not valid YAML: while scanning a quoted scalar"),
         ("a: 1\n---\nb: 2\n", "f.yaml:2:1: not valid YAML: expected a single document"),
@@ -94,11 +94,11 @@ def test_first_of_duplicate_keys_counts():
         ("a: !!int ''\n", "f.yaml:1:4: not valid YAML: the tag '!!int' is not allowed"),
         ("a: !!float ''\n", "f.yaml:1:4: not valid YAML: the tag '!!float' is not allowed"),
         ("a: !!timestamp x\n", "f.yaml:1:4: not valid YAML: the tag '!!timestamp' is not allowed"),
-        ('a: "b\\ud800"\n', "f.yaml:1:4: not valid YAML: half of a character (\\ud800 to \\udfff), which is no text"),
+        ('a: "b\\ud800"\n', "f.yaml:1:4: not valid YAML: half of a character"),
         ("!!int x: 1\n", "f.yaml:1:1: not valid YAML: the tag '!!int' is not allowed"),
-        ("a: 5_0\n", "f.yaml:1:4: not valid YAML: '5_0' is no number with an underscore in it"),
-        ("a: -1_0.5e-1\n", "f.yaml:1:4: not valid YAML: '-1_0.5e-1' is no number"),
-        (f"a: {'9' * 5000}\n", "f.yaml:1:4: not valid YAML: " + "9" * 60 + " ... is not a number that can be"),
+        ("a: 5_0\n", "f.yaml:1:4: not valid YAML: '5_0': underscore in a number"),
+        ("a: -1_0.5e-1\n", "f.yaml:1:4: not valid YAML: '-1_0.5e-1': underscore"),
+        (f"a: {'9' * 5000}\n", "f.yaml:1:4: not valid YAML: " + "9" * 60 + " ...: too many digits"),
         ("a: &x [*x]\n", "f.yaml:1:4: not valid YAML: an alias to a value that contains it"),
         ("a: {[1]: 2}\n", "f.yaml:1:5: not valid YAML: a key must be a plain word"),
         ("a: {<<: 2}\n", "f.yaml:1:9: not valid YAML: only a mapping can be merged"),
@@ -107,27 +107,27 @@ def test_first_of_duplicate_keys_counts():
         ("[" * 5000, "f.yaml:1:52: not valid YAML: nested too deeply"),
     ],
 )
-def test_text_that_is_no_yaml(text, start):
+def test_invalid_yaml_is_reported(text, start):
     assert only_mistake(text).startswith(start)
 
 
-def test_aliases_cannot_blow_up():
+def test_many_aliases_are_refused():
     levels = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
     levels += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]
     assert "more than 10000 values" in only_mistake("\n".join(levels))
 
 
-def test_aliases_cannot_nest_too_deeply():
+def test_deeply_nested_aliases_are_refused():
     levels = ["a0: &a0 [1]", *(f"a{i}: &a{i} [*a{i - 1}]" for i in range(1, 60))]
     assert "nested too deeply" in only_mistake("\n".join(levels))
 
 
-def test_measurement_ends_where_there_are_too_many_values():
+def test_too_many_values_are_refused():
     assert "more than 10000 values" in only_mistake("\n".join(f"key{i}: 1" for i in range(90_000)))
 
 
 @pytest.mark.parametrize("written", ["010", "1:30", "0x10", "0b1", "2020-01-01", "2020-13-45", "5_kg", "'5_0'", "="])
-def test_what_only_looks_like_another_number_is_text(written):
+def test_ambiguous_scalar_is_text(written):
     assert read(f"a: {written}\n").data == {"a": written.strip("'")}
 
 
@@ -136,7 +136,7 @@ def test_any_text_is_read_or_refused(text):
     read_tree(ConfigSource("f.yaml", Path(), text))
 
 
-def test_put_leaves_the_original_alone():
+def test_put_returns_copy():
     tree = read(TEXT)
     new = Tree(9, Position(ConfigSource("--set", Path())))
     assert tree.put(("dvl", "noise", "0"), new).data["dvl"]["noise"] == [9, "2e-3"]
@@ -145,8 +145,8 @@ def test_put_leaves_the_original_alone():
 
 
 @pytest.mark.parametrize("path", [("name", "x"), ("dvl", "noise", "2"), ("dvl", "noise", "-1"), ("dvl", "noise", "x")])
-def test_put_where_nothing_can_be(path):
-    with pytest.raises(ValueError, match=r"cannot set|there is no entry"):
+def test_put_through_scalar_or_missing_entry_raises(path):
+    with pytest.raises(ValueError, match=r"cannot set|no entry"):
         read(TEXT).put(path, Tree(9, Position(ConfigSource("--set", Path()))))
 
 
@@ -155,5 +155,5 @@ DATA = st.recursive(SCALARS, lambda inner: st.lists(inner) | st.dictionaries(st.
 
 
 @given(st.dictionaries(st.text("abc", min_size=1), DATA))
-def test_agrees_with_the_safe_loader(data):
+def test_data_agrees_with_safe_loader(data):
     assert read(yaml.safe_dump(data)).data == yaml.safe_load(yaml.safe_dump(data))

@@ -6,7 +6,7 @@ from auvid_cli.errors import ConfigError
 ENTRY = "vehicle.coefficients.M_w|w|="
 
 
-def test_a_standard_deviation_is_in_the_unit_of_its_value(text):
+def test_standard_deviation_has_unit_of_value(text):
     experiment = parse_experiment(text, "test", (f"{ENTRY}{{value: -3.2 kg, standard_deviation: 250 g}}",))
     entry = experiment.vehicle.coefficients.M_w_w_
     assert (entry.value, entry.standard_deviation) == (-3.2, 0.25)
@@ -14,12 +14,12 @@ def test_a_standard_deviation_is_in_the_unit_of_its_value(text):
 
 
 @pytest.mark.parametrize("wrong", ["0 kg", "-1 kg", "1 m"])
-def test_a_standard_deviation_is_positive_and_of_the_same_kind(wrong, text):
+def test_invalid_standard_deviation_raises(wrong, text):
     with pytest.raises(ConfigError, match="standard_deviation"):
         parse_experiment(text, "test", (f"{ENTRY}{{value: -3.2 kg, standard_deviation: {wrong}}}",))
 
 
-def test_a_parameter_may_have_one_too(text):
+def test_parameter_may_have_standard_deviation(text):
     override = "vehicle.parameters.Ixx={value: 0.177 kg*m^2, standard_deviation: 0.01 kg*m^2}"
     parameters = parse_experiment(text, "test", (override,)).vehicle.parameters
     assert parameters.Ixx.standard_deviation == 0.01

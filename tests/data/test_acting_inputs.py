@@ -138,7 +138,7 @@ def test_late_inputs_act_later_from_the_first_on(commands, delay, acting_with):
 
 
 def test_a_delay_of_what_is_no_sensor_is_refused(experiment_with):
-    with pytest.raises(ConfigError, match="'gyro' is no sensor; expected one of gyroscope"):
+    with pytest.raises(ConfigError, match="unknown sensor 'gyro'; expected one of gyroscope"):
         experiment_with("identification.delays={gyro: 2 ms}")
 
 

@@ -1,9 +1,9 @@
 import pytest
 import yaml
 
-from auvid_cli.config.filters import Prior
+from auvid_cli.config.coefficients import Prior
 from auvid_cli.config.loading import find_experiment, load_experiment, parse_drawing, parse_vehicle
-from auvid_cli.config.sanity import doubts
+from auvid_cli.config.sanity import sanity_warnings
 from auvid_cli.errors import ConfigError
 from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
 from auvid_cli.identification.states import coefficient_priors
@@ -36,7 +36,7 @@ def vehicle(text, tmp_path_factory):
 def test_it_is_a_whole_vehicle_that_looks_right(vehicle):
     assert tuple(vehicle.all_coefficients()) == (*SYMBOLS, "K_up")
     assert set(vehicle.known_parameters()) == set(PARAMETER_SYMBOLS)
-    assert doubts(vehicle) == []
+    assert sanity_warnings(vehicle) == []
     known = vehicle.known_parameters()
     assert (known["m"], known["B"]) == (53.0, known["W"])
     assert known["X_prop"] == pytest.approx(-vehicle.all_coefficients()["X_u|u|"] * 1.5**2, rel=1e-4)

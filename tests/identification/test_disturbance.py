@@ -252,7 +252,7 @@ def test_estimators_follow_the_force_and_are_consistent_with_it(name, pushed):
 
 
 def test_the_output_error_method_says_that_it_cannot(pushed):
-    with pytest.raises(ConfigError, match="biases has disturbance, which output_error cannot follow"):
+    with pytest.raises(ConfigError, match="disturbance is not possible for output_error"):
         identify(pushed, FilterName.OUTPUT_ERROR)
 
 

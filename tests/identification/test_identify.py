@@ -314,7 +314,7 @@ def test_infinite_measurements_count_as_missing(short_run):
 
 
 def test_a_gate_for_output_error_is_refused(short_run, with_settings):
-    with pytest.raises(ConfigError, match="gate has no meaning for output_error"):
+    with pytest.raises(ConfigError, match="gate: not possible for output_error"):
         identify(with_settings(short_run, "identification.gate=6"), FilterName.OUTPUT_ERROR)
 
 

@@ -5,8 +5,8 @@ import pint
 import pytest
 from numpy.testing import assert_allclose
 
+from auvid_cli.config.coefficients import Prior
 from auvid_cli.config.enums import FilterName
-from auvid_cli.config.filters import Prior
 from auvid_cli.config.vehicle import Size
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.identification.prepared_data import prepare
@@ -138,7 +138,7 @@ def test_hull_and_fins_say_what_is_expected_and_how_sure_that_is(experiment_with
 
 
 def test_no_geometry_is_no_prior(experiment_with):
-    with pytest.raises(ConfigError, match=r"'Virginia Tech DIVE' states none: describe hull and fins") as error:
+    with pytest.raises(ConfigError, match=r"'Virginia Tech DIVE' has none") as error:
         experiment_with("vehicle=vehicles/dive.yaml", GEOMETRY)
     assert len([line for line in str(error.value).splitlines() if "geometry" in line]) == 1
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.extra_states import AugmentedStates
+from auvid_cli.config.extra_states import FURTHER_STATES, AugmentedStates
 from auvid_cli.config.identification import Identification
-from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.identification.process import first_order_transition, vehicle_process
 from auvid_cli.identification.states import state_layout
 from auvid_cli.numerics import LANES

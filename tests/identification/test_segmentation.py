@@ -133,7 +133,7 @@ def test_nothing_left_is_said(short_run, with_settings):
 @pytest.mark.parametrize(
     ("spans", "words"),
     [
-        ("[[1, 1]]", "must begin before it ends"),
+        ("[[1, 1]]", "the end must be later"),
         ("[[1, 5], [4, 6]]", "two spans overlap from 4 s to 5 s"),
         ("[[1, 2, 3]]", r"expected \[begin, end\]"),
         ("5", r"expected a list of \[begin, end\]"),

@@ -1,4 +1,4 @@
-"""The attitude reference against the true attitude."""
+"""Attitude of the AHRS against the true attitude."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ NOISELESS = tuple(
 
 
 def error_in_degrees(attitude, truth):
-    """Of roll, pitch, yaw, wrapped; the attitude comes on every tick of the truth."""
+    """Return the errors of roll, pitch and yaw, wrapped; the attitude has the ticks of the truth."""
     difference = attitude.values - truth.motion[:, 6:9]
     return np.rad2deg((difference + np.pi) % (2 * np.pi) - np.pi)
 
@@ -32,14 +32,14 @@ def spiral(simulated_with):
     return simulated_with("manoeuvre.duration=120 s")
 
 
-def test_perfect_sensors_on_a_straight_run_give_the_attitude(simulated_with):
+def test_perfect_sensors_on_straight_run_give_true_attitude(simulated_with):
     dataset = simulated_with(STRAIGHT, *NOISELESS)
     error = error_in_degrees(dataset.sensors["attitude"], dataset.truth)
     assert np.isfinite(error[20:]).all()
     assert np.nanmax(np.abs(error)) < 1e-9
 
 
-def test_perfect_sensors_on_a_straight_climb_give_the_attitude(simulated_with):
+def test_perfect_sensors_on_straight_climb_give_true_attitude(simulated_with):
     climb = "manoeuvre={type: spiral, duration: 60 s, speed: 2 m/s, turn_rate: 0, pitch: 20 deg, initial_pitch: 20 deg}"
     dataset = simulated_with(climb, *NOISELESS)
     error = error_in_degrees(dataset.sensors["attitude"], dataset.truth)
@@ -47,10 +47,10 @@ def test_perfect_sensors_on_a_straight_climb_give_the_attitude(simulated_with):
     assert np.abs(error[-1000:]).max() < 0.01
 
 
-def test_attitude_in_the_spiral_is_good_to_a_fraction_of_a_degree(spiral):
+def test_attitude_error_in_spiral_is_below_a_degree(spiral):
     error = rms(error_in_degrees(spiral.sensors["attitude"], spiral.truth))
     assert np.all(error < 0.3)
-    # Better than the magnetometer's 0.5 deg alone.
+    # Smaller than the 0.5 deg of the magnetometer alone.
     assert error[2] < 0.25
 
 
@@ -60,7 +60,7 @@ def without_velocity(dataset):
     return attitude_reference(blind, dataset.experiment.sensors.ahrs(), dataset.sensors["attitude"].time)
 
 
-def test_tilt_in_a_steady_turn_is_many_times_worse_without_the_velocity_of_the_dvl(simulated_with):
+def test_tilt_error_in_steady_turn_is_much_larger_without_dvl(simulated_with):
     circle = "{type: turning_circle, duration: 200 s, speed: 3 m/s, rudder: -8 deg, approach: 5 s}"
     dataset = simulated_with(f"manoeuvre={circle}")
     good = rms(error_in_degrees(dataset.sensors["attitude"], dataset.truth))
@@ -69,13 +69,13 @@ def test_tilt_in_a_steady_turn_is_many_times_worse_without_the_velocity_of_the_d
     assert np.all(bad[:2] > 5.0 * good[:2])
 
 
-def test_tilt_in_the_spiral_is_worse_without_the_velocity_of_the_dvl(spiral):
+def test_tilt_error_in_spiral_is_larger_without_dvl(spiral):
     good = rms(error_in_degrees(spiral.sensors["attitude"], spiral.truth))
     bad = rms(error_in_degrees(without_velocity(spiral), spiral.truth))
     assert np.hypot(*bad[:2]) > 1.2 * np.hypot(*good[:2])
 
 
-def test_heading_stays_smooth_where_it_wraps(spiral):
+def test_heading_is_smooth_across_wrap(spiral):
     heading = spiral.sensors["attitude"].values[:, 2]
     heading = heading[np.isfinite(heading)]
     jumps = np.abs(np.diff(heading)) > np.pi
@@ -88,7 +88,7 @@ def test_heading_stays_smooth_where_it_wraps(spiral):
     assert error[crossing].max() < 1.5
 
 
-def test_a_heading_that_flickers_between_plus_and_minus_180_degrees_is_south(standing_still, experiment_with):
+def test_heading_noise_across_180_degrees_gives_south(standing_still, experiment_with):
     suite = experiment_with("sensors.magnetometer={rate: 10 Hz, noise: 0.5 deg}").sensors
     records = measure(standing_still(60.0, (0.1, -0.05, np.pi)), suite, np.zeros(3), 1)
     compass = replace(records["magnetometer"], values=wrap(records["magnetometer"].values))
@@ -99,7 +99,7 @@ def test_a_heading_that_flickers_between_plus_and_minus_180_degrees_is_south(sta
     assert np.rad2deg(np.abs(np.angle(-np.exp(1j * heading)))).max() < 2.0
 
 
-def test_a_gyro_bias_is_learned_where_one_is_expected(experiment_with):
+def test_gyro_bias_is_estimated_if_expected(experiment_with):
     biased = ("manoeuvre.duration=120 s", "sensors.gyroscope.bias=0.5 deg/s")
     late = slice(6000, None)
     errors = {}
@@ -110,7 +110,7 @@ def test_a_gyro_bias_is_learned_where_one_is_expected(experiment_with):
     assert errors["0"].max() > 3.0 * errors["0.5 deg/s"].max()
 
 
-def test_lost_samples_do_no_harm(simulated_with):
+def test_lost_samples_keep_attitude_accurate(simulated_with):
     names = ("gyroscope", "accelerometer", "magnetometer", "dvl")
     holes = (f"sensors.{name}.dropout_probability=0.2" for name in names)
     dataset = simulated_with("manoeuvre.duration=60 s", *holes)
@@ -119,7 +119,7 @@ def test_lost_samples_do_no_harm(simulated_with):
     assert np.all(rms(error_in_degrees(attitude, dataset.truth)) < 0.6)
 
 
-def test_no_attitude_is_given_before_every_sensor_has_spoken(simulated_with):
+def test_attitude_is_missing_before_first_samples_of_all_sensors(simulated_with):
     dataset = simulated_with("manoeuvre.duration=10 s", "sensors.magnetometer.start=3 s")
     attitude = dataset.sensors["attitude"]
     early = attitude.time < 3.0 - 1e-9
@@ -128,10 +128,10 @@ def test_no_attitude_is_given_before_every_sensor_has_spoken(simulated_with):
 
 
 @pytest.mark.parametrize("silent", ["gyroscope", "accelerometer", "magnetometer", "dvl"])
-def test_without_one_of_its_sensors_there_is_no_attitude(silent, simulated_with):
+def test_missing_sensor_raises(silent, simulated_with):
     with pytest.raises(SimulationError, match="AHRS needs"):
         simulated_with("manoeuvre.duration=5 s", f"sensors.{silent}.start=6 s")
 
 
-def test_the_stated_deviation_is_that_of_the_settings(spiral):
+def test_standard_deviation_is_that_of_settings(spiral):
     assert np.rad2deg(spiral.sensors["attitude"].standard_deviation) == pytest.approx([1.0, 1.0, 1.0])

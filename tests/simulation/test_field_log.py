@@ -1,4 +1,4 @@
-"""A simulated survey as somebody else's vehicle would have logged it."""
+"""A simulated survey in the form of logs from the field."""
 
 import csv
 
@@ -18,7 +18,7 @@ def survey():
     return simulate(load_experiment(find_experiment("field"), DURATION))
 
 
-def test_each_device_has_a_file_with_units_and_flags_below_its_names(survey):
+def test_each_device_has_file_with_units(survey):
     texts = field_log(survey)
     assert [*texts] == ["fins.csv", "compass.csv", "dvl.csv", "depth.csv", "vehicle.yaml"]
     rows = [*csv.reader(texts["fins.csv"].splitlines())]
@@ -27,7 +27,7 @@ def test_each_device_has_a_file_with_units_and_flags_below_its_names(survey):
     assert np.array([row[1] for row in rows[2:]], float) == pytest.approx(-rudder, abs=0.006)
 
 
-def test_the_dvl_counts_to_port_and_up_in_knots_and_loses_the_ground_for_seconds(survey):
+def test_dvl_log_is_in_knots_with_losses_of_lock(survey):
     rows = [*csv.reader(field_log(survey)["dvl.csv"].splitlines())][2:]
     time, *velocity = np.array([[cell or "nan" for cell in row[:4]] for row in rows], float).T
     locked = np.array([row[4] == "True" for row in rows])
@@ -38,7 +38,7 @@ def test_the_dvl_counts_to_port_and_up_in_knots_and_loses_the_ground_for_seconds
     assert np.ptp(time[~locked]) == pytest.approx(4.0, abs=0.5)
 
 
-def test_all_that_is_believed_of_the_vehicle_is_off_by_the_same_share_and_differs_from_seed_to_seed(survey):
+def test_vehicle_file_has_errors_that_depend_on_seed(survey):
     true = survey.experiment.vehicle.all_coefficients()
     believed = yaml.safe_load(field_log(survey)["vehicle.yaml"])
     for symbol, value in believed["coefficients"].items():

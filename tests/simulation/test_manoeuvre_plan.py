@@ -1,4 +1,4 @@
-"""Manoeuvres as arrays."""
+"""Plans of manoeuvres: inputs and setpoints over time."""
 
 import os
 
@@ -20,12 +20,12 @@ def plan_of(experiment_with):
     return plan
 
 
-def test_ticks_run_from_zero_to_the_end(plan_of):
+def test_ticks_cover_the_run(plan_of):
     plan = plan_of("{type: multisine, duration: 12.5 s, speed: 1 m/s, input_rate: 20 Hz}")
     assert_allclose(plan.time, np.linspace(0.0, 12.5, 251), rtol=1e-15)
 
 
-def test_doublets_are_3211_of_the_rudder_then_of_the_elevator(plan_of):
+def test_doublets_are_3211_of_rudder_then_elevator(plan_of):
     plan = plan_of("{type: doublets, duration: 80 s, speed: 1 m/s, rudder: 5 deg, elevator: 3 deg, unit_time: 2 s}")
     # Units of 2 s: + for 3, - for 2, + for 1, - for 1, then 5 s of rest; 19 s in all per fin.
     pattern = [(0, 6, 1), (6, 10, -1), (10, 12, 1), (12, 14, -1)]
@@ -40,14 +40,14 @@ def test_doublets_are_3211_of_the_rudder_then_of_the_elevator(plan_of):
     assert np.all(plan.feedforward[:, 2:] == 0.0)
 
 
-def test_a_lawnmower_turns_by_half_turns_to_alternating_sides_between_its_legs(plan_of):
+def test_lawnmower_has_half_turns_to_alternating_sides(plan_of):
     plan = plan_of("{type: lawnmower, duration: 100 s, speed: 1 m/s, leg: 20 s, turn_rate: 9 deg/s, input_rate: 10 Hz}")
     turned = np.concatenate([[0.0], np.cumsum(plan.turn_rate[:-1]) / 10.0])
     assert_allclose(np.rad2deg(turned[[200, 400, 600, 800, 1000]]), [0.0, 180.0, 180.0, 0.0, 0.0], atol=1e-9)
     assert_allclose(np.unique(np.abs(plan.turn_rate)), [0.0, np.deg2rad(9.0)])
 
 
-def test_multisine_has_the_stated_peak_and_only_the_stated_lines(experiment_with):
+def test_multisine_has_peak_and_lines_of_settings(experiment_with):
     settings = experiment_with(
         "manoeuvre.excitation.rudder={amplitude: 8 deg, lowest: 0.1 Hz, highest: 0.5 Hz, lines: 5}"
     ).manoeuvre.excitation.rudder
@@ -58,7 +58,7 @@ def test_multisine_has_the_stated_peak_and_only_the_stated_lines(experiment_with
     lines = np.flatnonzero(amplitude > 1e-6)
     assert_allclose(lines / 100.0, [0.1, 0.2, 0.3, 0.4, 0.5])
     assert_allclose(amplitude[lines], amplitude[lines[0]], rtol=1e-9)
-    # What the phases are for: five sines in phase would peak at 5 times one of them.
+    # Five sines without phases would have a peak of 5 times one sine.
     assert np.abs(signal).max() < 4.0 * amplitude[lines[0]]
 
 
@@ -71,7 +71,7 @@ def test_a_single_line_is_a_sine(experiment_with):
     assert_allclose(multisine(settings, time), 0.1 * np.sin(2 * np.pi * 0.25 * time + np.pi / 6) / peak, atol=1e-12)
 
 
-def test_excitation_and_speed_fade_in_smoothly(plan_of):
+def test_excitation_and_speed_fade_in(plan_of):
     excitation = "{fade_in: 10 s, rudder: {amplitude: 5 deg, lowest: 0.2 Hz, lines: 1}}"
     manoeuvre = "{type: multisine, duration: 30 s, speed: 3 m/s, initial_speed: 1 m/s, excitation: "
     plan = plan_of(f"{manoeuvre}{excitation}}}")
@@ -88,7 +88,7 @@ def write_inputs(path, rows, header="time,rudder,elevator,surge_force,roll_momen
     return f"{{type: recorded, duration: 4 s, speed: 1 m/s, input_rate: 10 Hz, file: {path}}}"
 
 
-def test_recorded_inputs_are_held_from_row_to_row(plan_of, tmp_path):
+def test_recorded_inputs_are_constant_between_rows(plan_of, tmp_path):
     rows = [(0, 0.01, -0.02, 5, 0.1), (1.5, 0.03, 0.04, 6, 0.2), (3.2, 0.05, 0.06, 7, 0.3)]
     plan = plan_of(write_inputs(tmp_path / "inputs.csv", rows))
     for k, time in enumerate(plan.time):
@@ -96,7 +96,7 @@ def test_recorded_inputs_are_held_from_row_to_row(plan_of, tmp_path):
         assert tuple(plan.feedforward[k]) == row[1:]
 
 
-def test_columns_of_a_recording_may_come_in_any_order_with_others(plan_of, tmp_path):
+def test_columns_of_recording_have_any_order(plan_of, tmp_path):
     header = "note,roll_moment,surge_force,elevator,rudder,time"
     plan = plan_of(write_inputs(tmp_path / "inputs.csv", [("x", 4, 3, 0.2, 0.1, 0), ("y", 4, 3, 0.2, 0.1, 4)], header))
     assert tuple(plan.feedforward[0]) == (0.1, 0.2, 3.0, 4.0)
@@ -112,16 +112,16 @@ GOOD = [(0, 0, 0, 0, 0), (4, 0, 0, 0, 0)]
         ([], None, "at least one row"),
         ([(0, 0, 0, 0, 0), (1, 0, "left", 0, 0)], None, "line 3"),
         ([(0, 0, 0, 0, 0), (1, 0, 0)], None, "line 3"),
-        ([(0, 0, 0, 0, 0), (4, 0, 5, 0, 0, 0)], None, "line 3: 6 cells where the header has 5"),
+        ([(0, 0, 0, 0, 0), (4, 0, 5, 0, 0, 0)], None, "line 3: 6 cells; expected 5"),
         ([(0, 0, 0, 0, 0), (4, 0, "5_0", 0, 0)], None, "line 3: '5_0' is not a finite number"),
         ([(0, 0, 0, 0, 0), (4, 0, "\u0665", 0, 0)], None, "line 3: '\u0665' is not a finite number"),
         ([(0, 0, 0, 0, 0), (4, 0, "9" * 200_000, 0, 0)], None, "line 3: field larger than field limit"),
-        (GOOD, "time,rudder,elevator,surge_force,roll_moment,rudder", "no column rudder, or several"),
+        (GOOD, "time,rudder,elevator,surge_force,roll_moment,rudder", "no or several columns rudder"),
         ([(0, 0, 0, 0, 0), (4, "nan", 0, 0, 0)], None, "finite"),
         ([(0, 0, 0, 0, 0), (2, 0, 0, 0, 0), (1, 0, 0, 0, 0)], None, "increasing"),
         ([(0, 0, 0, 0, 0), (0, 0, 0, 0, 0)], None, "increasing"),
-        ([(1, 0, 0, 0, 0), (4, 0, 0, 0, 0)], None, "covers"),
-        ([(0, 0, 0, 0, 0), (2, 0, 0, 0, 0)], None, "covers"),
+        ([(1, 0, 0, 0, 0), (4, 0, 0, 0, 0)], None, "manoeuvre needs"),
+        ([(0, 0, 0, 0, 0), (2, 0, 0, 0, 0)], None, "manoeuvre needs"),
     ],
     ids=[
         "column",
@@ -140,7 +140,7 @@ GOOD = [(0, 0, 0, 0, 0), (4, 0, 0, 0, 0)]
         "ends early",
     ],
 )
-def test_a_bad_recording_is_refused_in_one_line(rows, header, message, plan_of, tmp_path):
+def test_invalid_recording_gives_one_line_message(rows, header, message, plan_of, tmp_path):
     path = tmp_path / "inputs.csv"
     manoeuvre = write_inputs(path, rows, header) if header else write_inputs(path, rows)
     with pytest.raises(ConfigError, match=message) as caught:
@@ -149,18 +149,18 @@ def test_a_bad_recording_is_refused_in_one_line(rows, header, message, plan_of, 
     assert "\n" not in str(caught.value)
 
 
-def test_a_byte_order_mark_is_no_part_of_the_first_name(plan_of, tmp_path):
+def test_byte_order_mark_is_ignored(plan_of, tmp_path):
     assert plan_of(write_inputs(tmp_path / "inputs.csv", GOOD, "\ufefftime,rudder,elevator,surge_force,roll_moment"))
 
 
-def test_a_pipe_is_no_recording(plan_of, tmp_path):
+def test_pipe_as_recording_raises(plan_of, tmp_path):
     os.mkfifo(tmp_path / "inputs.csv")
-    with pytest.raises(ConfigError, match="is a pipe or a device"):
+    with pytest.raises(ConfigError, match="pipe or a device"):
         plan_of(f"{{type: recorded, duration: 4 s, speed: 1 m/s, file: {tmp_path / 'inputs.csv'}}}")
 
 
 @pytest.mark.parametrize("content", [None, b"", b"\xff\xfe\x00time", b"time\x00,rudder\n"])
-def test_a_recording_that_cannot_be_read_is_refused_in_one_line(content, plan_of, tmp_path):
+def test_unreadable_recording_gives_one_line_message(content, plan_of, tmp_path):
     path = tmp_path / "inputs.csv"
     if content is not None:
         path.write_bytes(content)
@@ -170,7 +170,7 @@ def test_a_recording_that_cannot_be_read_is_refused_in_one_line(content, plan_of
     assert "\n" not in str(caught.value)
 
 
-def test_replaying_the_inputs_of_a_run_reproduces_the_run(fly, tmp_path):
+def test_replayed_inputs_reproduce_the_run(fly, tmp_path):
     original = fly(None, "manoeuvre.duration=20 s", "manoeuvre.initial_speed=2 m/s")
     path = tmp_path / "inputs.csv"
     table = np.column_stack([original.time, original.inputs])
@@ -191,7 +191,7 @@ ORTHOGONAL = (
 )
 
 
-def test_orthogonal_multisines_have_no_part_in_each_other_and_start_and_end_at_zero(plan_of):
+def test_orthogonal_multisines_are_orthogonal_and_start_and_end_at_zero(plan_of):
     signals = plan_of(ORTHOGONAL).feedforward[:, :3]
     peak = np.abs(signals).max(axis=0)
     assert_allclose(peak, [np.deg2rad(8.0), np.deg2rad(5.0), 3.0], rtol=1e-12)
@@ -205,6 +205,6 @@ def test_orthogonal_multisines_have_no_part_in_each_other_and_start_and_end_at_z
         assert low - 1e-9 <= line[0] / 64.0 <= line[-1] / 64.0 <= high + 1e-9
 
 
-def test_an_orthogonal_multisine_needs_a_band_with_a_harmonic_of_its_own(plan_of):
+def test_narrow_band_of_orthogonal_multisine_raises(plan_of):
     with pytest.raises(ConfigError, match=r"expected highest at least 0\.0469 Hz above lowest"):
         plan_of(ORTHOGONAL.replace("highest: 0.2 Hz", "highest: 0.06 Hz"))

@@ -1,4 +1,4 @@
-"""Raw sensors: what they measure, and each of their imperfections."""
+"""Raw sensors: measured quantities and each error."""
 
 from functools import cache
 
@@ -19,11 +19,11 @@ NOISELESS = tuple(f"sensors.{name}={{rate: 50 Hz, noise: 0}}" for name in RAW)
 
 @pytest.fixture
 def measurement(experiment_with, standing_still):
-    """Function: samples of one sensor of a vehicle that stands still."""
+    """Function: samples of one sensor of a vehicle at rest."""
 
     @cache
     def suite(name: str, settings: str):
-        """Sensors of which the others take one sample."""
+        """Return a suite in which the other sensors have one sample."""
         others = (f"sensors.{other}.rate=0.001 Hz" for other in RAW if other != name)
         return experiment_with(f"sensors.{name}={settings}", *others).sensors
 
@@ -34,7 +34,7 @@ def measurement(experiment_with, standing_still):
 
 
 def within_chance(sum_of_squares, count):
-    """Whether a sum of squares of standard normal numbers is credible, at one in a million."""
+    """Whether a sum of squares of standard normal numbers passes a chi-squared test at one in a million."""
     low, high = stats.chi2.ppf([5e-7, 1 - 5e-7], count)
     return low < sum_of_squares < high
 
@@ -53,11 +53,11 @@ def credible_share(hits, count, probability):
         ("{rate: 7 Hz, noise: 0.01, start: 11 s}", np.zeros(0)),
     ],
 )
-def test_samples_come_on_the_sensors_own_clock(settings, expected, measurement):
+def test_sample_times_follow_rate_and_start(settings, expected, measurement):
     assert_allclose(measurement("dvl", settings, 10.0).time, expected, rtol=1e-12)
 
 
-def test_noise_is_white_and_of_the_stated_size(measurement):
+def test_noise_is_white_with_standard_deviation_of_settings(measurement):
     record = measurement("dvl", "{rate: 100 Hz, noise: [0.01, 0.02, 0.03]}", 100.0)
     normal = record.values / [0.01, 0.02, 0.03]
     assert_allclose(record.standard_deviation, [0.01, 0.02, 0.03])
@@ -69,22 +69,22 @@ def test_noise_is_white_and_of_the_stated_size(measurement):
         assert abs(np.mean(normal[:, component] * normal[:, component - 1])) < 5 / np.sqrt(count)
 
 
-def test_a_range_is_three_standard_deviations(measurement):
+def test_range_is_three_standard_deviations(measurement):
     assert_allclose(measurement("dvl", "{rate: 1 Hz, range: 0.3}", 1.0).standard_deviation, 0.1)
 
 
-def test_a_filter_is_told_the_stated_deviation_instead_of_the_noise(measurement):
+def test_record_has_stated_standard_deviation(measurement):
     record = measurement("dvl", "{rate: 100 Hz, noise: 0.01, standard_deviation: 0.5}", 20.0)
     assert_allclose(record.standard_deviation, 0.5)
     assert record.values.std() == pytest.approx(0.01, rel=0.1)
 
 
-def test_the_constant_bias_is_added(measurement):
+def test_constant_bias_is_added(measurement):
     record = measurement("gyroscope", "{rate: 10 Hz, noise: 0, bias: [0.1, -0.2, 0.3]}", 5.0)
     assert_allclose(record.values, np.tile([0.1, -0.2, 0.3], (51, 1)))
 
 
-def test_the_further_bias_is_constant_in_a_run_and_drawn_anew_for_each_seed(measurement):
+def test_bias_spread_is_drawn_per_seed(measurement):
     settings = "{rate: 10 Hz, noise: 0, bias_spread: 0.02}"
     biases = []
     for seed in range(60):
@@ -95,7 +95,7 @@ def test_the_further_bias_is_constant_in_a_run_and_drawn_anew_for_each_seed(meas
     assert within_chance((np.array(biases) ** 2).sum() / 0.02**2, 180)
 
 
-def test_drift_grows_with_the_root_of_time(measurement):
+def test_drift_grows_with_square_root_of_time(measurement):
     settings = "{rate: 4 Hz, noise: 0, drift: 0.001}"
     walks = np.array([measurement("gyroscope", settings, 64.0, seed).values for seed in range(60)])
     for time in (1, 4, 16, 64):
@@ -104,7 +104,7 @@ def test_drift_grows_with_the_root_of_time(measurement):
     assert np.all(walks[:, 0] == 0.0)
 
 
-def test_quantisation_rounds_to_the_step(measurement):
+def test_quantisation_rounds_to_step(measurement):
     plain = measurement("dvl", "{rate: 50 Hz, noise: 0.02}", 10.0).values
     stepped = measurement("dvl", "{rate: 50 Hz, noise: 0.02, quantisation: [0.01, 0, 0.004]}", 10.0).values
     for component, step in ((0, 0.01), (2, 0.004)):
@@ -113,7 +113,7 @@ def test_quantisation_rounds_to_the_step(measurement):
     assert np.array_equal(stepped[:, 1], plain[:, 1])
 
 
-def test_dropouts_lose_whole_samples_and_leave_the_others_as_they_were(measurement):
+def test_dropouts_lose_whole_samples_and_keep_others(measurement):
     plain = measurement("dvl", "{rate: 100 Hz, noise: 0.02}", 100.0)
     holed = measurement("dvl", "{rate: 100 Hz, noise: 0.02, dropout_probability: 0.3}", 100.0)
     lost = np.isnan(holed.values).any(axis=1)
@@ -123,7 +123,7 @@ def test_dropouts_lose_whole_samples_and_leave_the_others_as_they_were(measureme
     assert np.array_equal(holed.time, plain.time)
 
 
-def test_outliers_hit_the_stated_share_with_the_stated_size(measurement):
+def test_outliers_have_share_and_size_of_settings(measurement):
     plain = measurement("dvl", "{rate: 100 Hz, noise: 0.02}", 100.0).values
     wild = measurement("dvl", "{rate: 100 Hz, noise: 0.02, outlier_probability: 0.05, outlier_size: 3}", 100.0).values
     hit = (wild != plain).any(axis=1)
@@ -132,7 +132,7 @@ def test_outliers_hit_the_stated_share_with_the_stated_size(measurement):
     assert within_chance((error**2).sum() / 3.0**2, error.size)
 
 
-def test_a_coloured_share_has_its_autocorrelation_and_leaves_the_size_of_the_noise(measurement):
+def test_coloured_share_has_autocorrelation_and_keeps_variance(measurement):
     settings = "{rate: 10 Hz, noise: 0.02, coloured_share: 0.6, coloured_time_constant: 0.5 s}"
     rows = np.array([measurement("dvl", settings, 2.0, seed).values.T / 0.02 for seed in range(400)])
     rows = rows.reshape(1200, 21)
@@ -142,7 +142,7 @@ def test_a_coloured_share_has_its_autocorrelation_and_leaves_the_size_of_the_noi
     assert_allclose(measurement("dvl", settings, 1.0).standard_deviation, 0.02)
 
 
-def test_a_vibration_is_a_sine_with_a_phase_for_each_component_and_seed(measurement):
+def test_vibration_is_sine_with_random_phase(measurement):
     settings = "{rate: 50 Hz, noise: 0, vibration: [0.1, 0.2, 0], vibration_frequency: 3 Hz}"
     phases = []
     for seed in (1, 2):
@@ -156,7 +156,7 @@ def test_a_vibration_is_a_sine_with_a_phase_for_each_component_and_seed(measurem
 
 
 @pytest.mark.parametrize("delay", [0.25, -0.25])
-def test_a_delay_moves_the_time_stamps_and_not_the_samples(delay, measurement):
+def test_delay_shifts_time_stamps_only(delay, measurement):
     settings = "{rate: 20 Hz, noise: 0.02, dropout_probability: 0.1"
     prompt, late = (measurement("dvl", f"{settings}{more}}}", 10.0) for more in ("", f", delay: {delay} s"))
     assert late.time[0] >= 0.0
@@ -167,7 +167,7 @@ def test_a_delay_moves_the_time_stamps_and_not_the_samples(delay, measurement):
     assert np.array_equal(late.values, prompt.values[kept], equal_nan=True)
 
 
-def test_the_offset_of_a_clock_is_drawn_for_each_sensor_and_seed(experiment_with, standing_still):
+def test_delay_spread_is_drawn_per_sensor_and_seed(experiment_with, standing_still):
     spread = [f"sensors.{name}={{rate: 1 Hz, noise: 0, start: 50 s, delay_spread: 1 s}}" for name in RAW]
     suite, truth = experiment_with(*spread).sensors, standing_still(60.0)
     offsets = [
@@ -177,7 +177,7 @@ def test_the_offset_of_a_clock_is_drawn_for_each_sensor_and_seed(experiment_with
     assert within_chance(np.sum(np.square(offsets)), 32)
 
 
-def test_an_attitude_reference_may_be_late_too(simulated_with):
+def test_delay_of_ahrs_shifts_time_stamps(simulated_with):
     prompt, late = (
         simulated_with("manoeuvre.duration=3 s", f"sensors.attitude.delay={delay} s").sensors["attitude"]
         for delay in (0.0, 0.5)
@@ -188,7 +188,7 @@ def test_an_attitude_reference_may_be_late_too(simulated_with):
 
 @pytest.mark.parametrize("changed", RAW)
 @pytest.mark.parametrize("change", ["rate=3 Hz", "noise=0.5", "drift=0.1", "start=1 s", *FAULTS])
-def test_changing_one_sensor_leaves_the_others_bit_identical(changed, change, experiment_with, standing_still):
+def test_change_of_one_sensor_keeps_others_bit_identical(changed, change, experiment_with, standing_still):
     truth = standing_still(5.0)
     plain = [f"sensors.{name}={{rate: 20 Hz, noise: 0.01, bias_spread: 0.01}}" for name in RAW]
     before = measure(truth, experiment_with(*plain).sensors, STILL_WATER, 1)
@@ -206,18 +206,18 @@ def test_seeds_differ_and_repeat(experiment_with, standing_still):
         assert not np.any(first == other)
 
 
-def test_noise_is_the_same_in_whatever_parts_it_is_drawn(measurement, monkeypatch):
+def test_noise_does_not_depend_on_block_size(measurement, monkeypatch):
     whole = measurement("gyroscope", "{rate: 50 Hz, noise: 0.1 deg/s}", 2.0)
-    monkeypatch.setattr("auvid_cli.simulation.imperfections._BLOCK", 7)
+    monkeypatch.setattr("auvid_cli.simulation.imperfections.BLOCK", 7)
     assert np.array_equal(measurement("gyroscope", "{rate: 50 Hz, noise: 0.1 deg/s}", 2.0).values, whole.values)
 
 
-def test_sensors_that_tick_together_hold_one_array_of_times_as_soon_as_they_are_there(experiment_with, standing_still):
+def test_sensors_with_equal_clocks_share_times(experiment_with, standing_still):
     records = measure(standing_still(2.0), experiment_with(*NOISELESS).sensors, STILL_WATER, 1)
     assert records["gyroscope"].time is records["accelerometer"].time is records["dvl"].time
 
 
-def test_sensors_do_not_share_their_noise(experiment_with, standing_still):
+def test_sensors_have_independent_noise(experiment_with, standing_still):
     suite = experiment_with(*(f"sensors.{name}={{rate: 20 Hz, noise: 1}}" for name in RAW)).sensors
     records = measure(standing_still(2.0), suite, STILL_WATER, 1)
     drawn = [records[name].values[:, 0] - records[name].values[:, 0].mean() for name in RAW]
@@ -225,7 +225,7 @@ def test_sensors_do_not_share_their_noise(experiment_with, standing_still):
     assert np.abs(correlation - np.eye(len(RAW))).max() < 0.75
 
 
-def test_an_accelerometer_at_rest_feels_gravity_upwards(experiment_with, standing_still):
+def test_accelerometer_at_rest_measures_gravity_upwards(experiment_with, standing_still):
     suite = experiment_with(*NOISELESS).sensors
     level = measure(standing_still(1.0), suite, STILL_WATER, 1)["accelerometer"].values
     assert_allclose(level, np.tile([0.0, 0.0, -GRAVITY], (51, 1)), atol=1e-12)
@@ -244,7 +244,7 @@ def rotation(attitude):
 
 
 @pytest.mark.parametrize("sea", ["{}", "{force: {standard_deviation: 5 N}}"])
-def test_specific_force_is_the_acceleration_over_ground_less_gravity(sea, fly, experiment_with):
+def test_specific_force_is_acceleration_minus_gravity(sea, fly, experiment_with):
     truth = fly(None, "manoeuvre.duration=40 s", f"manoeuvre.disturbance={sea}")
     suite = experiment_with("sensors.accelerometer={rate: 100 Hz, noise: 0, start: 0.005 s}").sensors
     felt = measure(truth, suite, STILL_WATER, 1)["accelerometer"].values
@@ -256,7 +256,7 @@ def test_specific_force_is_the_acceleration_over_ground_less_gravity(sea, fly, e
     assert_allclose(felt[: len(expected)], expected, atol=2e-3)
 
 
-def test_specific_force_of_a_steady_turn_is_omega_cross_v_and_gravity(fly, experiment_with):
+def test_specific_force_in_steady_turn_is_omega_cross_v_minus_gravity(fly, experiment_with):
     circle = "{type: turning_circle, duration: 120 s, speed: 3 m/s, rudder: -8 deg, approach: 5 s}"
     truth = fly(circle)
     felt = measure(truth, experiment_with(*NOISELESS).sensors, STILL_WATER, 1)["accelerometer"].values[-1]
@@ -266,7 +266,7 @@ def test_specific_force_of_a_steady_turn_is_omega_cross_v_and_gravity(fly, exper
     assert_allclose(felt, centripetal - rotation(motion[6:]).T @ [0.0, 0.0, GRAVITY], atol=1e-3)
 
 
-def test_specific_force_ahead_of_the_origin_is_that_of_a_passenger_there(fly, experiment_with):
+def test_specific_force_includes_lever_arm(fly, experiment_with):
     truth, arm = fly(None, "manoeuvre.duration=40 s"), np.array([0.5, -0.3, 0.2])
     stated = "sensors.accelerometer={rate: 100 Hz, noise: 0, start: 0.005 s, position: [50 cm, -30 cm, 20 cm]}"
     record = measure(truth, experiment_with(stated).sensors, STILL_WATER, 1)["accelerometer"]
@@ -279,7 +279,7 @@ def test_specific_force_ahead_of_the_origin_is_that_of_a_passenger_there(fly, ex
     assert record.position == tuple(arm)
 
 
-def test_a_magnetometer_measures_the_field_of_the_earth_as_it_is_turned(fly, experiment_with):
+def test_magnetic_field_is_earth_field_in_body_axes(fly, experiment_with):
     truth = fly(None, "manoeuvre.duration=20 s")
     field = "{rate: 10 Hz, noise: 0, strength: 50 uT, declination: 90 deg, dip: 60 deg}"
     suite = experiment_with(f"sensors.magnetic_field={field}").sensors
@@ -289,7 +289,7 @@ def test_a_magnetometer_measures_the_field_of_the_earth_as_it_is_turned(fly, exp
     assert_allclose(record.values, expected, atol=1e-12)
 
 
-def test_the_other_sensors_read_the_motion_itself(fly, experiment_with):
+def test_other_sensors_measure_the_motion(fly, experiment_with):
     truth = fly(None, "manoeuvre.duration=60 s")
     direct = "sensors.attitude={source: direct, rate: 50 Hz, noise: 0}"
     records = measure(truth, experiment_with(*NOISELESS, direct).sensors, STILL_WATER, 1)

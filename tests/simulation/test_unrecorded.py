@@ -1,4 +1,4 @@
-"""What acts on the vehicle and no record shows."""
+"""Disturbances, fin trims and recorded inputs."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def disturbed(simulated_with):
     return simulated_with(SHORT, FORCE)
 
 
-def test_a_disturbance_of_each_axis_has_its_own_size_and_time_constant(experiment_with):
+def test_disturbance_has_size_and_time_constant_of_each_axis(experiment_with):
     settings, ends, n = experiment_with(FORCE, MOMENT).manoeuvre.disturbance, np.array([0.0, 1.5]), 800
     drawn = np.array([draw_disturbance(settings, ends, seed) for seed in range(n)])
     assert not drawn[:, :, 2].any()
@@ -31,12 +31,12 @@ def test_a_disturbance_of_each_axis_has_its_own_size_and_time_constant(experimen
     assert np.abs(alike).max() < 5.0 / np.sqrt(n)
 
 
-def test_the_truth_has_the_disturbance_that_acted(disturbed):
+def test_truth_has_the_disturbance(disturbed):
     settings, time = disturbed.experiment.manoeuvre.disturbance, disturbed.truth.time
     assert np.array_equal(disturbed.truth.disturbance, draw_disturbance(settings, time, disturbed.experiment.seed))
 
 
-def test_another_disturbance_leaves_one_and_all_noise_as_they_were(disturbed, simulated_with):
+def test_change_of_disturbance_keeps_other_noise(disturbed, simulated_with):
     more = simulated_with(SHORT, FORCE, MOMENT)
     assert np.array_equal(more.truth.disturbance[:, :3], disturbed.truth.disturbance[:, :3])
     assert not np.array_equal(more.truth.motion, disturbed.truth.motion)
@@ -45,17 +45,17 @@ def test_another_disturbance_leaves_one_and_all_noise_as_they_were(disturbed, si
     assert_allclose(*noise, atol=1e-9)
 
 
-def test_without_disturbance_none_is_stored(short_run):
+def test_no_disturbance_is_not_stored(short_run):
     assert short_run.truth.disturbance is None
 
 
-def test_a_table_of_the_truth_has_the_disturbance(disturbed):
+def test_table_of_truth_has_the_disturbance(disturbed):
     table = disturbed.to_pandas()["truth"]
     assert np.array_equal(table["disturbance_Y"], disturbed.truth.disturbance[:, 1])
     assert table.attrs["units"]["disturbance_K"] == "N*m"
 
 
-def test_a_fin_off_its_scale_steers_as_one_that_is_recorded(simulated_with):
+def test_fin_trim_acts_but_is_not_recorded(simulated_with):
     circle = f"manoeuvre={{type: turning_circle, duration: 5 s, speed: 2 m/s, approach: 0 s, {FREE}, rudder: "
     steered = simulated_with(f"{circle}2 deg}}")
     trimmed = simulated_with(f"{circle}0 deg, fin_trim: {{rudder: 2 deg}}}}")
@@ -65,7 +65,7 @@ def test_a_fin_off_its_scale_steers_as_one_that_is_recorded(simulated_with):
     assert_allclose(trimmed.inputs.values[:, 0], 0.0, atol=1e-15)
 
 
-def test_the_spread_of_a_fins_trim_is_drawn_for_each_fin_and_seed(experiment_with):
+def test_fin_trim_spread_is_drawn_per_fin_and_seed(experiment_with):
     settings = experiment_with("manoeuvre.fin_trim={elevator: 3 deg, spread: 1 deg}").manoeuvre.fin_trim
     drawn = np.rad2deg([draw_fin_trim(settings, seed) for seed in range(300)])
     assert len(np.unique(drawn[:, :2])) == 600
@@ -73,7 +73,7 @@ def test_the_spread_of_a_fins_trim_is_drawn_for_each_fin_and_seed(experiment_wit
     assert_allclose(drawn.std(axis=0), [1.0, 1.0, 0.0, 0.0], atol=5.0 / np.sqrt(600))
 
 
-def test_inputs_are_held_at_the_rate_of_their_record(simulated_with):
+def test_inputs_are_recorded_at_recorded_rate(simulated_with):
     every = simulated_with(SHORT)
     slow = simulated_with(SHORT, "manoeuvre.recorded_rate=10 Hz")
     assert_allclose(slow.inputs.time, np.arange(101) / 10.0)
@@ -92,7 +92,7 @@ def test_inputs_are_held_at_the_rate_of_their_record(simulated_with):
         ("recorded_rate=200 Hz", r"recorded_rate \(200 Hz\) not above input_rate \(100 Hz\)"),
     ],
 )
-def test_what_cannot_be_is_refused_with_its_key(override, message, experiment_with):
+def test_invalid_setting_raises_with_key(override, message, experiment_with):
     with pytest.raises(ConfigError, match=message) as caught:
         experiment_with(f"manoeuvre.{override}")
     assert "manoeuvre" in str(caught.value)

@@ -1,4 +1,4 @@
-"""The files of a first folder: each is one that auvid reads."""
+"""Files of a first folder: auvid reads each of them."""
 
 import re
 from dataclasses import replace
@@ -23,9 +23,9 @@ OUTLINE = {"length": 2, "diameter": 0.2, "mass": 60, "fin_span": 0.1, "fin_area"
 
 @pytest.fixture(scope="module", autouse=True)
 def short():
-    """Spirals of a minute: here it does not matter for how long they are survived."""
+    """Spirals of a minute, to be fast."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(first_spiral, "_SHORTEST", 60.0)
+        patch.setattr(first_spiral, "MIN_DURATION", 60.0)
         yield
 
 
@@ -34,13 +34,13 @@ def mine(short):
     return folder_of_outline(Path("mine"), outline_of_options(OUTLINE))
 
 
-def test_what_is_written_is_read_by_every_command(mine, tmp_path):
+def test_written_files_are_read_by_all_commands(mine, tmp_path):
     write_folder(tmp_path / "mine", mine.texts)
     experiment = load_experiment(find_experiment(str(tmp_path / "mine")))
     assert experiment.name == "mine"
     assert experiment.vehicle == mine.vehicle
     assert [*experiment.sensors.given()] == ["gyroscope", "dvl", "attitude", "depth"]
-    # What the file itself proposes runs as fast as its own manoeuvre.
+    # The settings proposed in the file have the speed of its own manoeuvre.
     proposed = re.findall(r"--set \"?([^\"\n ]+(?: m/s)?)", mine.texts["experiment.yaml"])
     assert len(proposed) == 2
     other = load_experiment(find_experiment(str(tmp_path / "mine")), proposed).manoeuvre
@@ -52,26 +52,25 @@ def test_what_is_written_is_read_by_every_command(mine, tmp_path):
     )
 
 
-@pytest.mark.parametrize("turned", [False, True])
-def test_data_of_its_spiral_pass_inspection_and_a_roll_moment_that_is_turned_does_not(mine, turned, tmp_path):
-    """It rolls to and fro within the second in which the answer to a moment is looked for."""
+@pytest.mark.parametrize("inverted", [False, True])
+def test_spiral_passes_inspection_unless_roll_moment_is_inverted(mine, inverted, tmp_path):
     write_folder(tmp_path / "mine", mine.texts)
     data = simulate(load_experiment(find_experiment(str(tmp_path / "mine")), ("manoeuvre.duration=60 s",)))
     values = data.inputs.values.copy()
-    if turned:
+    if inverted:
         values[:, INPUT_SYMBOLS.index("roll_moment")] *= -1.0
     checks = inspect_dataset(replace(data, inputs=replace(data.inputs, values=values), truth=None)).checks
     failed = {(check.subject, check.check) for check in checks if check.passed is False}
-    assert failed == ({("roll_moment", "response of p")} if turned else set())
+    assert failed == ({("roll_moment", "response of p")} if inverted else set())
 
 
-def test_a_vehicle_without_a_drawing_starts_from_what_its_file_states(tmp_path):
+def test_map_of_vehicle_without_geometry_has_vehicle_prior(tmp_path):
     write_folder(tmp_path / "d", folder_like(tmp_path / "d", "dive", None).texts)
     log, _ = load_map(tmp_path / "d" / "map.yaml")
     assert log.identification.prior.mean == "vehicle"
 
 
-def test_every_number_that_is_derived_says_how(mine):
+def test_derived_numbers_have_status_and_source(mine):
     lines = [line for line in mine.texts["vehicle.yaml"].splitlines() if "{value:" in line]
     assert len(lines) == 46
     assert all("status: " in line for line in lines)
@@ -79,7 +78,7 @@ def test_every_number_that_is_derived_says_how(mine):
 
 
 @pytest.mark.parametrize("name", ["remus100", "vehicles/remus100.yaml"])
-def test_a_shipped_vehicle_is_taken_over_whole(name):
+def test_shipped_vehicle_is_copied(name):
     folder = folder_like(Path("mine"), name, None)
     assert folder.vehicle.name == "REMUS 100"
     assert folder.texts["vehicle.yaml"].startswith("# As vehicles/remus100.yaml of auvid: REMUS 100")
@@ -88,34 +87,32 @@ def test_a_shipped_vehicle_is_taken_over_whole(name):
 
 
 @pytest.mark.parametrize("name", ["remus", "spiral.yaml", "../spiral", "sensors/field.yaml", "", "/etc/passwd"])
-def test_a_vehicle_that_does_not_ship_is_refused_with_those_that_do(name):
-    with pytest.raises(
-        ConfigError, match="no such vehicle ships with auvid; there are dive, lauv, lrauv, remus100, vt690"
-    ):
+def test_unknown_vehicle_raises_with_shipped_ones(name):
+    with pytest.raises(ConfigError, match=r"no such vehicle ships.*dive, lauv, lrauv, remus100, vt690"):
         folder_like(Path("mine"), name, None)
 
 
 @pytest.mark.parametrize(
     ("folder", "name"), [("a b;$x", "a_b_x"), ("-rf", "rf"), ("été", "t_"), ("..hidden", "hidden"), ("水", "first")]
 )
-def test_an_experiment_has_what_a_name_can_keep_of_its_folders(folder, name, tmp_path):
+def test_experiment_has_valid_name_from_folder(folder, name, tmp_path):
     files = folder_like(tmp_path / folder, "lauv", None)
     write_folder(tmp_path / folder, files.texts)
     assert load_experiment(tmp_path / folder / "experiment.yaml").name == name
     assert files.texts["README.md"].startswith(f"# {name}\n")
 
 
-def test_what_a_vehicle_comes_to_stands_beside_what_is_usual(mine):
+def test_sanity_rows_have_values_and_comparison(mine):
     rows = {row.quantity: row for row in sanity_rows(mine.vehicle, mine.spiral)}
-    # A cylinder of the middle, half an ellipsoid and a paraboloid-like tail: between two thirds and all of a full one.
+    # Nose and tail taper, so the hull displaces between two thirds and all of a full cylinder.
     displaced = float(rows["water displaced by the hull"].value.split()[0])
     assert 0.67 < displaced / (1025.0 * 3.14159 * 0.01 * 2.0) < 1.0
-    assert rows["water displaced by the hull"].beside.startswith("mass 60 kg, ")
-    assert rows["length"].beside.startswith("10 diameters")
-    # Of 0.1 m span and 0.012 m^2.
-    assert rows["fin: span, mean chord"][1:] == ("0.1, 0.12 m", "0.5 diameters by 0.06 lengths, 4 of them")
+    assert rows["water displaced by the hull"].comparison.startswith("mass 60 kg, ")
+    assert rows["length"].comparison.startswith("10 diameters")
+    # Fins with a span of 0.1 m and an area of 0.012 m^2.
+    assert rows["fin: span, mean chord"][1:] == ("0.1, 0.12 m", "0.5 diameters by 0.06 lengths, 4 fins")
     # m d^2 / 8 of a full cylinder.
-    assert rows["inertia about x"].beside == "0.3 kg m^2 of a full cylinder"
+    assert rows["inertia about x"].comparison == "full cylinder: 0.3 kg m^2"
     assert [*sanity_notes(mine.vehicle, mine.spiral)] == []
 
 
@@ -127,14 +124,14 @@ def test_what_a_vehicle_comes_to_stands_beside_what_is_usual(mine):
         ({"length": 1, "mass": 25, "speed": 6}, r"the spiral has \d\d% of the usual excitation"),
     ],
 )
-def test_what_is_doubtful_is_said(change, note):
+def test_implausible_vehicle_gives_note(change, note):
     folder = folder_of_outline(Path("mine"), outline_of_options(OUTLINE | change))
     notes = [*sanity_notes(folder.vehicle, folder.spiral)]
-    assert any(re.search(note, said) for said in notes), notes
+    assert any(re.search(note, text) for text in notes), notes
 
 
-def test_a_vehicle_without_a_drawing_is_also_told_that_it_is_stout():
+def test_short_vehicle_without_geometry_gives_note():
     folder = folder_like(Path("d"), "dive", None)
-    assert "length is 3.84 diameters; expected 4 to 15, as torpedo-shaped vehicles have" in [
+    assert "length is 3.84 diameters; expected 4 to 15 for a torpedo-shaped vehicle" in [
         *sanity_notes(folder.vehicle, folder.spiral)
     ]

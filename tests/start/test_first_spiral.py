@@ -1,4 +1,4 @@
-"""The first manoeuvre: vehicles of every size survive it, and it is in proportion to them."""
+"""First spiral: vehicles of all sizes can follow it, and it is scaled to them."""
 
 import numpy as np
 import pytest
@@ -32,42 +32,40 @@ def shipped(name):
         ((5, 0.6, 1200, 0.3, 0.08), 2.0),
     ],
 )
-def test_a_vehicle_in_outline_keeps_upright_and_near_its_speed(outline, speed):
+def test_vehicle_of_outline_stays_upright_and_near_its_speed(outline, speed):
     spiral = first_spiral(outlined(*outline), speed)
-    assert spiral.vigour == 1.0
+    assert spiral.excitation == 1.0
     assert spiral.roll < np.deg2rad(45.0)
     assert spiral.pitch < np.deg2rad(60.0)
     assert 0.7 * speed < spiral.speed[0] < speed < spiral.speed[1] < 1.3 * speed
-    # It goes down at some 10 degrees.
+    # It descends at about 10 degrees.
     assert 0.08 * 300 * speed < spiral.depth < 0.3 * 300 * speed
 
 
-def test_a_shipped_vehicle_survives_it_at_the_speed_of_its_thrust(vehicle_file):
+def test_shipped_vehicle_follows_full_spiral_at_cruising_speed(vehicle_file):
     vehicle = shipped(vehicle_file)
     speed = cruising_speed(vehicle)
     assert speed is not None
-    assert first_spiral(vehicle, speed).vigour == 1.0
+    assert first_spiral(vehicle, speed).excitation == 1.0
 
 
-def test_a_vehicle_that_turns_too_fast_gets_less_of_it(monkeypatch):
-    monkeypatch.setattr("auvid_cli.start.first_spiral._SHORTEST", 60.0)
+def test_fast_vehicle_gets_less_excitation(monkeypatch):
+    monkeypatch.setattr("auvid_cli.start.first_spiral.MIN_DURATION", 60.0)
     vehicle = outlined(1, 0.2, 22, 0.08, 0.006)
-    assert 0.0 < first_spiral(vehicle, 4.0).vigour < 1.0
-    with pytest.raises(
-        ConfigError, match=r"boat: does not survive the gentlest spiral at 20 m/s \(.*\); name a lower --speed"
-    ):
+    assert 0.0 < first_spiral(vehicle, 4.0).excitation < 1.0
+    with pytest.raises(ConfigError, match=r"boat: cannot follow the gentlest spiral at 20 m/s"):
         first_spiral(vehicle, 20.0)
 
 
-def test_one_that_is_refused_is_told_where_it_is_stout(monkeypatch):
-    monkeypatch.setattr("auvid_cli.start.first_spiral._SHORTEST", 60.0)
-    with pytest.raises(ConfigError, match=r"and size \(2\.5 diameters long; usual are 4 to 15\)$"):
+def test_message_has_slenderness_of_short_vehicle(monkeypatch):
+    monkeypatch.setattr("auvid_cli.start.first_spiral.MIN_DURATION", 60.0)
+    with pytest.raises(ConfigError, match=r"2\.5 diameters long; expected 4 to 15"):
         first_spiral(outlined(1, 0.4, 80, 0.1, 0.012), 6.0)
     with pytest.raises(ConfigError, match=r"and size$"):
         first_spiral(outlined(1, 0.2, 22, 0.08, 0.006), 20.0)
 
 
-def test_frequencies_go_with_speed_by_length_and_forces_with_the_square_of_the_speed():
+def test_frequencies_scale_with_speed_and_forces_with_its_square():
     vehicle = outlined(2, 0.2, 60, 0.1, 0.012)
     slow, fast = (Spiral.model_validate(yaml.safe_load("\n".join(spiral_lines(vehicle, v, 1.0)))) for v in (1.0, 2.0))
     assert fast.turn_rate == pytest.approx(2.0 * slow.turn_rate, rel=0.01)
@@ -82,7 +80,7 @@ def test_frequencies_go_with_speed_by_length_and_forces_with_the_square_of_the_s
     assert gentle.turn_rate == pytest.approx(0.5 * slow.turn_rate, rel=0.01)
 
 
-def test_the_speed_of_a_shipped_vehicle_is_that_of_its_trim():
+def test_cruising_speed_of_shipped_vehicle_is_published_trim_speed():
     # Prestero: 1.54 m/s; da Silva et al.: 1.43 m/s.
     assert cruising_speed(shipped("remus100.yaml")) == pytest.approx(1.54, abs=0.01)
     assert cruising_speed(shipped("lauv.yaml")) == pytest.approx(1.43, abs=0.001)

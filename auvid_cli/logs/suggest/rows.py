@@ -189,7 +189,7 @@ class Found(NamedTuple):
             return dict(zip(("phi", "theta", "psi"), angles.T, strict=True))
         si = SENSORS[self.sensor][0].unit
         factor = unit_factor(self.unit, si)
-        most = magnitude_of(si).most / factor
+        most = magnitude_of(si).largest / factor
         return {
             component: factor * np.where(np.abs(raw) <= most, raw, np.nan) for component, raw in self.numbers.items()
         }
