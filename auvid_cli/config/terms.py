@@ -11,9 +11,9 @@ from auvid_cli.config.units import check_amount, check_size, parse_quantity
 from auvid_cli.vehicle.coefficients import (
     COEFFICIENTS,
     EQUATION_ROWS,
-    MOST_FACTORS,
+    MAX_FACTORS,
     SIGNALS,
-    TAKEN,
+    RESERVED_NAMES,
     TERM_NAME,
     Coefficient,
     unit_of,
@@ -40,7 +40,7 @@ class Term(Settings):
     factors: Annotated[
         tuple[str, ...],
         Field(
-            min_length=1, max_length=MOST_FACTORS, description=f"out of {', '.join(SIGNALS)}, bare or as a modulus |v|"
+            min_length=1, max_length=MAX_FACTORS, description=f"out of {', '.join(SIGNALS)}, bare or as a modulus |v|"
         ),
     ]
     value: Annotated[float | None, Field(description="needed by a simulation, and where it is not estimated")] = None
@@ -130,7 +130,7 @@ def check_own_terms(terms: Sequence[Term]) -> None:
     ValidationError
         With every such term, at its name.
     """
-    names, products = dict(TAKEN), {c.regressor: c for c in COEFFICIENTS}
+    names, products = dict(RESERVED_NAMES), {c.regressor: c for c in COEFFICIENTS}
     wrong: list[InitErrorDetails] = []
     for place, term in enumerate(terms):
         coefficient, why = term.coefficient, ""

@@ -50,7 +50,7 @@ class VehicleFaults:
             for fault in tested
             if fault.sensor in present
             and (fault.state in constant if fault.is_drift else fault.state not in modelled)
-            and (not fault.answers or fault.answers in modelled)
+            and (not fault.reacts_to or fault.reacts_to in modelled)
             and fault.regressor not in modelled_terms
         )
         self._faults = *others, *(DELAY_FAULTS[symbol] for symbol in sought)

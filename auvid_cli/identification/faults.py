@@ -177,7 +177,7 @@ class FaultModel(NamedTuple):
         Regressor of a missing term.
     is_drift : bool
         Whether it is the drift of its state: tested where that is one constant.
-    answers : str
+    reacts_to : str
         Symbol of the disturbance to which a fin reacts before any sensor shows it: tested where that is estimated, in
         addition to a delay of the inputs.
     """
@@ -189,7 +189,7 @@ class FaultModel(NamedTuple):
     effect: Effect
     regressor: Regressor | None = None
     is_drift: bool = False
-    answers: str = ""
+    reacts_to: str = ""
 
 
 def _constant(component: int) -> Effect:
@@ -267,7 +267,7 @@ def _anticipating(fin: str, given: int, turning: int, pushed: str) -> FaultModel
         rates[:, turning] = at.small_rate[:, given]
         return rates
 
-    return FaultModel(Fault(FaultKind.ANTICIPATING_FIN, fin), "1/s", "", "", effect, answers=f"disturbance_{pushed}")
+    return FaultModel(Fault(FaultKind.ANTICIPATING_FIN, fin), "1/s", "", "", effect, reacts_to=f"disturbance_{pushed}")
 
 
 def _drift(kind: FaultKind, of: FaultModel) -> FaultModel:

@@ -53,7 +53,7 @@ def _of_scores(
     not_late = faults.conditional_on({model: spread for model in delays if not model.sensor})
     tests = []
     for model in faults.labels:
-        own = not_late if model.answers else faults
+        own = not_late if model.reacts_to else faults
         f = own.labels.index(model)
         # A fault that leaves no trace is not tested.
         if own.information[f, f] > 0.0:

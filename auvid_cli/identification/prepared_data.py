@@ -14,7 +14,7 @@ from auvid_cli.data.acting_inputs import as_acting
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.signals import longer_intervals
 from auvid_cli.errors import DataError
-from auvid_cli.identification.timeline import Timelines, first_measured, initial_motion, measuring_sensors
+from auvid_cli.identification.timeline import Timelines, value_at_start, initial_motion, measuring_sensors
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -227,7 +227,7 @@ def prepare(dataset: Dataset) -> PreparedData:
     """
     settings = dataset.experiment.identification
     dataset.inputs.check_for(dataset.experiment.vehicle.coefficient_set)
-    timely = replace(dataset, sensors=on_time(dataset.sensors, settings))
+    timely = replace(dataset, sensors=corrected_records(dataset.sensors, settings))
     measuring, inputs = measuring_sensors(timely), as_acting(dataset.inputs, dataset.experiment)
     segments = []
     for data in used_segments(timely, measuring):
@@ -236,12 +236,12 @@ def prepare(dataset: Dataset) -> PreparedData:
         measured = dict(zip(MOTION_SYMBOLS, motion.tolist(), strict=True))
         for state in FURTHER_STATES:
             if state.sensor in measuring:
-                measured[state.quantity.symbol] = first_measured(measuring[state.sensor], start)
+                measured[state.quantity.symbol] = value_at_start(measuring[state.sensor], start)
         segments.append(Segment(data, Timelines(inputs, records, start, settings.integration_step), measured))
     return PreparedData(dataset, measuring, tuple(segments))
 
 
-def on_time(sensors: dict[str, SensorRecord], settings: Identification) -> dict[str, SensorRecord]:
+def corrected_records(sensors: dict[str, SensorRecord], settings: Identification) -> dict[str, SensorRecord]:
     """Return records with the times at which their samples were taken, as settings have it."""
     return {
         name: replace(record, time=record.time - settings.delays[name]) if name in settings.delays else record

@@ -300,7 +300,7 @@ def measured_velocity(motion: Array, errors: Array) -> Array:
     return (motion[..., :3] + _beyond(motion, errors)) @ dvl_axes(*errors[:2]).T
 
 
-def velocity_behind(motion: Array, errors: Array) -> Array:
+def velocity_through_water(motion: Array, errors: Array) -> Array:
     """Return the velocity through the water, where that of a motion is as measured; inverts `measured_velocity`."""
     return motion[..., :3] @ np.linalg.inv(dvl_axes(*errors[:2])).T - _beyond(motion, errors)
 

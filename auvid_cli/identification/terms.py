@@ -127,7 +127,7 @@ def fit_without_held_out(prepared: PreparedData, settings: RunSettings) -> Fit |
     return _fit(prepared, _using(settings, split(prepared)[0]))
 
 
-def loosened(prepared: PreparedData, settings: RunSettings, best: Fit) -> Fit:
+def with_more_process_noise(prepared: PreparedData, settings: RunSettings, best: Fit) -> Fit:
     """Fit a model again with as much process noise as makes the data likeliest, for what it lacks is noise to it."""
     identification, stated = settings.identification, settings.identification.process_noise
     for factor in _LOOSER:
@@ -233,7 +233,7 @@ def search_terms(
         say(f"look {look}: {len(new)} terms")
         fit = _settled(fit_without_held_out(prepared, here.settings))
         scored = _Scored.of(fit, new)
-        looser = _Scored.of(loosened(prepared, here.settings, fit), new)
+        looser = _Scored.of(with_more_process_noise(prepared, here.settings, fit), new)
         # What smooths hours of data is large, and the models are compared without.
         del fit
         fits = looser.fits(scored.leaders() + looser.leaders(), functools.partial(tried_with, here.settings))

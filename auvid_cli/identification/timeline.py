@@ -157,7 +157,7 @@ def _heading(field: Array, tilt: Array, earth: Array) -> float:
     return float(wrap(np.arctan2(earth[1], earth[0]) - np.arctan2(aside, ahead)))
 
 
-def first_measured(record: SensorRecord, start: float) -> float:
+def value_at_start(record: SensorRecord, start: float) -> float:
     """Find what a sensor of one component measured last by a start, s; or, if it was silent until then, first."""
     time, measured = (values[np.isfinite(record.values[:, 0])] for values in (record.time, record.values[:, 0]))
     return float(measured[max(np.searchsorted(time, start, side="right") - 1, 0)])

@@ -16,7 +16,7 @@ EQUATION_ROWS = "XYZKMN"
 SIGNALS = ("u", "v", "w", "p", "q", "r", "rudder", "elevator", "thrust", "n", "voltage")
 # Those that are inputs which not every dataset has, by what these call them.
 PROPULSION_SIGNALS = {"n": "revolutions", "voltage": "voltage"}
-MOST_FACTORS = 6
+MAX_FACTORS = 6
 # Exponents of kg, m, s, rad and V in the unit of each signal, and of a force; a moment has a metre more. Turns count as
 # a number, so that n is in 1/s.
 _VELOCITY, _RATE, _ANGLE, _FORCE = (0, 1, -1, 0, 0), (0, 0, -1, 1, 0), (0, 0, 0, 1, 0), (1, 1, -2, 0, 0)
@@ -47,7 +47,7 @@ class Coefficient(NamedTuple):
     row : int
         Row of the equations of motion it enters: 0..5 for X, Y, Z, K, M, N.
     factors : tuple of str
-        Of its regressor, at most `MOST_FACTORS` of `SIGNALS`, a modulus as ``|v|``.
+        Of its regressor, at most `MAX_FACTORS` of `SIGNALS`, a modulus as ``|v|``.
     group : str
         The paper's grouping: viscous damping, body lift, control input; or a term of a vehicle's own.
     """
@@ -180,8 +180,8 @@ def check_table(coefficients: Iterable[Coefficient]) -> None:
             factor in (signal, f"|{signal}|")
             for factor, signal in zip(coefficient.factors, coefficient.signals, strict=True)
         )
-        if not (known and set(coefficient.signals) <= set(SIGNALS) and 1 <= len(coefficient.factors) <= MOST_FACTORS):
-            factors = f"{MOST_FACTORS} of {', '.join(SIGNALS)}, bare or as moduli"
+        if not (known and set(coefficient.signals) <= set(SIGNALS) and 1 <= len(coefficient.factors) <= MAX_FACTORS):
+            factors = f"{MAX_FACTORS} of {', '.join(SIGNALS)}, bare or as moduli"
             raise ValueError(f"{coefficient.symbol}: the factors {coefficient.factors} are not 1 to {factors}")
         if coefficient.row not in range(6):
             raise ValueError(f"{coefficient.symbol}: the equations of motion have no row {coefficient.row}")
@@ -201,7 +201,7 @@ N_COEFFICIENTS = len(COEFFICIENTS)
 
 
 # Of each name in code that is taken, whose it is: a product that would be called so gets a name of its own.
-TAKEN = {c.identifier: c.symbol for c in COEFFICIENTS} | {symbol: symbol for symbol in PARAMETER_SYMBOLS}
+RESERVED_NAMES = {c.identifier: c.symbol for c in COEFFICIENTS} | {symbol: symbol for symbol in PARAMETER_SYMBOLS}
 
 
 def admissible_terms(any_symmetry: bool = False) -> tuple[Coefficient, ...]:
@@ -214,7 +214,7 @@ def admissible_terms(any_symmetry: bool = False) -> tuple[Coefficient, ...]:
     """
     there = {regressor_ahead(c) for c in COEFFICIENTS}
     terms = (term(row, factors) for row in range(len(EQUATION_ROWS)) for factors in _factors())
-    return tuple(t for t in terms if regressor_ahead(t) not in there and (any_symmetry or is_mirror_image(t)))
+    return tuple(t for t in terms if regressor_ahead(t) not in there and (any_symmetry or respects_symmetry(t)))
 
 
 def term(row: int, factors: tuple[str, ...]) -> Coefficient:
@@ -228,12 +228,12 @@ def term(row: int, factors: tuple[str, ...]) -> Coefficient:
         See `Coefficient`.
     """
     name = f"{EQUATION_ROWS[row]}_{''.join(factors)}"
-    if name.replace("|", "") in TAKEN:
+    if name.replace("|", "") in RESERVED_NAMES:
         name += "_even"
     return Coefficient(name, unit_of(row, factors), f"missing term {' '.join(factors)}", row, factors, "term")
 
 
-def is_mirror_image(coefficient: Coefficient) -> bool:
+def respects_symmetry(coefficient: Coefficient) -> bool:
     """Say whether a term is the same on a vehicle whose port side is the mirror image of its starboard side."""
     changes = sum(factor in _MIRRORED for factor in coefficient.factors)
     return changes % 2 == (EQUATION_ROWS[coefficient.row] in _MIRRORED)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import align_stack, compiled
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, SIGNALS, Coefficient, CoefficientSet
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, MAX_FACTORS, SIGNALS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast, mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
@@ -34,7 +34,7 @@ _IN_PLANE, _ACROSS = [0, 2, 4], [1, 3, 5]
 _N_TERMS, _TERMS_AT = _N_OF_HULL, _N_OF_HULL + 1
 N_CONSTANTS = _N_OF_HULL + 2
 # Of each term the value at which it is held, and then its row, how many factors it has, and which.
-TERM_WIDTH = 3 + MOST_FACTORS
+TERM_WIDTH = 3 + MAX_FACTORS
 # What the forces are made with: the 22 coefficients, and what lies between stated and acting inputs, weight and
 # buoyancy, with these values where nothing does; behind them the coefficients of the vehicle's own terms.
 NO_ERRORS = (*AS_STATED, *NO_BALLAST)
@@ -85,11 +85,11 @@ def _coupling(inverse: Array) -> Array:
 def regressor_code(coefficient: Coefficient) -> list[float]:
     """Return row, number of factors and factors as numbers: twice the place among `SIGNALS`, one more for a modulus.
 
-    Behind them, up to `MOST_FACTORS`, stands that of a factor of 1.
+    Behind them, up to `MAX_FACTORS`, stands that of a factor of 1.
     """
     pairs = zip(coefficient.signals, coefficient.moduli, strict=True)
     codes = [2 * SIGNALS.index(signal) + modulus for signal, modulus in pairs]
-    return [float(n) for n in (coefficient.row, len(codes), *codes, *[_ONE] * (MOST_FACTORS - len(codes)))]
+    return [float(n) for n in (coefficient.row, len(codes), *codes, *[_ONE] * (MAX_FACTORS - len(codes)))]
 
 
 def vehicle_constants(parameters: Mapping[str, float], terms: Sequence[Coefficient] = ()) -> Array:

@@ -316,7 +316,7 @@ def test_what_ballast_may_be_is_said_to_be_found_along():
 
 def test_what_is_estimated_or_not_measured_is_not_tested(short_run, with_settings):
     everything = names_with(short_run)
-    unasked = [name for name, fault in BY_NAME.items() if not fault.is_drift and not fault.answers]
+    unasked = [name for name, fault in BY_NAME.items() if not fault.is_drift and not fault.reacts_to]
     assert everything == tuple(name for name in unasked if BY_NAME[name].sensor not in INERTIAL)
     felt = names_with(with_settings(short_run, "identification.attitude_from=inertial"))
     assert felt == tuple(name for name in unasked if BY_NAME[name].sensor != "magnetic_field")
@@ -581,7 +581,7 @@ def test_small_moves_of_a_fin_that_answers_pushes_are_those_of_a_rate(model, at)
 
 def test_large_changes_of_a_fin_are_no_answers(along):
     problem, timeline, about = along
-    faults = VehicleFaults(problem, tested=[BY_NAME["elevator that answers pushes"]._replace(answers="")])
+    faults = VehicleFaults(problem, tested=[BY_NAME["elevator that answers pushes"]._replace(reacts_to="")])
     rate = problem.segments[0].timelines.input_rate[:, 1]
     large = np.abs(rate) > np.quantile(np.abs(rate), 0.98)
     assert 0 < large.mean() < 0.03

@@ -10,7 +10,7 @@ from auvid_cli.config.identification import Identification
 from auvid_cli.identification.compiled_layout import KnownSensor, KnownSensors
 from auvid_cli.identification.observation import linearise, observe
 from auvid_cli.identification.process import vehicle_process
-from auvid_cli.identification.sensors import VELOCITY_ERRORS, measured_velocity, velocity_behind
+from auvid_cli.identification.sensors import VELOCITY_ERRORS, measured_velocity, velocity_through_water
 from auvid_cli.identification.states import state_layout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import ActuatorErrors
@@ -111,7 +111,7 @@ def test_a_dvl_off_the_origin_is_carried_along(walk, experiment_with):
     assert_seen_alike(process, state, layout.n_parameters, expected)
     errors = np.array([values.get(symbol, 0.0) for symbol in VELOCITY_ERRORS])
     assert_allclose(measured_velocity(MOTION, errors), expected, rtol=1e-12)
-    assert_allclose(velocity_behind(np.concatenate([expected, MOTION[3:]]), errors), MOTION[:3], rtol=1e-12)
+    assert_allclose(velocity_through_water(np.concatenate([expected, MOTION[3:]]), errors), MOTION[:3], rtol=1e-12)
 
 
 def felt_by_a_passenger(experiment, coefficients, thrust, force=0.0):
