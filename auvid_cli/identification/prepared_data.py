@@ -14,7 +14,7 @@ from auvid_cli.data.acting_inputs import as_acting
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.signals import longer_intervals
 from auvid_cli.errors import DataError
-from auvid_cli.identification.timeline import Timelines, value_at_start, initial_motion, measuring_sensors
+from auvid_cli.identification.timeline import Timelines, initial_motion, measuring_sensors, value_at_start
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
