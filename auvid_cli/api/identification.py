@@ -31,9 +31,8 @@ from auvid_cli.data.files import (
 from auvid_cli.data.results import other_estimates, put_copy, read_simulated, refuse_unless
 from auvid_cli.evaluation.judgement import Judgement, judge
 from auvid_cli.identification import run as filters
-from auvid_cli.identification.filter_run import FilterRun
 from auvid_cli.identification.prepared_data import PreparedData, prepare
-from auvid_cli.identification.run import resolve_settings, set_up_filters
+from auvid_cli.identification.run import FilterRun, resolve_settings, set_up_filters
 from auvid_cli.inspection.inspect import contradictions_of_unused
 
 

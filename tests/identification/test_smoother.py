@@ -79,10 +79,11 @@ def test_it_comes_down_from_more_process_noise_where_steps_with_little_bend_away
     assert np.abs(normalised_errors(dataset, estimate)).max() < 4.0
 
 
-def test_it_says_that_its_passes_did_not_suffice(short_run, with_settings):
+def test_too_few_passes_are_reported_as_unconverged(short_run, with_settings):
     dataset = with_settings(short_run, "identification.smoother.max_passes=1")
     estimate = identify(dataset, FilterName.SMOOTHER)
-    assert estimate.status.startswith("unconverged: it did not settle within identification.smoother.max_passes = 1")
+    assert estimate.status.startswith("unconverged")
+    assert "max_passes = 1" in estimate.status
 
 
 def test_it_weighs_all_measurements_and_takes_no_gate(short_run, with_settings):
