@@ -203,7 +203,7 @@ def test_no_constant_of_a_compiled_function_comes_from_where_the_cache_does_not_
 def test_what_few_data_need_is_not_compiled_for_all():
     code = (
         "import sys, auvid_cli.api.evaluation, auvid_cli.filters.smoother, auvid_cli.identification.run;"
-        "print([m for m in ('filters.marginal', 'identification.observation') if f'auvid_cli.{m}' in sys.modules])"
+        "print([m for m in ('filters.marginal', 'identification.sensors') if f'auvid_cli.{m}' in sys.modules])"
     )
     command = [sys.executable, "-c", code]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -6,8 +6,7 @@ from auvid_cli.config.moving_states import FURTHER_STATES, InitialMotion, Proces
 from auvid_cli.config.sensors import SensorSuite
 from auvid_cli.export.formats import FORMATS
 from auvid_cli.identification.faults import DELAY_FAULTS
-from auvid_cli.identification.observation import OBSERVED, linearise, observe
-from auvid_cli.identification.sensors import VELOCITY_ERRORS
+from auvid_cli.identification.sensors import OBSERVED, VELOCITY_ERRORS, linearise, observe
 from auvid_cli.report.figures.style import FILTER_STYLES
 from auvid_cli.simulation.simulate import MEASUREMENT_MODELS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_SYMBOLS, SENSORS, state_of

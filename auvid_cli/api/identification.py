@@ -7,7 +7,7 @@ from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
-import auvid_cli.identification.observation  # noqa: F401  compiled at import, not while a filter runs
+import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while a filter runs
 from auvid_cli.api.arguments import checked
 from auvid_cli.api.files import read_dataset, refuse_to_replace
 from auvid_cli.api.output import Advance, Progress

@@ -1,9 +1,6 @@
 """Rows and constants of the compiled model, and its coefficients."""
 
-from collections import Counter, namedtuple
-from collections.abc import Iterable
-from inspect import isfunction
-from types import ModuleType
+from collections import namedtuple
 from typing import NamedTuple
 
 import numpy as np
@@ -118,28 +115,6 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout, known: Kno
     of_22, of_terms = held[:N_COEFFICIENTS], held[N_COEFFICIENTS:]
     model = with_table_at_end(vehicle, of_terms, np.concatenate([of_22, scale]))
     return np.concatenate([model, [max(fading)], fading, sensors, rows, [layout.n_parameters]])
-
-
-def check_named(symbols: Iterable[str], modules: Iterable[ModuleType], by: int) -> None:
-    """Refuse states that fewer compiled functions of modules name than say what comes of one and the derivative by it.
-
-    Parameters
-    ----------
-    symbols : iterable of str
-    modules : iterable of module
-    by : int
-        As many functions of theirs.
-
-    Raises
-    ------
-    TypeError
-        If there are such.
-    """
-    members = [(module, getattr(value, "py_func", value)) for module in modules for value in vars(module).values()]
-    own = [f for module, f in members if isfunction(f) and f.__module__ == module.__name__]
-    named = Counter(name for function in own for name in {*function.__code__.co_names})
-    if missing := [symbol for symbol in symbols if named[symbol] < by]:
-        raise TypeError(f"no compiled code says what comes of {', '.join(missing)}, or the derivative by it")
 
 
 @compiled(types.int64(_vector), internal=True)

@@ -135,7 +135,7 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     )
     if sensors.nonlinear.any():
         # Imported here because it takes long to compile, and few data need it.
-        from auvid_cli.identification.observation import linearise, observe
+        from auvid_cli.identification.sensors import linearise, observe
 
         process = process._replace(observe=observe, linearise=linearise)
     parameters = _prior_of_parameters(layout, prepared)

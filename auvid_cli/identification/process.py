@@ -1,6 +1,5 @@
 """The compiled process: motion of the augmented state, and free motion without process noise."""
 
-import sys
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -9,15 +8,11 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.config.extra_states import ERROR_BLOCKS
-from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TIMELINE, TRANSITION_SIGNATURE, Process
-from auvid_cli.identification import compiled_layout, sensors
 from auvid_cli.identification.compiled_layout import (
     NONE_KNOWN,
     ROW,
     KnownSensors,
-    check_named,
     depth_is_state,
     fill_in_all,
     fill_in_lanes,
@@ -40,7 +35,6 @@ from auvid_cli.identification.disturbance import (
     sink_rate,
     undisturbed,
 )
-from auvid_cli.identification.sensors import accelerometer_work
 from auvid_cli.identification.states import StateLayout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, CoefficientSet
@@ -95,8 +89,8 @@ class _Workspace(NamedTuple):
 
 
 def _scratch_size(terms: int) -> int:
-    step = max(transition_work(terms), N_WORK, accelerometer_work(terms))
-    return _ends(terms)[3] + step + disturbance_work(terms)
+    # A measurement of the accelerometer needs less, see `auvid_cli.identification.sensors`.
+    return _ends(terms)[3] + max(transition_work(terms), N_WORK) + disturbance_work(terms)
 
 
 @compiled(types.UniTuple(types.int64, 4)(types.int64))
@@ -262,17 +256,6 @@ def vehicle_process(
         noise_density=layout.noise_density,
         scratch_size=_scratch_size(len(coefficients.terms)),
     )
-
-
-# Of errors what comes of them and the derivative; of moving states how they advance, and both transitions.
-check_named(
-    [quantity.symbol for block in ERROR_BLOCKS if block.is_named for quantity in block.quantities],
-    (sensors, compiled_layout, sensors, sensors),
-    by=2,
-)
-
-
-check_named([state.quantity.symbol for state in FURTHER_STATES], (sys.modules[__name__],), by=3)
 
 
 @compiled(types.void(_vector, _vector, _vector, types.uint64, TIMELINE, types.int64, types.int64, _vector))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.config.extra_states import CURRENT, DVL_ARM, DVL_SCALE, DVL_YAW
+from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
 from auvid_cli.identification.compiled_layout import (
     ACCELEROMETER,
     MAGNETOMETER,
@@ -17,6 +18,7 @@ from auvid_cli.identification.compiled_layout import (
     fill_in_row,
     first_moving_row,
     is_disturbed,
+    known_sensor,
     known_vector,
     row_of,
     value_of,
@@ -77,11 +79,6 @@ class _Workspace(NamedTuple):
     jacobian: Array
     for_jacobian: Array
     force: Array
-
-
-def accelerometer_work(terms: int) -> int:
-    """Return the length of the scratch that is handed over."""
-    return _FORCE + N_COEFFICIENT_BLOCK + terms * LANES + N_FACTORS + terms + N_MOTION * (N_COLUMNS + terms)
 
 
 @compiled(types.NamedTuple((*[_vector] * 4, _matrix, *[_vector] * 2), _Workspace)(_vector, types.int64), inline=True)
@@ -354,3 +351,36 @@ def linearise_field(mean, constants, predicted, matrix):
         if bias >= 0:
             matrix[axis, bias] = 1.0
             predicted[axis] += mean[bias]
+
+
+# Predicted measurement and its derivative. All other sensors measure states, plus additive errors.
+OBSERVED = {
+    "dvl": (measure_velocities, linearise_velocity),
+    "accelerometer": (measure_forces, linearise_force),
+    "magnetic_field": (measure_field, linearise_field),
+}
+
+
+@compiled(OBSERVATION_SIGNATURE, pointer=True)
+def observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
+    """Predict the measurement of a nonlinear sensor for a block of states."""
+    if sensor == known_sensor(constants, ACCELEROMETER):
+        measure_forces(moving, parameters, inputs, constants, selection, n_lanes, predicted, scratch)
+    elif sensor == known_sensor(constants, MAGNETOMETER):
+        measure_field(moving, parameters, constants, n_lanes, predicted)
+    else:
+        measure_velocities(moving, parameters, constants, n_lanes, predicted)
+
+
+@compiled(LINEARISATION_SIGNATURE, pointer=True)
+def linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
+    """Predict the measurement of a nonlinear sensor for one state, and its derivative by the state."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            matrix[i, j] = 0.0
+    if sensor == known_sensor(constants, ACCELEROMETER):
+        linearise_force(mean, inputs, constants, selection, predicted, matrix, scratch)
+    elif sensor == known_sensor(constants, MAGNETOMETER):
+        linearise_field(mean, constants, predicted, matrix)
+    else:
+        linearise_velocity(mean, constants, predicted, matrix)
