@@ -31,9 +31,9 @@ from auvid_cli.identification.process import first_order_transition
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
-# Parameters that are named in the status of a run that did not converge: at most so many, and only those that the next
-# step moves by this share of their standard deviations or more.
+# Largest number of parameters that the status of a run without convergence names.
 _MAX_NAMED = 4
+# Smallest step of a parameter that is named, in standard deviations.
 _MIN_STEP = 0.1
 
 
@@ -186,7 +186,7 @@ class FilterRun:
             case sensor:
                 why = f"the state was not finite after a measurement of {names[sensor]}"
         deviation = np.sqrt(np.diagonal(outcome.covariance))
-        # Of the factor scaled to unit rows, because the units of the states would dominate.
+        # Scaled to unit rows, because the units of the states would dominate.
         condition = np.sqrt(np.linalg.cond(outcome.covariance / np.outer(deviation, deviation)))
         last = f"last innovation {progress.last_innovation:.3g} sigma"
         return f"{diverged}: {why} ({last}, condition of the factor {condition:.2g})"
