@@ -2,7 +2,7 @@
 
 An accelerometer at l measures ``nu1_dot + omega x nu1 + omega_dot x l + omega x (omega x l) - R' g``,
 a DVL at l ``(1 + scale) Rz(yaw)' (nu1 + R' current + omega x l)``, a magnetometer ``R' m``; each plus its biases. R is
-the rotation matrix from body to earth axes, Fossen 2011, eq. (2.18).
+the rotation matrix from body to earth axes, Fossen 2011, ch. 2.
 """
 
 from typing import NamedTuple

@@ -60,5 +60,5 @@ def test_a_doubt_says_what_is_stated_and_what_is_expected(doubts):
 
 
 def test_an_inertia_that_no_body_has_is_refused_though_added_mass_hides_it(doubts):
-    with pytest.raises(ConfigError, match="the inertia of this vehicle cannot be"):
+    with pytest.raises(ConfigError, match="invalid inertia: the rigid-body"):
         doubts("parameters.zG=1 m", "parameters.K_pdot=-1e4", "parameters.M_qdot=-1e4")
