@@ -108,21 +108,9 @@ def _workspace(scratch, terms):
     internal=True,
 )
 def push(moving, row_length, constants, n_lanes, duration, velocity, velocity_row_length):
-    """Add the effect of disturbances during a duration, s, to velocities and rates.
+    """Add the effect of disturbances during a duration, s, to the first six rows of `velocity`, which may be `moving`.
 
-    Parameters
-    ----------
-    moving : ndarray
-        Rows of moving states, one lane for each state.
-    row_length : int
-    constants : ndarray
-        Of the process.
-    n_lanes : int
-    duration : float
-        s; 1 to add the accelerations to a derivative.
-    velocity : ndarray
-        The first six rows are changed; may be `moving`.
-    velocity_row_length : int
+    With the duration 1 the accelerations are added to a derivative.
     """
     inverse, first = named_constants(constants).inverse, first_moving_row(constants)
     for axis in range(_N_AXES):
@@ -181,18 +169,8 @@ def begin_step(mean, coefficients, inputs, constants, duration, scratch, for_ste
 
     The motion and its other derivatives are propagated between this and `end_step`.
 
-    Parameters
-    ----------
-    mean : ndarray, shape (n,)
-    coefficients : ndarray, shape (N_FACTORS + terms,)
-    inputs, constants : ndarray
-        Inputs of the substep, constants of the process.
-    duration : float
-        Length of the substep, s.
-    scratch : ndarray
-        Of length `disturbance_work`; from the substep before, or `undisturbed`.
-    for_step : ndarray
-        Of length `transition_work`; overwritten.
+    `scratch`, of length `disturbance_work`, is that of the substep before, or from `undisturbed`; `for_step`, of length
+    `transition_work`, is overwritten.
     """
     work, moving = _workspace(scratch, n_terms(constants)), mean[first_moving_row(constants) :]
     if depth_is_state(constants):

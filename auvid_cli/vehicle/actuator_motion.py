@@ -49,8 +49,8 @@ def moved(actuator, position, demand, duration):
 def effective(actuator, position):
     """Return the deflection of a fin without stall that has the same force, rad.
 
-    The lift is piecewise linear, as in Gazebo's LiftDrag and the UUV Simulator's LiftDragTwoLines: beyond stall its slope
-    is `stall_slope` times that below, until the lift is zero. The angle of attack is that of the deflection alone, as in
+    The lift is piecewise linear, as in Gazebo's LiftDrag and the UUV Simulator's LiftDragTwoLines: beyond stall its
+    slope is `stall_slope` times that below, until the lift is zero. The angle of attack is the deflection alone, as in
     ``u u rudder``; the flow angle at the fin is neglected.
     """
     size = abs(position)

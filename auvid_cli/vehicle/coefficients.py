@@ -1,4 +1,4 @@
-"""The 22 hydrodynamic coefficients of Sabet et al. 2018, Table II, and the terms that a vehicle may have beyond them."""
+"""The 22 hydrodynamic coefficients of Sabet et al. 2018, Table II, and further terms of a vehicle."""
 
 import re
 from collections import Counter
@@ -11,8 +11,8 @@ from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 CoefficientGroup = Literal["damping", "lift", "control", "term"]
 # Surge, sway and heave forces; roll, pitch and yaw moments.
 EQUATION_ROWS = "XYZKMN"
-# Possible factors, bare or as a modulus: body velocities and rates, fins, propeller thrust and revolutions per second n,
-# battery voltage.
+# Possible factors, bare or as a modulus: body velocities and rates, fins, propeller thrust, propeller revolutions
+# per second (n), battery voltage.
 SIGNALS = ("u", "v", "w", "p", "q", "r", "rudder", "elevator", "thrust", "n", "voltage")
 # Signals that not every dataset has, with the names of these inputs.
 PROPULSION_SIGNALS = {"n": "revolutions", "voltage": "voltage"}
@@ -75,7 +75,7 @@ class Coefficient(NamedTuple):
 
     @property
     def moduli(self) -> tuple[bool, ...]:
-        """Say whether each factor is a modulus."""
+        """Return whether each factor is a modulus."""
         return tuple(factor != signal for factor, signal in zip(self.factors, self.signals, strict=True))
 
     @property
@@ -171,29 +171,11 @@ def _power(unit: str, exponent: int) -> str:
     return unit if exponent == 1 else f"{unit}^{exponent}"
 
 
-def check_table(coefficients: Iterable[Coefficient]) -> None:
-    """Raise a ValueError if a row or a factor is unknown, or if there are too many factors."""
-    for coefficient in coefficients:
-        valid = all(
-            factor in (signal, f"|{signal}|")
-            for factor, signal in zip(coefficient.factors, coefficient.signals, strict=True)
-        )
-        if not (valid and set(coefficient.signals) <= set(SIGNALS) and 1 <= len(coefficient.factors) <= MAX_FACTORS):
-            expected = f"1 to {MAX_FACTORS} of {', '.join(SIGNALS)}, bare or as moduli"
-            raise ValueError(f"{coefficient.symbol}: invalid factors {coefficient.factors}; expected {expected}")
-        if coefficient.row not in range(6):
-            raise ValueError(f"{coefficient.symbol}: invalid row {coefficient.row}; expected 0 to 5")
-
-
 SYMBOLS: tuple[str, ...] = COEFFICIENTS.symbols
 # Damping of a motion by itself. It dissipates energy, so that its sign is certain.
 DRAG_SYMBOLS = tuple(c.symbol for c in COEFFICIENTS if c.group == "damping" and SIGNALS.index(c.signals[0]) == c.row)
-
-
 N_COEFFICIENTS = len(COEFFICIENTS)
-
-
-# Of each name in code that is taken, whose it is: a product that would be called so gets a name of its own.
+# Symbol of each identifier that a term of the vehicle's own cannot have.
 RESERVED_NAMES = {c.identifier: c.symbol for c in COEFFICIENTS} | {symbol: symbol for symbol in PARAMETER_SYMBOLS}
 
 

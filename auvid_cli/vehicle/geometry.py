@@ -35,13 +35,7 @@ class SpheroidFactors(NamedTuple):
 
 
 def spheroid_factors(slenderness: float) -> SpheroidFactors:
-    """Return Lamb's factors, in the form of Imlay (1961).
-
-    Parameters
-    ----------
-    slenderness : float
-        Length in diameters, greater than 1.
-    """
+    """Return Lamb's factors of a spheroid of length over diameter greater than 1, in the form of Imlay (1961)."""
     squared = 1.0 - slenderness**-2
     e = np.sqrt(squared)
     logarithm = np.log((1.0 + e) / (1.0 - e))
@@ -128,17 +122,17 @@ class CrossFlow(NamedTuple):
     Attributes
     ----------
     force : float
-        Of the drag, kg/m.
+        Drag, kg/m.
     moment : float
-        Of the drag times x, kg.
+        Drag times x, kg.
     gross_moment : float
-        Of the drag of the hull times ``|x|``, kg.
+        Drag of the hull times ``|x|``, kg.
     force_of_turn : float
-        Of the drag times ``x |x|``, kg m.
+        Drag times ``x |x|``, kg m.
     gross_force_of_turn : float
-        Of the drag of the hull times x^2, kg m.
+        Drag of the hull times x^2, kg m.
     moment_of_turn : float
-        Of the drag times ``|x|^3``, kg m^2.
+        Drag times ``|x|^3``, kg m^2.
     """
 
     force: float

@@ -112,10 +112,8 @@ def nose_cylinder_tail_hull(length: float, diameter: float, nose: float, tail: f
 
     Parameters
     ----------
-    length, diameter : float
-        m.
-    nose, tail : float
-        Lengths, m; their sum is at most `length`.
+    length, diameter, nose, tail : float
+        m; nose and tail together are at most `length`.
     """
     station = np.linspace(0.0, length, _N_STATIONS)
     ahead = np.minimum((station - nose) / nose, 0.0)

@@ -64,8 +64,8 @@ def rigid_body_matrix(parameters: Mapping[str, float]) -> Array:
     smallest = float(np.linalg.eigvalsh(rigid)[0])
     if not smallest > 0.0:
         raise ConfigError(
-            f"invalid inertia: the rigid-body mass matrix is not positive definite (smallest eigenvalue {smallest:.4g}); check "
-            "m, xG, yG, zG, and Ixx, Iyy, Izz, which are about the origin"
+            "invalid inertia: the rigid-body mass matrix is not positive definite "
+            f"(smallest eigenvalue {smallest:.4g}); check m, xG, yG, zG, and Ixx, Iyy, Izz, which are about the origin"
         )
     return rigid
 
@@ -104,8 +104,8 @@ def mass_matrix(parameters: Mapping[str, float]) -> Array:
 def coriolis_matrix(mass: Array, nu: Array) -> Array:
     """Return the Coriolis and centripetal matrix ``C(nu)``, shape (6, 6), of a symmetric mass matrix.
 
-    It is skew-symmetric, so that ``nu @ C @ nu == 0``. Fossen's form (2011, theorem 3.2) equals the scalar terms of Sabet
-    et al. 2018, eq. (13), with a complete roll row.
+    It is skew-symmetric, so that ``nu @ C @ nu == 0``. Fossen 2011, theorem 3.2, which equals the scalar
+    terms of Sabet et al. 2018, eq. (13), with a complete roll row.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ STATED = (
 )
 
 
-def test_a_vehicle_file_says_what_is_expected_and_how_sure_that_is(experiment_with):
+def test_prior_mean_and_deviation_follow_from_the_vehicle_file(experiment_with):
     vehicle = experiment_with(*STATED).vehicle
     natural = {c.symbol: natural_magnitude(c, vehicle.size) for c in COEFFICIENTS}
 
@@ -105,12 +105,12 @@ def test_a_vehicle_file_says_what_is_expected_and_how_sure_that_is(experiment_wi
         ("drawing", "'zero', 'vehicle' or 'geometry'"),
     ],
 )
-def test_what_makes_no_prior_is_refused_in_words(prior, words, experiment_with):
+def test_invalid_prior_is_refused(prior, words, experiment_with):
     with pytest.raises(ConfigError, match=words):
         experiment_with(f"identification.prior={prior}")
 
 
-def test_the_truth_of_a_simulation_is_no_prior(short_run, with_settings):
+def test_prior_equal_to_the_truth_is_refused(short_run, with_settings):
     asking = with_settings(short_run, "identification.prior.mean=vehicle")
     with pytest.raises(DataError, match=r"prior\.mean=vehicle.*truth"):
         augmented_problem(prepare(asking))
@@ -120,7 +120,7 @@ def test_the_truth_of_a_simulation_is_no_prior(short_run, with_settings):
 GEOMETRY = "identification.prior=geometry"
 
 
-def test_hull_and_fins_say_what_is_expected_and_how_sure_that_is(experiment_with):
+def test_prior_mean_and_deviation_follow_from_the_geometry(experiment_with):
     vehicle = experiment_with(GEOMETRY).vehicle
     derived = {each.name: each for each in vehicle.derived_values()}
 
@@ -137,13 +137,13 @@ def test_hull_and_fins_say_what_is_expected_and_how_sure_that_is(experiment_with
     assert own["Y_v|v|"] == plain["Y_v|v|"]
 
 
-def test_no_geometry_is_no_prior(experiment_with):
-    with pytest.raises(ConfigError, match=r"'Virginia Tech DIVE' states none: describe hull and fins") as error:
+def test_geometry_prior_without_geometry_is_refused(experiment_with):
+    with pytest.raises(ConfigError, match="Virginia Tech DIVE") as error:
         experiment_with("vehicle=vehicles/dive.yaml", GEOMETRY)
     assert len([line for line in str(error.value).splitlines() if "geometry" in line]) == 1
 
 
-def test_what_the_geometry_gives_is_no_prior_of_its_own_simulation(simulated_with, with_settings):
+def test_geometry_prior_of_its_own_simulation_is_refused(simulated_with, with_settings):
     vehicle = simulated_with("manoeuvre.duration=1 s").experiment.vehicle
     fin = next(each.mean for each in vehicle.derived_values() if each.name == "N_uudr")
     drawn = simulated_with("manoeuvre.duration=1 s", f"vehicle.coefficients.N_uudr={fin}")
@@ -153,7 +153,7 @@ def test_what_the_geometry_gives_is_no_prior_of_its_own_simulation(simulated_wit
     assert augmented_problem(prepare(held)).prior.mean.any()
 
 
-def test_an_estimate_starts_at_what_the_file_states_and_moves_off_it(simulated_with, with_settings):
+def test_estimate_starts_at_the_stated_values(simulated_with, with_settings):
     """The file is 30 % off, and as wrong as it says."""
     run = simulated_with("manoeuvre.duration=60 s", "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}")
     truth = run.truth.coefficients

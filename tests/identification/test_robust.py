@@ -60,7 +60,7 @@ def test_clean_data_lose_little(estimates):
     assert (ratio < 1.015).all()
 
 
-def test_weights_and_counts_are_told_by_sensor(estimates, with_outliers, tmp_path):
+def test_weights_and_counts_are_reported_by_sensor(estimates, with_outliers, tmp_path):
     *_, wild = estimates
     write_estimate(tmp_path / "estimate.h5", wild)
     back = read_estimate(tmp_path / "estimate.h5")

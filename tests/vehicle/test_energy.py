@@ -1,4 +1,4 @@
-"""What energy says of the equations of motion."""
+"""Energy balance of the equations of motion."""
 
 import numpy as np
 import pytest

@@ -62,7 +62,7 @@ def means(geometry, mass=30.0):
         (PAIR, 21.4),
     ],
 )
-def test_numbers_of_prestero_come_out(got, published):
+def test_geometry_gives_the_numbers_of_prestero(got, published):
     assert got == pytest.approx(published, rel=0.02)
 
 
@@ -92,7 +92,7 @@ def test_numbers_of_prestero_come_out(got, published):
         (means(REMUS)["K_up"], -0.33),
     ],
 )
-def test_the_other_numbers_of_the_remus_come_out(got, computed):
+def test_geometry_gives_the_other_numbers_of_the_remus(got, computed):
     assert got == pytest.approx(computed, rel=0.02)
 
 
@@ -126,7 +126,7 @@ def test_factors_of_spheroids_lie_between_those_of_a_sphere_and_a_needle(slender
     assert 0.0 < factors.turn < factors.sway
 
 
-def test_a_hull_is_measured_right():
+def test_volume_and_areas_of_a_hull():
     """Half an ellipsoid, a cylinder, and the solid that a parabola sweeps."""
     hull = nose_cylinder_tail_hull(2.0, 0.2, 0.3, 0.6)
     disc = np.pi * 0.1**2
