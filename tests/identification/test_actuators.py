@@ -30,7 +30,7 @@ def run(simulated_with):
 
 
 def test_estimators_see_what_acted_in_the_simulation(experiment_with, simulated_with):
-    """Whatever fins stand beyond their commands, for which nobody allows here, adds to it."""
+    """Unmodelled offsets of the fins add to it."""
     overrides = *OWN, "manoeuvre.duration=20 s", "manoeuvre.fin_trim={rudder: 2 deg, elevator: -1 deg}"
     experiment, dataset = experiment_with(*overrides), simulated_with(*overrides)
     trim, plan = np.array([*np.deg2rad([2.0, -1.0]), 0.0, 0.0]), make_plan(experiment.manoeuvre)

@@ -156,7 +156,7 @@ def test_an_arm_may_walk(off_centre, with_settings):
     for symbol, value in zip(("dvl_x", "dvl_y", "dvl_z"), ARM, strict=True):
         row = found[symbol]
         assert abs(row.estimate - value) < 4.0 * row.standard_deviation, symbol
-        # Of the last instants alone, which 60 s of a constant would beat.
+        # Only the last instants count; a constant over 60 s would be more accurate.
         assert 1e-3 < row.standard_deviation < 0.01, symbol
 
 

@@ -75,7 +75,7 @@ def test_ignored_delays_make_the_estimate_inconsistent(late, prepared):
     rows = {row.state: row for row in sensor_error_results(seeing)}
     assert rows["delay_inputs"].observed
     assert rows["delay_dvl"].estimate == pytest.approx(STAMPED, abs=0.01)
-    # It is no fault any more that there may be one.
+    # An estimated delay is not a fault.
     assert {"delay of the inputs", "delay of the DVL"}.isdisjoint(str(test.fault) for test in seeing.faults)
 
 
@@ -91,7 +91,7 @@ def test_unknown_delay_widens_covariance(late, prepared, with_settings):
 
 
 def test_delays_of_raw_sensors_are_found_to_ten_milliseconds(simulated_with):
-    """Of an accelerometer off the origin and of a magnetometer of three axes, in place of an AHRS."""
+    """Delays of an accelerometer off the origin and of a three-axis magnetometer, without an AHRS."""
     late = {"accelerometer": 0.04, "magnetic_field": -0.03}
     dataset = simulated_with(
         "manoeuvre.duration=12 s",

@@ -142,7 +142,7 @@ NEVER = np.zeros((1, 4))
 
 
 def pushed_mass(vehicle, size, time_constant, measured):
-    """Its process, and a timeline on which every so many steps the surge is measured to 1 cm/s."""
+    """Return the process, and a timeline with the surge measured to 1 cm/s at regular steps."""
     force = {"standard_deviation": [size, 0.0, 0.0], "time_constant": time_constant}
     settings = Identification(
         coefficients=("K_p|p|",),
@@ -161,7 +161,7 @@ def pushed_mass(vehicle, size, time_constant, measured):
         *(STEP * (1 + np.arange(n)), steps, np.full(n, STEP), np.zeros(n, dtype=np.int64), NEVER),
         *(np.zeros(n, dtype=np.int64), steps // EVERY, np.zeros(len(measured), dtype=np.int8), measured[:, None]),
     )
-    # The rest stands still, so that nothing couples and all is linear.
+    # The other states are zero, so that the problem is linear.
     rows, std = layout.rows(("u", "disturbance_X")), np.full(len(layout.symbols), 1e-12)
     std[rows], density = layout.prior_std[rows], np.full(len(process.noise_density), 1e-12)
     density[np.array(rows) - 1] = process.noise_density[np.array(rows) - 1]
@@ -206,7 +206,7 @@ def test_filters_equal_the_textbook_kalman_filter(run, experiment_with, rng):
 
 
 def test_short_time_constant_becomes_white_noise(experiment_with, rng):
-    """Of the same density at low frequency; by how much they differ falls with the time constant."""
+    """Equal density at low frequency; the difference falls with the time constant."""
     measured, density, vehicle = 0.05 * rng.standard_normal(12), 5.0, experiment_with().vehicle
     white = pushed_mass(vehicle, 1e-6, 1.0, measured)
     driven = white[0].noise_density.copy()

@@ -57,7 +57,7 @@ def at(model, rng):
 
 
 def over_ground(motion):
-    """What a DVL measures of motions in that current."""
+    """Return the velocities that a DVL measures in that current."""
     return motion[:, :3] + [rotation_matrix(attitude).T @ [0.3, -0.2, 0.0] for attitude in motion[:, 6:9]]
 
 
@@ -105,7 +105,7 @@ def moved_on(model, at, duration):
 
 
 def test_late_accelerometer_measures_the_past(known, at, experiment_with):
-    """Of a trajectory: how the velocity of the place where it sits changes in the earth, less gravity, turned back."""
+    """The specific force along a trajectory is the acceleration in earth axes minus gravity, in body axes."""
     arm, step = np.array([0.4, -0.2, 0.1]), 2e-3
     model = FaultedVehicle(known, factors(experiment_with().vehicle.all_coefficients()), arm=arm)
     motions = [moved_on(model, at, k * step) for k in (-2, -1, 0, 1, 2)]
@@ -349,7 +349,7 @@ def late(data):
 
 
 def early_inputs(data):
-    """What they are recorded as acts later."""
+    """Return data whose recorded inputs act 20 ms later."""
     values = np.array([np.interp(data.inputs.time + 0.02, data.inputs.time, column) for column in data.inputs.values.T])
     return replace(data, inputs=replace(data.inputs, values=values.T.copy()))
 
@@ -360,7 +360,7 @@ def trimmed(data):
 
 
 def stated(data, symbol, by):
-    """With a vehicle file that states so much less than is true of a parameter."""
+    """Return data whose vehicle file understates a parameter by `by`."""
     vehicle = data.experiment.vehicle
     entry = VehicleEntry(value=vehicle.known_parameters()[symbol] - by)
     wrong = vehicle.model_copy(update={"parameters": vehicle.parameters.model_copy(update={symbol: entry})})
@@ -431,7 +431,7 @@ def test_advice_of_a_fault_removes_most_of_it(plant, name, obey, clean):
     assert BY_NAME[name].fault.remedy.startswith(said[name])
     faulty = plant(clean)
     fault = results_of(faulty)[name]
-    # Large ones are found to some percent only, for the test is linear.
+    # Large faults are found to some percent only, because the test is linear.
     assert abs(results_of(obey(faulty, fault.size))[name].z) < 0.1 * abs(fault.z)
 
 
@@ -568,7 +568,7 @@ def test_thrust_and_ballast_that_drift_and_are_estimated_as_constants_are_named(
     )
     assert abs(before.z) < LARGEST_FAULT < found.z
     assert abs(found.size - rate) < 3.0 * found.standard_deviation
-    # Of a buoyancy and a moment of trim the one looks like the other at one speed.
+    # At one speed buoyancy and trim moment are confounded.
     assert f"(identification.estimate.{bias}." in judge([drifting])["smoother"].remedy
 
 
@@ -593,7 +593,7 @@ def test_large_fin_moves_are_not_anticipation(along):
 
 
 def test_an_autopilot_that_steers_by_more_than_is_logged_is_named(simulated_with):
-    """Of a held depth and heading under pushes; the log has neither gyroscope nor the true pitch."""
+    """Depth and heading are held under disturbances; the log has neither gyroscope nor the true pitch."""
     pushes = "{moment: {standard_deviation: [0.005 N*m, 0.1 N*m, 0.1 N*m], time_constant: 3 s}}"
     dataset = simulated_with(
         "manoeuvre={type: lawnmower, duration: 120 s, speed: 1.5 m/s, leg: 40 s, turn_rate: 6 deg/s, "

@@ -38,7 +38,7 @@ def is_sound(estimate):
 
 
 def relative_errors(estimate, truth):
-    """Of each coefficient at the end."""
+    """Return the relative error of each coefficient at the end."""
     final = estimate.final_coefficients()
     return np.array([abs(final[symbol] / truth.coefficients[symbol] - 1.0) for symbol in SYMBOLS])
 
@@ -56,7 +56,7 @@ def long_run(simulated_with):
 
 
 def in_chunks_of(measurements):
-    """What stands in for `Timelines`, with chunks of another length."""
+    """Return a replacement of `Timelines` with another chunk length."""
     return lambda inputs, measuring, start, step: Timelines(inputs, measuring, start, step, measurements)
 
 

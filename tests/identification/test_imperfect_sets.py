@@ -80,7 +80,7 @@ def test_a_current_carries_the_vehicle_away(simulated_with):
 
 @pytest.mark.parametrize("missing", [("gyroscope",), ("gyroscope", "accelerometer", "magnetometer")])
 def test_without_a_gyroscope_and_without_roll_coefficients_are_found(with_depth, missing):
-    """What a compass, a pressure gauge and a DVL give."""
+    """Data of a compass, a pressure gauge and a DVL."""
     attitude = with_depth.sensors["attitude"]
     no_roll = attitude.values.copy()
     no_roll[:, 0] = np.nan

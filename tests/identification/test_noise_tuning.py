@@ -18,7 +18,7 @@ SLOW = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate
 
 @pytest.fixture(scope="module")
 def overstated(simulated_with):
-    """Some seconds with white noise, of which that of the DVL is stated twice as large as it is; no process noise."""
+    """Some seconds with white noise and without process noise; the stated noise of the DVL is twice the true one."""
     dataset = simulated_with("manoeuvre.duration=8 s", *SLOW, FEW)
     dvl = dataset.sensors["dvl"]
     return replace(
@@ -100,7 +100,7 @@ DISTURBED = (
 
 @pytest.fixture(scope="module")
 def tuned_disturbance(simulated_with):
-    """What pushes is stated too small in force, and in yaw where there is nothing; and to last for twice as long."""
+    """The stated disturbance has too small a force, a yaw moment that is not there, and twice the time constant."""
     pushes = (
         "manoeuvre.disturbance={force: {standard_deviation: 5 N, time_constant: 1 s}, "
         "moment: {standard_deviation: [0, 2, 0], time_constant: 1 s}}"
@@ -175,7 +175,7 @@ def test_no_disturbance_is_chosen_in_undisturbed_data(overstated):
 
 
 def test_time_constant_of_near_white_noise_is_uncertain(simulated_with):
-    """A force that is drawn anew at every tick of the inputs."""
+    """A force drawn independently at each input."""
     pushes = "manoeuvre.disturbance.force={standard_deviation: 100 N, time_constant: 1e-9 s}"
     asked = "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N, time_constant: 2 s}}}"
     prepared = prepare(simulated_with("manoeuvre.duration=8 s", *SLOW, FEW, pushes, f"identification.estimate={asked}"))

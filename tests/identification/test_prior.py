@@ -83,7 +83,7 @@ def test_prior_mean_and_deviation_follow_from_the_vehicle_file(experiment_with):
     # A zero is sure to no share of itself, and of what is not stated only the size tells.
     assert plain["N_r|r|"] == (0.0, 2.0 * natural["N_r|r|"])
     assert plain["M_uude"] == (0.0, 2.0 * natural["M_uude"])
-    # What the user says of shares stands above the file, of a coefficient above its group; a deviation above all.
+    # Order of precedence: deviation, share of a coefficient, share of its group, vehicle file.
     shared = priors(
         relative={"damping": "20 %", "Y_v|v|": 0.1, "N_uudr": "30 %"}, standard_deviation={"N_uudr": "1 kg/rad"}
     )
@@ -130,7 +130,7 @@ def test_prior_mean_and_deviation_follow_from_the_geometry(experiment_with):
     plain = priors()
     assert tuple(plain) == SYMBOLS
     assert all(prior == (derived[s].mean, derived[s].standard_deviation) for s, prior in plain.items())
-    # What the user says stands above the formulas.
+    # Settings take precedence over the formulas.
     own = priors(relative={"control": "10 %"}, standard_deviation={"X_u|u|": "2 kg/m"})
     assert own["N_uudr"] == pytest.approx((derived["N_uudr"].mean, 0.1 * abs(derived["N_uudr"].mean)))
     assert own["X_u|u|"] == (derived["X_u|u|"].mean, 2.0)

@@ -40,7 +40,7 @@ def with_outliers(clean):
 
 @pytest.fixture(scope="module", params=BATCH, ids=[name.value for name in BATCH])
 def estimates(request, clean, with_outliers, with_settings):
-    """Of one estimator: plain of clean data, robust of clean data, and robust of data with outliers."""
+    """Return estimates: plain with clean data, robust with clean data, robust with outliers."""
     robust = (with_settings(data, "identification.robust=huber") for data in (clean, with_outliers))
     return [identify(data, request.param) for data in (clean, *robust)]
 

@@ -33,7 +33,7 @@ def test_each_segment_has_its_own_measurements_and_no_others(short_run, with_set
 
 
 def test_two_segments_equal_two_runs_in_sequence(short_run, with_settings, kalman_filter):
-    """What the first says of the coefficients is the prior of the second: as if it were another dataset."""
+    """The coefficients of the first run are the prior of the second, as with another dataset."""
     both = identify(with_settings(short_run, TWO), kalman_filter)
     alone = identify(with_settings(short_run, "identification.use.spans=[[5, 25]]"), kalman_filter)
     assert status_of(both) == "completed"
@@ -43,7 +43,7 @@ def test_two_segments_equal_two_runs_in_sequence(short_run, with_settings, kalma
     n = alone.time.size
     assert np.array_equal(both.mean[:n], alone.mean)
     assert both.steps == both.time.size
-    # The coefficients go on where they were, the motion starts anew with the spread of the settings.
+    # The coefficients continue; the motion starts again with the deviation of the settings.
     u, drag = both.state.index("u"), both.state.index("X_u|u|")
     assert both.standard_deviation[n, drag] <= alone.standard_deviation[-1, drag] * (1 + 1e-9)
     assert both.mean[n, drag] == pytest.approx(alone.mean[-1, drag], abs=alone.standard_deviation[-1, drag])

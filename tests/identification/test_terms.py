@@ -35,7 +35,7 @@ def clean(simulated_with):
 
 @pytest.fixture(scope="module")
 def found(clean):
-    """What the judge finds of it."""
+    """Return the judgement of an estimate."""
     return identify(clean, FilterName.SMOOTHER)
 
 
@@ -66,7 +66,7 @@ def test_missing_own_term_is_named(clean, found):
     for symbol, true in TRUE.items():
         value, deviation = value_and_deviation(found, symbol)
         assert abs(value - true) < 3.0 * deviation
-    # What is in the model is no fault any more.
+    # A term of the model is not a fault.
     assert CROSS_FLOW not in {str(test.fault) for test in found.faults}
     lacking = identify(without_terms(clean, ROLLING), FilterName.SMOOTHER)
     judgement = judge_one(lacking, lacking)
