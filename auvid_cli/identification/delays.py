@@ -187,12 +187,8 @@ def _covariance(fit: _Fit, spread: float) -> Array:
 
 
 def _with_delays(prepared: PreparedData, names: Sequence[str], delays: Array) -> PreparedData:
-    experiment = prepared.experiment
     stated = dict(zip(names, (np.rint(delays / _RESOLUTION) * _RESOLUTION).tolist(), strict=True))
-    identification = experiment.identification.model_copy(
-        update={"delays": {**experiment.identification.delays, **stated}}
-    )
-    return prepared.with_settings(experiment.model_copy(update={"identification": identification}))
+    return prepared.with_identification(delays={**prepared.experiment.identification.delays, **stated})
 
 
 def _fit(prepared: PreparedData, symbols: Sequence[str]) -> _Fit | None:

@@ -98,9 +98,14 @@ class FaultedVehicle:
         self._constants = vehicle_constants(parameters, terms)
         self._arm, self._earth_field = np.array(arm), np.array(earth_field)
 
-    def rates(self, motion: Array, inputs: Array, ballast: Array) -> Array:
-        """Return the time derivative of motions, shape (n, 9)."""
-        return self._rates(motion, inputs, ballast, self._constants)
+    def rates(self, motion: Array, inputs: Array, ballast: Array, constants: Array | None = None) -> Array:
+        """Return the time derivative of motions, shape (n, 9); with the constants of another vehicle if given."""
+        rates = np.empty(motion.shape)
+        lanes = np.repeat(self._coefficients, LANES)
+        arrays = (np.ascontiguousarray(values) for values in (motion, inputs, ballast))
+        constants = self._constants if constants is None else constants
+        _fill_in_rates(*arrays, lanes, constants, rates, np.zeros(N_BLOCK + N_SLOPE))
+        return rates
 
     def at_accelerometer(self, rates: Array) -> Array:
         """Return the acceleration at the accelerometer due to rates of motion, shape (n, 3), m/s^2."""
@@ -118,7 +123,7 @@ class FaultedVehicle:
         """Return the change of the rates if known parameters increase by `steps`, shape (n, 9)."""
         changed = {s: self._parameters[s] + by for s, by in steps.items()}
         other = vehicle_constants({**self._parameters, **changed}, self._terms)
-        return self._rates(at.motion, at.inputs, at.ballast, other) - at.rates
+        return self.rates(at.motion, at.inputs, at.ballast, other) - at.rates
 
     def by_ballast(self, at: Motion, change: Array) -> Array:
         """Return the change of the rates if the ballast increases by `change`, shape (n, 9); it is linear."""
@@ -132,13 +137,6 @@ class FaultedVehicle:
         """Return the change of the rates due to a force, N, or moment, N m, in a row of X Y Z K M N, shape (n, 9)."""
         rates = np.zeros((len(force), N_MOTION))
         rates[:, :6] = force[:, None] * np.linalg.inv(mass_matrix(self._parameters))[:, row]
-        return rates
-
-    def _rates(self, motion: Array, inputs: Array, ballast: Array, constants: Array) -> Array:
-        rates = np.empty(motion.shape)
-        lanes = np.repeat(self._coefficients, LANES)
-        arrays = (np.ascontiguousarray(values) for values in (motion, inputs, ballast))
-        _fill_in_rates(*arrays, lanes, constants, rates, np.zeros(N_BLOCK + N_SLOPE))
         return rates
 
 

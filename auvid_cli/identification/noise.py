@@ -132,10 +132,8 @@ def choose_disturbance(
 
 def _with_estimate(prepared: PreparedData, **changes: object) -> PreparedData:
     """Return the data with changed settings in `identification.estimate`."""
-    experiment = prepared.experiment
-    estimate = experiment.identification.estimate.model_copy(update=changes)
-    identification = experiment.identification.model_copy(update={"estimate": estimate})
-    return prepared.with_settings(experiment.model_copy(update={"identification": identification}))
+    estimate = prepared.experiment.identification.estimate.model_copy(update=changes)
+    return prepared.with_identification(estimate=estimate)
 
 
 def _as_of_white_noise(experiment: RunSettings) -> EstimatedDisturbance:

@@ -216,6 +216,11 @@ class PreparedData:
         segments = (s._replace(dataset=replace(s.dataset, experiment=experiment)) for s in self.segments)
         return replace(self, dataset=replace(self.dataset, experiment=experiment), segments=tuple(segments))
 
+    def with_identification(self, **changes: object) -> "PreparedData":
+        """Return the data prepared for other settings below `identification`."""
+        identification = self.experiment.identification.model_copy(update=changes)
+        return self.with_settings(self.experiment.model_copy(update={"identification": identification}))
+
 
 def prepare(dataset: Dataset) -> PreparedData:
     """Choose sensors and segments by the settings, and merge the samples of each segment in time order.

@@ -353,14 +353,6 @@ def linearise_field(mean, constants, predicted, matrix):
             predicted[axis] += mean[bias]
 
 
-# Predicted measurement and its derivative. All other sensors measure states, plus additive errors.
-OBSERVED = {
-    "dvl": (measure_velocities, linearise_velocity),
-    "accelerometer": (measure_forces, linearise_force),
-    "magnetic_field": (measure_field, linearise_field),
-}
-
-
 @compiled(OBSERVATION_SIGNATURE, pointer=True)
 def observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
     """Predict the measurement of a nonlinear sensor for a block of states."""

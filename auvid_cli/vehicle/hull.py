@@ -55,11 +55,6 @@ class Hull(NamedTuple):
         return float(np.trapezoid(np.pi * self.radius**2 * self.station, self.station) / self.volume)
 
     @property
-    def plan_area(self) -> float:
-        """Return the lateral area, m^2."""
-        return float(np.trapezoid(2.0 * self.radius, self.station))
-
-    @property
     def wetted_area(self) -> float:
         """Return the wetted area without flat ends, m^2, by cone frustums between the stations."""
         slant = np.hypot(np.diff(self.station), np.diff(self.radius))
