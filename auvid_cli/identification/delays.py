@@ -1,6 +1,6 @@
 """Delays of inputs and sensors, estimated together with the coefficients by maximum likelihood.
 
-A delay shifts times, so that it cannot be a state of a filter. The score test of a late sensor or input gives the
+A delay shifts times and is therefore not a state of a filter. The score test of a late sensor or input gives the
 gradient and the information of the profile likelihood, with coefficients and motion at their optimum. Gauss-Newton
 steps, each with a new fit of the smoother, lead to the zero of the score.
 """

@@ -34,7 +34,7 @@ class DatasetInformation:
     scale : ndarray, shape (n,)
         SI value of one unit of each component in which the information is given.
     prior : Gaussian
-        Of the joint state of the segments, in the same units.
+        Prior of the joint state of the segments, in the same units.
     by_sensor : dict of Information
         From each sensor, about the joint state, see `auvid_cli.filters.segments`.
     total : Information

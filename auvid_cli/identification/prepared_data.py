@@ -22,7 +22,7 @@ Span = tuple[float, float]
 
 
 class FoundDelays(NamedTuple):
-    """Estimated delays, SI. They shift times, so that they cannot be states of a filter.
+    """Estimated delays, SI. They shift times and are therefore not states of a filter.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def used_spans(measuring: Mapping[str, SensorRecord], use: Use) -> list[Span]:
     Raises
     ------
     DataError
-        If no segment remains, or settings limit the speed and there is no DVL.
+        If no segment remains, or settings limit the speed without a DVL.
     """
     everything = (
         min(float(record.time[0]) for record in measuring.values()),
@@ -169,7 +169,7 @@ class Segment(NamedTuple):
     dataset : Dataset
         Samples of all sensors within the segment.
     timelines : Timelines
-        Of the sensors in use and the inputs that act.
+        Measurements of the sensors in use, and acting inputs.
     measured : dict of float
         First measurements of motion and depth by symbol, SI.
     """

@@ -30,7 +30,7 @@ def initial_gaussian(layout: StateLayout, parameters: Gaussian, measured: Mappin
     ----------
     layout : StateLayout
     parameters : Gaussian
-        Of coefficients and constant errors, in scaled units.
+        Prior of coefficients and constant errors, in scaled units.
     measured : mapping
         First measurements by symbol, SI; the velocity is that over ground.
 
@@ -77,7 +77,7 @@ class AugmentedProblem:
     segments : tuple of Segment
         In time order.
     prior : Gaussian
-        Of the joint state of the segments, see `auvid_cli.filters.segments`.
+        Prior of the joint state of the segments, see `auvid_cli.filters.segments`.
     """
 
     layout: StateLayout
@@ -117,7 +117,7 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
         If a sensor whose error is to be estimated is missing, the time constant of a disturbance is too short, an
         earlier estimate does not fit, or the prior is the truth of a simulation.
     FileError
-        If an earlier estimate cannot be read.
+        If the file of an earlier estimate is not readable.
     """
     experiment, measuring = prepared.experiment, prepared.measuring
     settings = experiment.identification

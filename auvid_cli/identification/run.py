@@ -86,7 +86,7 @@ class FilterRun:
         In scaled units: coefficients as multiples of their prior standard deviations.
     segments : sequence of iterable of Timeline
     prior : Gaussian
-        Of the joint state of the segments.
+        Prior of the joint state of the segments.
     scale : ndarray, shape (n,)
         SI value of one unit of each component of the state.
     measuring : dict of SensorRecord

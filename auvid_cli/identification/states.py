@@ -171,7 +171,7 @@ def earlier_gaussian(
     DataError
         If the estimate is of the same data or was not completed.
     FileError
-        If it cannot be read.
+        If it is not readable.
     """
     where, earlier = f"identification.prior.from_estimate: {path}", read_estimate(path)
     if not earlier.completed:
@@ -299,14 +299,14 @@ class StateLayout:
         return [self._rows[symbol] for symbol in symbols]
 
     def rows_of(self, name: str) -> slice:
-        """Return the rows of a block; empty if there is no block of that name."""
+        """Return the rows of a block; empty without a block of that name."""
         for block, begin, end in zip(self.blocks, self._ends, self._ends[1:], strict=False):
             if block.name == name:
                 return slice(begin, end)
         return slice(0, 0)
 
     def moving_rows_of(self, name: str) -> slice:
-        """Return the rows of a block, counted from the first moving state; empty if there is no such block."""
+        """Return the rows of a block, counted from the first moving state; empty without such a block."""
         rows, n_parameters = self.rows_of(name), self.n_parameters
         return slice(rows.start - n_parameters, rows.stop - n_parameters) if rows.stop else rows
 

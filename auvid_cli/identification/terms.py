@@ -79,7 +79,7 @@ class Model(NamedTuple):
     training : float
         Log marginal likelihood of the training data, up to a constant.
     whole : float
-        That of all data.
+        Log marginal likelihood of all data, up to the same constant.
     terms : dict of tuple of float
         Value and standard deviation of each estimated term beyond the 22, by symbol, SI, from all data.
     """
@@ -95,7 +95,7 @@ class Model(NamedTuple):
         return self.whole - self.training
 
     def gains(self, before: "Model") -> tuple[float, float]:
-        """Return the log-likelihood gains over another model, for the held-out data and for all data."""
+        """Return the log-likelihood gains over another model: held-out data, all data."""
         return self.held_out - before.held_out, self.whole - before.whole
 
 
@@ -282,7 +282,7 @@ class _CandidateScores(NamedTuple):
         return cls(candidates, scores, by_gain, shares, np.argsort(-by_gain).tolist())
 
     def leaders(self) -> list[int]:
-        """Return the best candidates that can be distinguished from each other."""
+        """Return the best candidates that are distinguishable from each other."""
         chosen = list[int]()
         for k in self.order:
             if len(chosen) == _N_FITS or self.gains[k] < _MIN_LINEAR_GAIN:

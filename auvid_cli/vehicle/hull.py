@@ -133,7 +133,7 @@ class TailFins(NamedTuple):
     span : float
         From root to tip, m.
     area : float
-        Of one fin, m^2.
+        Area of one fin, m^2.
     number : int
         At least three, evenly around the hull.
     tail : str
@@ -211,7 +211,7 @@ class Geometry(NamedTuple):
     appendages : tuple of Appendage
         Empty if unknown.
     density : float
-        Of the water, kg/m^3.
+        Density of the water, kg/m^3.
     """
 
     hull: Hull
