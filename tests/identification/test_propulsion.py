@@ -77,7 +77,7 @@ def test_manoeuvre_without_propulsion_inputs_is_refused(experiment_with):
     refusal = r"states no revolutions or voltage.*X_n\|n\|.*manoeuvre.propeller="
     with pytest.raises(ConfigError, match=refusal) as refused:
         experiment_with(TERMS)
-    assert "manoeuvres/spiral.yaml" in str(refused.value)
+    assert "manoeuvres/spiral_gentle.yaml" in str(refused.value)
     # A vehicle may be put in later.
     stated = experiment_with(TERMS, "manoeuvre.propeller={revolutions: 20 turn/s, voltage: 24 V}")
     with pytest.raises(ConfigError, match=refusal):
