@@ -1,4 +1,4 @@
-"""Angles that are known modulo a turn."""
+"""Angles modulo one turn."""
 
 from typing import Any, overload
 
@@ -11,5 +11,5 @@ def wrap(angle: float) -> float: ...
 @overload
 def wrap(angle: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def wrap(angle: Any) -> Any:
-    """Bring angles or differences of angles, rad, to [-pi, pi); compiled code compiles it for itself."""
+    """Return angles or differences of angles, rad, in [-pi, pi); also used in compiled code."""
     return angle - 2.0 * np.pi * np.floor(angle / (2.0 * np.pi) + 0.5)

@@ -13,12 +13,18 @@ from auvid_cli.config.extra_states import (
 )
 from auvid_cli.config.sensors import SensorSuite
 from auvid_cli.export.formats import FORMATS
+from auvid_cli.identification import sensors
 from auvid_cli.identification.faults import DELAY_FAULTS
-from auvid_cli.identification.observation import OBSERVED, linearise, observe
-from auvid_cli.identification.sensors import VELOCITY_ERRORS
 from auvid_cli.report.figures.style import FILTER_STYLES
 from auvid_cli.simulation.simulate import MEASUREMENT_MODELS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_SYMBOLS, SENSORS, state_of
+
+# Predicted measurement and its derivative. All other sensors measure states, plus additive errors.
+OBSERVED = {
+    "dvl": (sensors.measure_velocities, sensors.linearise_velocity),
+    "accelerometer": (sensors.measure_forces, sensors.linearise_force),
+    "magnetic_field": (sensors.measure_field, sensors.linearise_field),
+}
 
 
 def test_each_error_has_name_and_settings():
@@ -49,7 +55,7 @@ def test_each_nonlinear_sensor_has_compiled_code_that_is_called():
     nonlinear = {name for name, measured in SENSORS.items() if not {state_of(q) for q in measured} <= states}
     nonlinear |= {block.sensor for block in ERROR_BLOCKS if block.sensor is not None and not block.additive}
     assert nonlinear <= OBSERVED.keys()
-    called = {*observe.py_func.__code__.co_names, *linearise.py_func.__code__.co_names}
+    called = {*sensors.observe.py_func.__code__.co_names, *sensors.linearise.py_func.__code__.co_names}
     assert all(function.py_func.__name__ in called for both in OBSERVED.values() for function in both)
 
 
@@ -59,9 +65,9 @@ def test_additive_errors_belong_to_linear_sensors():
 
 def test_errors_of_motion_sensors_are_additive_or_of_the_velocity():
     readable = {q.symbol for q in MOTION_AND_DEPTH}
-    sensors = {name for name, measured in SENSORS.items() if {state_of(q) for q in measured} <= readable}
-    others = {q.symbol for b in ERROR_BLOCKS if b.sensor in sensors and not b.additive for q in b.quantities}
-    assert others <= {*VELOCITY_ERRORS}
+    names = {name for name, measured in SENSORS.items() if {state_of(q) for q in measured} <= readable}
+    others = {q.symbol for b in ERROR_BLOCKS if b.sensor in names and not b.additive for q in b.quantities}
+    assert others <= {*sensors.VELOCITY_ERRORS}
 
 
 def test_each_delay_is_a_fault():

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-import auvid_cli.identification.observation  # noqa: F401  compiled at import, not while the smoother runs
+import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while the smoother runs
 from auvid_cli.api.arguments import checked
 from auvid_cli.api.files import read_dataset
 from auvid_cli.api.output import Progress

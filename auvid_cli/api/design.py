@@ -12,7 +12,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-import auvid_cli.identification.observation  # noqa: F401  compiled at import, not while a design is searched for
+import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while a design is searched for
 from auvid_cli._version import __version__
 from auvid_cli.api.files import read_dataset, read_estimate
 from auvid_cli.api.output import Progress

@@ -7,7 +7,7 @@ from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
-import auvid_cli.identification.observation  # noqa: F401  compiled at import, not while a filter runs
+import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while a filter runs
 from auvid_cli.api.arguments import checked
 from auvid_cli.api.files import read_dataset, refuse_to_replace
 from auvid_cli.api.output import Advance, Progress
@@ -31,9 +31,8 @@ from auvid_cli.data.files import (
 from auvid_cli.data.results import other_estimates, put_copy, read_simulated, refuse_unless
 from auvid_cli.evaluation.judgement import Judgement, judge
 from auvid_cli.identification import run as filters
-from auvid_cli.identification.filter_run import FilterRun
 from auvid_cli.identification.prepared_data import PreparedData, prepare
-from auvid_cli.identification.run import resolve_settings, set_up_filters
+from auvid_cli.identification.run import FilterRun, resolve_settings, set_up_filters
 from auvid_cli.inspection.inspect import contradictions_of_unused
 
 

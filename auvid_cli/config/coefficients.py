@@ -12,9 +12,9 @@ from auvid_cli.config.units import check_amount, check_size, parse_quantity
 from auvid_cli.vehicle.coefficients import (
     COEFFICIENTS,
     EQUATION_ROWS,
-    MOST_FACTORS,
+    MAX_FACTORS,
+    RESERVED_NAMES,
     SIGNALS,
-    TAKEN,
     TERM_NAME,
     Coefficient,
     CoefficientGroup,
@@ -41,7 +41,7 @@ class Term(Settings):
         tuple[str, ...],
         Field(
             min_length=1,
-            max_length=MOST_FACTORS,
+            max_length=MAX_FACTORS,
             description=f"factors, each one of {', '.join(SIGNALS)}, or a modulus such as |v|",
         ),
     ]
@@ -125,7 +125,7 @@ def _parse_coefficient(value: Any, unit: str, key: str) -> float:
 
 def check_own_terms(terms: Sequence[Term]) -> None:
     """Raise ValidationError, at its name, for each term with the name or the factors of another coefficient."""
-    names, products = dict(TAKEN), {c.regressor: c for c in COEFFICIENTS}
+    names, products = dict(RESERVED_NAMES), {c.regressor: c for c in COEFFICIENTS}
     errors: list[InitErrorDetails] = []
     for index, term in enumerate(terms):
         coefficient, message = term.coefficient, ""

@@ -14,7 +14,7 @@ from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.process import N_PREDICTED, move_freely
-from auvid_cli.identification.sensors import VELOCITY_ERRORS, measured_velocity, velocity_behind
+from auvid_cli.identification.sensors import VELOCITY_ERRORS, measured_velocity, velocity_through_water
 from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet
@@ -83,7 +83,7 @@ def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
 def motion_behind(measurement: Array, errors: MeasurementErrors) -> Array:
     """Return the motion of which noiseless sensors would say this; inverts `measured_motion`."""
     motion = measurement - errors.offset[: measurement.shape[-1]]
-    motion[..., :3] = velocity_behind(motion, errors.dvl)
+    motion[..., :3] = velocity_through_water(motion, errors.dvl)
     return motion
 
 

@@ -1,9 +1,12 @@
-"""Rows and constants of the compiled model, and its coefficients."""
+"""Constants of the compiled model, and the coefficients that it makes of a state.
 
-from collections import Counter, namedtuple
-from collections.abc import Iterable
-from inspect import isfunction
-from types import ModuleType
+Order of the constants: those of the vehicle (`auvid_cli.vehicle.equations.vehicle_constants`), the 22 held values, one
+scale for each estimated coefficient, the table of the vehicle's own terms, the fastest rate of decay of a disturbance
+(0 if there is none), the rate of each axis, the known sensors (row and vector each), the rows of `ROW`, and the number
+of parameters.
+"""
+
+from collections import namedtuple
 from typing import NamedTuple
 
 import numpy as np
@@ -19,10 +22,7 @@ from auvid_cli.vehicle.parameters import DISTURBANCE, N_MOTION
 
 Array = NDArray[np.float64]
 _vector = types.float64[::1]
-# States that compiled code looks for by name, with where their rows stand among themselves: moving states beside the
-# motion, and errors that do not just add to a sensor. They stand at the end of the constants, behind the vehicle, the
-# 22 held values, one scale for each estimated coefficient, the vehicle's own terms, how what disturbs fades, and the
-# known sensors, and before the number of parameters.
+# States that compiled code looks up by name: moving states other than the motion, and errors that are not additive.
 _SYMBOLS = (
     *(state.quantity.symbol for state in FURTHER_STATES),
     *(
@@ -39,22 +39,21 @@ SCALE = N_CONSTANTS + N_COEFFICIENTS
 _NOWHERE = -1
 _N_ROWS = len(ROW)
 _N_KNOWN = 4
-# Blocks that the compiled process moves, or is made of, without being asked.
+# Blocks that compiled code handles without a name.
 _OF_EVERY_MODEL = "coefficients", "motion"
 N_ERRORS = len(NO_ERRORS)
 _indices = types.int64[::1]
 
 
 class KnownSensor(NamedTuple):
-    """A sensor of which compiled code knows a vector.
+    """A sensor with a constant vector.
 
     Attributes
     ----------
     sensor : int
-        Its row in `auvid_cli.filters.problem.Sensors`; negative if none is used.
+        Row in `auvid_cli.filters.problem.Sensors`; negative if it is not used.
     vector : tuple of float
-        Of an accelerometer where it sits, forward, starboard and down of the origin, m; of a magnetometer the field of
-        the earth, north, east and down, T.
+        Position of an accelerometer in body axes, m; for a magnetometer the field north, east and down, T.
     """
 
     sensor: int
@@ -65,40 +64,36 @@ NOT_USED = KnownSensor(_NOWHERE, (0.0, 0.0, 0.0))
 
 
 class KnownSensors(NamedTuple):
-    """The accelerometer and the magnetometer of three axes that are used."""
+    """The accelerometer and the magnetometer of three axes."""
 
     accelerometer: KnownSensor = NOT_USED
     magnetometer: KnownSensor = NOT_USED
 
 
 NONE_KNOWN = KnownSensors()
-
-
-# Which of them; a number and a vector each, and where the first begins, from the end of the constants.
 ACCELEROMETER, MAGNETOMETER = range(len(KnownSensors._fields))
-
-
+# Distances of the known sensors, the rates of decay and the fastest of these from the end of the constants.
 _SENSORS = 1 + _N_ROWS + _N_KNOWN * len(KnownSensors._fields)
-
-
-# Before them how fast what disturbs each axis fades, and before that the fastest, 0 if nothing does.
 _FADING = _SENSORS + len(DISTURBANCE)
-
-
 _FASTEST = _FADING + 1
 
 
 def model_constants(vehicle: Array, held: Array, layout: StateLayout, known: KnownSensors) -> Array:
-    """Lay out the constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`.
+    """Return the constants of an augmented model.
 
     Parameters
     ----------
     vehicle : ndarray
         From `vehicle_constants`.
     held : ndarray
-        SI, of each coefficient of the vehicle; of those that are estimated any number.
+        Value of each coefficient of the vehicle, SI; ignored for those that are estimated.
     layout : StateLayout
     known : KnownSensors
+
+    Raises
+    ------
+    TypeError
+        If the state has a component that no compiled code handles.
     """
     compiled_in = {
         quantity.symbol
@@ -107,7 +102,7 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout, known: Kno
         for quantity in block.quantities
     }
     if not compiled_in <= {*_SYMBOLS}:
-        raise TypeError(f"no compiled code knows of {', '.join(sorted(compiled_in - {*_SYMBOLS}))}")
+        raise TypeError(f"no compiled code handles {', '.join(sorted(compiled_in - {*_SYMBOLS}))}")
     rows = [row if (row := layout.row(symbol)) is not None else _NOWHERE for symbol in _SYMBOLS]
     scale = layout.scale[layout.rows_of("coefficients")]
     time_constants = {block.name: block.error.time_constant for block in layout.blocks if block.error is not None}
@@ -118,79 +113,57 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout, known: Kno
     return np.concatenate([model, [max(fading)], fading, sensors, rows, [layout.n_parameters]])
 
 
-def check_named(symbols: Iterable[str], modules: Iterable[ModuleType], by: int) -> None:
-    """Refuse states that fewer compiled functions of modules name than say what comes of one and the derivative by it.
-
-    Parameters
-    ----------
-    symbols : iterable of str
-    modules : iterable of module
-    by : int
-        As many functions of theirs.
-
-    Raises
-    ------
-    TypeError
-        If there are such.
-    """
-    members = [(module, getattr(value, "py_func", value)) for module in modules for value in vars(module).values()]
-    own = [f for module, f in members if isfunction(f) and f.__module__ == module.__name__]
-    named = Counter(name for function in own for name in {*function.__code__.co_names})
-    if missing := [symbol for symbol in symbols if named[symbol] < by]:
-        raise TypeError(f"no compiled code says what comes of {', '.join(missing)}, or the derivative by it")
-
-
 @compiled()
 def first_moving_row(constants):
-    """Return the row of the first moving state, behind all parameters; the motion begins there."""
+    """Return the row of the first moving state, u, after all parameters."""
     return int(constants[constants.size - 1])
 
 
 @compiled()
 def row_of(constants, which):
-    """Return the row of the state at which one of `ROW` stands; negative if nowhere."""
+    """Return the row in the state of one of `ROW`; negative if it is not in the state."""
     return int(constants[constants.size - 1 - _N_ROWS + which])
 
 
 @compiled()
 def known_sensor(constants, which):
-    """Return which sensor `ACCELEROMETER` or `MAGNETOMETER` is; negative if it is not used."""
+    """Return the number of the sensor `ACCELEROMETER` or `MAGNETOMETER`; negative if it is not used."""
     return int(constants[constants.size - _SENSORS + _N_KNOWN * which])
 
 
 @compiled()
 def known_vector(constants, which):
     """Return the vector of `ACCELEROMETER` or `MAGNETOMETER`, see `KnownSensor`."""
-    place = constants.size - _SENSORS + _N_KNOWN * which + 1
-    return constants[place], constants[place + 1], constants[place + 2]
+    begin = constants.size - _SENSORS + _N_KNOWN * which + 1
+    return constants[begin], constants[begin + 1], constants[begin + 2]
 
 
 @compiled()
 def depth_is_state(constants):
-    """Say whether it is."""
+    """Whether the depth is a state."""
     return row_of(constants, ROW.down) >= 0
 
 
 @compiled()
 def is_disturbed(constants):
-    """Say whether a disturbing force or moment is a state."""
+    """Whether a disturbing force or moment is a state."""
     return constants[constants.size - _FASTEST] > 0.0
 
 
 def place_of_fading_rate(constants: Array, axis: int) -> int:
-    """Return where the rate at which the disturbance of an axis fades stands among the constants."""
+    """Return the index of `fading_rate` among the constants."""
     return constants.size - _FADING + axis
 
 
 @compiled()
 def fading_rate(constants, axis):
-    """Return how fast the disturbing force or moment of an axis fades, 1/s; 0 if it is no state."""
+    """Return the inverse time constant of the disturbance of an axis, 1/s; 0 if it is not a state."""
     return constants[constants.size - _FADING + axis]
 
 
 @compiled()
 def value_of(constants, which, parameters, moving, k):
-    """Return one lane of one of `ROW`, parameter or moving state; 0 if it is no state."""
+    """Return the value in lane k of one of `ROW`, parameter or moving state; 0 if it is not in the state."""
     row, n_parameters = row_of(constants, which), first_moving_row(constants)
     if row < 0:
         return 0.0
@@ -199,14 +172,14 @@ def value_of(constants, which, parameters, moving, k):
 
 @compiled(inline=True)
 def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficients):
-    """Fill in the coefficients, estimated or held, the actuators' errors and the ballast of a block of states.
+    """Fill in the coefficients, estimated or held, actuator errors and ballast of a block of states.
 
     Parameters
     ----------
     moving, parameters : ndarray
-        Blocks of them.
+        Moving states and parameters, one lane for each state.
     constants, selection : ndarray
-        Of the process.
+        See `auvid_cli.filters.problem.Process`.
     n_lanes : int
     coefficients : ndarray, shape ((N_FACTORS + terms) * LANES,)
     """
@@ -243,7 +216,7 @@ def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficient
 
 @compiled()
 def fill_in_all(mean, constants, selection, coefficients):
-    """Do the same of one state: `coefficients` has shape (N_FACTORS + terms,)."""
+    """Fill in coefficients, actuator errors and ballast of one state, shape (N_FACTORS + terms,)."""
     for m in range(N_COEFFICIENTS):
         coefficients[m] = constants[HELD + m]
     for t in range(n_terms(constants)):
@@ -258,7 +231,7 @@ def fill_in_all(mean, constants, selection, coefficients):
 
 @compiled()
 def fill_in_row(sensitivity, constants, selection, row):
-    """Copy a derivative by the motion and all factors to a row of derivatives by the state; others stay."""
+    """Copy a derivative by the motion and all factors to a row of derivatives by the state; other columns are kept."""
     n_coefficients, n_parameters = selection.size, first_moving_row(constants)
     for j in range(n_coefficients):
         row[j] = sensitivity[N_MOTION + selection[j]] * constants[SCALE + j]

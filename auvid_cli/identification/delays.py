@@ -1,9 +1,8 @@
-"""Delays of inputs and sensors, as they make the data most probable with all else that is estimated.
+"""Delays of inputs and sensors, estimated together with the coefficients by maximum likelihood.
 
-A delay moves times, of which no filter can make a state. But the score test of a late sensor or input says how much
-later it is than stated, and with what information, coefficients and motion having taken up what they can. That is a
-Gauss-Newton step on the profile of the likelihood: the delay is stated anew, the smoother fits anew, until the score is
-none.
+A delay shifts times and is therefore not a state of a filter. The score test of a late sensor or input gives the
+gradient and the information of the profile likelihood, with coefficients and motion at their optimum. Gauss-Newton
+steps, each with a new fit of the smoother, lead to the zero of the score.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,24 +28,26 @@ from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_p
 
 Array = NDArray[np.float64]
 
-# Rudder and elevator are the first of the inputs.
-_FINS = 2
-# Steps at most, the share of its standard deviation that is no step any more, and how often one is halved that goes too
-# far: the cost may be so much higher, for the data have other ends.
-_ROUNDS, _SMALL, _HALVINGS, _HIGHER = 15, 0.1, 4, 1e-3
-# Times as far as the linear problem has it a step may go: far from the answer coefficients make up for a delay.
-_LONGEST = 3.0
-# s; in which delays are stated.
-_RESOLUTION = 1e-7
+# Rudder and elevator are the first inputs.
+_N_FINS = 2
+_MAX_STEPS = 15
+# Converged when the Newton step is below this share of the standard deviation.
+_TOLERANCE = 0.1
+_MAX_HALVINGS = 4
+# Allowed increase of the cost per event in a step, because shifted data begin and end elsewhere.
+_COST_TOLERANCE = 1e-3
+# Largest factor on a Newton step. Far from the optimum coefficients compensate for a delay, and Newton steps are short.
+_MAX_STEP_FACTOR = 3.0
+_RESOLUTION = 1e-7  # s, of delays in the settings
 
 
 class _Fit(NamedTuple):
-    """What the smoother makes of the data with some delays.
+    """Fit of the smoother with given delays.
 
     Attributes
     ----------
     cost : float
-        Twice the negative log-likelihood of the data, per event, but for a constant.
+        Twice the negative log-likelihood per event, up to a constant.
     scores : FaultScores
     scale : ndarray, shape (n_parameters,)
         SI value of one unit of each parameter.
@@ -58,22 +59,22 @@ class _Fit(NamedTuple):
 
 
 def estimate_delays(prepared: PreparedData) -> PreparedData:
-    """Find the delays that settings ask for, and return the data with settings that state them.
+    """Return the data with settings that state the estimated delays.
 
     Parameters
     ----------
     prepared : PreparedData
-        Settings may state delays to begin with, about which those that are sought are known by their `spread`.
+        Delays in the settings are prior means, with the standard deviation `identification.estimate.delay.spread`.
 
     Raises
     ------
     ConfigError, DataError
         As `augmented_problem`.
     DataError
-        If a sensor is missing, or no delay is found.
+        If a sensor is missing, or the delays do not converge.
     """
     settings = prepared.experiment.identification
-    names, symbols = _sought(prepared)
+    names, symbols = _estimated(prepared)
     if not names:
         return prepared
     spread = settings.estimate.delay.spread
@@ -83,23 +84,23 @@ def estimate_delays(prepared: PreparedData) -> PreparedData:
         return _fit(_with_delays(prepared, names, delays), symbols)
 
     of_inputs = unrecorded_time(prepared.dataset.inputs)
-    answer = _settled(fit, stated, spread, np.array([of_inputs if name == INPUTS_DELAY else 0.0 for name in names]))
-    if answer is None:
+    unrecorded = np.array([of_inputs if name == INPUTS_DELAY else 0.0 for name in names])
+    optimum = _gauss_newton(fit, stated, spread, unrecorded)
+    if optimum is None:
         raise DataError(
-            f"no delay of {', '.join(names)} explains these data best: join inputs by straight lines "
-            "(identification.inputs.between=linear), seek fewer (identification.estimate.delay.of; one of all together "
-            "nothing tells), look at signs and gaps (auvid inspect), or state it (identification.delays)"
+            f"the delay of {', '.join(names)} did not converge: interpolate inputs "
+            "(identification.inputs.between=linear), estimate fewer (identification.estimate.delay.of; a common delay "
+            "of all is not observable), check signs and gaps (auvid inspect), or state it (identification.delays)"
         )
-    delays, found = answer
-    settled = _with_delays(prepared, names, delays)
-    return replace(settled, delays=_found(prepared, delays, found))
+    delays, at_optimum = optimum
+    return replace(_with_delays(prepared, names, delays), delays=_found(prepared, delays, at_optimum))
 
 
 def delays_about(
     prepared: PreparedData, problem: AugmentedProblem, smoothing: LinearSmoothing, filtered: Filtered
 ) -> FoundDelays | None:
-    """Say how well data can tell the delays that settings ask for, about a trajectory; None if they ask for none."""
-    names, symbols = _sought(prepared)
+    """Return the delays with their covariance about a trajectory; None if settings estimate none."""
+    names, symbols = _estimated(prepared)
     if not names:
         return None
     scores = score_faults(smoothing, filtered, VehicleFaults(problem, symbols, tested=()))
@@ -107,26 +108,21 @@ def delays_about(
     return _found(prepared, np.array([prepared.experiment.identification.delays.get(name, 0.0) for name in names]), fit)
 
 
-def _sought(prepared: PreparedData) -> tuple[list[str], tuple[str, ...]]:
-    """Return the keys and the symbols of delays that settings ask for.
-
-    Raises
-    ------
-    DataError
-        If one is that of a sensor that is not there.
-    """
+def _estimated(prepared: PreparedData) -> tuple[list[str], tuple[str, ...]]:
+    """Return the keys and the symbols of the delays to estimate."""
     blocks = prepared.experiment.identification.estimate.blocks()
     symbols = tuple(block.name for block in blocks if block.is_delay)
     names = [name for name, delay in DELAYS.items() if delay.symbol in symbols]
     if missing := [name for name in names if name not in (INPUTS_DELAY, *prepared.measuring)]:
         raise DataError(
-            f"identification.estimate.delay.of has {missing[0]}, of which estimators hear nothing in these data"
+            f"identification.estimate.delay.of: {missing[0]} is not used with these data; expected "
+            f"{', '.join((INPUTS_DELAY, *prepared.measuring))}"
         )
     return names, symbols
 
 
 def _found(prepared: PreparedData, delays: Array, fit: _Fit) -> FoundDelays:
-    names, symbols = _sought(prepared)
+    names, symbols = _estimated(prepared)
     covariance = _covariance(fit, prepared.experiment.identification.estimate.delay.spread)
     if INPUTS_DELAY in names:
         place = names.index(INPUTS_DELAY)
@@ -135,94 +131,86 @@ def _found(prepared: PreparedData, delays: Array, fit: _Fit) -> FoundDelays:
 
 
 def unrecorded_time(inputs: InputRecord) -> float:
-    """Return how unsure the time is at which fins moved, for they may have done so at any time between two samples, s.
+    """Return the standard deviation of the time at which fins moved, s: they may move at any time between two samples.
 
-    A change is known to have come within an interval T, which is a standard deviation of ``T / sqrt(12)``; of many
-    changes the mean counts, as many as make up most of all the movement.
+    One change within an interval T has the standard deviation ``T / sqrt(12)``; for the mean of many it falls with the
+    effective number of changes, weighted by their squares.
     """
-    changes = np.square(np.diff(inputs.values[:, :_FINS], axis=0)).sum(axis=1)
+    changes = np.square(np.diff(inputs.values[:, :_N_FINS], axis=0)).sum(axis=1)
     if not changes.any():
         return 0.0
-    many = float(changes.sum()) ** 2 / float(np.square(changes).sum())
-    return float(np.median(np.diff(inputs.time))) / sqrt(12.0 * many)
+    effective_number = float(changes.sum()) ** 2 / float(np.square(changes).sum())
+    return float(np.median(np.diff(inputs.time))) / sqrt(12.0 * effective_number)
 
 
-def _settled(
+def _gauss_newton(
     fit: Callable[[Array], _Fit | None], stated: Array, spread: float, unrecorded: Array
 ) -> tuple[Array, _Fit] | None:
-    """Go to where nothing speaks for another delay, and what is known beforehand counts; None if nowhere is."""
-    delays, found = _start(fit, stated, spread)
-    newton_before, step = np.zeros(stated.size), np.zeros(stated.size)
-    for _ in range(_ROUNDS):
-        if found is None:
+    """Return the most probable delays and their fit; None without convergence."""
+    delays, current = _start(fit, stated, spread)
+    previous_newton, step = np.zeros(stated.size), np.zeros(stated.size)
+    for _ in range(_MAX_STEPS):
+        if current is None:
             return None
-        covariance = _covariance(found, spread)
-        newton = covariance @ (found.scores.score - (delays - stated) / spread**2)
-        if (np.abs(newton) <= _SMALL * np.hypot(unrecorded, np.sqrt(np.diagonal(covariance)))).all():
-            return delays, found
-        step = np.clip(newton * _lengthening(newton_before, newton, step), -spread, spread)
-        newton_before, ahead = newton, fit(delays + step)
-        for _ in range(_HALVINGS):
-            if ahead is not None and ahead.cost < found.cost + _HIGHER:
+        covariance = _covariance(current, spread)
+        newton = covariance @ (current.scores.score - (delays - stated) / spread**2)
+        if (np.abs(newton) <= _TOLERANCE * np.hypot(unrecorded, np.sqrt(np.diagonal(covariance)))).all():
+            return delays, current
+        # Secant: the last step divided by the decrease of the Newton step that it caused.
+        decrease = previous_newton - newton
+        factor = np.divide(step, decrease, out=np.ones(step.size), where=decrease != 0.0)
+        step = np.clip(newton * np.clip(factor, 1.0, _MAX_STEP_FACTOR), -spread, spread)
+        previous_newton, trial = newton, fit(delays + step)
+        for _ in range(_MAX_HALVINGS):
+            if trial is not None and trial.cost < current.cost + _COST_TOLERANCE:
                 break
             step = 0.5 * step
-            ahead = fit(delays + step)
-        delays, found = delays + step, ahead
+            trial = fit(delays + step)
+        delays, current = delays + step, trial
     return None
 
 
 def _start(fit: Callable[[Array], _Fit | None], stated: Array, spread: float) -> tuple[Array, _Fit | None]:
-    """Choose what the data are likeliest with of the stated delays and others that may well be, one after the other."""
-    best, found = stated, fit(stated)
+    """Return the most likely of the stated delays and those one `spread` away, one delay after the other."""
+    best, best_fit = stated, fit(stated)
     for row in np.eye(stated.size):
         for delays in (best - spread * row, best + spread * row):
             other = fit(delays)
-            if other is not None and (found is None or other.cost < found.cost):
-                best, found = delays, other
-    return best, found
+            if other is not None and (best_fit is None or other.cost < best_fit.cost):
+                best, best_fit = delays, other
+    return best, best_fit
 
 
-def _lengthening(newton_before: Array, newton: Array, step: Array) -> Array:
-    """Find how many times as far as the last two Newton steps, and what was gone between, let the next one go."""
-    nearer = newton_before - newton
-    secant = np.divide(step, nearer, out=np.ones(step.size), where=nearer != 0.0)
-    return np.asarray(np.clip(secant, 1.0, _LONGEST), dtype=np.float64)
-
-
-def _covariance(found: _Fit, spread: float) -> Array:
-    information = found.scores.information + np.eye(found.scores.score.size) / spread**2
+def _covariance(fit: _Fit, spread: float) -> Array:
+    information = fit.scores.information + np.eye(fit.scores.score.size) / spread**2
     return np.asarray(np.linalg.inv(information), dtype=np.float64)
 
 
 def _with_delays(prepared: PreparedData, names: Sequence[str], delays: Array) -> PreparedData:
-    experiment = prepared.experiment
     stated = dict(zip(names, (np.rint(delays / _RESOLUTION) * _RESOLUTION).tolist(), strict=True))
-    identification = experiment.identification.model_copy(
-        update={"delays": {**experiment.identification.delays, **stated}}
-    )
-    return prepared.with_settings(experiment.model_copy(update={"identification": identification}))
+    return prepared.with_identification(delays={**prepared.experiment.identification.delays, **stated})
 
 
 def _fit(prepared: PreparedData, symbols: Sequence[str]) -> _Fit | None:
-    """Fit all but the delays; None where nothing follows the data with these."""
+    """Run the smoother with the delays of the settings; None if no trajectory follows the data."""
     settings = prepared.experiment.identification
     max_passes, augmented = settings.smoother.max_passes, augmented_problem(prepared)
     problem = augmented.joint
     smoothing, faults = LinearSmoothing(problem), VehicleFaults(augmented, symbols, tested=())
-    answers = most_probable(problem, smoothing, max_passes)
-    if not answers:
+    optima = most_probable(problem, smoothing, max_passes)
+    if not optima:
         return None
-    (answer, _), score = answers[0], score_faults
+    (filtered, _), score = optima[0], score_faults
     if settings.is_marginal:
-        # What it is compiled from serves no other answer.
+        # Imported here because only the marginal estimate needs this compiled code.
         from auvid_cli.filters.marginal import marginal_answer, marginal_scores
 
-        found = marginal_answer(problem, smoothing, answer, max_passes)
-        if found is None:
+        marginal = marginal_answer(problem, smoothing, filtered, max_passes)
+        if marginal is None:
             return None
-        problem, answer, _ = found
+        problem, filtered, _ = marginal
         score = partial(marginal_scores, problem)
-    scores = score(smoothing, answer, faults)
-    events = sum(len(chunk) for segment in answer.trajectory.moving for chunk in segment)
-    cost = (answer.least + answer.log_determinant) / events
+    scores = score(smoothing, filtered, faults)
+    events = sum(len(chunk) for segment in filtered.trajectory.moving for chunk in segment)
+    cost = (filtered.least + filtered.log_determinant) / events
     return _Fit(cost, scores, augmented.layout.scale[: problem.n_parameters])

@@ -1,4 +1,9 @@
-"""Depth kinematics, and disturbances of force and moment as states."""
+"""Depth, and disturbing forces and moments as states: their steps and derivatives for one state or a block of them.
+
+A disturbance is a first-order Gauss-Markov process, ``tau_d_dot = -tau_d / T + noise``, that adds ``M^-1 tau_d`` to the
+acceleration. Strang splitting in each substep: half a push, motion and decay, half a push. The depth follows
+``down_dot = -u sin(theta) + (v sin(phi) + w cos(phi)) cos(theta)``, Sabet et al. 2018, eq. (2); trapezoidal rule.
+"""
 
 from typing import NamedTuple
 
@@ -17,16 +22,14 @@ _matrix = types.float64[:, ::1]
 Array = NDArray[np.float64]
 _N_AXES = len(DISTURBANCE)
 _ROWS = tuple(getattr(ROW, quantity.symbol) for quantity in DISTURBANCE)
-# Where the vectors end in the scratch that is handed over.
-_LEFT, _MOTION = _N_AXES, _N_AXES + N_MOTION
+# Ends of the vectors in the scratch.
+_REMAINING = _N_AXES
+_MOTION = _REMAINING + N_MOTION
 
 
 @compiled()
 def sink(moving, place, n_lanes, duration):
-    """Move the depth on at the present rate: a half step before and one after the motion are the trapezoidal rule.
-
-    The depth is the moving state at `place`.
-    """
+    """Advance the depth, the moving state `place`, with the present vertical velocity."""
     for k in range(n_lanes):
         sin_phi, cos_phi = sine_cosine(moving[6 * LANES + k])
         sin_theta, cos_theta = sine_cosine(moving[7 * LANES + k])
@@ -36,7 +39,7 @@ def sink(moving, place, n_lanes, duration):
 
 @compiled()
 def before_moving(sensitivity, sinking):
-    """Begin: the motion depends on itself alone, and the depth has not changed."""
+    """Set the sensitivity of the motion to the unit matrix, and that of the depth to zero."""
     for i in range(N_MOTION):
         for j in range(sensitivity.shape[1]):
             sensitivity[i, j] = 1.0 if i == j else 0.0
@@ -46,7 +49,7 @@ def before_moving(sensitivity, sinking):
 
 @compiled()
 def sink_rate(motion, sensitivity, duration, sinking):
-    """Add the derivative of the present vertical velocity, for so long, and in the last place the velocity itself."""
+    """Add the derivative of the vertical velocity times the duration, and in the last element the change of depth."""
     u, v, w = motion[0], motion[1], motion[2]
     sin_phi, cos_phi = sine_cosine(motion[6])
     sin_theta, cos_theta = sine_cosine(motion[7])
@@ -60,30 +63,30 @@ def sink_rate(motion, sensitivity, duration, sinking):
 
 
 class _Workspace(NamedTuple):
-    """What is known of the way of one state so far.
+    """Derivatives by the initial disturbances, accumulated over the substeps of one state.
 
     Attributes
     ----------
     by_force : ndarray, shape (9, N_COLUMNS + terms)
-        Derivative of the motion by the force or moment of each axis where the way began; the other columns are moved
-        along with them, and mean nothing.
+        Derivative of the motion by the initial force or moment of each axis. Columns after the first six are not used;
+        `transition_step` fills them.
     sinking : ndarray, shape (N_COLUMNS + terms + 1,)
-        The same of the depth.
-    left : ndarray, shape (6,)
-        How much is left of each.
+        Derivative of the depth, in the same columns.
+    remaining : ndarray, shape (6,)
+        Share of each initial force or moment that has not decayed.
     motion : ndarray, shape (9,)
-        Holds nothing from one use to the next.
+        Scratch.
     """
 
     by_force: Array
     sinking: Array
-    left: Array
+    remaining: Array
     motion: Array
 
 
 @compiled(types.int64(types.int64))
 def disturbance_work(terms):
-    """Return the length of that scratch."""
+    """Return the length of the scratch for disturbances."""
     return _MOTION + (N_MOTION + 1) * (N_COLUMNS + terms) + 1
 
 
@@ -94,28 +97,16 @@ def _workspace(scratch, terms):
     return _Workspace(
         by_force=scratch[_MOTION:by_force].reshape(N_MOTION, columns),
         sinking=scratch[by_force : by_force + columns + 1],
-        left=scratch[:_LEFT],
-        motion=scratch[_LEFT:_MOTION],
+        remaining=scratch[:_REMAINING],
+        motion=scratch[_REMAINING:_MOTION],
     )
 
 
 @compiled()
 def push(moving, row_length, constants, n_lanes, duration, velocity, velocity_row_length):
-    """Let what disturbs some states act for so long on their velocities and rates, or for 1 on these' derivatives.
+    """Add the effect of disturbances during a duration, s, to the first six rows of `velocity`, which may be `moving`.
 
-    Parameters
-    ----------
-    moving : ndarray
-        Rows of moving states, with a lane for each state.
-    row_length : int
-    constants : ndarray
-        Of the process.
-    n_lanes : int
-    duration : float
-        s.
-    velocity : ndarray
-        Rows of which the first six are changed; may be the same as `moving`.
-    velocity_row_length : int
+    With the duration 1 the accelerations are added to a derivative.
     """
     inverse, first = named_constants(constants).inverse, first_moving_row(constants)
     for axis in range(_N_AXES):
@@ -130,34 +121,34 @@ def push(moving, row_length, constants, n_lanes, duration, velocity, velocity_ro
 
 @compiled()
 def fade(moving, row_length, constants, n_lanes, duration):
-    """Let what disturbs some states fade for so long; arguments as of `disturbance`."""
+    """Let disturbances decay during a duration, s; parameters are those of `push`."""
     for axis in range(_N_AXES):
         row = row_of(constants, _ROWS[axis])
         if row >= 0:
             force = moving[(row - first_moving_row(constants)) * row_length :]
-            left = np.exp(-duration * fading_rate(constants, axis))
+            remaining = np.exp(-duration * fading_rate(constants, axis))
             for k in range(n_lanes):
-                force[k] *= left
+                force[k] *= remaining
 
 
 @compiled()
-def _push_derivative(constants, duration, left, by_force):
-    """Do to the derivative of the motion what `disturbance` does to the motion."""
+def _push_derivative(constants, duration, remaining, by_force):
+    """Differentiate `push` by the initial disturbances."""
     inverse = named_constants(constants).inverse
     for i in range(6):
         for axis in range(_N_AXES):
-            by_force[i, axis] += duration * inverse[6 * i + axis] * left[axis]
+            by_force[i, axis] += duration * inverse[6 * i + axis] * remaining[axis]
 
 
 @compiled()
-def _fade_derivative(constants, duration, left):
+def _fade_derivative(constants, duration, remaining):
     for axis in range(_N_AXES):
-        left[axis] *= np.exp(-duration * fading_rate(constants, axis))
+        remaining[axis] *= np.exp(-duration * fading_rate(constants, axis))
 
 
 @compiled()
 def undisturbed(constants, scratch):
-    """Begin the way of one state: all of the force is left, and nothing has come of it yet."""
+    """Reset the derivatives at the start of an interval."""
     work = _workspace(scratch, n_terms(constants))
     for i in range(N_MOTION):
         for j in range(work.by_force.shape[1]):
@@ -165,33 +156,23 @@ def undisturbed(constants, scratch):
     for j in range(work.sinking.size):
         work.sinking[j] = 0.0
     for axis in range(_N_AXES):
-        work.left[axis] = 1.0
+        work.remaining[axis] = 1.0
 
 
 @compiled()
 def begin_step(mean, coefficients, inputs, constants, duration, scratch, for_step):
-    """Move what the pushes so far came to over a substep, and push one state for the first half of it.
+    """Push one state for the first half of a substep, and propagate the derivatives by the disturbances through it.
 
-    The motion itself and its derivatives by all else are moved between this and `end_step`.
+    The motion and its other derivatives are propagated between this and `end_step`.
 
-    Parameters
-    ----------
-    mean : ndarray, shape (n,)
-    coefficients : ndarray, shape (N_FACTORS + terms,)
-    inputs, constants : ndarray
-        Of the process.
-    duration : float
-        Of the substep, s.
-    scratch : ndarray
-        Of `disturbance_work`; from the step before, or `undisturbed`.
-    for_step : ndarray
-        Of `transition_work`; overwritten.
+    `scratch`, of length `disturbance_work`, is that of the substep before, or from `undisturbed`; `for_step`, of length
+    `transition_work`, is overwritten.
     """
     work, moving = _workspace(scratch, n_terms(constants)), mean[first_moving_row(constants) :]
     if depth_is_state(constants):
         sink_rate(moving[:N_MOTION], work.by_force, 0.5 * duration, work.sinking)
     push(moving, 1, constants, 1, 0.5 * duration, moving, 1)
-    _push_derivative(constants, 0.5 * duration, work.left, work.by_force)
+    _push_derivative(constants, 0.5 * duration, work.remaining, work.by_force)
     for i in range(N_MOTION):
         work.motion[i] = moving[i]
     transition_step(work.motion, coefficients, inputs, constants, duration, work.by_force, for_step)
@@ -199,42 +180,42 @@ def begin_step(mean, coefficients, inputs, constants, duration, scratch, for_ste
 
 @compiled()
 def end_step(mean, constants, duration, scratch):
-    """Let the force fade, and push for the second half of the substep; arguments as of `begin_step`."""
+    """Let the disturbances decay, and push for the second half of the substep; parameters are those of `begin_step`."""
     work, moving = _workspace(scratch, n_terms(constants)), mean[first_moving_row(constants) :]
     fade(moving, 1, constants, 1, duration)
-    _fade_derivative(constants, duration, work.left)
+    _fade_derivative(constants, duration, work.remaining)
     push(moving, 1, constants, 1, 0.5 * duration, moving, 1)
-    _push_derivative(constants, 0.5 * duration, work.left, work.by_force)
+    _push_derivative(constants, 0.5 * duration, work.remaining, work.by_force)
     if depth_is_state(constants):
         sink_rate(moving[:N_MOTION], work.by_force, 0.5 * duration, work.sinking)
 
 
 @compiled()
 def derive_at_once(constants, duration, scratch):
-    """Find what comes of the forces to first order in the interval."""
+    """Set the derivatives by the disturbances to first order in the interval."""
     work = _workspace(scratch, n_terms(constants))
     undisturbed(constants, scratch)
-    _push_derivative(constants, duration, work.left, work.by_force)
-    _fade_derivative(constants, duration, work.left)
+    _push_derivative(constants, duration, work.remaining, work.by_force)
+    _fade_derivative(constants, duration, work.remaining)
 
 
 @compiled()
 def fill_in_forces(constants, scratch, matrix):
-    """Copy the derivatives by the forces to a transition matrix."""
+    """Copy the derivatives by the disturbances to a transition matrix."""
     work, first = _workspace(scratch, n_terms(constants)), first_moving_row(constants)
     for axis in range(_N_AXES):
         row = row_of(constants, _ROWS[axis])
         if row >= 0:
             for i in range(N_MOTION):
                 matrix[first + i, row] = work.by_force[i, axis]
-            matrix[row, row] = work.left[axis]
+            matrix[row, row] = work.remaining[axis]
             if depth_is_state(constants):
                 matrix[row_of(constants, ROW.down), row] = work.sinking[axis]
 
 
 @compiled()
 def fill_in_specific_force(constants, arm, component, gain, row):
-    """Copy the derivative of a component of the acceleration at a lever arm to a row of derivatives by the state."""
+    """Fill in the derivative of a component of the acceleration at a lever arm by the disturbances."""
     inverse = named_constants(constants).inverse
     j, k = (component + 1) % 3, (component + 2) % 3
     for axis in range(_N_AXES):

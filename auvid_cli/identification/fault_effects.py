@@ -1,4 +1,4 @@
-"""What the faults of a vehicle do to the data of an augmented problem, chunk by chunk along a trajectory."""
+"""Effects of faults on the data of a problem, and the score tests of these faults after a run of the smoother."""
 
 from collections.abc import Collection, Sequence
 
@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.extra_states import CURRENT, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
+from auvid_cli.data.estimate import EstimateHeader
+from auvid_cli.data.faults import Fault, FaultKind, FaultTest
 from auvid_cli.filters.fault_scores import FaultEffects
-from auvid_cli.filters.problem import Timeline
+from auvid_cli.filters.problem import AlternativeEstimate, FaultScores, FilterOutcome, Timeline
 from auvid_cli.filters.smoother_forward import Linearised
 from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, FaultedVehicle, FaultModel, Motion
 from auvid_cli.identification.problem_setup import AugmentedProblem
@@ -18,11 +20,11 @@ Array = NDArray[np.float64]
 
 _CURRENTS = tuple(quantity.symbol for quantity in CURRENT)
 _BALLAST = EXCESS_BUOYANCY.symbol, TRIM_MOMENT.symbol
-_NOWHERE = (0.0, 0.0, 0.0)
+_ORIGIN = (0.0, 0.0, 0.0)
 _THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
-# Share of the changes of an input that are not its largest: those, as by a plan, answer nothing.
-_SMALL = 0.98
 _FINS = tuple(INPUT_SYMBOLS.index(name) for name in ("rudder", "elevator"))
+# Quantile of the changes of an input that separates small changes, which may be reactions, from planned ones.
+_SMALL_QUANTILE = 0.98
 
 
 class VehicleFaults:
@@ -31,17 +33,17 @@ class VehicleFaults:
     Parameters
     ----------
     problem : AugmentedProblem
-    sought : collection of str
-        Symbols of delays that are estimated beside the filter: they come last.
+    delays : collection of str
+        Symbols of estimated delays; these faults come last.
     tested : sequence of FaultModel
-        Those to test for, as far as no state stands for them.
+        Faults to test; those that a state represents are left out.
     """
 
     def __init__(
-        self, problem: AugmentedProblem, sought: Collection[str] = (), tested: Sequence[FaultModel] = FAULTS
+        self, problem: AugmentedProblem, delays: Collection[str] = (), tested: Sequence[FaultModel] = FAULTS
     ) -> None:
         self._problem = problem
-        present, modelled = ("", *problem.measuring), (*problem.layout.symbols, *sought)
+        present, modelled = ("", *problem.measuring), (*problem.layout.symbols, *delays)
         self._motion_rows = problem.layout.moving_rows_of("motion")
         constant = problem.layout.symbols[: problem.layout.n_parameters]
         modelled_terms = {c.regressor for c in problem.coefficients if c.symbol in modelled}
@@ -50,13 +52,13 @@ class VehicleFaults:
             for fault in tested
             if fault.sensor in present
             and (fault.state in constant if fault.is_drift else fault.state not in modelled)
-            and (not fault.answers or fault.answers in modelled)
+            and (not fault.reacts_to or fault.reacts_to in modelled)
             and fault.regressor not in modelled_terms
         )
-        self._faults = *others, *(DELAY_FAULTS[symbol] for symbol in sought)
+        self._faults = *others, *(DELAY_FAULTS[symbol] for symbol in delays)
 
         rates = np.concatenate([segment.timelines.input_rate for segment in problem.segments])
-        self._largest_small_rate = np.quantile(np.abs(rates), _SMALL, axis=0)
+        self._largest_small_rate = np.quantile(np.abs(rates), _SMALL_QUANTILE, axis=0)
 
     @property
     def labels(self) -> tuple[FaultModel, ...]:
@@ -64,9 +66,9 @@ class VehicleFaults:
         return self._faults
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
-        """Say what they do to a chunk of a segment, along a trajectory."""
-        vehicle, found = self._problem.coefficients, self._problem.held | self._identified(about.parameters)
-        coefficients = factors(found, of_vehicle=vehicle)
+        """Return the effects of the faults on a chunk of a segment, along a trajectory."""
+        vehicle = self._problem.coefficients
+        coefficients = factors(self._problem.held | self._identified(about.parameters), of_vehicle=vehicle)
         model = FaultedVehicle(self._problem.known, coefficients, vehicle.terms, *self._mounted())
         rate = self._problem.segments[segment].timelines.input_rate
         small = np.where(np.abs(rate) <= self._largest_small_rate, rate, 0.0)
@@ -76,63 +78,118 @@ class VehicleFaults:
             np.column_stack([self._along(symbol, about.parameters, states) for symbol in symbols])
             for symbols in (_CURRENTS, _BALLAST)
         )
-        # What the thrust is more than stated acts like more of it, and a trim like a fin that is over.
+        # Acting inputs, from estimated errors of thrust and fins: gain times recorded input, plus trim.
         shape = len(states), timeline.inputs.shape[1]
         gain, trim = np.ones(shape), np.zeros(shape)
         gain[:, _THRUST_INPUT] += self._along(THRUST_SCALE.symbol, about.parameters, states)
         for fin, state in zip(_FINS, FIN_TRIMS, strict=True):
             trim[:, fin] = self._along(state.symbol, about.parameters, states)
 
-        def under(place: NDArray[np.int64], given: NDArray[np.int64]) -> Motion:
-            inputs = gain[place] * timeline.inputs[given] + trim[place]
-            rates = model.rates(motion[place], inputs, ballast[place])
-            turned = gain[place] * rate[given], gain[place] * small[given]
-            return Motion(motion[place], inputs, *turned, rates, current[place], ballast[place], times[place])
+        def motion_at(row: NDArray[np.int64], input_row: NDArray[np.int64]) -> Motion:
+            inputs = gain[row] * timeline.inputs[input_row] + trim[row]
+            rates = model.rates(motion[row], inputs, ballast[row])
+            input_rates = gain[row] * rate[input_row], gain[row] * small[input_row]
+            return Motion(motion[row], inputs, *input_rates, rates, current[row], ballast[row], times[row])
 
-        # Over a substep the motion is taken for that at the event before: faults are small, and substeps short.
-        n_substeps, held = np.diff(timeline.substep_offset), timeline.substep_input
-        on_the_way = under(np.repeat(np.arange(timeline.time.size), n_substeps), held)
-        led, duration = n_substeps > 0, timeline.substep_duration[:, None]
-        first = timeline.substep_offset[:-1][led]
+        # Over a substep the motion is approximated by that at the event before: faults are small, and substeps short.
+        n_substeps, substep_input = np.diff(timeline.substep_offset), timeline.substep_input
+        in_substeps = motion_at(np.repeat(np.arange(timeline.time.size), n_substeps), substep_input)
+        has_substeps, duration = n_substeps > 0, timeline.substep_duration[:, None]
+        first = timeline.substep_offset[:-1][has_substeps]
         event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
         last = timeline.event_input.copy()
-        last[led] = held[timeline.substep_offset[1:][led] - 1]
+        last[has_substeps] = substep_input[timeline.substep_offset[1:][has_substeps] - 1]
         measured = {
             sensor: np.flatnonzero(timeline.measurement_sensor == number)
             for number, sensor in enumerate(self._problem.measuring)
         }
-        # An accelerometer depends on the inputs that hold from then on.
+        # An accelerometer depends on the inputs that hold from this event on.
         inputs = {sensor: timeline.event_input if sensor == "accelerometer" else last for sensor in measured}
         at_measurements = {
-            sensor: under(1 + event[rows], inputs[sensor][event[rows]])
+            sensor: motion_at(1 + event[rows], inputs[sensor][event[rows]])
             for sensor, rows in measured.items()
             if any(fault.sensor == sensor for fault in self._faults)
         }
-        pushed, added = (np.zeros((*a.shape, len(self._faults))) for a in (about.moving, timeline.measurement))
+        on_motion, on_measurements = (
+            np.zeros((*a.shape, len(self._faults))) for a in (about.moving, timeline.measurement)
+        )
         for f, fault in enumerate(self._faults):
             if fault.sensor:
-                added[measured[fault.sensor], :3, f] = fault.effect(model, at_measurements[fault.sensor])
+                on_measurements[measured[fault.sensor], :3, f] = fault.effect(model, at_measurements[fault.sensor])
                 continue
-            pushed[led, self._motion_rows, f] = np.add.reduceat(fault.effect(model, on_the_way) * duration, first)
+            effect = fault.effect(model, in_substeps) * duration
+            on_motion[has_substeps, self._motion_rows, f] = np.add.reduceat(effect, first)
             if "accelerometer" in at_measurements:
-                # What changes the motion is measured besides.
-                pull = fault.effect(model, at_measurements["accelerometer"])
-                added[measured["accelerometer"], :3, f] = model.at_accelerometer(pull)
-        return FaultEffects(pushed, added)
+                # A fault that accelerates the vehicle is measured too.
+                acceleration = model.at_accelerometer(fault.effect(model, at_measurements["accelerometer"]))
+                on_measurements[measured["accelerometer"], :3, f] = acceleration
+        return FaultEffects(on_motion, on_measurements)
 
     def _mounted(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Return where the accelerometer sits, and the field of the earth; none where nothing measures it."""
+        """Return the position of the accelerometer, m, and the earth's field, T; zeros without such a sensor."""
         force, field = (self._problem.measuring.get(name) for name in ("accelerometer", "magnetic_field"))
-        return _NOWHERE if force is None else force.position, _NOWHERE if field is None else field.earth_field
+        return _ORIGIN if force is None else force.position, _ORIGIN if field is None else field.earth_field
 
     def _identified(self, parameters: Array) -> dict[str, float]:
-        """Return parameters by symbol, SI, as filters see them."""
+        """Return scaled parameters by symbol, SI."""
         layout, n = self._problem.layout, parameters.size
         return dict(zip(layout.symbols[:n], (parameters * layout.scale[:n]).tolist(), strict=True))
 
     def _along(self, symbol: str, parameters: Array, states: Array) -> Array:
-        """Return an error at each of some moving states, constant or walking; 0 where it is not estimated."""
+        """Return a constant or walking error at each state; zero if it is not estimated."""
         row, n = self._problem.layout.row(symbol), parameters.size
         if row is None:
             return np.zeros(len(states))
         return states[:, row - n] if row >= n else np.full(len(states), parameters[row])
+
+
+def fault_tests(outcome: FilterOutcome, header: EstimateHeader, scale: Array) -> tuple[FaultTest, ...]:
+    """Return the test of each fault with an effect on the data, and of each alternative estimate.
+
+    Parameters
+    ----------
+    outcome : FilterOutcome
+        In scaled units.
+    header : EstimateHeader
+    scale : ndarray, shape (n,)
+        SI value of one unit of each component of the state.
+    """
+    deviation = np.sqrt(np.diagonal(outcome.covariance))
+    tests = [] if outcome.faults is None else _score_tests(outcome.faults, header, deviation)
+    alternatives = (_test_of_alternative(other, header, deviation, scale) for other in outcome.others)
+    # The difference from a segment that alone has all the information has no variance.
+    return *tests, *(test for test in alternatives if np.isfinite(test.standard_deviation))
+
+
+def _score_tests(faults: FaultScores, header: EstimateHeader, deviation: Array) -> list[FaultTest]:
+    coefficients, spread = header.coefficient_rows, header.experiment.identification.estimate.delay.spread
+    delays = [model for model in faults.labels if model.fault.kind in (FaultKind.INPUT_DELAY, FaultKind.SENSOR_DELAY)]
+    faults = faults.conditional_on({model: spread for model in delays if model.state in header.state})
+    # A fin that anticipates looks like delayed inputs, so it is tested conditional on their delay.
+    without_delay = faults.conditional_on({model: spread for model in delays if not model.sensor})
+    tests = []
+    for model in faults.labels:
+        scores = without_delay if model.reacts_to else faults
+        f = scores.labels.index(model)
+        # A fault without effect on the data is not tested.
+        if scores.information[f, f] > 0.0:
+            shift = np.abs(scores.effect[coefficients, f]) / deviation[coefficients]
+            sigma, worst = float(scores.information[f, f] ** -0.5), int(shift.argmax())
+            size = float(scores.score[f]) * sigma**2
+            symbol = header.state[coefficients[worst]]
+            tests.append(FaultTest(model.fault, model.unit, size, sigma, symbol, float(shift[worst]) * sigma))
+    return tests
+
+
+def _test_of_alternative(
+    other: AlternativeEstimate, header: EstimateHeader, deviation: Array, scale: Array
+) -> FaultTest:
+    """Test the coefficient that differs most."""
+    worst = max(header.coefficient_rows, key=lambda row: abs(other.difference[row]) / other.deviation[row])
+    size, sigma = (float(values[worst] * scale[worst]) for values in (other.difference, other.deviation))
+    moved = float(other.moved[worst] / deviation[worst])
+    if other.begin is None:
+        fault = Fault(FaultKind.ANOTHER_MINIMUM, f"{other.cost_increase:.3g}")
+    else:
+        fault = Fault(FaultKind.SEGMENT, f"{other.begin:g}")
+    return FaultTest(fault, header.unit[worst], size, sigma, header.state[worst], moved)

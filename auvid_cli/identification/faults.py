@@ -1,4 +1,4 @@
-"""Faults that the smoother is tested for, and the vehicle with such a fault."""
+"""Models of faults for the score tests of the smoother, and the vehicle that they disturb."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -20,26 +20,27 @@ Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _ROLL_MOMENT = INPUT_SYMBOLS.index("roll_moment")
-# s; step of the difference quotient of the specific force.
-_SHORT = 1e-4
+_DIFFERENCE_STEP = 1e-4  # s, of the central difference of the specific force
 
 
 class Motion(NamedTuple):
-    """States of a vehicle under inputs.
+    """States of a vehicle and its inputs at n times, SI.
 
     Attributes
     ----------
     motion : ndarray, shape (n, 9)
-    inputs, input_rate, small_rate : ndarray, shape (n, 4)
-        And how fast they change, per second; and that without their largest changes.
+    inputs : ndarray, shape (n, 4)
+    input_rate : ndarray, shape (n, 4)
+        Time derivative of the inputs.
+    small_rate : ndarray, shape (n, 4)
+        The same, zero where the change is large.
     rates : ndarray, shape (n, 9)
-        How fast the states change.
+        Time derivative of the motion.
     current : ndarray, shape (n, 2)
-        North and east, in which the vehicle moves, as far as it is estimated.
+        North and east; zero if it is not estimated.
     ballast : ndarray, shape (n, 2)
-        See `Ballast`, as far as it is estimated.
+        See `Ballast`; zero if it is not estimated.
     time : ndarray, shape (n,)
-        s, of each.
     """
 
     motion: Array
@@ -53,7 +54,7 @@ class Motion(NamedTuple):
 
     @property
     def drift(self) -> Array:
-        """Return the current in the axes of the vehicle, shape (n, 3)."""
+        """Return the current in body axes, shape (n, 3)."""
         return current_in_body_axes(self.motion[:, 6:9], *self.current.T)
 
     @property
@@ -63,25 +64,25 @@ class Motion(NamedTuple):
 
     @property
     def over_ground_rate(self) -> Array:
-        """Return how fast that changes, shape (n, 3): seen from a vehicle that turns, a steady current turns back."""
+        """Return its time derivative, shape (n, 3), with a current that is constant in earth axes."""
         return self.rates[:, :3] - np.cross(self.motion[:, 3:6], self.drift)
 
 
 class FaultedVehicle:
-    """A vehicle with its coefficients, as faults disturb it.
+    """A vehicle with its coefficients, and its response to faults.
 
     Parameters
     ----------
     parameters : mapping
-        Known ones by symbol, SI.
+        Known parameters by symbol, SI.
     coefficients : ndarray, shape (N_FACTORS + terms,)
         From `auvid_cli.vehicle.equations.factors`.
     terms : sequence of Coefficient
-        Those of the vehicle's own.
+        The vehicle's own terms.
     arm : sequence of float
-        Where the accelerometer sits, m; see `auvid_cli.data.dataset.SensorRecord`, as of the next.
+        Position of the accelerometer in body axes, m.
     earth_field : sequence of float
-        T.
+        Magnetic field north, east, down, T.
     """
 
     def __init__(
@@ -96,53 +97,51 @@ class FaultedVehicle:
         self._constants = vehicle_constants(parameters, terms)
         self._arm, self._earth_field = np.array(arm), np.array(earth_field)
 
-    def rates(self, motion: Array, inputs: Array, ballast: Array) -> Array:
-        """Return how fast motions change, shape (n, 9)."""
-        return self._rates(motion, inputs, ballast, self._constants)
+    def rates(self, motion: Array, inputs: Array, ballast: Array, constants: Array | None = None) -> Array:
+        """Return the time derivative of motions, shape (n, 9); with the constants of another vehicle if given."""
+        rates = np.empty(motion.shape)
+        lanes = np.repeat(self._coefficients, LANES)
+        arrays = (np.ascontiguousarray(values) for values in (motion, inputs, ballast))
+        constants = self._constants if constants is None else constants
+        _fill_in_rates(*arrays, lanes, constants, rates, np.zeros(N_BLOCK + N_SLOPE))
+        return rates
 
     def at_accelerometer(self, rates: Array) -> Array:
-        """Return the part of rates of motion that it feels where it sits, shape (n, 3), m/s^2."""
+        """Return the acceleration at the accelerometer due to rates of motion, shape (n, 3), m/s^2."""
         return np.asarray(rates[:, :3] + np.cross(rates[:, 3:6], self._arm), dtype=np.float64)
 
     def specific_force(self, motion: Array, inputs: Array, ballast: Array) -> Array:
-        """Return what an accelerometer measures, shape (n, 3), m/s^2."""
+        """Return the specific force at the accelerometer, shape (n, 3), m/s^2."""
         return specific_force(motion, self.rates(motion, inputs, ballast), self._arm)
 
     def magnetic_field(self, motion: Array) -> Array:
-        """Return what a magnetometer measures along three axes, shape (n, 3), T."""
+        """Return the magnetic field in body axes, shape (n, 3), T."""
         return earth_to_body(motion[:, 6:9], np.tile(self._earth_field, (len(motion), 1)))
 
     def by_parameter(self, at: Motion, **steps: float) -> Array:
-        """Return by how much more they change if known parameters are so much greater."""
+        """Return the change of the rates if known parameters increase by `steps`, shape (n, 9)."""
         changed = {s: self._parameters[s] + by for s, by in steps.items()}
         other = vehicle_constants({**self._parameters, **changed}, self._terms)
-        return self._rates(at.motion, at.inputs, at.ballast, other) - at.rates
+        return self.rates(at.motion, at.inputs, at.ballast, other) - at.rates
 
     def by_ballast(self, at: Motion, change: Array) -> Array:
-        """Return by how much more they change if the ballast is so much greater; the rates are linear in it."""
+        """Return the change of the rates if the ballast increases by `change`, shape (n, 9); it is linear."""
         return self.rates(at.motion, at.inputs, at.ballast + change) - at.rates
 
     def by_inputs(self, at: Motion, change: Array) -> Array:
-        """Return by how much more they change if the inputs are so much greater; the rates are linear in them."""
+        """Return the change of the rates if the inputs increase by `change`, shape (n, 9); it is linear."""
         return self.rates(at.motion, at.inputs + change, at.ballast) - at.rates
 
     def by_force(self, at: Motion, row: int, force: Array) -> Array:
-        """Return by how much more they change under a force, N, or moment, N m: the row-th of X Y Z K M N."""
+        """Return the change of the rates due to a force, N, or moment, N m, in a row of X Y Z K M N, shape (n, 9)."""
         rates = np.zeros((len(force), N_MOTION))
         rates[:, :6] = force[:, None] * np.linalg.inv(mass_matrix(self._parameters))[:, row]
-        return rates
-
-    def _rates(self, motion: Array, inputs: Array, ballast: Array, constants: Array) -> Array:
-        rates = np.empty(motion.shape)
-        lanes = np.repeat(self._coefficients, LANES)
-        each = (np.ascontiguousarray(values) for values in (motion, inputs, ballast))
-        _fill_in_rates(*each, lanes, constants, rates, np.zeros(N_BLOCK + N_SLOPE))
         return rates
 
 
 @compiled(types.void(_matrix, _matrix, _matrix, _vector, _vector, _matrix, _vector))
 def _fill_in_rates(motion, inputs, ballast, coefficient_block, constants, rates, work):
-    """Fill in how fast motions change, one by one."""
+    """Fill in the time derivative of each motion."""
     block, derivative = work[:N_BLOCK], work[N_BLOCK:]
     for k in range(motion.shape[0]):
         for i in range(N_MOTION):
@@ -175,10 +174,10 @@ class FaultModel(NamedTuple):
     regressor : Regressor or None
         Regressor of a missing term.
     is_drift : bool
-        Whether it is the drift of its state: tested where that is one constant.
-    answers : str
-        Symbol of the disturbance to which a fin reacts before any sensor shows it: tested where that is estimated, in
-        addition to a delay of the inputs.
+        Whether it is a drift of `state`; tested only if `state` is estimated as a constant.
+    reacts_to : str
+        Symbol of the disturbance to which a fin reacts before a sensor shows it; tested only if that is estimated,
+        conditional on a delay of the inputs.
     """
 
     fault: Fault
@@ -188,7 +187,7 @@ class FaultModel(NamedTuple):
     effect: Effect
     regressor: Regressor | None = None
     is_drift: bool = False
-    answers: str = ""
+    reacts_to: str = ""
 
 
 def _constant(component: int) -> Effect:
@@ -202,8 +201,8 @@ def _lever(axis: int) -> Effect:
 def _force_at(axis: int) -> Effect:
     def effect(model: FaultedVehicle, at: Motion) -> Array:
         arm, turning = np.eye(3)[axis], at.motion[:, 3:6]
-        carried = np.cross(turning, np.cross(turning, arm))
-        return np.asarray(np.cross(at.rates[:, 3:6], arm) + carried, dtype=np.float64)
+        centripetal = np.cross(turning, np.cross(turning, arm))
+        return np.asarray(np.cross(at.rates[:, 3:6], arm) + centripetal, dtype=np.float64)
 
     return effect
 
@@ -212,12 +211,12 @@ def _current(axis: int) -> Effect:
     return lambda model, at: at._replace(current=np.tile(np.eye(2)[axis], (len(at.motion), 1))).drift
 
 
-def _offset(given: int) -> Effect:
-    return lambda model, at: model.by_inputs(at, np.eye(at.inputs.shape[1])[given])
+def _offset(column: int) -> Effect:
+    return lambda model, at: model.by_inputs(at, np.eye(at.inputs.shape[1])[column])
 
 
-def _scaled(given: int) -> Effect:
-    return lambda model, at: model.by_inputs(at, at.inputs * np.eye(at.inputs.shape[1])[given])
+def _scaled(column: int) -> Effect:
+    return lambda model, at: model.by_inputs(at, at.inputs * np.eye(at.inputs.shape[1])[column])
 
 
 def _ballast(part: int) -> Effect:
@@ -227,22 +226,22 @@ def _ballast(part: int) -> Effect:
 def _late_force(model: FaultedVehicle, at: Motion) -> Array:
     before, after = (
         model.specific_force(at.motion + by * at.rates, at.inputs + by * at.input_rate, at.ballast)
-        for by in (-_SHORT, _SHORT)
+        for by in (-_DIFFERENCE_STEP, _DIFFERENCE_STEP)
     )
-    return (before - after) / (2.0 * _SHORT)
+    return (before - after) / (2.0 * _DIFFERENCE_STEP)
 
 
 def _late_field(model: FaultedVehicle, at: Motion) -> Array:
-    # In a vehicle that turns what stands still in the earth turns back.
+    # The field is constant in earth axes, and rotates in body axes.
     return np.asarray(np.cross(at.motion[:, 3:6], model.magnetic_field(at.motion)), dtype=np.float64)
 
 
 def missing_term(term: Coefficient) -> FaultModel:
-    """Return the fault that the model lacks a term of velocities and fins."""
+    """Return the fault that the model lacks a term."""
 
     def effect(model: FaultedVehicle, at: Motion) -> Array:
-        given = np.delete(at.inputs, _ROLL_MOMENT, axis=1)
-        signals: dict[str, Array] = dict(zip(SIGNALS, (*at.motion[:, :6].T, *given.T), strict=False))
+        inputs = np.delete(at.inputs, _ROLL_MOMENT, axis=1)
+        signals: dict[str, Array] = dict(zip(SIGNALS, (*at.motion[:, :6].T, *inputs.T), strict=False))
         pairs = zip(term.signals, term.moduli, strict=True)
         values = [np.abs(signals[signal]) if modulus else signals[signal] for signal, modulus in pairs]
         return model.by_force(at, term.row, np.asarray(np.prod(values, axis=0), dtype=np.float64))
@@ -255,22 +254,22 @@ def _delay(sensor: str, effect: Effect) -> FaultModel:
     return FaultModel(Fault(FaultKind.SENSOR_DELAY, component), "s", DELAYS[sensor].symbol, sensor, effect)
 
 
-def _anticipating(fin: str, given: int, turning: int, pushed: str) -> FaultModel:
+def _anticipating(fin: str, column: int, rate: int, moment: str) -> FaultModel:
     """Return the fault that a fin reacts to disturbances before a sensor shows them: the rate follows its small moves.
 
-    The effectiveness of the fin is not used, because its sign is uncertain where all its moves are small.
+    The effectiveness of the fin is not used, because its sign is uncertain if all moves are small.
     """
 
     def effect(model: FaultedVehicle, at: Motion) -> Array:
         rates = np.zeros(at.motion.shape)
-        rates[:, turning] = at.small_rate[:, given]
+        rates[:, rate] = at.small_rate[:, column]
         return rates
 
-    return FaultModel(Fault(FaultKind.ANTICIPATING_FIN, fin), "1/s", "", "", effect, answers=f"disturbance_{pushed}")
+    return FaultModel(Fault(FaultKind.ANTICIPATING_FIN, fin), "1/s", "", "", effect, reacts_to=f"disturbance_{moment}")
 
 
 def _drift(kind: FaultKind, of: FaultModel) -> FaultModel:
-    """Return the fault that a state drifts that is estimated as a constant."""
+    """Return the drift of a state that is estimated as a constant."""
     return of._replace(
         fault=Fault(kind, of.fault.component),
         unit=f"{of.unit}/s",
@@ -293,12 +292,8 @@ def _biases(kind: FaultKind, sensor: str) -> Iterator[FaultModel]:
 
 
 _CURRENT = tuple(_components(FaultKind.CURRENT, "north east", "m/s", "current_{}", "dvl", _current))
-
-
 _FIN_TRIM = tuple(_components(FaultKind.FIN_TRIM, "rudder elevator", "rad", "{}_trim", "", _offset))
-
-
-# As constants these look like other faults or like coefficients: only the drift of an estimated one is tested.
+# As constants these are confounded with other faults or with coefficients, so that only a drift is tested.
 _ONLY_DRIFT = tuple(
     (kind, FaultModel(Fault(kind), unit, state, "", effect))
     for kind, unit, state, effect in (
@@ -336,7 +331,7 @@ FAULTS: tuple[FaultModel, ...] = (
     FaultModel(Fault(FaultKind.THRUST_OFFSET), "N", "", "", _offset(2)),
     FaultModel(Fault(FaultKind.MASS), "kg", "", "", lambda model, at: model.by_parameter(at, m=1.0)),
     FaultModel(Fault(FaultKind.BUOYANCY), "N", "excess_buoyancy", "", lambda model, at: model.by_parameter(at, B=1.0)),
-    # A moment of trim is a part of its effect: where that moment is estimated, the rest is still tested.
+    # Not represented by the state `trim_moment`, which is only part of the effect.
     FaultModel(
         Fault(FaultKind.CENTRE_OF_GRAVITY), "m", "", "", lambda model, at: model.by_parameter(at, xG=1e-3) / 1e-3
     ),
@@ -346,8 +341,8 @@ FAULTS: tuple[FaultModel, ...] = (
 )
 
 
-# Delays that settings can estimate. Those of an angle, a depth, or a sensor that an AHRS reads are not tested unasked,
-# because the autocorrelated errors of an AHRS look like them.
+# Delays that settings can estimate. Those beyond `FAULTS` are tested only on request: autocorrelated errors of an AHRS
+# look like a delay.
 DELAY_FAULTS: dict[str, FaultModel] = {fault.state: fault for fault in FAULTS if fault.unit == "s"} | {
     fault.state: fault
     for fault in (

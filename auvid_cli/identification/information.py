@@ -1,4 +1,4 @@
-"""Fisher information of a dataset about coefficients and initial motions, and the bound of Cramer and Rao."""
+"""Fisher information of a dataset about coefficients and initial motions, and the Cramer-Rao bound."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,35 +17,32 @@ from auvid_cli.identification.timeline import CHUNK
 
 Array = NDArray[np.float64]
 
-# In how many steps a run is gone through, at least: to see the bound fall, and how far it can be found at all.
-_STAGES = 12
-# A bound that grows by more than this with more data is rounding.
-_ROUNDED = 1.05
+# Least number of stages of a segment at which the bound is computed.
+_MIN_STAGES = 12
+# A bound that grows with more data by more than this factor is dominated by rounding.
+_ROUNDING_FACTOR = 1.05
 
 
 @dataclass(frozen=True)
 class DatasetInformation:
-    """What the measurements of a dataset say of the coefficients and the motion at the start of each segment, jointly.
+    """Fisher information of a dataset about the coefficients and the initial motion of each segment.
 
     Attributes
     ----------
     state : tuple of str
-        Symbols: the estimated coefficients, then the nine motion states at the first event of a segment.
+        Symbols: the parameters, then the moving states at the first event of a segment.
     scale : ndarray, shape (n,)
-        SI value of one unit of each in which the information is given: of a coefficient its prior standard deviation,
-        of a motion state one.
+        SI value of one unit of each component in which the information is given.
     prior : Gaussian
-        That a filter would start from, in the same units, about the joint state of the segments.
+        Prior of the joint state of the segments, in the same units.
     by_sensor : dict of Information
-        Of each sensor that measures motion, about the joint state, see `auvid_cli.filters.segments`.
+        From each sensor, about the joint state, see `auvid_cli.filters.segments`.
     total : Information
-        Of all sensors.
+        From all sensors.
     growing : tuple of (float, Information)
-        Of all of them together after so many seconds of data, about the state of the segment that these reach; the
-        whole last.
+        Duration of the data so far, s, and information from all sensors about the state of the current segment.
     lost_after : float or None
-        s: what is said holds for so much of the data, because after it the sensitivities of a motion that is unstable
-        in open loop differ by more than doubles can hold.
+        Duration of the data in use, s, if sensitivities of an unstable motion exceed double precision after it.
     """
 
     state: tuple[str, ...]
@@ -57,18 +54,18 @@ class DatasetInformation:
     lost_after: float | None
 
     def bound(self, sensor: str | None = None) -> dict[str, float]:
-        """Return the least standard deviation of an estimate without bias, SI, from all sensors or from one of them.
+        """Return the Cramer-Rao bound on standard deviations by symbol, SI, from all sensors or one.
 
-        Infinite for what the measurements do not tell from the rest.
+        It is infinite for a component that is not observable.
         """
         return self._deviations(self.total if sensor is None else self.by_sensor[sensor])
 
     def bound_with_prior(self) -> dict[str, float]:
-        """Return the same from all sensors and the prior together, on all of the state."""
+        """Return the bound from all sensors and the prior together by symbol, SI."""
         return self._deviations(self.total.join(Information.of_gaussian(self.prior, self.prior.mean)))
 
     def _deviations(self, information: Information) -> dict[str, float]:
-        """Return the bound on the coefficients and on the first motion."""
+        """Return the bound on the parameters and on the moving states of the first segment."""
         first = np.eye(self.scale.size, information.projected.size)
         deviation = self.scale * information.uncertainty().deviation(first)
         return dict(zip(self.state, deviation.tolist(), strict=True))
@@ -80,25 +77,23 @@ def information_at(
     motions: Sequence[Array] | None = None,
     along: Callable[[Array], Array] | None = None,
 ) -> DatasetInformation:
-    """Find the Fisher information at some coefficients, for white measurement noise and no process noise.
+    """Return the Fisher information at given coefficients, for white measurement noise and no process noise.
 
     Parameters
     ----------
     prepared : PreparedData
-        Its settings say what is estimated, and at which values the others are held.
     coefficients : mapping
-        SI, by symbol; all that are estimated, others are not looked at.
+        Values of all estimated coefficients by symbol, SI.
     motions : sequence of ndarray, shape (9,), optional
-        At the instant at which each segment starts, see `PreparedData`, SI; as measured
-        by then if they are left out.
+        Initial motion of each segment, SI; by default as measured.
     along : callable, optional
-        From times to the motion that the coefficients lead to, shape (n, 9), SI, about which each step is linearised;
-        without it about the motion left to itself, which one that is unstable leaves by rounding.
+        Function from times to motions, shape (n, 9), SI, about which each step is linearised. By default about the free
+        motion, from which an unstable vehicle departs by rounding.
 
     Raises
     ------
     DataError
-        If the model blows up with these coefficients.
+        If the motion diverges with these coefficients.
     """
     problem = augmented_problem(prepared)
     start, n = _start(problem, coefficients, motions), len(problem.layout.symbols)
@@ -118,14 +113,14 @@ def information_at(
         by_sensor = dict.fromkeys(problem.measuring, Information.none(n))
         least[n_parameters:] = np.inf
         for time, longer in _stages(problem, segment, start[place], path):
-            known = _together(longer).join(before)
-            deviation = known.uncertainty().deviation(np.eye(n))
-            # More data cannot say less: if it seems so, rounding has the last word.
-            if (deviation > _ROUNDED * least).any():
+            information = _together(longer).join(before)
+            deviation = information.uncertainty().deviation(np.eye(n))
+            # The bound cannot grow with more data, except by rounding.
+            if (deviation > _ROUNDING_FACTOR * least).any():
                 lost_after = growing[-1][0]
                 break
             by_sensor, least = longer, deviation
-            growing.append((elapsed + time - segment.timelines.span[0], known))
+            growing.append((elapsed + time - segment.timelines.span[0], information))
         by_segment.append(by_sensor)
         if lost_after is not None:
             break
@@ -145,9 +140,9 @@ def information_at(
 def _stages(
     problem: AugmentedProblem, segment: Segment, start: Array, path: Callable[[Array], Array]
 ) -> Iterator[tuple[float, dict[str, Information]]]:
-    """Yield what each sensor says of the state of a segment until later and later, s, as the motion goes on."""
-    busiest = max(record.time.size for record in problem.measuring.values())
-    timelines = segment.timelines.in_chunks_of(min(CHUNK, busiest // _STAGES + 1))
+    """Yield times, s, and the information from each sensor about the state of a segment up to these."""
+    most_samples = max(record.time.size for record in problem.measuring.values())
+    timelines = segment.timelines.in_chunks_of(min(CHUNK, most_samples // _MIN_STAGES + 1))
     by_sensor = dict.fromkeys(problem.measuring, Information.none(start.size))
     for response in responses(problem.process, problem.sensors, timelines, start, path):
         time, measured_by = response.timeline.time, response.timeline.measurement_sensor
@@ -165,7 +160,7 @@ def _together(by_sensor: Mapping[str, Information]) -> Information:
 
 
 def _start(problem: AugmentedProblem, coefficients: Mapping[str, float], motions: Sequence[Array] | None) -> Array:
-    """Return the joint state in scaled units; what is not given is as the prior has it."""
+    """Return the joint state in scaled units, with the prior mean of components that are not given."""
     start = problem.prior.mean.copy()
     rows = problem.layout.rows_of("coefficients")
     start[rows] = [coefficients[symbol] for symbol in problem.layout.symbols[rows]] / problem.layout.scale[rows]

@@ -1,4 +1,4 @@
-"""Process and measurement noise of a dataset, as its innovations make it most likely."""
+"""Noise levels of a dataset, estimated by maximum likelihood of the innovations."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -30,17 +30,17 @@ from auvid_cli.vehicle.parameters import DISTURBANCE
 
 SettingsClass = TypeVar("SettingsClass", bound=Settings)
 
-# Times the shortest time constant that settings may state, so that one that is rounded may be stated.
-_NOT_SHORTER = 1.01
+# Factor on the shortest time constant that settings accept, so that a rounded estimate is accepted too.
+_MARGIN = 1.01
 
 
 class AdjustableNoise(NamedTuple):
-    """Noise that may be tuned.
+    """Noise level that may be tuned.
 
     Attributes
     ----------
     path : tuple of str
-        Of its setting, within those of the identification; of one of a list its number at the end.
+        Keys of the setting below `identification`; for an element of a list its index at the end.
     unit : str
     stated : float
     group : NoiseGroup
@@ -58,25 +58,24 @@ def tune_noise(
     on_evaluation: Callable[[], None] = lambda: None,
     with_time_constants: bool = False,
 ) -> Tuning:
-    """Find the noise that makes the innovations of a smoother's filter most likely; no truth is looked at.
+    """Return the most likely noise levels; the truth of a simulation is not used.
 
     Parameters
     ----------
     prepared : PreparedData
     with_sensors : bool
-        Whether the standard deviations of the sensors are found along, and not as they are stated.
+        Whether to tune the standard deviations of the sensors too.
     on_evaluation : callable
-        Called before each pass through the data; what it raises ends the search.
+        Called before each pass through the data. An exception from it ends the search.
     with_time_constants : bool
-        Whether it is found how long a disturbance lasts, and not as it is stated: more than a log with few sensors
-        tells.
+        Whether to tune the time constants of disturbances too. A log with few sensors does not determine them.
 
     Raises
     ------
     ConfigError, DataError
         As `augmented_problem`.
     DataError
-        If the data cannot be followed with the noise that is stated.
+        If no trajectory follows the data with the stated noise.
     """
     experiment, settings = prepared.experiment, prepared.experiment.identification
     augmented = augmented_problem(prepared)
@@ -88,8 +87,8 @@ def tune_noise(
     )
     if likeliest is None:
         raise DataError(
-            "no trajectory follows these data with the noise that is stated: raise identification.process_noise to "
-            "begin with, and look at signs and units (auvid inspect)"
+            "no trajectory follows these data with the stated noise: start from a larger "
+            "identification.process_noise, and check signs and units (auvid inspect)"
         )
     factors = zip(noises, likeliest.factor.tolist(), likeliest.low.tolist(), likeliest.high.tolist(), strict=True)
     tuned = [
@@ -102,7 +101,7 @@ def tune_noise(
         experiment = _changed(experiment, ("identification", *noise.path), float(f"{row.worth_stating:.3g}"))
     experiment = _changed(experiment, ("identification", "noise"), "stated")
     if settings.smoother.answer == "automatic":
-        # Process noise that data ask for is there, and biases the joint answer.
+        # With process noise the joint estimate of coefficients and trajectory is biased.
         experiment = _changed(experiment, ("identification", "smoother", "answer"), "marginal")
     return Tuning(tuple(tuned), likeliest.log_likelihood, likeliest.gain, likeliest.converged, experiment)
 
@@ -110,10 +109,10 @@ def tune_noise(
 def choose_disturbance(
     prepared: PreparedData, with_sensors: bool = False, on_evaluation: Callable[[], None] = lambda: None
 ) -> Tuning:
-    """Tune without a disturbance, then with one that lasts as long as data say, and keep it if that pays.
+    """Tune without and with a disturbance as a state, and return the better one by the Bayesian information criterion.
 
-    Parameters are those of `tune_noise`, and so is what is raised. The disturbance is that of the settings, whether or
-    not they ask for it; where they state no size, one of each axis, as white process noise has it.
+    The disturbance is that of the settings, even if it is not among their `biases`; without a size there, one for each
+    axis that is equivalent to the white process noise. Parameters and errors are those of `tune_noise`.
     """
     asked = prepared.experiment.identification
     others = tuple(bias for bias in asked.estimate.biases if bias != BiasName.DISTURBANCE)
@@ -137,20 +136,18 @@ def choose_disturbance(
 
 
 def _with_estimate(prepared: PreparedData, **changes: object) -> PreparedData:
-    """Return the data with other blocks of states to be estimated."""
-    experiment = prepared.experiment
-    estimate = experiment.identification.estimate.model_copy(update=changes)
-    identification = experiment.identification.model_copy(update={"estimate": estimate})
-    return prepared.with_settings(experiment.model_copy(update={"identification": identification}))
+    """Return the data with changed settings in `identification.estimate`."""
+    estimate = prepared.experiment.identification.estimate.model_copy(update=changes)
+    return prepared.with_identification(estimate=estimate)
 
 
 def _as_of_white_noise(experiment: RunSettings) -> EstimatedDisturbance:
-    """Return a disturbance that does in the long run what white process noise does."""
+    """Return a disturbance with the same power spectral density at low frequencies as the white process noise."""
     noise, force, moment = experiment.identification.process_noise, DisturbingForce(), DisturbingMoment()
     inertia = np.diagonal(mass_matrix(experiment.vehicle.known_parameters()))
     of_force, of_moment = (
-        np.array(three(density)) * own / np.sqrt(2.0 * np.array(three(of.time_constant)))
-        for density, own, of in ((noise.velocity, inertia[:3], force), (noise.rate, inertia[3:], moment))
+        np.array(three(density)) * masses / np.sqrt(2.0 * np.array(three(of.time_constant)))
+        for density, masses, of in ((noise.velocity, inertia[:3], force), (noise.rate, inertia[3:], moment))
     )
     return EstimatedDisturbance(
         force=force.model_copy(update={"standard_deviation": tuple(of_force.tolist())}),
@@ -161,7 +158,7 @@ def _as_of_white_noise(experiment: RunSettings) -> EstimatedDisturbance:
 def process_noises(
     augmented: AugmentedProblem, settings: Identification, with_time_constants: bool = False
 ) -> Iterator[AdjustableNoise]:
-    """Yield what drives moving states and, if asked, how long what disturbs them lasts, by the settings they have."""
+    """Yield the noise that drives moving states and, if asked, the time constants of disturbances."""
     layout, noise = augmented.layout, settings.process_noise
 
     def adjustable(path: tuple[str, ...], of: Settings, rows: slice) -> AdjustableNoise:
@@ -189,7 +186,7 @@ def process_noises(
 def _disturbances(
     augmented: AugmentedProblem, settings: Identification, with_time_constants: bool
 ) -> Iterator[AdjustableNoise]:
-    """Yield how large what disturbs the motion is and how long it lasts, of all three axes or of those of a list."""
+    """Yield standard deviations and time constants of disturbances, common to three axes or one for each."""
     layout, constants = augmented.layout, augmented.process.constants
     shortest = STEPS_PER_TIME_CONSTANT * max(settings.integration_step, shortest_interval(augmented.measuring))
     place = {
@@ -201,10 +198,10 @@ def _disturbances(
         of, path = getattr(settings.estimate.disturbance, name), ("estimate", "disturbance", name)
         rows = [_rows(layout.moving_rows_of(quantity.symbol)) for quantity in quantities]
         yield from _per_axis((*path, "standard_deviation"), of, rows)
-        for lasts in _per_axis((*path, "time_constant"), of, rows) if with_time_constants else ():
-            rates = tuple(place[row] for row in lasts.group.moving)
-            least = min(log(_NOT_SHORTER * shortest / lasts.stated), 0.0)
-            yield lasts._replace(group=lasts.group._replace(rates=rates, least=least))
+        for constant in _per_axis((*path, "time_constant"), of, rows) if with_time_constants else ():
+            rates = tuple(place[row] for row in constant.group.moving)
+            least = min(log(_MARGIN * shortest / constant.stated), 0.0)
+            yield constant._replace(group=constant.group._replace(rates=rates, least=least))
 
 
 def _rows(rows: slice) -> tuple[int, ...]:
@@ -212,16 +209,16 @@ def _rows(rows: slice) -> tuple[int, ...]:
 
 
 def _per_axis(path: tuple[str, ...], of: Settings, rows: Sequence[tuple[int, ...]]) -> Iterator[AdjustableNoise]:
-    """Yield noise along three axes, each of which drives some moving states: one for all, or those of a list."""
+    """Yield noise along three axes, one level for all or one for each; `rows` are the moving states of each axis."""
     sizes: tuple[float, ...] = getattr(of, path[-1])
-    each = [((), sum(rows, ()))] if len(sizes) == 1 else [((str(axis),), own) for axis, own in enumerate(rows)]
-    for size, (place, moving) in zip(sizes, each, strict=True):
+    axes = [((), sum(rows, ()))] if len(sizes) == 1 else [((str(axis),), own) for axis, own in enumerate(rows)]
+    for size, (index, moving) in zip(sizes, axes, strict=True):
         if moving:
-            yield AdjustableNoise((*path, *place), _unit(of, path[-1]), size, NoiseGroup(moving))
+            yield AdjustableNoise((*path, *index), _unit(of, path[-1]), size, NoiseGroup(moving))
 
 
 def _unit(settings: Settings, key: str) -> str:
-    """Return the unit that a setting states for a number."""
+    """Return the unit of a number in the settings."""
     return next(item.unit for item in type(settings).model_fields[key].metadata if isinstance(item, Unit))
 
 
@@ -232,14 +229,14 @@ def _sensor_noises(augmented: AugmentedProblem, settings: Identification) -> Ite
 
 
 def _changed(settings: SettingsClass, path: tuple[str, ...], value: float | str) -> SettingsClass:
-    """Return the same settings with another value at a path."""
+    """Return the settings with another value at a path."""
     key, *rest = path
-    own = getattr(settings, key)
-    if isinstance(own, dict):
-        value_there = {**own, rest[0]: value}
-    elif isinstance(own, tuple):
-        place = int(rest[0]) if rest else 0
-        value_there = (*own[:place], value, *own[place + 1 :])
+    old = getattr(settings, key)
+    if isinstance(old, dict):
+        new = {**old, rest[0]: value}
+    elif isinstance(old, tuple):
+        index = int(rest[0]) if rest else 0
+        new = (*old[:index], value, *old[index + 1 :])
     else:
-        value_there = _changed(own, tuple(rest), value) if rest else value
-    return settings.model_copy(update={key: value_there})
+        new = _changed(old, tuple(rest), value) if rest else value
+    return settings.model_copy(update={key: new})

@@ -1,4 +1,4 @@
-"""Data as a filter takes them: segments, delays corrected, events in order of time."""
+"""Data prepared for a filter: sensors and segments chosen, delays corrected, events in time order."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from auvid_cli.data.acting_inputs import as_acting
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.signals import longer_intervals
 from auvid_cli.errors import DataError
-from auvid_cli.identification.timeline import Timelines, first_measured, initial_motion, measuring_sensors
+from auvid_cli.identification.timeline import Timelines, initial_motion, measuring_sensors, value_at_start
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -22,16 +22,17 @@ Span = tuple[float, float]
 
 
 class FoundDelays(NamedTuple):
-    """Delays, SI: constants which no filter has among its states, for they move times.
+    """Estimated delays, SI. They shift times and are therefore not states of a filter.
 
     Attributes
     ----------
     symbols : tuple of str
     value : ndarray, shape (d,)
-        In all, as the settings then state them.
+        s.
     covariance : ndarray, shape (d, d)
+        s^2.
     effect : ndarray, shape (n_parameters, d)
-        Parameters of a filter that is told the true delays less those of one that is told these, per second of each.
+        Derivative of the estimated parameters by the delays, SI per second.
     """
 
     symbols: tuple[str, ...]
@@ -41,11 +42,11 @@ class FoundDelays(NamedTuple):
 
     @property
     def deviation(self) -> Array:
-        """Return the standard deviation of each, shape (d,)."""
+        """Return the standard deviations, s, shape (d,)."""
         return np.sqrt(np.diagonal(self.covariance))
 
     def along(self, mean: Array, deviation: Array) -> tuple[Array, Array]:
-        """Put them behind the states of some events, whose parameters they make unsure from the first on.
+        """Append the delays to states, and add their uncertainty to that of the parameters.
 
         Parameters
         ----------
@@ -60,12 +61,12 @@ class FoundDelays(NamedTuple):
         return np.hstack([mean, np.tile(self.value, (n, 1))]), np.hstack([wider, np.tile(self.deviation, (n, 1))])
 
     def widened(self, deviation: Array) -> Array:
-        """Return what standard deviations of the parameters, shape (..., n_parameters), become; of none, none."""
+        """Return standard deviations of the parameters, shape (..., n_parameters), with the delays' uncertainty."""
         effect = self.effect[: deviation.shape[-1]]
         return np.sqrt(deviation**2 + np.einsum("if,fg,ig->i", effect, self.covariance, effect))
 
     def joint(self, covariance: Array) -> Array:
-        """Return the covariance of a state, whose parameters come first, and these behind it."""
+        """Return the joint covariance of a state, parameters first, and the delays."""
         n, effect = len(covariance), np.zeros((len(covariance), len(self.symbols)))
         effect[: len(self.effect)] = self.effect
         whole = np.zeros((n + len(self.symbols),) * 2)
@@ -77,7 +78,7 @@ class FoundDelays(NamedTuple):
 
 
 def used_data(dataset: Dataset) -> Dataset:
-    """Return all that is used of a dataset, as one."""
+    """Return a dataset with the used segments alone."""
     segments = used_segments(dataset, measuring_sensors(dataset))
     sensors = {}
     for name, record in dataset.sensors.items():
@@ -88,18 +89,18 @@ def used_data(dataset: Dataset) -> Dataset:
 
 
 def used_segments(dataset: Dataset, measuring: Mapping[str, SensorRecord]) -> list[Dataset]:
-    """Return what is used of a dataset, a segment each; see `used_spans`."""
+    """Return the used segments of a dataset; see `used_spans`."""
     spans = used_spans(measuring, dataset.experiment.identification.use)
     return [dataset.sensors_between(*span) for span in spans]
 
 
 def used_spans(measuring: Mapping[str, SensorRecord], use: Use) -> list[Span]:
-    """Return the first and last time, s, of each segment that is used, in time order.
+    """Return the first and last time, s, of each used segment, in time order.
 
     Raises
     ------
     DataError
-        If nothing is left, or the speed is asked for where nothing measures it.
+        If no segment remains, or settings limit the speed without a DVL.
     """
     everything = (
         min(float(record.time[0]) for record in measuring.values()),
@@ -113,7 +114,7 @@ def used_spans(measuring: Mapping[str, SensorRecord], use: Use) -> list[Span]:
             spans = _without(spans, _silences(record, use.longest_gap, everything))
     if use.least_speed is not None:
         if "dvl" not in measuring:
-            raise DataError("identification.use.least_speed: no dvl measures the speed")
+            raise DataError("identification.use.least_speed: no sensor measures the speed; expected a dvl")
         spans = _without(spans, _slow(measuring["dvl"], use.least_speed))
     spans = [
         (max(begin, everything[0]), min(end, everything[1]))
@@ -122,24 +123,24 @@ def used_spans(measuring: Mapping[str, SensorRecord], use: Use) -> list[Span]:
     ]
     if not spans:
         raise DataError(
-            f"identification.use leaves nothing of the data from t = {everything[0]:g} s to {everything[1]:g} s "
-            f"that lasts {use.shortest:g} s"
+            f"identification.use leaves no segment of at least {use.shortest:g} s of the data from "
+            f"t = {everything[0]:g} s to {everything[1]:g} s"
         )
     return spans
 
 
 def _without(spans: Iterable[Span], holes: Iterable[Span]) -> list[Span]:
-    """Cut holes, whose ends are not part of them, out of spans."""
-    left = list(spans)
+    """Return spans without open intervals."""
+    remaining = list(spans)
     for hole_begin, hole_end in holes:
         cut = []
-        for begin, end in left:
+        for begin, end in remaining:
             if hole_end <= begin or end <= hole_begin:
                 cut.append((begin, end))
             else:
                 cut += [(begin, hole_begin)] * (begin <= hole_begin) + [(hole_end, end)] * (hole_end <= end)
-        left = cut
-    return left
+        remaining = cut
+    return remaining
 
 
 def _silences(record: SensorRecord, longest: float, everything: Span) -> list[Span]:
@@ -148,7 +149,7 @@ def _silences(record: SensorRecord, longest: float, everything: Span) -> list[Sp
 
 
 def _slow(dvl: SensorRecord, least: float) -> list[Span]:
-    """Find where the surge velocity, smoothed over three measurements against spikes, is too small."""
+    """Return intervals in which the surge velocity, as the median of three measurements, is too small."""
     known = np.isfinite(dvl.values[:, 0])
     time, surge = dvl.time[known], np.abs(dvl.values[known, 0])
     padded = np.concatenate([surge[:1], surge, surge[-1:]])
@@ -161,16 +162,16 @@ def _slow(dvl: SensorRecord, least: float) -> list[Span]:
 
 
 class Segment(NamedTuple):
-    """A segment of the data that is used, and where its motion starts.
+    """A used segment of the data and its initial motion.
 
     Attributes
     ----------
     dataset : Dataset
-        With the samples of all sensors within the segment.
+        Samples of all sensors within the segment.
     timelines : Timelines
-        Of the sensors that are listened to, with the fins where they were.
+        Measurements of the sensors in use, and acting inputs.
     measured : dict of float
-        Motion and moving states beside it, as the depth, as measured by the start, by symbol, SI.
+        First measurements of motion and depth by symbol, SI.
     """
 
     dataset: Dataset
@@ -179,23 +180,23 @@ class Segment(NamedTuple):
 
     @property
     def motion(self) -> Array:
-        """Return the motion as measured by the start, shape (9,)."""
+        """Return the measured initial motion, shape (9,), SI."""
         return np.array([self.measured[symbol] for symbol in MOTION_SYMBOLS])
 
 
 @dataclass(frozen=True)
 class PreparedData:
-    """What is used of a dataset.
+    """The part of a dataset that filters use.
 
     Attributes
     ----------
     dataset : Dataset
     measuring : dict of SensorRecord
-        The sensors that estimators listen to, by name, with all of their samples.
+        The sensors in use by name, with all of their samples.
     segments : tuple of Segment
         At least one, in time order.
     delays : FoundDelays or None
-        Those that were found, where settings ask for some; they state them then.
+        Estimated delays, which the settings then state.
     """
 
     dataset: Dataset
@@ -205,51 +206,57 @@ class PreparedData:
 
     @property
     def experiment(self) -> RunSettings:
-        """Return the settings that the data are prepared for."""
+        """Return the settings for which the data are prepared."""
         return self.dataset.experiment
 
     def with_settings(self, experiment: RunSettings) -> "PreparedData":
-        """Return the same data prepared for other settings; from anew only if these cut or move something otherwise."""
-        if _what_prepares(experiment) != _what_prepares(self.experiment):
+        """Return the data prepared for other settings; segments and events are kept if these settings permit."""
+        if _preparation_settings(experiment) != _preparation_settings(self.experiment):
             return prepare(replace(self.dataset, experiment=experiment))
         segments = (s._replace(dataset=replace(s.dataset, experiment=experiment)) for s in self.segments)
         return replace(self, dataset=replace(self.dataset, experiment=experiment), segments=tuple(segments))
 
+    def with_identification(self, **changes: object) -> "PreparedData":
+        """Return the data prepared for other settings below `identification`."""
+        identification = self.experiment.identification.model_copy(update=changes)
+        return self.with_settings(self.experiment.model_copy(update={"identification": identification}))
+
 
 def prepare(dataset: Dataset) -> PreparedData:
-    """Choose the sensors and the segments that settings ask for, and merge the samples of each in time order.
+    """Choose sensors and segments by the settings, and merge the samples of each segment in time order.
 
     Raises
     ------
     DataError
-        If no sensor measures motion, inputs are missing that the vehicle's terms are made of, one states no positive
-        noise, or nothing of the data is left.
+        If no sensor measures motion, an input of the vehicle's own terms is missing, a sensor states no positive noise,
+        or no segment remains.
     """
     settings = dataset.experiment.identification
     dataset.inputs.check_for(dataset.experiment.vehicle.coefficient_set)
-    timely = replace(dataset, sensors=on_time(dataset.sensors, settings))
-    measuring, inputs = measuring_sensors(timely), as_acting(dataset.inputs, dataset.experiment)
+    on_time = replace(dataset, sensors=corrected_records(dataset.sensors, settings))
+    measuring, inputs = measuring_sensors(on_time), as_acting(dataset.inputs, dataset.experiment)
     segments = []
-    for data in used_segments(timely, measuring):
+    for data in used_segments(on_time, measuring):
         records = {name: data.sensors[name] for name in measuring}
         start, motion = initial_motion(data, records)
         measured = dict(zip(MOTION_SYMBOLS, motion.tolist(), strict=True))
         for state in FURTHER_STATES:
             if state.sensor in measuring:
-                measured[state.quantity.symbol] = first_measured(measuring[state.sensor], start)
+                measured[state.quantity.symbol] = value_at_start(measuring[state.sensor], start)
         segments.append(Segment(data, Timelines(inputs, records, start, settings.integration_step), measured))
     return PreparedData(dataset, measuring, tuple(segments))
 
 
-def on_time(sensors: dict[str, SensorRecord], settings: Identification) -> dict[str, SensorRecord]:
-    """Return records with the times at which their samples were taken, as settings have it."""
+def corrected_records(sensors: dict[str, SensorRecord], settings: Identification) -> dict[str, SensorRecord]:
+    """Return records with time stamps corrected by the delays of the settings."""
     return {
         name: replace(record, time=record.time - settings.delays[name]) if name in settings.delays else record
         for name, record in sensors.items()
     }
 
 
-def _what_prepares(experiment: RunSettings) -> tuple[object, ...]:
+def _preparation_settings(experiment: RunSettings) -> tuple[object, ...]:
+    """Return the settings on which segments and events depend."""
     settings = experiment.identification
     moved = settings.inputs, settings.delays, experiment.vehicle.actuators, settings.integration_step
     return settings.attitude_from, settings.use, settings.measurement_noise, *moved

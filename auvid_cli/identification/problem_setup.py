@@ -1,4 +1,4 @@
-"""The filter's problem for a vehicle: initial state, process, sensors and inputs."""
+"""The estimation problem of a dataset: prior, process and sensors of the augmented state."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.identification import STEPS_PER_TIME_CONSTANT
-from auvid_cli.data.dataset import Dataset, SensorRecord
+from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.filters.problem import Gaussian, Indices, Process, Sensors
 from auvid_cli.filters.segments import JointProblem, joint_gaussian, places
@@ -16,13 +16,7 @@ from auvid_cli.filters.smoother_forward import THRESHOLD
 from auvid_cli.identification.compiled_layout import NOT_USED, KnownSensor, KnownSensors
 from auvid_cli.identification.prepared_data import PreparedData, Segment
 from auvid_cli.identification.process import vehicle_process
-from auvid_cli.identification.states import (
-    StateLayout,
-    coefficient_priors,
-    earlier_gaussian,
-    refuse_simulated,
-    state_layout,
-)
+from auvid_cli.identification.states import StateLayout, earlier_gaussian, refuse_simulated, state_layout
 from auvid_cli.identification.timeline import measurement_model
 from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.equations import vehicle_constants
@@ -30,20 +24,20 @@ from auvid_cli.vehicle.kinematics import rotation_matrix
 
 
 def initial_gaussian(layout: StateLayout, parameters: Gaussian, measured: Mapping[str, float]) -> Gaussian:
-    """Join what is known of the parameters with the moving states as they were measured first.
+    """Return the prior of the augmented state: that of the parameters, and moving states as first measured.
 
     Parameters
     ----------
     layout : StateLayout
     parameters : Gaussian
-        Scaled coefficients and constant errors.
+        Prior of coefficients and constant errors, in scaled units.
     measured : mapping
-        What sensors measured first, by symbol, SI; the velocity is that over ground.
+        First measurements by symbol, SI; the velocity is that over ground.
 
     Returns
     -------
     Gaussian
-        Where a current is a state, the velocity is that over ground less the current, and as unsure as that.
+        If a current is a state, the velocity is that over ground minus the current, and correlated with it.
     """
     n = layout.n_parameters
     mean, factor = np.zeros(layout.prior_std.size), np.diag(layout.prior_std)
@@ -54,36 +48,36 @@ def initial_gaussian(layout: StateLayout, parameters: Gaussian, measured: Mappin
     current = layout.rows_of("current")
     if current.start == current.stop:
         return Gaussian(mean, factor)
-    turn = rotation_matrix(mean[layout.rows(("phi", "theta", "psi"))]).T[:, :2]
+    to_body = rotation_matrix(mean[layout.rows(("phi", "theta", "psi"))]).T[:, :2]
     velocity = layout.rows("uvw")
-    mean[velocity] -= turn @ mean[current]
-    factor[velocity] -= turn @ factor[current]
+    mean[velocity] -= to_body @ mean[current]
+    factor[velocity] -= to_body @ factor[current]
     triangle = np.linalg.qr(factor.T)[1]
     return Gaussian(mean, (triangle * np.sign(np.diagonal(triangle))[:, None]).T.copy())
 
 
 @dataclass(frozen=True)
 class AugmentedProblem:
-    """What filters are given, coefficients as multiples of their priors, and what it is in SI.
+    """Input of the filters, with coefficients as multiples of their prior standard deviations.
 
     Attributes
     ----------
     layout : StateLayout
     known : dict
-        Known parameters of the vehicle, SI.
+        Known parameters of the vehicle by symbol, SI.
     held : dict
-        Coefficients that are not estimated, SI.
+        Coefficients that are not estimated by symbol, SI.
     coefficients : CoefficientSet
-        Of the vehicle.
+        All coefficients of the vehicle.
     process : Process
-        With the exact transition.
+        With the exact transition matrix.
     sensors : Sensors
     measuring : dict of SensorRecord
-        Records of these sensors by name, in their order.
+        Records by name, in the order of `sensors`.
     segments : tuple of Segment
         In time order.
     prior : Gaussian
-        About the joint state of the segments, see `auvid_cli.filters.segments`.
+        Prior of the joint state of the segments, see `auvid_cli.filters.segments`.
     """
 
     layout: StateLayout
@@ -98,12 +92,12 @@ class AugmentedProblem:
 
     @property
     def places(self) -> list[Indices]:
-        """Return where in the joint state the state of each segment stands."""
+        """Return the rows of the joint state that are the state of each segment."""
         return places(self.prior.mean.size, self.process.noise_density.size, len(self.segments))
 
     @property
     def joint(self) -> JointProblem:
-        """Return what an estimator of all segments together is given."""
+        """Return the problem of all segments together."""
         return JointProblem(self.process, self.sensors, [segment.timelines for segment in self.segments], self.prior)
 
     @property
@@ -113,21 +107,17 @@ class AugmentedProblem:
 
 
 def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
-    """Set up the estimation of a dataset's coefficients; no truth is looked at.
-
-    Parameters
-    ----------
-    prepared : PreparedData
+    """Return the estimation problem of a dataset; its truth is not used.
 
     Raises
     ------
     ConfigError
-        If a coefficient that is to be held has no value.
+        If a coefficient that is not estimated has no value.
     DataError
-        If a sensor whose error is asked for is missing, a disturbance fades too soon to be seen, an earlier estimate
-        does not fit, or the prior is the truth.
+        If a sensor whose error is to be estimated is missing, the time constant of a disturbance is too short, an
+        earlier estimate does not fit, or the prior is the truth of a simulation.
     FileError
-        If an earlier estimate cannot be read.
+        If the file of an earlier estimate is not readable.
     """
     experiment, measuring = prepared.experiment, prepared.measuring
     settings = experiment.identification
@@ -144,11 +134,11 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
         THRESHOLD if settings.robust == "huber" else np.inf,
     )
     if sensors.nonlinear.any():
-        # What it is compiled from takes long, and few data need it.
-        from auvid_cli.identification.observation import linearise, observe
+        # Imported here because it takes long to compile, and few data need it.
+        from auvid_cli.identification.sensors import linearise, observe
 
         process = process._replace(observe=observe, linearise=linearise)
-    parameters = _prior_of_parameters(layout, prepared.dataset)
+    parameters = _prior_of_parameters(layout, prepared)
     gaussians = [initial_gaussian(layout, parameters, segment.measured) for segment in prepared.segments]
     return AugmentedProblem(
         layout=layout,
@@ -164,61 +154,59 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
 
 
 def shortest_interval(measuring: dict[str, SensorRecord]) -> float:
-    """Return how often the sensor measures that does so most often, s."""
+    """Return the sampling interval of the fastest sensor, s."""
     return min(
         float(np.median(np.diff(record.time))) if record.time.size > 1 else np.inf for record in measuring.values()
     )
 
 
 def _check_time_constants(layout: StateLayout, measuring: dict[str, SensorRecord]) -> None:
-    """Refuse what fades so soon that little is left of it from one measurement to the next."""
+    """Refuse a disturbance that decays between two measurements."""
     interval = shortest_interval(measuring)
     for block in layout.blocks:
         if block.error is not None and block.error.time_constant < STEPS_PER_TIME_CONSTANT * interval:
             raise DataError(
                 f"identification.estimate.disturbance: {block.name} has a time_constant of "
-                f"{block.error.time_constant:g} s, and measurements come every {interval:g} s; expected at least "
-                f"{STEPS_PER_TIME_CONSTANT} times that"
+                f"{block.error.time_constant:g} s; expected at least {STEPS_PER_TIME_CONSTANT} times the interval of "
+                f"the measurements, {interval:g} s"
             )
 
 
 def _known_sensors(measuring: dict[str, SensorRecord]) -> KnownSensors:
     row = {name: number for number, name in enumerate(measuring)}
-    force, field = measuring.get("accelerometer"), measuring.get("magnetic_field")
+    accelerometer, magnetometer = measuring.get("accelerometer"), measuring.get("magnetic_field")
     return KnownSensors(
-        NOT_USED if force is None else KnownSensor(row["accelerometer"], force.position),
-        NOT_USED if field is None else KnownSensor(row["magnetic_field"], field.earth_field),
+        NOT_USED if accelerometer is None else KnownSensor(row["accelerometer"], accelerometer.position),
+        NOT_USED if magnetometer is None else KnownSensor(row["magnetic_field"], magnetometer.earth_field),
     )
 
 
-def _prior_of_parameters(layout: StateLayout, dataset: Dataset) -> Gaussian:
-    """Return the prior of the layout, and of the coefficients what the vehicle file or an earlier estimate says."""
-    n, coefficients = layout.n_parameters, layout.rows_of("coefficients")
-    parameters = Gaussian(np.zeros(n), np.diag(layout.prior_std[:n]))
-    symbols, scale, settings = layout.symbols[coefficients], layout.scale[coefficients], dataset.experiment
-    priors = coefficient_priors(settings.vehicle, settings.identification.prior)
-    refuse_simulated(dataset, {symbol: priors[symbol] for symbol in symbols}, settings.identification.prior.mean)
-    mean = np.array([priors[symbol].mean for symbol in symbols]) / scale
-    parameters.mean[coefficients] = mean
-    if (earlier := settings.identification.prior.from_estimate) is not None:
-        known = earlier_gaussian(Path(earlier), dataset, symbols, scale, mean)
-        parameters.mean[coefficients], parameters.factor[coefficients, coefficients] = known
+def _prior_of_parameters(layout: StateLayout, prepared: PreparedData) -> Gaussian:
+    """Return the prior of coefficients and constant errors in scaled units."""
+    n, rows, settings = layout.n_parameters, layout.rows_of("coefficients"), prepared.experiment.identification.prior
+    symbols = layout.symbols[rows]
+    (block,) = (block for block in layout.blocks if block.name == "coefficients")
+    refuse_simulated(prepared.dataset, dict(zip(symbols, block.prior_mean, strict=True)), settings.mean)
+    parameters = Gaussian(layout.prior_mean[:n].copy(), np.diag(layout.prior_std[:n]))
+    if settings.from_estimate is not None:
+        parameters.mean[rows], parameters.factor[rows, rows] = earlier_gaussian(
+            Path(settings.from_estimate), prepared.dataset, symbols, layout.scale[rows], parameters.mean[rows]
+        )
     return parameters
 
 
 def held_coefficients(experiment: RunSettings) -> dict[str, float]:
-    """Return the values, SI, of the coefficients that are not estimated.
+    """Return the coefficients that are not estimated by symbol, SI.
 
     Raises
     ------
     ConfigError
-        If the vehicle states none for one of them.
+        If one has no value.
     """
     held = experiment.identification.fixed(experiment.vehicle)
     given = experiment.vehicle.stated_coefficients()
     if missing := [symbol for symbol in held if symbol not in given]:
         raise ConfigError(
-            f"identification.coefficients leaves out {', '.join(missing)}, so the vehicle file must state "
-            "a value at which to hold each of them"
+            f"identification.coefficients leaves out {', '.join(missing)}: expected a value of each in the vehicle file"
         )
     return {symbol: given[symbol] for symbol in held}

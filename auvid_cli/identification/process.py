@@ -1,6 +1,5 @@
-"""The compiled process: motion of the augmented state, and free motion without process noise."""
+"""The compiled process: motion of the augmented state, Sabet et al. 2018, eqs. (10) to (13), and free motion."""
 
-import sys
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -8,14 +7,11 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.config.extra_states import ERROR_BLOCKS, FURTHER_STATES
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TIMELINE, TRANSITION_SIGNATURE, Process
-from auvid_cli.identification import compiled_layout, sensors
 from auvid_cli.identification.compiled_layout import (
     NONE_KNOWN,
     ROW,
     KnownSensors,
-    check_named,
     depth_is_state,
     fill_in_all,
     fill_in_lanes,
@@ -38,7 +34,6 @@ from auvid_cli.identification.disturbance import (
     sink_rate,
     undisturbed,
 )
-from auvid_cli.identification.sensors import accelerometer_work
 from auvid_cli.identification.states import StateLayout
 from auvid_cli.numerics import LANES, compiled
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, CoefficientSet
@@ -58,29 +53,29 @@ Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
-# Where the block ends in the scratch that a filter hands over; all else is longer for each term.
+# End of the block in the scratch. The lengths of the other parts depend on the number of own terms.
 _BLOCK = N_BLOCK + LANES
 N_PREDICTED = len(MOTION_AND_DEPTH)
 
 
 class _Workspace(NamedTuple):
-    """Arrays that hold nothing from one use to the next.
+    """Scratch arrays of a transition.
 
     Attributes
     ----------
     coefficients : ndarray, shape (N_FACTORS + terms,)
-        All of them, estimated or held, and what lies between stated and acting inputs, weight and buoyancy.
+        Coefficients, estimated or held, actuator errors and ballast.
     sensitivity : ndarray, shape (9, N_COLUMNS + terms)
-        Derivative of the motion by where it started and by the coefficients.
+        Derivative of the motion by the initial motion and by the coefficients.
     sinking : ndarray, shape (N_COLUMNS + terms + 1,)
-        The same of the depth, then how much it has grown.
+        Derivative of the depth, then its change.
     block : ndarray, shape (N_BLOCK + LANES,)
-        Motion and depth in the first lane of a block.
+        Motion and depth in the first lane.
     coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK + terms * LANES,)
     step : ndarray
         For a Runge-Kutta step, with or without the transition matrix.
     disturbance : ndarray
-        Of `disturbance_work`.
+        Of length `disturbance_work`.
     """
 
     coefficients: Array
@@ -93,13 +88,13 @@ class _Workspace(NamedTuple):
 
 
 def _scratch_size(terms: int) -> int:
-    step = max(transition_work(terms), N_WORK, accelerometer_work(terms))
-    return _ends(terms)[3] + step + disturbance_work(terms)
+    # A measurement of the accelerometer needs less, see `auvid_cli.identification.sensors`.
+    return _ends(terms)[3] + max(transition_work(terms), N_WORK) + disturbance_work(terms)
 
 
 @compiled(types.UniTuple(types.int64, 4)(types.int64))
 def _ends(terms):
-    """Return where coefficients, sensitivity, sinking and coefficient block end."""
+    """Return the ends of coefficients, sensitivity, sinking and coefficient block in the scratch."""
     columns = N_COLUMNS + terms
     coefficients = _BLOCK + N_FACTORS + terms
     sensitivity = coefficients + N_MOTION * columns
@@ -124,7 +119,7 @@ def _workspace(scratch, terms):
 
 @compiled(PROCESS_SIGNATURE)
 def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration, scratch):
-    # Not from `_workspace`: with slices that begin at an offset a step of the sigma-point filters is 2 to 4 % longer.
+    # Not from `_workspace`: slices that begin at an offset slow the sigma-point filters by 2 to 4 %.
     n = N_COEFFICIENT_BLOCK + n_terms(constants) * LANES
     coefficients, work = scratch[:n], scratch[n:]
     fill_in_lanes(motion, parameters, constants, selection, n_lanes, coefficients)
@@ -150,7 +145,7 @@ def _fill_in(sensitivity, constants, selection, matrix):
 
 @compiled(TRANSITION_SIGNATURE)
 def _exact_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
-    """Integrate the variational equation along the motion."""
+    """Propagate the mean, and integrate the variational equation along it for the transition matrix."""
     work, n_columns = _workspace(scratch, n_terms(constants)), N_COLUMNS + n_terms(constants)
     depth, motion = row_of(constants, ROW.down), mean[first_moving_row(constants) :][:N_MOTION]
     fill_in_all(mean, constants, selection, work.coefficients)
@@ -178,7 +173,7 @@ def _exact_transition(mean, inputs, substep_input, substep_duration, constants, 
 
 @compiled(TRANSITION_SIGNATURE)
 def first_order_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
-    """Linearise once, where the interval begins: the paper's I + A dt, Table A1."""
+    """Propagate the mean, and linearise once at the start of the interval: I + A dt, Sabet et al. 2018, Table A1."""
     work, n_columns = _workspace(scratch, n_terms(constants)), N_COLUMNS + n_terms(constants)
     moving = mean[first_moving_row(constants) :]
     depth, motion = row_of(constants, ROW.down), moving[:N_MOTION]
@@ -230,62 +225,49 @@ def vehicle_process(
     known: KnownSensors = NONE_KNOWN,
     coefficients: CoefficientSet = COEFFICIENTS,
 ) -> Process:
-    """Make the augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of their scales, and errors.
+    """Return the augmented model of Sabet et al. 2018, eq. (10), with scaled coefficients and with errors.
 
     Parameters
     ----------
     vehicle : ndarray
         From `vehicle_constants`.
     held : mapping
-        Values, SI, of the coefficients that are not states.
+        Coefficients that are not in the state by symbol, SI.
     layout : StateLayout
     known : KnownSensors
-        By default none.
     coefficients : CoefficientSet
-        Of the vehicle.
+        All coefficients of the vehicle.
 
-    Notes
-    -----
-    Its transition is exact; `first_order_transition` may take its place. What nonlinear sensors measure is not said.
+    Returns
+    -------
+    Process
+        With the exact transition (alternative: `first_order_transition`) and without nonlinear sensors.
     """
-    of_symbols = np.array([held.get(symbol, 0.0) for symbol in coefficients.symbols])
-    # Terms of the vehicle's own stand behind the errors of the actuators and the ballast.
+    values = np.array([held.get(symbol, 0.0) for symbol in coefficients.symbols])
+    # The vehicle's own terms come after actuator errors and ballast.
     place = {s: m if m < N_COEFFICIENTS else m + len(NO_ERRORS) for m, s in enumerate(coefficients.symbols)}
     estimated = layout.symbols[layout.rows_of("coefficients")]
     return Process(
         advance=_advance,
         transition=_exact_transition,
-        constants=model_constants(vehicle, of_symbols, layout, known),
+        constants=model_constants(vehicle, values, layout, known),
         selection=np.array([place[symbol] for symbol in estimated], dtype=np.int64),
         noise_density=layout.noise_density,
         scratch_size=_scratch_size(len(coefficients.terms)),
     )
 
 
-# Of errors what comes of them and the derivative; of moving states how they advance, and both transitions.
-check_named(
-    [quantity.symbol for block in ERROR_BLOCKS if block.is_named for quantity in block.quantities],
-    (sensors, compiled_layout),
-    by=2,
-)
-
-
-check_named([state.quantity.symbol for state in FURTHER_STATES], (sys.modules[__name__],), by=3)
-
-
 @compiled(types.void(_vector, _vector, _vector, types.int64, TIMELINE, types.int64, types.int64, _vector))
 def move_through(block, coefficients, constants, n_lanes, timeline, first, last, work):
-    """Move models side by side through some substeps, in place.
+    """Propagate motion and depth of a block of models through substeps `first` to `last` - 1, in place.
 
     Parameters
     ----------
     block : ndarray, shape (N_PREDICTED * LANES,)
-        Motion, and the depth below it.
     coefficients, constants, n_lanes, work
-        As for `auvid_cli.vehicle.equations.runge_kutta_step`.
+        See `auvid_cli.vehicle.equations.runge_kutta_step`.
     timeline : Timeline
     first, last : int
-        Substeps, without the last.
     """
     for substep in range(first, last):
         held, duration = timeline.inputs[timeline.substep_input[substep]], timeline.substep_duration[substep]
@@ -296,12 +278,12 @@ def move_through(block, coefficients, constants, n_lanes, timeline, first, last,
 
 @compiled(types.void(_vector, _vector, _vector, TIMELINE, _matrix, _vector))
 def move_freely(block, coefficients, constants, timeline, predicted, work):
-    """Fill in motion and depth at every event.
+    """Fill in motion and depth of one model at every event, without measurements.
 
     Parameters
     ----------
     block : ndarray, shape (N_PREDICTED * LANES,)
-        Motion and depth where they start and, afterwards, where they end, in every lane.
+        Initial motion and depth, overwritten by the final ones, in the first lane.
     coefficients : ndarray, shape ((N_FACTORS + terms) * LANES,)
     constants : ndarray
         From `auvid_cli.vehicle.equations.vehicle_constants`.

@@ -1,6 +1,8 @@
-"""Identify: choose the estimators by their settings and run them on prepared data."""
+"""Run filters on a dataset: choose estimators by the settings, set them up, and record their estimates in SI."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from time import perf_counter, thread_time
 from typing import assert_never
 
 import numpy as np
@@ -8,9 +10,13 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.identification import Identification
-from auvid_cli.data.dataset import Dataset
-from auvid_cli.data.estimate import Estimate, EstimateHeader
-from auvid_cli.filters.problem import Timeline
+from auvid_cli.data.dataset import Dataset, SensorRecord
+from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Outcome
+from auvid_cli.data.faults import FaultTest
+from auvid_cli.data.innovations import Innovations
+from auvid_cli.filters import problem
+from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline
+from auvid_cli.filters.segments import of_segment
 from auvid_cli.filters.square_root import (
     Estimator,
     ExtendedKalmanFilter,
@@ -19,65 +25,266 @@ from auvid_cli.filters.square_root import (
     SigmaPointFilter,
 )
 from auvid_cli.filters.workspace import cubature, transformed, unscented
-from auvid_cli.identification.filter_run import FilterRun
-from auvid_cli.identification.prepared_data import PreparedData, prepare
+from auvid_cli.identification.prepared_data import FoundDelays, PreparedData, prepare
 from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
 from auvid_cli.identification.process import first_order_transition
+from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
+# Largest number of parameters that the status of a run without convergence names.
+_MAX_NAMED = 4
+# Smallest step of a parameter that is named, in standard deviations.
+_MIN_STEP = 0.1
 
 
 def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Identification) -> Estimator:
-    """Set up an estimator.
-
-    Parameters
-    ----------
-    name : FilterName
-    augmented : AugmentedProblem
-    settings : Identification
-    """
-    n, problem = len(augmented.layout.symbols), (augmented.process, augmented.sensors)
+    """Return an estimator for a problem."""
+    n, process, sensors = len(augmented.layout.symbols), augmented.process, augmented.sensors
     match name:
         case FilterName.EKF:
-            process, sensors = problem
             if settings.ekf.transition == "first_order":
                 process = process._replace(transition=first_order_transition)
             return ExtendedKalmanFilter(name.value, process, sensors)
         case FilterName.CKF:
-            return SigmaPointFilter(name.value, *problem, cubature(n))
+            return SigmaPointFilter(name.value, process, sensors, cubature(n))
         case FilterName.TUKF:
-            return SigmaPointFilter(name.value, *problem, transformed(n))
+            return SigmaPointFilter(name.value, process, sensors, transformed(n))
         case FilterName.UKF:
             points = unscented(n, settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa)
-            return SigmaPointFilter(name.value, *problem, points)
+            return SigmaPointFilter(name.value, process, sensors, points)
         case FilterName.SMOOTHER:
-            # What it is compiled from serves no other estimator.
+            # Imported here because only the smoother needs this compiled code.
             from auvid_cli.identification.fault_effects import VehicleFaults
 
             if settings.is_marginal:
                 import auvid_cli.filters.marginal  # noqa: F401  # Compiled here, and not while filters run.
-            sought = [block.name for block in settings.estimate.blocks() if block.is_delay]
-            own = settings.smoother.max_passes, VehicleFaults(augmented, sought), settings.is_marginal
-            return IteratedSmoother(name.value, *problem, *own)
+            delays = [block.name for block in settings.estimate.blocks() if block.is_delay]
+            faults, max_passes = VehicleFaults(augmented, delays), settings.smoother.max_passes
+            return IteratedSmoother(name.value, process, sensors, max_passes, faults, settings.is_marginal)
         case FilterName.OUTPUT_ERROR:
-            method = settings.output_error
-            bounds = _bounds(augmented, method.bounds)
-            return OutputErrorMethod(name.value, *problem, method.max_evaluations, bounds, method.use_prior)
+            method, layout = settings.output_error, augmented.layout
+            lower, upper = (np.full(augmented.prior.mean.size, limit) for limit in (-np.inf, np.inf))
+            for symbol, limits in method.bounds.items():
+                (row,) = layout.rows([symbol])
+                lower[row], upper[row] = np.array(limits) / layout.scale[row]
+            bounds = lower, upper
+            return OutputErrorMethod(name.value, process, sensors, method.max_evaluations, bounds, method.use_prior)
         case _:
             assert_never(name)
 
 
-def _bounds(augmented: AugmentedProblem, intervals: dict[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """Return lower and upper bounds of the scaled joint state, of which coefficients may have some."""
-    lower, upper = np.full(augmented.prior.mean.size, -np.inf), np.full(augmented.prior.mean.size, np.inf)
-    for symbol, limits in intervals.items():
-        (place,) = augmented.layout.rows([symbol])
-        lower[place], upper[place] = np.array(limits) / augmented.layout.scale[place]
-    return lower, upper
+@dataclass(frozen=True)
+class FilterRun:
+    """An estimator set up on a dataset, ready to run.
+
+    Attributes
+    ----------
+    header : EstimateHeader
+    span : tuple of float
+        First and last time of the data, s.
+    estimator : Estimator
+        In scaled units: coefficients as multiples of their prior standard deviations.
+    segments : sequence of iterable of Timeline
+    prior : Gaussian
+        Prior of the joint state of the segments.
+    scale : ndarray, shape (n,)
+        SI value of one unit of each component of the state.
+    measuring : dict of SensorRecord
+        By name, in the order of the estimator's sensors.
+    delays : FoundDelays or None
+        Estimated delays. They are not part of the state; their uncertainty is added to the estimate here.
+    """
+
+    header: EstimateHeader
+    span: tuple[float, float]
+    estimator: Estimator
+    segments: Sequence[Iterable[Timeline]]
+    prior: Gaussian
+    scale: Array
+    measuring: dict[str, SensorRecord]
+    delays: FoundDelays | None = None
+
+    def run(self, on_chunk: Callable[[EstimateChunk], None]) -> Outcome:
+        """Run the estimator.
+
+        Parameters
+        ----------
+        on_chunk : callable
+            Called with each chunk of the estimate. It has every ``identification.keep_every``-th state, the last valid
+            state, and all innovations.
+
+        Returns
+        -------
+        Outcome
+            Its status has the reason if the estimator diverged.
+        """
+        progress = _Progress(self, on_chunk)
+        progress.clocks -= _clocks()
+        outcome = self.estimator.estimate(self.segments, self.prior, progress.add)
+        progress.clocks += _clocks()
+        progress.finish()
+        covariance = outcome.covariance * np.outer(self.scale, self.scale)
+        corrected = outcome.corrected * self.scale[: outcome.corrected.size]
+        if self.delays is not None:
+            covariance = self.delays.joint(covariance)
+            corrected = self.delays.widened(corrected)
+        tests: tuple[FaultTest, ...] = ()
+        if outcome.faults is not None or outcome.others:
+            from auvid_cli.identification.fault_effects import fault_tests
+
+            tests = fault_tests(outcome, self.header, self.scale)
+        return Outcome(
+            self._status(outcome, progress),
+            covariance,
+            progress.n_valid,
+            *progress.clocks.tolist(),
+            faults=tests,
+            corrected=dict(zip(self.header.state, corrected.tolist(), strict=False)),
+        )
+
+    def chunk(
+        self, rows: tuple[Array, Array, Array], innovations: dict[str, Innovations], kept: slice = slice(None)
+    ) -> EstimateChunk:
+        """Return a chunk in SI from time, mean and standard deviation in scaled units, and innovations."""
+        time, mean, deviation = (row[kept] for row in rows)
+        states = mean * self.scale, deviation * self.scale
+        return EstimateChunk(time, *(states if self.delays is None else self.delays.along(*states)), innovations)
+
+    def by_sensor(self, timeline: Timeline, records: Records) -> dict[str, Innovations]:
+        """Return the innovations of each sensor in a chunk of the data."""
+        n_measurements = len(records.nis)
+        time = np.repeat(timeline.time, np.diff(timeline.measurement_offset))[:n_measurements]
+        by_sensor = {}
+        for sensor, (name, record) in enumerate(self.measuring.items()):
+            used = (timeline.measurement_sensor[:n_measurements] == sensor) & ~np.isnan(records.nis)
+            width = len(SENSORS[name])
+            by_sensor[name] = Innovations(
+                time[used],
+                records.innovation[used, :width],
+                records.innovation_variance[used, :width],
+                records.nis[used],
+                record.standard_deviation,
+                weight=None if records.weight is None else records.weight[used, :width],
+            )
+        return by_sensor
+
+    def _status(self, outcome: FilterOutcome, progress: "_Progress") -> str:
+        names, diverged = tuple(self.measuring), f"diverged at t = {progress.reached:.3f} s"
+        match outcome.failure:
+            case problem.OK:
+                return "completed"
+            case problem.NOT_CONVERGED:
+                limit = f"did not converge within identification.{self.estimator.limit}; result discarded"
+                return f"unconverged: {limit} ({self._distance_from_convergence(outcome, progress)})"
+            case problem.PREDICTION if self.estimator.in_one_batch:
+                return f"{diverged}: no motion of any fit reaches the end of the data"
+            case problem.PREDICTION:
+                why = (
+                    f"state and covariance could not be propagated to this time after a measurement of "
+                    f"{names[progress.sensor]}"
+                )
+            case sensor:
+                why = f"the state was not finite after a measurement of {names[sensor]}"
+        deviation = np.sqrt(np.diagonal(outcome.covariance))
+        # Scaled to unit rows, because the units of the states would dominate.
+        condition = np.sqrt(np.linalg.cond(outcome.covariance / np.outer(deviation, deviation)))
+        last = f"last innovation {progress.last_innovation:.3g} sigma"
+        return f"{diverged}: {why} ({last}, condition of the factor {condition:.2g})"
+
+    def _distance_from_convergence(self, outcome: FilterOutcome, progress: "_Progress") -> str:
+        convergence = outcome.convergence
+        assert convergence is not None, "an estimator that did not converge reports how far it is from convergence"
+        steps = np.abs(np.nan_to_num(convergence.step))
+        largest = [row for row in np.argsort(-steps)[:_MAX_NAMED] if steps[row] >= _MIN_STEP]
+        moving = ", ".join(f"{self.header.state[row]} by {steps[row]:.2g}" for row in largest)
+        parts = [
+            f"NIS {progress.mean_nis:.3g}",
+            f"predicted decrease of the cost {convergence.cost_decrease:.2g}",
+            f"the next step moves {moving} standard deviations"
+            if moving
+            else f"the next step moves no parameter by {_MIN_STEP:g} standard deviations",
+        ]
+        if convergence.fraction < 1.0:
+            parts.insert(0, f"only the first {convergence.fraction:.0%} of the data were fitted")
+        return ", ".join(parts)
+
+
+class _Progress:
+    """Progress of a run; the estimator passes its chunks to `add`.
+
+    Attributes
+    ----------
+    n_valid : int
+        Number of events without failure so far.
+    reached : float
+        Time of the next event, s.
+    sensor : int
+        Row of the sensor of the last measurement.
+    last_innovation : float
+        Size of the last innovation, in standard deviations.
+    nis_sum : float
+        Sum of the normalised innovations squared.
+    n_components : int
+        Number of components in that sum.
+    clocks : ndarray, shape (2,)
+        Processor and wall time of the estimator without that of `on_chunk`, s.
+    """
+
+    def __init__(self, run: FilterRun, on_chunk: Callable[[EstimateChunk], None]) -> None:
+        self.n_valid, self.reached, self.sensor, self.last_innovation = 0, run.span[0], 0, np.nan
+        self.nis_sum, self.n_components = 0.0, 0
+        self.clocks = np.zeros(2)
+        self._run, self._on_chunk = run, on_chunk
+        self._every = run.header.experiment.identification.keep_every
+        # Before the first event the last valid state is the prior.
+        prior = of_segment(run.prior, np.arange(run.scale.size))
+        rows = np.array([self.reached]), prior.mean[None, :], np.diag(prior.factor)[None, :]
+        self._latest = run.chunk(rows, {name: _no_innovations(record) for name, record in run.measuring.items()})
+
+    def add(self, timeline: Timeline, records: Records) -> None:
+        """Pass a chunk of the data on, and note how far the filter came."""
+        self.clocks += _clocks()
+        valid = len(records.mean)
+        rows = timeline.time[:valid], records.mean, records.standard_deviation
+        kept = slice(-self.n_valid % self._every, None, self._every)
+        self._on_chunk(self._run.chunk(rows, self._run.by_sensor(timeline, records), kept))
+        if valid:
+            self._latest = self._run.chunk(rows, self._latest.innovations, slice(valid - 1, valid))
+        self.n_valid += valid
+        self.reached = float(timeline.time[min(valid, timeline.time.size - 1)])
+        if measurements := timeline.measurement_offset[valid]:
+            self.sensor = int(timeline.measurement_sensor[measurements - 1])
+        # Measurements after a failure have no NIS.
+        nis = records.nis[np.isfinite(records.nis)]
+        if nis.size:
+            self.last_innovation = float(np.sqrt(nis[-1]))
+        self.nis_sum += float(nis.sum())
+        self.n_components += int(np.isfinite(records.innovation_variance).sum())
+        self.clocks -= _clocks()
+
+    @property
+    def mean_nis(self) -> float:
+        """Return the normalised innovation squared per component."""
+        return self.nis_sum / max(self.n_components, 1)
+
+    def finish(self) -> None:
+        """Pass the last valid state on, unless it was kept anyway."""
+        if self.n_valid == 0 or (self.n_valid - 1) % self._every:
+            self._on_chunk(self._latest)
+
+
+def _clocks() -> Array:
+    """Return processor time of this thread and wall time, s."""
+    return np.array([thread_time(), perf_counter()])
+
+
+def _no_innovations(record: SensorRecord) -> Innovations:
+    nothing = np.zeros((0, record.values.shape[1]))
+    return Innovations(np.zeros(0), nothing, nothing, np.zeros(0), record.standard_deviation)
 
 
 class _Watched:
-    """Chunks of the data, with something to be done before each is handed out."""
+    """Chunks of the data with a call before each; may be iterated many times."""
 
     def __init__(self, timelines: Iterable[Timeline], before_each: Callable[[], None]) -> None:
         self._timelines, self._before_each = timelines, before_each
@@ -91,15 +298,14 @@ class _Watched:
 def set_up_filters(
     prepared: PreparedData, filter_names: Sequence[FilterName], before_each: Callable[[], None] = lambda: None
 ) -> list[FilterRun]:
-    """Set up estimators that share a dataset's augmented state, prior and timeline; no truth is looked at.
+    """Return estimators that share a dataset's augmented state, prior and timeline; its truth is not used.
 
     Parameters
     ----------
     prepared : PreparedData
     filter_names : sequence of FilterName
     before_each : callable
-        Called whenever an estimator asks for the next chunk of the data, of which a fit asks many times. What it raises
-        ends that estimator.
+        Called before each chunk of the data in each pass. An exception from it ends the estimator.
 
     Raises
     ------
@@ -111,15 +317,15 @@ def set_up_filters(
     settings.check_filters(filter_names)
     augmented = augmented_problem(prepared)
     layout = augmented.layout
-    beside = () if delays is None else delays.symbols
+    delay_symbols = () if delays is None else delays.symbols
     segments = [_Watched(segment.timelines, before_each) for segment in augmented.segments]
     return [
         FilterRun(
             EstimateHeader(
                 filter=name.value,
                 experiment=experiment,
-                state=(*layout.symbols, *beside),
-                unit=(*layout.units, *("s" for _ in beside)),
+                state=(*layout.symbols, *delay_symbols),
+                unit=(*layout.units, *("s" for _ in delay_symbols)),
                 held=augmented.held,
                 dataset_sha256=prepared.dataset.sha256,
             ),
@@ -136,10 +342,9 @@ def set_up_filters(
 
 
 def resolve_settings(prepared: PreparedData) -> PreparedData:
-    """Return data with settings that state what is found before all else.
+    """Return the data with settings that state the estimated delays and noise levels, where settings ask for these.
 
-    That are the noise, where it is to be estimated, as the data make it most likely, and delays that are sought; these
-    first, for what comes at the wrong time passes for noise, and then once more.
+    Delays are estimated first, because a timing error looks like noise; then the noise levels; then the delays again.
 
     Raises
     ------
@@ -147,25 +352,25 @@ def resolve_settings(prepared: PreparedData) -> PreparedData:
         As `auvid_cli.identification.noise.tune_noise` and `auvid_cli.identification.delays.estimate_delays`.
     """
     settings = prepared.experiment.identification
-    if settings.estimates_delays:
-        from auvid_cli.identification.delays import estimate_delays
+    if not settings.estimates_delays:
+        return _with_tuned_noise(prepared)
+    # Imported here, as in `_with_tuned_noise`, because few runs need this compiled code.
+    from auvid_cli.identification.delays import estimate_delays
 
-        prepared = estimate_delays(prepared)
-        return estimate_delays(_with_noise_found(prepared)) if settings.noise == "estimate" else prepared
-    return _with_noise_found(prepared)
+    prepared = estimate_delays(prepared)
+    return prepared if settings.noise == "stated" else estimate_delays(_with_tuned_noise(prepared))
 
 
-def _with_noise_found(prepared: PreparedData) -> PreparedData:
+def _with_tuned_noise(prepared: PreparedData) -> PreparedData:
     if prepared.experiment.identification.noise == "stated":
         return prepared
-    # It has compiled code that nothing else needs.
     from auvid_cli.identification.noise import tune_noise
 
     return prepared.with_settings(tune_noise(prepared).experiment)
 
 
 def identify(dataset: Dataset, filter_name: FilterName) -> Estimate:
-    """Estimate coefficients and motion from a dataset, all in memory; see `set_up_filters` and `FilterRun`."""
+    """Estimate coefficients and motion from a dataset in memory; see `set_up_filters` and `FilterRun`."""
     (run,), chunks = set_up_filters(resolve_settings(prepare(dataset)), [filter_name]), []
     outcome = run.run(chunks.append)
     return Estimate.of(run.header, chunks, outcome)

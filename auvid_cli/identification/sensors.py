@@ -1,4 +1,9 @@
-"""Nonlinear sensors of the augmented state: accelerometer, DVL and magnetometer, with their derivatives."""
+"""Nonlinear sensors of the augmented state with their derivatives: accelerometer, DVL with errors, magnetometer.
+
+An accelerometer at l measures ``nu1_dot + omega x nu1 + omega_dot x l + omega x (omega x l) - R' g``,
+a DVL at l ``(1 + scale) Rz(yaw)' (nu1 + R' current + omega x l)``, a magnetometer ``R' m``; each plus its biases. R is
+the rotation matrix from body to earth axes, Fossen 2011, ch. 2.
+"""
 
 from typing import NamedTuple
 
@@ -7,6 +12,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.config.extra_states import CURRENT, DVL_ARM, DVL_SCALE, DVL_YAW
+from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
 from auvid_cli.identification.compiled_layout import (
     ACCELEROMETER,
     MAGNETOMETER,
@@ -16,6 +22,7 @@ from auvid_cli.identification.compiled_layout import (
     fill_in_row,
     first_moving_row,
     is_disturbed,
+    known_sensor,
     known_vector,
     row_of,
     value_of,
@@ -39,19 +46,18 @@ Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
-# Where those of them end that are as long whatever terms a vehicle has.
-_SLOPE, _BLOCK, _FOR_JACOBIAN, _FORCE = (
-    N_SLOPE,
-    N_SLOPE + N_BLOCK,
-    N_SLOPE + N_BLOCK + N_JACOBIAN_WORK,
-    N_SLOPE + N_BLOCK + N_JACOBIAN_WORK + 3 * LANES,
-)
+# Ends of the parts of the scratch whose lengths do not depend on the vehicle's own terms.
+_SLOPE = N_SLOPE
+_BLOCK = _SLOPE + N_BLOCK
+_FOR_JACOBIAN = _BLOCK + N_JACOBIAN_WORK
+_FORCE = _FOR_JACOBIAN + 3 * LANES
+# Symbols of the errors of a DVL that are not additive, and of the current.
 VELOCITY_ERRORS = tuple(quantity.symbol for quantity in (DVL_SCALE, DVL_YAW, *CURRENT, *DVL_ARM))
-"""Symbols of what lies between the velocity through the water and its measurement, but for what adds to that."""
+_three = types.UniTuple(types.float64, 3)
 
 
 class _Workspace(NamedTuple):
-    """Arrays that hold nothing from one use to the next.
+    """Scratch arrays of `measure_forces` and `linearise_force`.
 
     Attributes
     ----------
@@ -77,11 +83,6 @@ class _Workspace(NamedTuple):
     force: Array
 
 
-def accelerometer_work(terms: int) -> int:
-    """Return the length of the scratch that is handed over."""
-    return _FORCE + N_COEFFICIENT_BLOCK + terms * LANES + N_FACTORS + terms + N_MOTION * (N_COLUMNS + terms)
-
-
 @compiled(inline=True)
 def _workspace(scratch, terms):
     lanes = _FORCE + N_COEFFICIENT_BLOCK + terms * LANES
@@ -99,7 +100,7 @@ def _workspace(scratch, terms):
 
 @compiled()
 def _specific_force(motion, slope, constants, n_lanes, force):
-    """Fill in the specific force of a block of motions, without bias."""
+    """Fill in the specific force, m/s^2, of a block of motions, without bias."""
     x, y, z = known_vector(constants, ACCELEROMETER)
     for k in range(n_lanes):
         u, v, w = motion[k], motion[LANES + k], motion[2 * LANES + k]
@@ -118,7 +119,7 @@ def _specific_force(motion, slope, constants, n_lanes, force):
 
 @compiled()
 def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, predicted, scratch):
-    """Predict what it says of a block of states under inputs; `scratch` has `accelerometer_work`."""
+    """Predict the specific force, m/s^2, of a block of states under inputs."""
     work = _workspace(scratch, n_terms(constants))
     fill_in_lanes(moving, parameters, constants, selection, n_lanes, work.coefficient_block)
     motion_derivative(moving, work.coefficient_block, inputs, constants, n_lanes, work.slope)
@@ -135,7 +136,7 @@ def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, pr
 
 @compiled()
 def linearise_force(mean, inputs, constants, selection, predicted, matrix, scratch):
-    """Predict what it says of one state, shape (3,), and the derivative by the state, whose other columns stay."""
+    """Predict the specific force of one state, shape (3,), m/s^2, and fill in its derivative by the state."""
     work, first = _workspace(scratch, n_terms(constants)), first_moving_row(constants)
     n_columns = N_COLUMNS + n_terms(constants)
     motion, jacobian = mean[first : first + N_MOTION], work.jacobian
@@ -190,7 +191,7 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
 
 @compiled()
 def measure_velocities(moving, parameters, constants, n_lanes, predicted):
-    """Predict what it measures of a block of states."""
+    """Predict the velocity that a DVL measures, m/s, for a block of states."""
     for k in range(n_lanes):
         north = value_of(constants, ROW.current_north, parameters, moving, k)
         east = value_of(constants, ROW.current_east, parameters, moving, k)
@@ -220,7 +221,7 @@ def _value(constants, mean, which):
 
 @compiled()
 def _put(matrix, column, gain, yaw, vector):
-    """Turn a vector of the vehicle's axes to those of the DVL, times its gain; as a column, if there is one."""
+    """Fill in a column of the derivative: a vector in body axes, rotated to the axes of the DVL, times its gain."""
     if column >= 0:
         sine, cosine = sine_cosine(yaw)
         matrix[0, column] = gain * (cosine * vector[0] + sine * vector[1])
@@ -230,12 +231,9 @@ def _put(matrix, column, gain, yaw, vector):
 
 @compiled()
 def linearise_velocity(mean, constants, predicted, matrix):
-    """Predict what it measures of one state, shape (3,), and the derivative by the state, whose other columns stay."""
-    first, scale_row, yaw_row = (
-        first_moving_row(constants),
-        row_of(constants, ROW.dvl_scale),
-        row_of(constants, ROW.dvl_yaw),
-    )
+    """Predict the velocity that a DVL measures of one state, shape (3,), m/s, and fill in its derivative."""
+    first = first_moving_row(constants)
+    scale_row, yaw_row = row_of(constants, ROW.dvl_scale), row_of(constants, ROW.dvl_yaw)
     gain, yaw = 1.0 + _value(constants, mean, ROW.dvl_scale), _value(constants, mean, ROW.dvl_yaw)
     north, east = _value(constants, mean, ROW.current_north), _value(constants, mean, ROW.current_east)
     sin_phi, cos_phi = sine_cosine(mean[first + 6])
@@ -254,7 +252,7 @@ def linearise_velocity(mean, constants, predicted, matrix):
     v = mean[first + 1] + drift_v + r * x - p * z
     w = mean[first + 2] + drift_w + p * y - q * x
 
-    # By the rates it moves at right angles to its arm, by the arm at right angles to the rates.
+    # Derivatives of omega x l by the rates and by the arm.
     for column, by in (
         (first + 3, (0.0, -z, y)),
         (first + 4, (z, 0.0, -x)),
@@ -264,7 +262,7 @@ def linearise_velocity(mean, constants, predicted, matrix):
         (row_of(constants, ROW.dvl_z), (q, -p, 0.0)),
     ):
         _put(matrix, column, gain, yaw, by)
-    # Along a horizontal direction with so much ahead and aside of the heading, in the vehicle's axes.
+    # Derivatives by the current and by the heading: a horizontal vector (f, s) along and across the heading.
     for column, f, s in (
         (row_of(constants, ROW.current_north), cos_psi, -sin_psi),
         (row_of(constants, ROW.current_east), sin_psi, cos_psi),
@@ -278,7 +276,7 @@ def linearise_velocity(mean, constants, predicted, matrix):
     for axis in range(3):
         unit = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
         _put(matrix, first + axis, gain, yaw, unit)
-    # A quarter of a turn further is the derivative by the mounting.
+    # The derivative by the mounting angle is the velocity rotated by a quarter turn.
     _put(matrix, yaw_row, gain, yaw, (v, -u, 0.0))
     _put(matrix, scale_row, 1.0, yaw, (u, v, w))
     sine, cosine = sine_cosine(yaw)
@@ -286,32 +284,32 @@ def linearise_velocity(mean, constants, predicted, matrix):
 
 
 def measured_velocity(motion: Array, errors: Array) -> Array:
-    """Return what it measures of motions, shape (..., 9): velocities, shape (..., 3), m/s.
+    """Return the velocities that a DVL measures, shape (..., 3), m/s.
 
     Parameters
     ----------
     motion : ndarray, shape (..., 9)
-        Its velocity is that through the water.
+        With the velocity through the water, SI.
     errors : ndarray, shape (7,)
-        In the order of `VELOCITY_ERRORS`.
+        In the order of `VELOCITY_ERRORS`, SI.
     """
     return (motion[..., :3] + _beyond(motion, errors)) @ dvl_axes(*errors[:2]).T
 
 
-def velocity_behind(motion: Array, errors: Array) -> Array:
-    """Return the velocity through the water, where that of a motion is as measured; inverts `measured_velocity`."""
+def velocity_through_water(motion: Array, errors: Array) -> Array:
+    """Return the velocity through the water of motions with measured velocities; the inverse of `measured_velocity`."""
     return motion[..., :3] @ np.linalg.inv(dvl_axes(*errors[:2])).T - _beyond(motion, errors)
 
 
 def _beyond(motion: Array, errors: Array) -> Array:
-    """Return the velocity of the DVL over ground less that of the origin through the water."""
+    """Return the velocity of the DVL over ground minus that of the origin through the water."""
     _, _, north, east, *arm = errors
     return current_in_body_axes(motion[..., 6:9], north, east) + np.cross(motion[..., 3:6], arm)
 
 
 @compiled()
 def measure_field(moving, parameters, constants, n_lanes, predicted):
-    """Predict what it measures of a block of states."""
+    """Predict the magnetic field in body axes, T, for a block of states."""
     north, east, down = known_vector(constants, MAGNETOMETER)
     biases = ROW.bias_mx, ROW.bias_my, ROW.bias_mz
     for k in range(n_lanes):
@@ -329,7 +327,7 @@ def measure_field(moving, parameters, constants, n_lanes, predicted):
 
 @compiled()
 def linearise_field(mean, constants, predicted, matrix):
-    """Predict what it measures of one state, shape (3,), and the derivative by the state, whose other columns stay."""
+    """Predict the magnetic field of one state, shape (3,), T, and fill in its derivative."""
     first = first_moving_row(constants)
     north, east, down = known_vector(constants, MAGNETOMETER)
     biases = ROW.bias_mx, ROW.bias_my, ROW.bias_mz
@@ -341,9 +339,9 @@ def linearise_field(mean, constants, predicted, matrix):
     y, z = sin_phi * steep + cos_phi * aside, cos_phi * steep - sin_phi * aside
     predicted[0], predicted[1], predicted[2] = level, y, z
     by_roll, by_pitch = (0.0, z, -y), (-steep, sin_phi * level, cos_phi * level)
-    # By the heading what is ahead grows by what is aside, and that falls by what is ahead.
-    rising = sin_theta * aside
-    by_yaw = cos_theta * aside, sin_phi * rising - cos_phi * ahead, cos_phi * rising + sin_phi * ahead
+    # By yaw: d(ahead) = aside, d(aside) = -ahead.
+    steep_by_yaw = sin_theta * aside
+    by_yaw = cos_theta * aside, sin_phi * steep_by_yaw - cos_phi * ahead, cos_phi * steep_by_yaw + sin_phi * ahead
     for axis in range(3):
         matrix[axis, first + 6] = by_roll[axis]
         matrix[axis, first + 7] = by_pitch[axis]
@@ -352,3 +350,28 @@ def linearise_field(mean, constants, predicted, matrix):
         if bias >= 0:
             matrix[axis, bias] = 1.0
             predicted[axis] += mean[bias]
+
+
+@compiled(OBSERVATION_SIGNATURE)
+def observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
+    """Predict the measurement of a nonlinear sensor for a block of states."""
+    if sensor == known_sensor(constants, ACCELEROMETER):
+        measure_forces(moving, parameters, inputs, constants, selection, n_lanes, predicted, scratch)
+    elif sensor == known_sensor(constants, MAGNETOMETER):
+        measure_field(moving, parameters, constants, n_lanes, predicted)
+    else:
+        measure_velocities(moving, parameters, constants, n_lanes, predicted)
+
+
+@compiled(LINEARISATION_SIGNATURE)
+def linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
+    """Predict the measurement of a nonlinear sensor for one state, and its derivative by the state."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            matrix[i, j] = 0.0
+    if sensor == known_sensor(constants, ACCELEROMETER):
+        linearise_force(mean, inputs, constants, selection, predicted, matrix, scratch)
+    elif sensor == known_sensor(constants, MAGNETOMETER):
+        linearise_field(mean, constants, predicted, matrix)
+    else:
+        linearise_velocity(mean, constants, predicted, matrix)

@@ -1,4 +1,4 @@
-"""The augmented state: its prior and the layout of its rows."""
+"""The augmented state, Sabet et al. 2018, eq. (10): prior of the coefficients and layout of the rows."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,57 +21,57 @@ from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import MOTION, Quantity
 
 Array = NDArray[np.float64]
-# Lift-curve slope of a short fin, per radian: about 3 at the aspect ratios of AUV fins (Hoerner,
-# Fluid-Dynamic Lift, 1985, ch. 3), on a fin area of about the hull diameter squared.
+# Per radian; lift-curve slope of a short fin: about 3 at the aspect ratios of AUV fins (Hoerner, Fluid-Dynamic Lift,
+# 1985, ch. 3), on a fin area of about the hull diameter squared.
 _LIFT_SLOPE = 3.0
-_THRUST = ("thrust",)
-# Of a small vehicle's battery, V: nothing of a hull says it.
-_VOLTAGE = 24.0
+_BATTERY_VOLTAGE = 24.0  # V, typical of a small vehicle
+# Standard deviation of a stated coefficient as a share of its value, where the file states none.
+_DEFAULT_RELATIVE_DEVIATION = 0.5
 _ORIGINS = {"vehicle": "vehicle file's", "geometry": "geometry's"}
 _REMEDIES = {
-    "vehicle": "state what was guessed, e.g. --set vehicle.coefficients.{}=...",
+    "vehicle": "state initial guesses instead, e.g. --set vehicle.coefficients.{}=...",
     "geometry": "simulate a vehicle that differs from its drawing, e.g. --set vehicle.coefficients.{}=...",
 }
-# Of a vehicle file's value, if nothing says how sure it is.
-_RELATIVE = 0.5
 
 
 def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
     """Return the magnitude that a coefficient would have on a plain body of this size, SI.
-
-    Drag is ``rho/2 C A`` with C = 1 on the frontal area for surge and on the lateral area for the
-    cross-flow terms; lift and control are ``rho/2 C_L d^2``. A moment, and every rate among the
-    signals, brings a lever: half the length, for roll the diameter. Where there are not two velocities or rates, it is
-    so large as to make such a force at half the Froude speed ``sqrt(g l)``; a thrust counts as the drag on the frontal
-    area at that, and a propeller as wide as the hull turns once while it goes as far as it is wide. The
-    voltage is that of a small vehicle.
 
     Parameters
     ----------
     coefficient : Coefficient
     size : Size
         Length, diameter, density of water. No coefficient of any vehicle enters.
+
+    Notes
+    -----
+    Drag is ``rho/2 C A`` with C = 1 on the frontal area for surge and on the lateral area for the cross-flow terms;
+    lift and control are ``rho/2 C_L d^2``. A moment, and every rate among the signals, multiplies by a lever: half the
+    length, for roll the diameter. A term with other than two velocities or rates is scaled to give such a force at
+    half the Froude speed ``sqrt(g l)``. A thrust counts as the drag on the frontal area at that speed. A propeller as
+    wide as the hull is assumed to turn once per diameter travelled.
     """
     pressure, speed = 0.5 * size.density, 0.5 * np.sqrt(GRAVITY * size.length)
     half_length = 0.5 * size.length
     frontal = 0.25 * np.pi * size.diameter**2
-    if "n" in coefficient.signals:
+    signals = coefficient.signals
+    if "n" in signals:
         area = frontal
     elif _is_drag(coefficient):
         area = frontal if coefficient.row == 0 else size.length * size.diameter
     else:
         area = _LIFT_SLOPE * size.diameter**2
     lever = size.diameter if coefficient.row == 3 else half_length
-    turns, thrusts = (sum(signal in names for signal in coefficient.signals) for names in (("p", "q", "r"), _THRUST))
-    speeds = turns + sum(signal in ("u", "v", "w") for signal in coefficient.signals)
-    at_speed = pressure * area * lever ** (turns + (coefficient.row >= 3)) * speed ** (2 - speeds)
-    revolutions, voltages = (coefficient.signals.count(name) for name in ("n", "voltage"))
-    at_thrust = at_speed / (pressure * frontal * speed**2) ** thrusts
-    return float(at_thrust / (speed / size.diameter) ** revolutions / _VOLTAGE**voltages)
+    rates = sum(signal in ("p", "q", "r") for signal in signals)
+    speeds = rates + sum(signal in ("u", "v", "w") for signal in signals)
+    at_speed = pressure * area * lever ** (rates + (coefficient.row >= 3)) * speed ** (2 - speeds)
+    at_thrust = at_speed / (pressure * frontal * speed**2) ** signals.count("thrust")
+    at_revolutions = at_thrust / (speed / size.diameter) ** signals.count("n")
+    return float(at_revolutions / _BATTERY_VOLTAGE ** signals.count("voltage"))
 
 
 def _is_drag(coefficient: Coefficient) -> bool:
-    """Say whether a term is resistance, and not a lift of body or fins: one velocity alone, or with a modulus."""
+    """Whether a term is resistance, and not lift of body or fins: one velocity alone, or with a modulus."""
     if coefficient.group != "term":
         return coefficient.group == "damping"
     moving = [signal for signal in coefficient.signals if signal in "uvwpqr"]
@@ -79,96 +79,85 @@ def _is_drag(coefficient: Coefficient) -> bool:
 
 
 class CoefficientPrior(NamedTuple):
-    """What is known of a coefficient before any data, SI."""
+    """Prior mean and standard deviation of a coefficient, SI."""
 
     mean: float
     standard_deviation: float
 
 
 def coefficient_priors(vehicle: VehicleSettings, prior: Prior) -> dict[str, CoefficientPrior]:
-    """Return what settings say of each coefficient before any data, by symbol.
+    """Return the prior of each coefficient by symbol.
 
     Parameters
     ----------
     vehicle : VehicleSettings
-        Its coefficients count only where `prior.mean` asks for them, and so does its geometry; the guess that a term of
-        its own states counts always. What its file does not state, or states as zero without a standard deviation, has
-        zero mean and its natural magnitude times `prior.factor`.
+        Its coefficients and its geometry are used only if `prior.mean` names them; the prior that one of its terms
+        states is always used. A coefficient without a value, or with the value zero and no standard deviation, has zero
+        mean and its natural magnitude times `prior.factor`.
     prior : Prior
     """
-    means, known = _expected(vehicle, prior)
+    means: Mapping[str, float] = {}
+    deviations: Mapping[str, float] = {}
+    if prior.mean == "vehicle":
+        means, deviations = vehicle.stated_coefficients(), vehicle.stated_deviations()
+    elif prior.mean == "geometry":
+        derived = vehicle.derived_values()
+        means, deviations = {d.name: d.mean for d in derived}, {d.name: d.standard_deviation for d in derived}
     priors = {}
     for coefficient in vehicle.coefficient_set:
         symbol, guess = coefficient.symbol, vehicle.term_prior(coefficient.symbol)
         mean = means.get(symbol, 0.0) if guess.mean is None else guess.mean
-        share = _share(prior, coefficient)
-        stated = guess.standard_deviation or (known.get(symbol) if share is None else None)
-        relative = abs(mean) * (_RELATIVE if share is None else share)
+        share = prior.relative
+        if isinstance(share, dict):
+            share = share.get(symbol, share.get(coefficient.group))
+        stated = guess.standard_deviation or (deviations.get(symbol) if share is None else None)
+        relative = abs(mean) * (_DEFAULT_RELATIVE_DEVIATION if share is None else share)
         natural = prior.factor * natural_magnitude(coefficient, vehicle.size)
         deviation = prior.standard_deviation.get(symbol) or stated or relative or natural
         priors[symbol] = CoefficientPrior(mean, deviation)
     return priors
 
 
-def _expected(vehicle: VehicleSettings, prior: Prior) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Return means and standard deviations from where the settings say, by symbol."""
-    match prior.mean:
-        case "zero":
-            return {}, {}
-        case "vehicle":
-            return vehicle.stated_coefficients(), vehicle.stated_deviations()
-        case "geometry":
-            derived = vehicle.derived_values()
-            return {d.name: d.mean for d in derived}, {d.name: d.standard_deviation for d in derived}
-
-
-def _share(prior: Prior, coefficient: Coefficient) -> float | None:
-    """Return what a user says of the standard deviation relative to the mean: of the coefficient, else of its group."""
-    if isinstance(prior.relative, dict):
-        return prior.relative.get(coefficient.symbol, prior.relative.get(coefficient.group))
-    return prior.relative
-
-
-def refuse_simulated(dataset: Dataset, priors: Mapping[str, CoefficientPrior], source: str) -> None:
-    """Refuse a prior about the very coefficients with which data were simulated.
+def refuse_simulated(dataset: Dataset, means: Mapping[str, float], source: str) -> None:
+    """Refuse a prior mean that equals the coefficients with which the data were simulated.
 
     Parameters
     ----------
     dataset : Dataset
-    priors : mapping
-        Of the coefficients to estimate, by symbol.
+    means : mapping
+        Prior means of the estimated coefficients by symbol, SI.
     source : str
-        Where they are from, as `Prior.mean` has it.
+        Origin of the means, a value of `Prior.mean`.
 
     Raises
     ------
     DataError
-        If any of the means is such a one.
     """
-    if same := dataset.simulated_with({symbol: prior.mean for symbol, prior in priors.items()}):
+    if same := dataset.simulated_with(means):
         raise DataError(
-            f"identification.prior.mean={source}: these data were simulated with the {_ORIGINS[source]} own "
-            f"{', '.join(same)}, and such a prior proves nothing; {_REMEDIES[source].format(same[0])}"
+            f"identification.prior.mean={source}: the data were simulated with the {_ORIGINS[source]} own "
+            f"{', '.join(same)}, so the prior is the truth and the result proves nothing; "
+            f"{_REMEDIES[source].format(same[0])}"
         )
 
 
 def earlier_gaussian(
     path: Path, dataset: Dataset, estimated: Sequence[str], scale: Array, otherwise: Array
 ) -> tuple[Array, Array]:
-    """Return what an earlier estimate says of coefficients, in units of `scale`; others keep their prior.
+    """Return the posterior of an earlier estimate as a prior, in units of `scale`.
 
     Parameters
     ----------
     path : pathlib.Path
         Estimate file.
     dataset : Dataset
-        That is to be identified.
+        Data to identify.
     estimated : sequence of str
         Symbols.
     scale : ndarray, shape (p,)
-        Prior standard deviations.
+        Prior standard deviations, SI.
     otherwise : ndarray, shape (p,)
-        The prior's mean, in these units.
+        Prior mean of coefficients that the earlier estimate does not have, in units of `scale`.
 
     Returns
     -------
@@ -179,28 +168,28 @@ def earlier_gaussian(
     Raises
     ------
     DataError
-        If the estimate is of the same data, which would count twice, or did not end well.
+        If the estimate is of the same data or was not completed.
     FileError
-        If it cannot be read.
+        If it is not readable.
     """
-    earlier = read_estimate(path)
+    where, earlier = f"identification.prior.from_estimate: {path}", read_estimate(path)
     if not earlier.completed:
-        raise DataError(f"identification.prior.from_estimate: {path} {earlier.status}; it is no prior for anything")
+        raise DataError(f"{where}: {earlier.status}; expected a completed estimate")
     if earlier.dataset_sha256 and earlier.dataset_sha256 == dataset.sha256:
         raise DataError(
-            f"identification.prior.from_estimate: {path} was made from this very dataset, which would count twice; "
-            "name an estimate of other data"
+            f"{where} was made from this very dataset, which would count twice; name an estimate of other data"
         )
     mean, covariance = otherwise.copy(), np.eye(scale.size)
-    here = [i for i, symbol in enumerate(estimated) if symbol in earlier.state]
-    there = [earlier.state.index(estimated[i]) for i in here]
-    mean[here] = earlier.mean[-1, there] / scale[here]
-    covariance[np.ix_(here, here)] = earlier.covariance[np.ix_(there, there)] / np.outer(scale[here], scale[here])
+    rows = [i for i, symbol in enumerate(estimated) if symbol in earlier.state]
+    earlier_rows = [earlier.state.index(estimated[i]) for i in rows]
+    mean[rows] = earlier.mean[-1, earlier_rows] / scale[rows]
+    covariance[np.ix_(rows, rows)] = earlier.covariance[np.ix_(earlier_rows, earlier_rows)] / np.outer(
+        scale[rows], scale[rows]
+    )
     try:
         return mean, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
     except np.linalg.LinAlgError:
-        message = f"identification.prior.from_estimate: the covariance in {path} is not positive definite"
-        raise DataError(message) from None
+        raise DataError(f"{where}: the covariance is not positive definite") from None
 
 
 @dataclass(frozen=True)
@@ -213,43 +202,46 @@ class StateBlock:
     quantities : tuple of Quantity
         Symbol, SI unit and meaning of each component.
     prior_std : tuple of float
-        Standard deviation of each before any data, or about what was measured first, SI.
+        Prior standard deviation of each component, SI; about the first measurement if `starts_as_measured`.
     noise_density : tuple of float
-        Square root of the power spectral density that drives each, SI; empty for parameters.
+        Square root of the power spectral density of the noise that drives each, SI; empty for parameters.
+    prior_mean : tuple of float
+        SI; empty if zero or measured.
     scaled : bool
-        Whether filters see each as a multiple of its `prior_std`, as coefficients that span 1e-3 to 1e3 must be.
+        Whether filters see each as a multiple of its `prior_std`. Coefficients span 1e-3 to 1e3.
     starts_as_measured : bool
-        Whether its prior mean is what sensors measured first, and not zero.
+        Whether the prior mean is the first measurement.
     error : ErrorBlock or None
-        How it acts, where it is an error of a sensor or an actuator.
+        Effect of an error of a sensor or an actuator.
     """
 
     name: str
     quantities: tuple[Quantity, ...]
     prior_std: tuple[float, ...]
     noise_density: tuple[float, ...] = ()
+    prior_mean: tuple[float, ...] = ()
     scaled: bool = False
     starts_as_measured: bool = False
     error: ErrorBlock | None = None
 
     @property
     def is_moving(self) -> bool:
-        """Say whether its components are moving states, and not parameters."""
+        """Whether the components are moving states, and not parameters."""
         return bool(self.noise_density)
 
 
 class StateLayout:
-    """An augmented state.
+    """Order of the augmented state: parameters, then moving states.
 
     Parameters
     ----------
     blocks : iterable of StateBlock
-        In any order; parameters are put before moving states.
+        In any order.
 
     Attributes
     ----------
     blocks : tuple of StateBlock
-        As they stand in the state.
+        In the order of the state.
     """
 
     def __init__(self, blocks: Iterable[StateBlock]) -> None:
@@ -270,14 +262,21 @@ class StateLayout:
 
     @cached_property
     def scale(self) -> Array:
-        """Return the SI value of one unit of each component, as filters see it."""
+        """Return the SI value of one unit of each component in the filters."""
         return np.concatenate(
             [block.prior_std if block.scaled else np.ones(len(block.prior_std)) for block in self.blocks]
         )
 
     @cached_property
+    def prior_mean(self) -> Array:
+        """Return the prior mean of each component, in units of `scale`; zero where it is measured."""
+        return (
+            np.concatenate([block.prior_mean or np.zeros(len(block.prior_std)) for block in self.blocks]) / self.scale
+        )
+
+    @cached_property
     def prior_std(self) -> Array:
-        """Return the standard deviation of each component before any data, in units of `scale`."""
+        """Return the prior standard deviation of each component, in units of `scale`."""
         return np.concatenate([block.prior_std for block in self.blocks]) / self.scale
 
     @cached_property
@@ -287,60 +286,56 @@ class StateLayout:
 
     @property
     def n_parameters(self) -> int:
-        """Return the number of parameters, which stand before the moving states."""
+        """Return the number of parameters."""
         return len(self.symbols) - self.noise_density.size
 
     def row(self, symbol: str) -> int | None:
-        """Return where a component stands; None if it is no state."""
+        """Return the row of a component; None if it is not in the state."""
         return self._rows.get(symbol)
 
     def rows(self, symbols: Sequence[str]) -> list[int]:
-        """Return where components stand that are all states."""
+        """Return the rows of components, all of them in the state."""
         return [self._rows[symbol] for symbol in symbols]
 
     def rows_of(self, name: str) -> slice:
-        """Return where a block stands; empty if there is none of that name."""
+        """Return the rows of a block; empty without a block of that name."""
         for block, begin, end in zip(self.blocks, self._ends, self._ends[1:], strict=False):
             if block.name == name:
                 return slice(begin, end)
         return slice(0, 0)
 
     def moving_rows_of(self, name: str) -> slice:
-        """Return where a block stands among the moving states alone; empty if there is none of that name."""
+        """Return the rows of a block, counted from the first moving state; empty without such a block."""
         rows, n_parameters = self.rows_of(name), self.n_parameters
         return slice(rows.start - n_parameters, rows.stop - n_parameters) if rows.stop else rows
 
 
 def state_layout(settings: Identification, vehicle: VehicleSettings, measuring: Collection[str]) -> StateLayout:
-    """Lay out the augmented state that settings ask for.
+    """Return the augmented state that settings ask for.
 
     Parameters
     ----------
     settings : Identification
     vehicle : VehicleSettings
-        Natural magnitudes of its coefficients follow from its size.
     measuring : collection of str
-        Sensors; what only one of them measures, as the depth, is a state where it does.
+        Names of the sensors in use. A quantity that only one of them measures, such as the depth, is a state only if
+        that sensor is in use.
     """
     noise, initial = settings.process_noise, settings.initial_motion
     priors, estimated = coefficient_priors(vehicle, settings.prior), settings.estimated(vehicle)
     coefficients = tuple(
         Quantity(c.symbol, c.unit, c.meaning, c.equation) for c in vehicle.coefficient_set if c.symbol in estimated
     )
+    motion_std = np.repeat([initial.velocity, initial.rate, initial.attitude], 3)
     blocks = [
         StateBlock(
             "coefficients",
             coefficients,
             tuple(priors[q.symbol].standard_deviation for q in coefficients),
+            prior_mean=tuple(priors[q.symbol].mean for q in coefficients),
             scaled=True,
         ),
-        StateBlock(
-            "motion",
-            MOTION,
-            tuple(np.repeat([initial.velocity, initial.rate, initial.attitude], 3).tolist()),
-            noise.of_motion(),
-            starts_as_measured=True,
-        ),
+        StateBlock("motion", MOTION, tuple(motion_std.tolist()), noise.of_motion(), starts_as_measured=True),
     ]
     for name, quantity, sensor in FURTHER_STATES:
         if sensor in measuring:

@@ -1,4 +1,4 @@
-"""From a dataset to events in time order, each sensor at its own times, a chunk of the run at a time."""
+"""Measurements of all sensors merged into events in time order, chunk by chunk; nothing is resampled."""
 
 from collections.abc import Iterator, Sequence
 from copy import copy
@@ -22,21 +22,19 @@ Ticks = NDArray[np.int64]
 
 _FORCES = tuple(quantity.symbol for quantity in SENSORS["accelerometer"])
 _FIELDS = tuple(quantity.symbol for quantity in SENSORS["magnetic_field"])
-# Heading is known modulo a turn; roll and pitch are treated alike, which costs nothing.
+# Angles, whose innovations are wrapped to [-pi, pi).
 _ANGULAR = ("phi", "theta", "psi")
-_NANOSECOND = 1e-9
-# s; over so long a time a model without any measurement says nothing any more.
-_LONGEST_SILENCE = 1000.0
-
-# Most measurements of one sensor in a chunk: some 60 ms of work for a sigma-point filter.
+_NANOSECOND = 1e-9  # s
+MAX_GAP = 1000.0  # s, without any measurement
+# Largest number of measurements of one sensor in a chunk: some 60 ms of work for a sigma-point filter.
 CHUNK = 8000
 
 
 def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
-    """Return the sensors that estimators listen to and that have at least one valid sample.
+    """Return the records that estimators use: those with a valid sample that settings do not exclude.
 
-    These are the sensors of motion states and of the depth; with ``attitude_from: inertial`` accelerometer and
-    magnetometer, of one axis or three, in place of an attitude, whatever that comes from.
+    These are the sensors of motion states and of the depth. With ``attitude_from: inertial``, accelerometer and
+    magnetometer (of one axis or three) replace the attitude.
 
     Raises
     ------
@@ -49,38 +47,39 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
     for name, record in dataset.sensors.items():
         if name not in unused and np.isfinite(record.values).any():
             if not (record.standard_deviation > 0.0).all():
-                raise DataError(f"sensor {name}: its standard deviation must be greater than 0 for a filter")
-            times_as_much = dataset.experiment.identification.measurement_noise.get(name, 1.0)
-            measuring[name] = replace(record, standard_deviation=times_as_much * record.standard_deviation)
+                raise DataError(f"sensor {name}: the standard deviation must be greater than 0 for a filter")
+            factor = dataset.experiment.identification.measurement_noise.get(name, 1.0)
+            measuring[name] = replace(record, standard_deviation=factor * record.standard_deviation)
     if is_inertial and not ("accelerometer" in measuring and any(name in measuring for name in COMPASSES)):
         missing = "accelerometer" if "accelerometer" not in measuring else " or ".join(COMPASSES)
         raise DataError(
-            "identification.attitude_from: inertial needs an accelerometer and a magnetometer, and the dataset "
-            f"has no valid sample of {missing}"
+            f"identification.attitude_from: inertial: the dataset has no valid sample of {missing}; expected "
+            "accelerometer and magnetometer"
         )
     if not measuring:
-        raise DataError("the dataset has no valid sample of a sensor that measures motion (dvl, gyroscope, attitude)")
+        raise DataError("the dataset has no valid sample of a motion sensor (dvl, gyroscope, attitude)")
     return measuring
 
 
 def measurement_model(
     measuring: dict[str, SensorRecord], layout: StateLayout, gate: float, threshold: float
 ) -> Sensors:
-    """Return the rows that select the measured motion states, plus the sensor's own errors, from an augmented state.
+    """Return the matrix that selects measured states and additive errors, Sabet et al. 2018, eq. (14), and the noise.
 
     Parameters
     ----------
     measuring : dict of SensorRecord
     layout : StateLayout
-        An error that does not just add to what a sensor measures makes it nonlinear; so does a component that is no
-        state.
-    gate, threshold : float
-        Largest innovation that is used, and largest residual that counts whole, standard deviations.
+        A sensor is nonlinear if it has an error that is not additive, or measures a quantity that is not a state.
+    gate : float
+        Largest innovation that is used, in standard deviations.
+    threshold : float
+        Largest residual with full weight, in standard deviations.
 
     Raises
     ------
     DataError
-        If an error belongs to a sensor that is not there.
+        If the sensor of an error is not in use.
     """
     width = max(record.values.shape[1] for record in measuring.values())
     matrix = np.zeros((len(measuring), width, len(layout.symbols)))
@@ -102,8 +101,8 @@ def measurement_model(
             continue
         if block.error.sensor not in measuring:
             raise DataError(
-                f"identification.estimate.biases asks for {block.quantities[0].symbol}, but the dataset has no valid "
-                f"sample of {block.error.sensor}"
+                f"identification.estimate.biases: {block.quantities[0].symbol} needs {block.error.sensor}, of which "
+                "the dataset has no valid sample"
             )
         sensor = list(measuring).index(block.error.sensor)
         if block.error.additive:
@@ -115,20 +114,19 @@ def measurement_model(
 
 
 def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tuple[float, Array]:
-    """Find where a filter starts: when every sensor has measured, and what each measured last by then.
+    """Return the start time of a filter, when every sensor has measured, and the last measurements by then.
 
     Returns
     -------
     time : float
         s, not before the first input.
     motion : ndarray, shape (9,)
-        Zero for what no sensor measures. Where an accelerometer is used, roll and pitch are those by which it measures
-        gravity.
+        SI; zero for a state that no sensor measures. Roll and pitch follow from gravity if an accelerometer is used.
     """
-    known = [np.isfinite(record.values) for record in measuring.values()]
-    # A component that its sensor never gives is not waited for.
-    whole = [rows[:, rows.any(axis=0)].all(axis=1) & rows.any(axis=1) for rows in known]
-    firsts = [record.time[rows] for record, rows in zip(measuring.values(), whole, strict=True)]
+    finite = [np.isfinite(record.values) for record in measuring.values()]
+    # Components that a sensor never measures are ignored.
+    complete = [rows[:, rows.any(axis=0)].all(axis=1) & rows.any(axis=1) for rows in finite]
+    firsts = [record.time[rows] for record, rows in zip(measuring.values(), complete, strict=True)]
     start = max([float(dataset.inputs.time[0]), *(float(times[0]) for times in firsts if times.size)])
     motion = dict.fromkeys((*MOTION_SYMBOLS, *_FORCES, *_FIELDS), 0.0) | {_FORCES[2]: -GRAVITY}
     for name, record in measuring.items():
@@ -146,25 +144,25 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
 
 
 def _levelled(force: Array, motion: Array) -> tuple[float, float]:
-    """Return roll and pitch by which gravity is all that is measured, but for the turning of the velocity, rad."""
+    """Return roll and pitch, rad, from the specific force of a vehicle at constant velocity in body axes."""
     x, y, z = np.cross(motion[3:6], motion[:3]) - force
     return float(np.arctan2(y, z)), float(np.arctan2(-x, np.hypot(y, z)))
 
 
 def _heading(field: Array, tilt: Array, earth: Array) -> float:
-    """Return the yaw by which the level part of a field is that of the earth, rad."""
+    """Return the yaw, rad, for which the horizontal part of a measured field has the direction of the earth's."""
     ahead, aside, _ = body_to_earth(np.append(tilt, 0.0)[None], field[None])[0]
     return float(wrap(np.arctan2(earth[1], earth[0]) - np.arctan2(aside, ahead)))
 
 
-def first_measured(record: SensorRecord, start: float) -> float:
-    """Find what a sensor of one component measured last by a start, s; or, if it was silent until then, first."""
+def value_at_start(record: SensorRecord, start: float) -> float:
+    """Return the last value of a one-component sensor by a start time, s; its first value if there is none."""
     time, measured = (values[np.isfinite(record.values[:, 0])] for values in (record.time, record.values[:, 0]))
     return float(measured[max(np.searchsorted(time, start, side="right") - 1, 0)])
 
 
 class Timelines:
-    """All measurements from a start on, merged chunk by chunk as often as they are gone through; nothing is resampled.
+    """All measurements from a start on, merged chunk by chunk in each iteration.
 
     Parameters
     ----------
@@ -174,10 +172,10 @@ class Timelines:
     start : float
         s.
     step : float
-        Longest substep of integration, s. Times are compared in whole nanoseconds, so that two clocks
-        that mean the same instant share an event.
+        Longest substep of integration, s. Times are compared in whole nanoseconds, so that equal times of two clocks
+        are one event.
     chunk : int
-        Most measurements of one sensor in a chunk: what is at work at once, of however long a run.
+        Largest number of measurements of one sensor in a chunk; it limits the memory of a long run.
 
     Attributes
     ----------
@@ -189,7 +187,7 @@ class Timelines:
     Raises
     ------
     DataError
-        If no measurement is left, or the inputs end long before the measurements.
+        If there is no measurement after the start, or the inputs end long before the measurements.
     """
 
     def __init__(
@@ -199,7 +197,7 @@ class Timelines:
         begin, end = _nanoseconds(np.array(self.span))
         if end < begin:
             raise DataError(
-                f"no measurement is left at or after t = {start:g} s, where inputs and all sensors have begun"
+                f"no measurement at or after t = {start:g} s, the first time at which inputs and all sensors have data"
             )
         self._records = tuple(measuring.values())
         self._inputs = np.ascontiguousarray(inputs.values)
@@ -209,25 +207,25 @@ class Timelines:
             self._ticks.append(shared_clock(_nanoseconds(record.time), (self._changes, *self._ticks)))
         if inputs.ends_before(self.span[1]):
             raise DataError(
-                f"the inputs end at t = {inputs.time[-1]:g} s, the measurements go on to {self.span[1]:g} s: cut the "
+                f"inputs end at t = {inputs.time[-1]:g} s, measurements at t = {self.span[1]:g} s; cut the "
                 "measurements (--use) or extend the inputs"
             )
         self._step, self.chunk = step, chunk
 
     @property
     def input_rate(self) -> Array:
-        """Say how fast the inputs change at each of their times, per second: steps are spread over their neighbours."""
+        """Return the time derivative of the inputs by central differences, SI per second."""
         time = self._changes * _NANOSECOND
         return np.gradient(self._inputs, time, axis=0) if time.size > 1 else np.zeros_like(self._inputs)
 
     def in_chunks_of(self, n: int) -> "Timelines":
-        """Return the same measurements with at most so many of one sensor in a chunk."""
+        """Return the same measurements with at most `n` of one sensor in a chunk."""
         other = copy(self)
         other.chunk = n
         return other
 
     def between(self, begin: float, end: float) -> "Timelines":
-        """Return the same measurements from one time to another, s, both within the span and included."""
+        """Return the measurements from `begin` to `end`, s, both included and within the span."""
         other = copy(self)
         other.span = begin, end
         return other
@@ -251,7 +249,7 @@ class Timelines:
 def _merge(
     records: Sequence[SensorRecord], times: Sequence[Ticks], spans: Sequence[slice]
 ) -> tuple[Ticks, NDArray[np.int64], NDArray[np.int8], Array]:
-    """Merge a span of each record: events, offsets of their measurements, sensor of each measurement, measurements."""
+    """Return events, offsets of their measurements, sensor of each measurement, and measurements of merged records."""
     ticks, values = [], []
     width = max(record.values.shape[1] for record in records)
     for record, time, span in zip(records, times, spans, strict=True):
@@ -270,16 +268,15 @@ def _merge(
 
 
 def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> tuple[Indices, Array, Indices]:
-    """Divide what lies between events into substeps: the offset of each event's, their durations and inputs."""
+    """Return the substeps between events: offset of each event's substeps, durations in s, and rows of the inputs."""
     inside = slice(*np.searchsorted(changes, [before + 1, events[-1]]))
     cuts = np.unique(np.concatenate([[before], events, changes[inside]]))
     gaps = np.diff(cuts)
-    if gaps.size and gaps.max() * _NANOSECOND > _LONGEST_SILENCE:
+    if gaps.size and gaps.max() * _NANOSECOND > MAX_GAP:
         k = int(gaps.argmax())
         raise DataError(
-            f"nothing is measured from t = {cuts[k] * _NANOSECOND:.6g} s to {cuts[k + 1] * _NANOSECOND:.6g} s, too "
-            "long to go on without a measurement: end a segment there (identification.use.longest_gap), or use a part "
-            "of it"
+            f"no measurement from t = {cuts[k] * _NANOSECOND:.6g} s to {cuts[k + 1] * _NANOSECOND:.6g} s; expected "
+            f"gaps of at most {MAX_GAP:g} s; split the data there (identification.use.longest_gap)"
         )
     n_substeps = np.maximum(np.ceil(gaps * _NANOSECOND / step - 1e-6).astype(np.int64), 1)
     held = _held(changes, cuts[:-1])
@@ -289,7 +286,7 @@ def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> t
 
 
 def _held(changes: Ticks, times: Ticks) -> Indices:
-    """Return the row of the inputs that holds from each time on; before the first that one."""
+    """Return the row of the inputs that holds from each time on; before the first input, that one."""
     return np.maximum(np.searchsorted(changes, times, side="right") - 1, 0)
 
 

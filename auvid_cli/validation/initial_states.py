@@ -18,7 +18,7 @@ from auvid_cli.evaluation.free_run import MeasurementErrors, estimated_errors
 from auvid_cli.filters.problem import OK, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.filters.workspace import cubature
-from auvid_cli.identification.prepared_data import PreparedData, on_time
+from auvid_cli.identification.prepared_data import PreparedData, corrected_records
 from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.states import coefficient_priors
 from auvid_cli.validation.results import MAX_NIS
@@ -116,7 +116,7 @@ def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Data
         "identification": identification.model_copy(update=changes),
     }
     experiment = dataset.experiment.model_copy(update=settings)
-    sensors = on_time(dataset.sensors, identification)
+    sensors = corrected_records(dataset.sensors, identification)
     return replace(dataset, truth=None, experiment=experiment, inputs=replace(inputs, values=values), sensors=sensors)
 
 

@@ -1,7 +1,6 @@
-"""How fins and propeller follow their commands, compiled: saturation, dead band, rate limit and lag, stall.
+"""Response of fins and propeller to their commands, compiled: saturation, dead band, rate limit, lag, stall.
 
-Of the commands alone, whatever the vehicle does meanwhile: estimators compute it once, ahead of all else, and no
-derivative by a state changes.
+It depends on the commands alone and not on the state, so that estimators compute it once in advance.
 """
 
 import numpy as np
@@ -16,61 +15,43 @@ _vector = types.float64[::1]
 
 @compiled()
 def demanded(actuator, command):
-    """Return where a command sends an actuator.
-
-    The dead zone of control engineering, behind a saturation: a command counts by what it exceeds the dead band, and
-    no more than one as large as the saturation.
-    """
+    """Return the demanded position for a command: saturation, then dead zone, rad or N."""
     return np.copysign(max(min(abs(command), actuator.saturation) - actuator.dead_band, 0.0), command)
 
 
 @compiled()
 def moved(actuator, position, demand, duration):
-    """Move an actuator towards a constant demand.
+    """Return final and mean position of an actuator after a duration, s, with a constant demand, rad or N.
 
-    It follows ``d(position)/dt = (demand - position) / time_constant``, no faster than the rate limit. While it is
-    limited it moves in a straight line, which ends where what is left is ``rate_limit * time_constant``; from there on
-    what is left decays. So both results are exact.
-
-    Parameters
-    ----------
-    actuator : Actuator
-    position, demand : float
-        rad or N.
-    duration : float
-        s.
-
-    Returns
-    -------
-    position, mean : float
-        At the end, and over the duration.
+    It follows ``d(position)/dt = (demand - position) / time_constant`` with a rate limit. The rate is limited until the
+    distance to the demand is ``rate_limit * time_constant``, and the distance decays exponentially after that. Both
+    results are exact.
     """
-    left, limited, area = abs(demand - position), 0.0, 0.0
+    distance, limited, area = abs(demand - position), 0.0, 0.0
     if actuator.rate_limit < np.inf:
-        limited = min(max(left / actuator.rate_limit - actuator.time_constant, 0.0), duration)
-        way = actuator.rate_limit * limited
-        area = (left - 0.5 * way) * limited
-        left -= way
+        limited = min(max(distance / actuator.rate_limit - actuator.time_constant, 0.0), duration)
+        travel = actuator.rate_limit * limited
+        area = (distance - 0.5 * travel) * limited
+        distance -= travel
     free = duration - limited
     if free > 0.0:
         if actuator.time_constant > 0.0:
-            gone = -np.expm1(-free / actuator.time_constant)
-            area += left * actuator.time_constant * gone
-            left *= 1.0 - gone
+            decayed = -np.expm1(-free / actuator.time_constant)
+            area += distance * actuator.time_constant * decayed
+            distance *= 1.0 - decayed
         else:
-            left = 0.0
-    side = np.copysign(1.0, demand - position)
-    return demand - side * left, demand - side * area / duration
+            distance = 0.0
+    sign = np.copysign(1.0, demand - position)
+    return demand - sign * distance, demand - sign * area / duration
 
 
 @compiled()
 def effective(actuator, position):
-    """Return the deflection that would make the force of a stalled fin if it had not stalled.
+    """Return the deflection of a fin without stall that has the same force, rad.
 
-    Lift over angle of attack is drawn as two straight lines that meet at the angle of stall, as Gazebo's LiftDrag and
-    the UUV Simulator's LiftDragTwoLines have it: up to there of the slope that the coefficients of the fin state, and
-    beyond of `stall_slope` times that, until no force is left. Here the angle is the deflection: what the water's own
-    direction at the fin adds to it belongs to the state and is left out, as it is in ``u u rudder``.
+    The lift is piecewise linear, as in Gazebo's LiftDrag and the UUV Simulator's LiftDragTwoLines: beyond stall its
+    slope is `stall_slope` times that below, until the lift is zero. The angle of attack is the deflection alone, as in
+    ``u u rudder``; the flow angle at the fin is neglected.
     """
     size = abs(position)
     if size <= actuator.stall:
@@ -80,7 +61,7 @@ def effective(actuator, position):
 
 @compiled(types.void(ACTUATOR, _vector, _vector, _vector))
 def follow_commands(actuator, commands, durations, acting):
-    """Fill in what acts on the average while each command holds, of an actuator that is at rest in the first."""
+    """Fill in the mean effective position during each command of an actuator that starts at rest at the first."""
     position = demanded(actuator, commands[0])
     for k in range(commands.size):
         position, mean = moved(actuator, position, demanded(actuator, commands[k]), durations[k])

@@ -1,4 +1,4 @@
-"""What lies between the inputs as they are stated and those that act."""
+"""Errors of the recorded inputs, and the parameters of actuators."""
 
 from typing import NamedTuple
 
@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 
 class ActuatorErrors(NamedTuple):
-    """What lies between the inputs as they are stated and those that act.
+    """Errors of the recorded inputs.
 
     Attributes
     ----------
     thrust : float
-        How many times the stated surge force acts.
+        Acting over recorded surge force.
     rudder_trim, elevator_trim : float
-        What adds to the stated deflections, rad.
+        Constant offset between actual and recorded deflection, rad.
     """
 
     thrust: float = 1.0
@@ -22,7 +22,7 @@ class ActuatorErrors(NamedTuple):
     elevator_trim: float = 0.0
 
     def acting(self, inputs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the inputs that act, shape (..., 4) or (..., 6), for those that are stated."""
+        """Return the acting inputs for recorded ones, shape (..., 4) or (..., 6)."""
         rudder, elevator, surge_force, *others = np.moveaxis(inputs, -1, 0)
         acting = rudder + self.rudder_trim, elevator + self.elevator_trim, self.thrust * surge_force, *others
         return np.stack(acting, axis=-1)
@@ -32,20 +32,22 @@ AS_STATED = ActuatorErrors()
 
 
 class Actuator(NamedTuple):
-    """How a fin or the propeller follows its commands; by default at once and exactly.
+    """Dynamics of a fin or the propeller; by default it follows its command at once and exactly.
 
     Attributes
     ----------
-    dead_band, saturation : float
-        Sizes of commands up to which nothing moves, and beyond which nothing more does, rad or N.
+    dead_band : float
+        Largest command without effect, rad or N.
+    saturation : float
+        Largest effective command, rad or N.
     rate_limit : float
         rad/s or N/s.
     time_constant : float
         Of a first-order lag, s.
     stall : float
-        Deflection up to which a fin's force is proportional to it, rad.
+        Largest deflection with a proportional force, rad.
     stall_slope : float
-        By how much more the force grows beyond, over how much it did before.
+        Slope of the force beyond stall over the slope below.
     """
 
     dead_band: float = 0.0
@@ -60,7 +62,7 @@ IDEAL = Actuator()
 
 
 class Actuators(NamedTuple):
-    """Those of the inputs that have one, in the order of the inputs; the roll moment is taken as it is stated."""
+    """Actuators in the order of the inputs; the roll moment has none."""
 
     rudder: Actuator = IDEAL
     elevator: Actuator = IDEAL

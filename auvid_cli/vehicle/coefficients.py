@@ -1,4 +1,4 @@
-"""The hydrodynamic coefficients of the model, and the terms that a vehicle's equations may have beyond them."""
+"""The 22 hydrodynamic coefficients of Sabet et al. 2018, Table II, and further terms of a vehicle."""
 
 import re
 from collections import Counter
@@ -11,25 +11,29 @@ from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 CoefficientGroup = Literal["damping", "lift", "control", "term"]
 # Surge, sway and heave forces; roll, pitch and yaw moments.
 EQUATION_ROWS = "XYZKMN"
-# What a factor may be, bare or as a modulus: velocities in body axes, fins, the propeller's thrust and revolutions per
-# second n, and the battery's voltage.
+# Possible factors, bare or as a modulus: body velocities and rates, fins, propeller thrust, propeller revolutions
+# per second (n), battery voltage.
 SIGNALS = ("u", "v", "w", "p", "q", "r", "rudder", "elevator", "thrust", "n", "voltage")
-# Those that are inputs which not every dataset has, by what these call them.
+# Signals that not every dataset has, with the names of these inputs.
 PROPULSION_SIGNALS = {"n": "revolutions", "voltage": "voltage"}
-MOST_FACTORS = 6
-# Exponents of kg, m, s, rad and V in the unit of each signal, and of a force; a moment has a metre more. Turns count as
-# a number, so that n is in 1/s.
-_VELOCITY, _RATE, _ANGLE, _FORCE = (0, 1, -1, 0, 0), (0, 0, -1, 1, 0), (0, 0, 0, 1, 0), (1, 1, -2, 0, 0)
-_TURNS, _VOLTAGE = (0, 0, -1, 0, 0), (0, 0, 0, 0, 1)
+MAX_FACTORS = 6
+# Exponents of kg, m, s, rad and V in SI units.
+_VELOCITY = (0, 1, -1, 0, 0)
+_RATE = (0, 0, -1, 1, 0)
+_ANGLE = (0, 0, 0, 1, 0)
+_FORCE = (1, 1, -2, 0, 0)
+_TURNS = (0, 0, -1, 0, 0)
+_VOLTAGE = (0, 0, 0, 0, 1)
 _DIMENSIONS: dict[str, tuple[int, ...]] = dict(
     zip(SIGNALS, (*[_VELOCITY] * 3, *[_RATE] * 3, *[_ANGLE] * 2, _FORCE, _TURNS, _VOLTAGE), strict=True)
 )
-# Row and, of each signal, how often it is a factor, and whether its sign counts: what makes two terms the same.
+# Row, and for each signal its exponent and whether its sign matters. Two terms with the same regressor are the same.
 Regressor = tuple[int, frozenset[tuple[str, int, bool]]]
 # A row of the equations, an underscore, and a word.
 TERM_NAME = rf"^[{EQUATION_ROWS}]_[A-Za-z0-9_|]{{1,40}}$"
-_VELOCITIES, _FINS = ("u", "v", "w", "p", "q", "r"), ("rudder", "elevator")
-# What changes its sign in a mirror from port to starboard.
+_VELOCITIES = ("u", "v", "w", "p", "q", "r")
+_FINS = ("rudder", "elevator")
+# Rows and signals that change sign when port and starboard are exchanged.
 _MIRRORED = frozenset(("Y", "K", "N", "v", "p", "r", "rudder"))
 
 
@@ -41,15 +45,15 @@ class Coefficient(NamedTuple):
     symbol : str
         Name in the notation of the paper, for example ``X_u|u|``.
     unit : str
-        SI unit, as pint reads it.
+        SI unit in the syntax of pint.
     meaning : str
         One phrase for tables and documentation.
     row : int
-        Row of the equations of motion it enters: 0..5 for X, Y, Z, K, M, N.
+        Row of the equations of motion: 0..5 for X, Y, Z, K, M, N.
     factors : tuple of str
-        Of its regressor, at most `MOST_FACTORS` of `SIGNALS`, a modulus as ``|v|``.
+        At most `MAX_FACTORS` of `SIGNALS`, a modulus as ``|v|``.
     group : str
-        The paper's grouping: viscous damping, body lift, control input; or a term of a vehicle's own.
+        The paper's groups damping, lift and control, or ``term`` for a term of the vehicle's own.
     """
 
     symbol: str
@@ -71,17 +75,17 @@ class Coefficient(NamedTuple):
 
     @property
     def moduli(self) -> tuple[bool, ...]:
-        """Say whether each factor is a modulus."""
+        """Return whether each factor is a modulus."""
         return tuple(factor != signal for factor, signal in zip(self.factors, self.signals, strict=True))
 
     @property
     def is_of_inputs(self) -> bool:
-        """Say whether a fin or the thrust is among the factors."""
+        """Whether a fin or the thrust is among the factors."""
         return bool({"rudder", "elevator", "thrust"} & {*self.signals})
 
     @property
     def regressor(self) -> Regressor:
-        """Return what two terms share that are the same but for a constant: ``|v| |v|`` is ``v v``."""
+        """Return the product of factors in a form that is equal for equal products: ``|v| |v|`` is ``v v``."""
         counts = Counter(self.signals)
         bare = Counter(s for s, modulus in zip(self.signals, self.moduli, strict=True) if not modulus)
         return self.row, frozenset((signal, n, bare[signal] % 2 == 1) for signal, n in counts.items())
@@ -99,22 +103,22 @@ class CoefficientSet(tuple[Coefficient, ...]):
 
     @property
     def symbols(self) -> tuple[str, ...]:
-        """Return the symbol of each."""
+        """Return the symbols."""
         return tuple(coefficient.symbol for coefficient in self)
 
     @property
     def units(self) -> dict[str, str]:
-        """Return the SI unit of each, by symbol."""
+        """Return the SI units by symbol."""
         return {coefficient.symbol: coefficient.unit for coefficient in self}
 
     @property
     def terms(self) -> tuple[Coefficient, ...]:
-        """Return those beyond the 22."""
+        """Return the terms beyond the 22."""
         return self[N_COEFFICIENTS:]
 
     @property
     def of_propulsion(self) -> tuple[Coefficient, ...]:
-        """Return those that have an input among their factors which not every dataset has."""
+        """Return the terms with a factor that not every dataset has."""
         return tuple(term for term in self.terms if {*PROPULSION_SIGNALS} & {*term.signals})
 
 
@@ -147,12 +151,12 @@ COEFFICIENTS = CoefficientSet(
 
 
 def is_name_of_term(name: str) -> bool:
-    """Say whether a term of a vehicle's own may be called so."""
+    """Whether a name is valid for a term of the vehicle's own."""
     return re.fullmatch(TERM_NAME, name) is not None
 
 
 def unit_of(row: int, factors: Iterable[str]) -> str:
-    """Return the SI unit by which a coefficient makes a force or a moment of its factors, as pint reads it."""
+    """Return the SI unit of a coefficient with these factors, in the syntax of pint."""
     exponents = [*_FORCE]
     exponents[1] += row >= 3
     for factor in factors:
@@ -167,86 +171,49 @@ def _power(unit: str, exponent: int) -> str:
     return unit if exponent == 1 else f"{unit}^{exponent}"
 
 
-def check_table(coefficients: Iterable[Coefficient]) -> None:
-    """Refuse what the Jacobian, the exports and the priors could not read.
-
-    Raises
-    ------
-    ValueError
-        If a row or a factor is unknown, or there are too many factors.
-    """
-    for coefficient in coefficients:
-        known = all(
-            factor in (signal, f"|{signal}|")
-            for factor, signal in zip(coefficient.factors, coefficient.signals, strict=True)
-        )
-        if not (known and set(coefficient.signals) <= set(SIGNALS) and 1 <= len(coefficient.factors) <= MOST_FACTORS):
-            factors = f"{MOST_FACTORS} of {', '.join(SIGNALS)}, bare or as moduli"
-            raise ValueError(f"{coefficient.symbol}: the factors {coefficient.factors} are not 1 to {factors}")
-        if coefficient.row not in range(6):
-            raise ValueError(f"{coefficient.symbol}: the equations of motion have no row {coefficient.row}")
-
-
-check_table(COEFFICIENTS)
-
-
 SYMBOLS: tuple[str, ...] = COEFFICIENTS.symbols
-
-
-# Damping of a motion by itself: it takes energy out, so that its sign is sure.
+# Damping of a motion by itself. It dissipates energy, so that its sign is certain.
 DRAG_SYMBOLS = tuple(c.symbol for c in COEFFICIENTS if c.group == "damping" and SIGNALS.index(c.signals[0]) == c.row)
-
-
 N_COEFFICIENTS = len(COEFFICIENTS)
-
-
-# Of each name in code that is taken, whose it is: a product that would be called so gets a name of its own.
-TAKEN = {c.identifier: c.symbol for c in COEFFICIENTS} | {symbol: symbol for symbol in PARAMETER_SYMBOLS}
+# Symbol of each identifier that a term of the vehicle's own cannot have.
+RESERVED_NAMES = {c.identifier: c.symbol for c in COEFFICIENTS} | {symbol: symbol for symbol in PARAMETER_SYMBOLS}
 
 
 def admissible_terms(any_symmetry: bool = False) -> tuple[Coefficient, ...]:
-    """Return all that a force may be made of, less what the 22 are.
+    """Return the candidates for missing terms: products of velocities and fins that are not among the 22.
 
     Parameters
     ----------
     any_symmetry : bool
-        Whether those too that a vehicle has only if port and starboard differ.
+        Whether to include terms of a vehicle whose port and starboard sides differ.
     """
-    there = {regressor_ahead(c) for c in COEFFICIENTS}
+    present = {regressor_ahead(c) for c in COEFFICIENTS}
     terms = (term(row, factors) for row in range(len(EQUATION_ROWS)) for factors in _factors())
-    return tuple(t for t in terms if regressor_ahead(t) not in there and (any_symmetry or is_mirror_image(t)))
+    return tuple(t for t in terms if regressor_ahead(t) not in present and (any_symmetry or respects_symmetry(t)))
 
 
 def term(row: int, factors: tuple[str, ...]) -> Coefficient:
-    """Return a product by its usual name, for example ``N_|v|r``.
-
-    Parameters
-    ----------
-    row : int
-        0..5 for X, Y, Z, K, M, N.
-    factors : tuple of str
-        See `Coefficient`.
-    """
+    """Return a term with its usual name, for example ``N_|v|r``; row and factors as in `Coefficient`."""
     name = f"{EQUATION_ROWS[row]}_{''.join(factors)}"
-    if name.replace("|", "") in TAKEN:
+    if name.replace("|", "") in RESERVED_NAMES:
         name += "_even"
     return Coefficient(name, unit_of(row, factors), f"missing term {' '.join(factors)}", row, factors, "term")
 
 
-def is_mirror_image(coefficient: Coefficient) -> bool:
-    """Say whether a term is the same on a vehicle whose port side is the mirror image of its starboard side."""
+def respects_symmetry(coefficient: Coefficient) -> bool:
+    """Whether a vehicle with port and starboard symmetry can have a term."""
     changes = sum(factor in _MIRRORED for factor in coefficient.factors)
     return changes % 2 == (EQUATION_ROWS[coefficient.row] in _MIRRORED)
 
 
 def regressor_ahead(coefficient: Coefficient) -> Regressor:
-    """Return what two terms share that are the same for a vehicle that goes ahead, so that u is its modulus."""
+    """Return the regressor for forward motion, where u equals its modulus."""
     row, factors = coefficient.regressor
     return row, frozenset((signal, n, odd and signal != "u") for signal, n, odd in factors)
 
 
 def _factors() -> Iterator[tuple[str, ...]]:
-    """Yield each velocity, each product of two, with and without a modulus, and u u times a fin and its modulus."""
+    """Yield each velocity, products of two with and without a modulus, and u u times a fin and its modulus."""
     for velocity in _VELOCITIES:
         yield (velocity,)
     for first, second in combinations_with_replacement(_VELOCITIES, 2):

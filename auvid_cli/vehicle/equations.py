@@ -1,15 +1,13 @@
-"""The equations of motion, compiled, for one vehicle state or a block of them.
+"""The equations of motion, compiled, Sabet et al. 2018, eqs. (3), (8) and (13), for simulator and filters.
 
-The right-hand side is written once, here; the simulator and every filter call it. It works on
-blocks of up to `LANES` states, one array row per quantity and one lane per state, so that the
-compiler turns the loop over lanes into vector instructions. A constant row length is what lets it:
-with a length known only at run time the overlap checks between rows are too many, and the loop
-stays scalar (four times slower). Terms that a vehicle has besides the 22 are added behind them, one by one, from a
-table among its constants.
+They work on blocks of up to `LANES` states, with one row per quantity and one lane per state, so that the loop over
+lanes vectorises. The row length is constant, because with a length that is known only at run time the compiler checks
+rows for overlap and the loop stays scalar (four times slower). The vehicle's own terms beyond the 22 are added one by
+one from a table among the constants.
 """
 
 from collections import namedtuple
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,28 +16,31 @@ from numpy.typing import NDArray
 
 from auvid_cli.numerics import LANES, compiled
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, SIGNALS, Coefficient, CoefficientSet
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, MAX_FACTORS, SIGNALS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast, mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
 
+# Offsets in the vector of constants.
 _COUPLING = 36 + 36 + 4
 _IS_COUPLED = _COUPLING + 36
-_N_OF_HULL = _IS_COUPLED + 1
-# Surge, heave and pitch are motions in the plane of symmetry, the others across it.
-_IN_PLANE, _ACROSS = [0, 2, 4], [1, 3, 5]
-# Behind these the number of the vehicle's own terms, and where the table of them begins.
-_N_TERMS, _TERMS_AT = _N_OF_HULL, _N_OF_HULL + 1
-N_CONSTANTS = _N_OF_HULL + 2
-# Of each term the value at which it is held, and then its row, how many factors it has, and which.
-TERM_WIDTH = 3 + MOST_FACTORS
-# What the forces are made with: the 22 coefficients, and what lies between stated and acting inputs, weight and
-# buoyancy, with these values where nothing does; behind them the coefficients of the vehicle's own terms.
+_N_TERMS = _IS_COUPLED + 1
+_TERMS_AT = _N_TERMS + 1
+N_CONSTANTS = _TERMS_AT + 1
+# Surge, heave and pitch.
+_IN_PLANE = [0, 2, 4]
+# Sway, roll and yaw.
+_ACROSS = [1, 3, 5]
+# Entries of a term in the table: held value, row, number of factors, codes of the factors.
+TERM_WIDTH = 3 + MAX_FACTORS
+# Actuator errors and ballast of a vehicle without any.
 NO_ERRORS = (*AS_STATED, *NO_BALLAST)
+# Number of factors that do not depend on the vehicle: the 22 coefficients, actuator errors, ballast.
 N_FACTORS = len(COEFFICIENTS) + len(NO_ERRORS)
 _vector = types.float64[::1]
-# Where the row of each of them begins in a block, by its name in code.
+# First element of the row of each factor in a block. Signed like every index into a block: the loop does not vectorise
+# if signed and unsigned indices are mixed.
 _FactorRows = namedtuple(
     "_FactorRows", [*(c.identifier for c in COEFFICIENTS), *ActuatorErrors._fields, *Ballast._fields]
 )
@@ -52,16 +53,16 @@ N_SLOPE = N_BLOCK + LANES
 
 
 class Constants(NamedTuple):
-    """What the compiled dynamics need of a vehicle.
+    """Constants of a vehicle in the compiled equations.
 
     Attributes
     ----------
     mass, inverse : ndarray, shape (36,)
-        Mass matrix, and its inverse, by rows: as matrices they would lengthen `motion_derivative` by a third.
+        Mass matrix and its inverse by rows. With matrices `motion_derivative` would take a third more time.
     excess : float
         W - B, N.
     lever_x, lever_y, lever_z : float
-        Of the restoring moments, N m.
+        xG W - xB B and the same for y and z, N m.
     """
 
     mass: Array
@@ -73,36 +74,34 @@ class Constants(NamedTuple):
 
 
 def _coupling(inverse: Array) -> Array:
-    """Return C such that accelerations a, made of the forces in their own plane alone, are ``a + C a`` in truth."""
-    alone = np.zeros_like(inverse)
+    """Return C such that the accelerations are ``a + C a``, where a follows from the forces of the same plane alone."""
+    decoupled = np.zeros_like(inverse)
     for motions in (_IN_PLANE, _ACROSS):
-        alone[np.ix_(motions, motions)] = inverse[np.ix_(motions, motions)]
-    return np.asarray((inverse - alone) @ np.linalg.inv(alone))
+        decoupled[np.ix_(motions, motions)] = inverse[np.ix_(motions, motions)]
+    return np.asarray((inverse - decoupled) @ np.linalg.inv(decoupled))
 
 
 def regressor_code(coefficient: Coefficient) -> list[float]:
-    """Return row, number of factors and factors as numbers: twice the place among `SIGNALS`, one more for a modulus.
+    """Return row, number of factors and codes of the factors, padded to `MAX_FACTORS` with the code of a factor 1.
 
-    Behind them, up to `MOST_FACTORS`, stands that of a factor of 1.
+    The code is twice the index among `SIGNALS`, plus one for a modulus.
     """
     pairs = zip(coefficient.signals, coefficient.moduli, strict=True)
     codes = [2 * SIGNALS.index(signal) + modulus for signal, modulus in pairs]
-    return [float(n) for n in (coefficient.row, len(codes), *codes, *[_ONE] * (MOST_FACTORS - len(codes)))]
+    return [float(n) for n in (coefficient.row, len(codes), *codes, *[_ONE] * (MAX_FACTORS - len(codes)))]
 
 
 def vehicle_constants(parameters: Mapping[str, float], terms: Sequence[Coefficient] = ()) -> Array:
-    """Put what the compiled dynamics need of a vehicle into one vector, in the order of `Constants`, then its terms.
+    """Return the constants of the equations of motion, shape (N_CONSTANTS + len(terms) * TERM_WIDTH,).
+
+    They are `Constants`, the coupling between the planes, and the table of the vehicle's own terms.
 
     Parameters
     ----------
     parameters : mapping
         Known parameters by symbol, SI.
     terms : sequence of Coefficient
-        Those beyond the 22.
-
-    Returns
-    -------
-    ndarray, shape (N_CONSTANTS + len(terms) * TERM_WIDTH,)
+        Terms beyond the 22.
     """
     mass = mass_matrix(parameters)
     levers = [parameters[f"{a}G"] * parameters["W"] - parameters[f"{a}B"] * parameters["B"] for a in "xyz"]
@@ -115,7 +114,7 @@ def vehicle_constants(parameters: Mapping[str, float], terms: Sequence[Coefficie
 
 
 def with_table_at_end(vehicle: Array, held: Array, between: Array) -> Array:
-    """Put other constants between those of a vehicle and its terms, and the values at which terms are held with these.
+    """Return constants with others inserted before the table of own terms, and the held values of these terms.
 
     Parameters
     ----------
@@ -124,6 +123,7 @@ def with_table_at_end(vehicle: Array, held: Array, between: Array) -> Array:
     held : ndarray, shape (terms,)
         SI.
     between : ndarray
+        Constants to insert.
     """
     table = vehicle[N_CONSTANTS:].copy()
     table[::TERM_WIDTH] = held
@@ -147,13 +147,13 @@ def named_constants(constants):
 
 @compiled(types.int64(_vector))
 def n_terms(constants):
-    """Return how many terms of its own a vehicle has."""
+    """Return the number of the vehicle's own terms."""
     return int(constants[_N_TERMS])
 
 
 @compiled()
 def term_place(constants, t):
-    """Return where the table says of the t-th of them at which value it is held; its code stands behind that."""
+    """Return the index of the held value of own term t; its code follows."""
     return int(constants[_TERMS_AT]) + TERM_WIDTH * t
 
 
@@ -162,12 +162,12 @@ def factors(
     actuators: ActuatorErrors = AS_STATED,
     of_vehicle: CoefficientSet = COEFFICIENTS,
 ) -> Array:
-    """Return what the forces are made with, shape (N_FACTORS + terms,), without ballast.
+    """Return coefficients, actuator errors and zero ballast as one vector, shape (N_FACTORS + terms,).
 
     Parameters
     ----------
     coefficients : mapping
-        All of the vehicle by symbol, SI.
+        All coefficients of the vehicle by symbol, SI.
     actuators : ActuatorErrors
     of_vehicle : CoefficientSet
     """
@@ -176,14 +176,14 @@ def factors(
 
 
 def with_errors(coefficients: Array, errors: Sequence[float] | Array = NO_ERRORS) -> Array:
-    """Put errors of actuators and ballast, see `NO_ERRORS`, behind the 22 in rows of coefficients of a vehicle."""
+    """Return rows of coefficients with actuator errors and ballast, see `NO_ERRORS`, inserted after the 22."""
     n, shape = len(COEFFICIENTS), (len(coefficients), len(NO_ERRORS))
     return np.hstack([coefficients[:, :n], np.broadcast_to(errors, shape), coefficients[:, n:]])
 
 
 @compiled(types.UniTuple(types.float64, 2)(types.float64))
 def sine_cosine(angle: float) -> tuple[float, float]:
-    """Compute sine and cosine to 1 ulp or so for |angle| < 1e5 rad, branch-free so that it vectorises.
+    """Return sine and cosine to about 1 ulp for |angle| < 1e5 rad; branch-free, so that it vectorises.
 
     Cody-Waite reduction to +-pi/4 and the minimax polynomials of Cephes (Moshier 1989).
     """
@@ -209,7 +209,7 @@ def sine_cosine(angle: float) -> tuple[float, float]:
 
 @compiled()
 def _couple(constants, n_lanes, rates):
-    """Add to accelerations in the plane of symmetry what those across it make, and the reverse."""
+    """Add the coupling between accelerations in the plane of symmetry and across it."""
     coupling, n = constants[_COUPLING:_IS_COUPLED], LANES
     for k in range(n_lanes):
         surge, sway, heave = rates[k], rates[n + k], rates[2 * n + k]
@@ -221,7 +221,7 @@ def _couple(constants, n_lanes, rates):
 
 
 class _Factor(NamedTuple):
-    """A factor of a regressor as it acts, ``shift + gain * signal``; where the sign is negative the modulus of that."""
+    """A factor of a regressor, ``shift + gain * signal``, or its modulus if `sign` is negative."""
 
     signal: Array
     gain: float
@@ -231,8 +231,8 @@ class _Factor(NamedTuple):
 
 @compiled(inline=True)
 def _factor(code, motion, coefficients, inputs):
-    """Find a factor by its code, see `regressor_code`."""
-    # By arithmetic: of a choice the compiler would make a branch in the loop over lanes.
+    """Return a factor by its code, see `regressor_code`."""
+    # Branch-free, so that the loop over lanes vectorises.
     which, sign = code // 2, 1.0 - 2.0 * (code % 2)
     if which < _RUDDER:
         return _Factor(motion[which * LANES :], 1.0, 0.0, sign)
@@ -247,16 +247,19 @@ def _factor(code, motion, coefficients, inputs):
 
 @compiled(inline=True)
 def _value(factor, k):
-    """Compute a factor in one lane; a modulus is the greater of a value and its negative, without a branch."""
+    """Return a factor in lane k; a modulus is the larger of a value and its negative, without a branch."""
     value = factor.shift + factor.gain * factor.signal[k]
     return max(value, factor.sign * value)
 
 
 @compiled(inline=True)
 def _accelerate(value, first, second, shares, n_lanes, rates):
-    """Add the shares that three accelerations, every other row, have in a product with two factors."""
+    """Add a product with two factors, times a share for each, to the accelerations in rows 0, 2 and 4.
+
+    A separate function, because the compiler then assumes that arguments do not overlap.
+    """
     share0, share1, share2 = shares
-    # That there are no more lanes than a row has the compiler does not know.
+    # The compiler cannot infer this limit.
     for k in range(min(n_lanes, _LANES)):
         force = value[k] * _value(first, k) * _value(second, k)
         rates[k] += share0 * force
@@ -266,16 +269,13 @@ def _accelerate(value, first, second, shares, n_lanes, rates):
 
 @compiled()
 def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
-    """Add what the terms of a vehicle's own make of a motion to its derivative; arguments as of `motion_derivative`.
-
-    As there each accelerates the three motions of its own plane.
-    """
+    """Add the vehicle's own terms to the derivative; parameters are those of `motion_derivative`."""
     inverse, product = constants[36:72], derivative[N_BLOCK:]
     for t in range(n_terms(constants)):
-        place, value = term_place(constants, t), coefficients[(N_FACTORS + t) * LANES :]
-        row, codes = int(constants[place + 1]), constants[place + 3 : place + TERM_WIDTH]
-        # Few have more than two factors.
-        for a in range(2, int(constants[place + 2])):
+        entry, value = term_place(constants, t), coefficients[(N_FACTORS + t) * LANES :]
+        row, codes = int(constants[entry + 1]), constants[entry + 3 : entry + TERM_WIDTH]
+        # Few terms have more than two factors.
+        for a in range(2, int(constants[entry + 2])):
             factor = _factor(int(codes[a]), motion, coefficients, inputs)
             for k in range(n_lanes):
                 product[k] = value[k] * _value(factor, k)
@@ -289,24 +289,23 @@ def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
 
 @compiled(types.void(_vector, _vector, _vector, _vector, types.int64, _vector))
 def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivative):
-    """Differentiate the nine motion states by time, Sabet et al. 2018, eqs. (3), (8) and (13).
+    """Fill in the time derivative of the nine motion states, Sabet et al. 2018, eqs. (3), (8) and (13).
 
     Parameters
     ----------
     motion : ndarray, shape (9 * LANES,)
         Rows u, v, w, p, q, r, phi, theta, psi; m/s, rad/s, rad.
     coefficients : ndarray, shape ((N_FACTORS + terms) * LANES,)
-        One row per coefficient, in the order of `COEFFICIENTS`, SI; then of `ActuatorErrors` and of `Ballast`; then one
-        per term of the vehicle's own.
+        Rows in the order of `COEFFICIENTS`, `ActuatorErrors`, `Ballast`, and the vehicle's own terms, SI.
     inputs : ndarray, shape (4,) or (6,)
-        Rudder, elevator (rad), surge force (N), roll moment (N m), and where terms are made of them revolutions
-        (turn/s) and voltage (V); the same for all lanes.
+        Rudder, elevator (rad), surge force (N), roll moment (N m), and for own terms revolutions (turn/s) and voltage
+        (V); the same for all lanes.
     constants : ndarray
         From `vehicle_constants`.
     n_lanes : int
-        How many of the lanes are in use.
+        Number of lanes in use.
     derivative : ndarray, shape (N_SLOPE,)
-        Filled in; the last row of the ten is overwritten where there are terms of the vehicle's own.
+        Filled in; the last of its ten rows is scratch for own terms.
     """
     n = LANES
     stated_rudder, stated_elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
@@ -351,11 +350,15 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         yaw += omega[_AT.N_rr + k] * rr + omega[_AT.N_vv + k] * vv
         yaw += omega[_AT.N_url + k] * ur + omega[_AT.N_uvl + k] * uv + omega[_AT.N_uudr + k] * uu_rudder
 
-        # Motions in the plane of symmetry, and those across it; most vehicles have nothing between them.
-        for i in range(3):
-            j = 12 * i
-            derivative[i * (2 * n) + k] = inverse[j] * x + inverse[j + 2] * z + inverse[j + 4] * pitch
-            derivative[i * (2 * n) + (n + k)] = inverse[j + 7] * y + inverse[j + 9] * roll + inverse[j + 11] * yaw
+        # Most vehicles have no coupling between motions in the plane of symmetry and across it.
+        for i in range(np.uint64(3)):
+            j = np.uint64(12) * i
+            derivative[i * (2 * n) + k] = (
+                inverse[j] * x + inverse[j + np.uint64(2)] * z + inverse[j + np.uint64(4)] * pitch
+            )
+            derivative[i * (2 * n) + (n + k)] = (
+                inverse[j + np.uint64(7)] * y + inverse[j + np.uint64(9)] * roll + inverse[j + np.uint64(11)] * yaw
+            )
         heading_rate = (q * sin_phi + r * cos_phi) / cos_theta
         derivative[6 * n + k] = p + sin_theta * heading_rate
         derivative[7 * n + k] = q * cos_phi - r * sin_phi
@@ -366,28 +369,14 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         _couple(constants, n_lanes, derivative)
 
 
-def check_terms(names: Iterable[str], equations: Callable) -> None:
-    """Refuse coefficients that compiled equations do not name.
-
-    Raises
-    ------
-    TypeError
-        If there are such.
-    """
-    if missing := {*names} - {*getattr(equations, "py_func", equations).__code__.co_names}:
-        raise TypeError(f"the equations of motion have no term with {', '.join(sorted(missing))}")
-
-
-check_terms(_FactorRows._fields, motion_derivative)
-
 N_WORK = 2 * N_BLOCK + N_SLOPE
 N_COEFFICIENT_BLOCK = N_FACTORS * LANES
 
 
-# Of these the loop over rows is unrolled, and that over the lanes in use becomes vector instructions.
+# In the next three functions the loop over rows is unrolled, and the loop over lanes vectorises.
 @compiled()
 def _begin(motion, slope, advance, n_lanes, total, stage):
-    """Go from the motion along its slope, the first in their sum, to another stage."""
+    """Set the sum of slopes to the first slope, and the stage to ``motion + advance * slope``."""
     for k in range(n_lanes):
         for row in range(N_MOTION):
             i = row * LANES + k
@@ -397,7 +386,7 @@ def _begin(motion, slope, advance, n_lanes, total, stage):
 
 @compiled()
 def _go_on(motion, slope, advance, n_lanes, total, stage):
-    """Go from the motion along the slope of a stage between, which counts twice, to the next."""
+    """Add the slope of an inner stage, with weight 2, to the sum, and set the next stage."""
     for k in range(n_lanes):
         for row in range(N_MOTION):
             i = row * LANES + k
@@ -407,7 +396,7 @@ def _go_on(motion, slope, advance, n_lanes, total, stage):
 
 @compiled()
 def _end(total, slope, share, n_lanes, motion):
-    """Move the motion by a share of all slopes."""
+    """Add the last slope to the sum, and advance the motion by `share` times the sum."""
     for k in range(n_lanes):
         for row in range(N_MOTION):
             i = row * LANES + k
@@ -421,9 +410,9 @@ def runge_kutta_step(motion, coefficients, inputs, constants, n_lanes, duration,
     Parameters
     ----------
     motion, coefficients, inputs, constants, n_lanes
-        As for `motion_derivative`.
+        See `motion_derivative`.
     duration : float
-        Step, s.
+        s.
     work : ndarray, shape (N_WORK,)
         Overwritten.
     """

@@ -11,30 +11,23 @@ from auvid_cli.vehicle.hull import Array, Geometry
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 _N_STRIPS_OF_FINS = 201
-# Of sea water at 15 degrees, m^2/s.
-VISCOSITY = 1.19e-6
-# A cylinder across the flow: Hoerner, as in Prestero (2001), ch. 4.
-_CYLINDER = 1.1
-# The lift of a hull acts at this share of its length behind the nose: Hoerner's 0.6 to 0.7.
+VISCOSITY = 1.19e-6  # m^2/s, kinematic, of sea water at 15 degrees Celsius
+# Drag coefficient of a cylinder across the flow: Hoerner, as in Prestero (2001), ch. 4.
+_CYLINDER_DRAG = 1.1
+# Distance of the centre of lift of a hull from the nose, as a share of the length: Hoerner's 0.6 to 0.7.
 _CENTRE_OF_LIFT = 0.65
-# Times the drag of the bare hull, where nobody says what sticks out of it.
+# Drag of a vehicle with unknown appendages over that of its bare hull.
 _WITH_UNKNOWN_APPENDAGES = 2.2
-# Of differences of large integrals: of the integral of the sizes.
-_OF_GROSS = 0.3
-_DIGITS = 4
-# Beyond the 22 coefficients: terms of a vehicle's own.
+# Relative standard deviation of a difference of large integrals, with respect to the integral of absolute values.
+_RELATIVE_TO_GROSS = 0.3
+_SIGNIFICANT_DIGITS = 4
+# Terms beyond the 22 coefficients.
 DERIVED_TERMS = (term(EQUATION_ROWS.index("K"), ("u", "p")),)
 _UNITS = {quantity.symbol: quantity.unit for quantity in (*PARAMETERS, *COEFFICIENTS, *DERIVED_TERMS)}
 
 
 class SpheroidFactors(NamedTuple):
-    """Added mass of a prolate spheroid as shares of the mass or inertia of the water that it displaces.
-
-    Attributes
-    ----------
-    surge, sway, turn : float
-        k1, k2 and k' of Lamb: along the axis, across it, and turning about an axis across.
-    """
+    """Lamb's k1, k2 and k': added mass or inertia of a prolate spheroid over that of the water that it displaces."""
 
     surge: float
     sway: float
@@ -42,13 +35,7 @@ class SpheroidFactors(NamedTuple):
 
 
 def spheroid_factors(slenderness: float) -> SpheroidFactors:
-    """Return Lamb's factors, in the form of Imlay (1961).
-
-    Parameters
-    ----------
-    slenderness : float
-        Length in diameters, greater than 1.
-    """
+    """Return Lamb's factors of a spheroid of length over diameter greater than 1, in the form of Imlay (1961)."""
     squared = 1.0 - slenderness**-2
     e = np.sqrt(squared)
     logarithm = np.log((1.0 + e) / (1.0 - e))
@@ -64,11 +51,13 @@ class StripMoments(NamedTuple):
     Attributes
     ----------
     mass : float
-        kg.
-    first, gross : float
-        Integral of mass times x, and times ``|x|``, kg m.
+        Integral of the added mass per length, kg.
+    first : float
+        Integral times x, kg m.
+    gross : float
+        Integral times ``|x|``, kg m.
     second : float
-        Integral of mass times x^2, kg m^2.
+        Integral times x^2, kg m^2.
     """
 
     mass: float
@@ -78,19 +67,20 @@ class StripMoments(NamedTuple):
 
 
 def strip_added_mass(geometry: Geometry) -> StripMoments:
-    """Return the added mass across the axis by strips without loss at the ends, as in Prestero (2001), ch. 4.
+    """Return the added mass across the axis by strip theory without end losses, as in Prestero (2001), ch. 4.
 
-    A strip of the bare hull moves the mass of the water that it displaces. Fins with tips at `a` on a hull of radius R
-    make of it ``pi rho (a^2 - R^2 + R^4 / a^2)``, that is ``pi rho (a^2 - R^2)^2 / a^2`` more.
+    The added mass of a strip of the bare hull of radius R is ``pi rho R^2``. With fins up to radius a it is
+    ``pi rho (a^2 - R^2 + R^4 / a^2)``, an increase of ``pi rho (a^2 - R^2)^2 / a^2``.
     """
     fins, x = geometry.fins, geometry.x
     hull = np.pi * geometry.density * geometry.hull.radius**2
     station = np.linspace(*fins.extent, _N_STRIPS_OF_FINS)
     tip, radius = fins.tip_radius**2, np.minimum(geometry.hull.radius_at(station), fins.tip_radius) ** 2
-    more, fin_x = np.pi * geometry.density * (tip - radius) ** 2 / tip, geometry.centre_of_buoyancy - station
+    fins_mass = np.pi * geometry.density * (tip - radius) ** 2 / tip
+    fin_x = geometry.centre_of_buoyancy - station
 
     def moment(of_hull: Array, of_fins: Array) -> float:
-        return geometry.along_hull(hull * of_hull) + float(np.trapezoid(more * of_fins, station))
+        return geometry.along_hull(hull * of_hull) + float(np.trapezoid(fins_mass * of_fins, station))
 
     return StripMoments(
         moment(np.ones_like(x), np.ones_like(fin_x)),
@@ -101,14 +91,14 @@ def strip_added_mass(geometry: Geometry) -> StripMoments:
 
 
 def surge_added_mass(geometry: Geometry) -> float:
-    """Return the added mass along the axis of a spheroid of the hull's length and diameter, kg: Lamb's k1."""
+    """Return the added mass in surge of a spheroid of the hull's length and diameter, kg, with Lamb's k1."""
     hull = geometry.hull
     displaced = geometry.density * np.pi / 6.0 * hull.length * hull.diameter**2
     return float(spheroid_factors(hull.slenderness).surge * displaced)
 
 
 def roll_added_inertia(geometry: Geometry) -> float:
-    """Return the added inertia of four fins that turn about the axis, kg m^2: ``2/pi rho a^4`` for each length."""
+    """Return the added inertia of four fins in roll, kg m^2: ``2/pi rho a^4`` per length of the fins."""
     fins = geometry.fins
     return 2.0 / np.pi * geometry.density * fins.tip_radius**4 * fins.chord
 
@@ -123,22 +113,26 @@ def bare_hull_drag(geometry: Geometry, speed: float) -> float:
 
 def appendage_drag(geometry: Geometry) -> float:
     """Return the axial drag of all appendages as ``rho/2 c_d A``, kg/m."""
-    return 0.5 * geometry.density * sum(each.area * each.drag_coefficient for each in geometry.appendages)
+    return 0.5 * geometry.density * sum(part.area * part.drag_coefficient for part in geometry.appendages)
 
 
 class CrossFlow(NamedTuple):
-    """Drag across the axis by strips, and its moments along the axis.
+    """Integrals along the axis of the drag of strips across the flow.
 
     Attributes
     ----------
     force : float
-        kg/m.
-    moment, gross_moment : float
-        Of force times x, of hull and fins, and times ``|x|``, of the hull alone, kg.
-    force_of_turn, gross_force_of_turn : float
-        Of force times ``x |x|``, of hull and fins, and times x^2, of the hull alone, kg m.
+        Drag, kg/m.
+    moment : float
+        Drag times x, kg.
+    gross_moment : float
+        Drag of the hull times ``|x|``, kg.
+    force_of_turn : float
+        Drag times ``x |x|``, kg m.
+    gross_force_of_turn : float
+        Drag of the hull times x^2, kg m.
     moment_of_turn : float
-        Of force times ``|x|^3``, kg m^2.
+        Drag times ``|x|^3``, kg m^2.
     """
 
     force: float
@@ -150,9 +144,9 @@ class CrossFlow(NamedTuple):
 
 
 def cross_flow(geometry: Geometry) -> CrossFlow:
-    """Return the integrals of strips that are cylinders across the flow, as Prestero (2001) but for a sign in (4.8)."""
+    """Return the cross-flow drag of strips as cylinders, as in Prestero (2001) with the sign in eq. (4.8) corrected."""
     x, at_fins = geometry.x, geometry.fin_x
-    hull = 0.5 * geometry.density * _CYLINDER * 2.0 * geometry.hull.radius
+    hull = 0.5 * geometry.density * _CYLINDER_DRAG * 2.0 * geometry.hull.radius
     fins = geometry.fins.per_plane * fin_drag(geometry)
     return CrossFlow(
         geometry.along_hull(hull) + fins,
@@ -170,19 +164,19 @@ def fin_drag(geometry: Geometry) -> float:
 
 
 def fin_lift(geometry: Geometry) -> float:
-    """Return the lift of one fin for each radian as ``rho/2 c_L S``, kg/m."""
+    """Return the lift slope of one fin as ``rho/2 c_L S``, kg/m per radian."""
     return 0.5 * geometry.density * geometry.fins.area * geometry.fins.lift_slope
 
 
 class HullLift(NamedTuple):
-    """Lift of the hull as ``rho/2 c d^2`` for each radian, kg/m, and its moment, kg, less than 0 behind the origin."""
+    """Lift slope of the hull as ``rho/2 c d^2``, kg/m per radian, and its moment, kg per radian (negative: aft)."""
 
     force: float
     moment: float
 
 
 def hull_lift(geometry: Geometry) -> HullLift:
-    """Return the lift of the hull: Hoerner's ``0.003 l/d`` for each degree, as Prestero (2001), (4.27) to (4.36)."""
+    """Return the lift of the hull: Hoerner's ``0.003 l/d`` per degree, Prestero (2001), eqs. (4.27) to (4.36)."""
     hull = geometry.hull
     slope = 0.003 * hull.slenderness * 180.0 / np.pi
     force = 0.5 * geometry.density * hull.diameter**2 * slope
@@ -190,19 +184,18 @@ def hull_lift(geometry: Geometry) -> HullLift:
 
 
 class DerivedValue(NamedTuple):
-    """A number of a vehicle that follows from its shape, SI.
+    """A parameter or coefficient derived from the shape, SI.
 
     Attributes
     ----------
     name : str
         Symbol, such as ``Y_v|v|``.
-    unit : str
     mean, standard_deviation : float
-        To four digits, so that a file holds the same number.
+        Rounded to four digits, as in a vehicle file.
     formula : str
-        Its number in the theory, such as ``G8``, and what it is.
+        Number of the formula in docs/theory.md, such as ``G8``, and its description.
     source : str
-        Where the formula is from.
+        Publication of the formula.
     """
 
     name: str
@@ -219,50 +212,20 @@ class _Formula(NamedTuple):
 
 
 _INERTIA = _Formula("G1, uniform solid of the hull", "mechanics")
-
-
 _SURGE = _Formula("G2, 1.5 times a spheroid", "Lamb; Imlay 1961")
-
-
 _SWAY = _Formula("G3, strips with fins times k2 of a spheroid", "Prestero 2001, ch. 4; Imlay 1961")
-
-
 _TURN = _Formula("G4, strips with fins times k' of a spheroid", "Prestero 2001, ch. 4; Imlay 1961")
-
-
 _COUPLED = _Formula("G5, strips with fins", "Prestero 2001, ch. 4")
-
-
 _ROLL_MASS = _Formula("G6, four fins about their axis", "Prestero 2001, ch. 4")
-
-
 _AXIAL = _Formula("G7, skin friction, form and appendages", "ITTC 1957; Hoerner 1965; Prestero 2001, eqs. 4.6-4.7")
-
-
 _ACROSS = _Formula("G8, cross-flow of hull and fins", "Prestero 2001, ch. 4; Hoerner 1965; Whicker and Fehlner 1958")
-
-
 _ASKEW = _Formula("G9, cross-flow ahead less cross-flow behind", "Prestero 2001, eq. 4.8, sign corrected")
-
-
 _TURNING = _Formula("G10, cross-flow of turning", "Prestero 2001, ch. 4")
-
-
 _ROLLING = _Formula("G11, cross-flow of the fins in roll", "Prestero 2001, ch. 4")
-
-
 _LIFT = _Formula("G12, 0.7 times lift of hull and fins", "Hoerner 1985; Prestero 2001, eqs. 4.27-4.38")
-
-
 _LIFT_MOMENT = _Formula("G13, 0.6 times moment of that lift", "Hoerner 1985; Prestero 2001, eqs. 4.27-4.44")
-
-
 _RATE = _Formula("G14, lift of the fins as the tail swings", "Prestero 2001, eq. 4.44")
-
-
 _CONTROL = _Formula("G15, 0.6 times lift of the fins that turn", "Hoerner 1985; Prestero 2001, eqs. 4.38-4.44")
-
-
 _ROLL_LIFT = _Formula("G16, lift of the fins in roll", "strip theory of the fins")
 
 
@@ -274,7 +237,7 @@ class _Derived(NamedTuple):
 
 
 def coefficients_from_geometry(geometry: Geometry, mass: float, speed: float = 1.5) -> tuple[DerivedValue, ...]:
-    """Return what follows of a vehicle from its shape and mass, each number with how sure it is and where it is from.
+    """Return inertia, added mass, the 22 coefficients and those of `DERIVED_TERMS` from shape and mass.
 
     Parameters
     ----------
@@ -282,12 +245,7 @@ def coefficients_from_geometry(geometry: Geometry, mass: float, speed: float = 1
     mass : float
         kg.
     speed : float, default 1.5
-        At which it travels, m/s; skin friction hangs on it a little.
-
-    Returns
-    -------
-    tuple of DerivedValue
-        Inertia and added mass, the 22 coefficients, and the coefficients of `DERIVED_TERMS`.
+        Cruising speed for the skin friction, m/s.
     """
     groups = (
         _inertia(geometry, mass),
@@ -304,11 +262,11 @@ def coefficients_from_geometry(geometry: Geometry, mass: float, speed: float = 1
 
 
 def _rounded(number: float) -> float:
-    return float(f"{number:.{_DIGITS}g}")
+    return float(f"{number:.{_SIGNIFICANT_DIGITS}g}")
 
 
 def _share(name: str, mean: float, share: float, formula: _Formula) -> _Derived:
-    """Give a number a standard deviation that is a share of it."""
+    """Return a value with a standard deviation relative to it."""
     return _Derived(name, mean, share * abs(mean), formula)
 
 
@@ -325,24 +283,24 @@ def _inertia(geometry: Geometry, mass: float) -> Iterator[_Derived]:
 def _added_mass(geometry: Geometry) -> Iterator[_Derived]:
     factors, strips = spheroid_factors(geometry.hull.slenderness), strip_added_mass(geometry)
     across, turn = factors.sway * strips.mass, factors.turn * strips.second
-    unsure = _OF_GROSS * strips.gross
+    deviation = _RELATIVE_TO_GROSS * strips.gross
     yield _share("X_udot", -1.5 * surge_added_mass(geometry), 0.7, _SURGE)
     yield _share("Y_vdot", -across, 0.2, _SWAY)
     yield _share("Z_wdot", -across, 0.2, _SWAY)
-    yield _Derived("Y_rdot", -strips.first, unsure, _COUPLED)
-    yield _Derived("Z_qdot", strips.first, unsure, _COUPLED)
+    yield _Derived("Y_rdot", -strips.first, deviation, _COUPLED)
+    yield _Derived("Z_qdot", strips.first, deviation, _COUPLED)
     yield _share("K_pdot", -roll_added_inertia(geometry), 2.0, _ROLL_MASS)
     yield _share("M_qdot", -turn, 0.4, _TURN)
     yield _share("N_rdot", -turn, 0.4, _TURN)
-    yield _Derived("M_wdot", strips.first, unsure, _COUPLED)
-    yield _Derived("N_vdot", -strips.first, unsure, _COUPLED)
+    yield _Derived("M_wdot", strips.first, deviation, _COUPLED)
+    yield _Derived("N_vdot", -strips.first, deviation, _COUPLED)
 
 
 def _damping(geometry: Geometry, speed: float) -> Iterator[_Derived]:
     flow, bare = cross_flow(geometry), bare_hull_drag(geometry, speed)
     axial = bare + appendage_drag(geometry) if geometry.appendages else _WITH_UNKNOWN_APPENDAGES * bare
     roll = geometry.fins.number * fin_drag(geometry) * geometry.fins.mean_radius**3
-    of_moment, of_force = _OF_GROSS * flow.gross_moment, _OF_GROSS * flow.gross_force_of_turn
+    of_moment, of_force = (_RELATIVE_TO_GROSS * gross for gross in (flow.gross_moment, flow.gross_force_of_turn))
     yield _share("X_u|u|", -axial, 0.4, _AXIAL)
     yield _share("Y_v|v|", -flow.force, 0.7, _ACROSS)
     yield _Derived("Y_r|r|", -flow.force_of_turn, of_force, _TURNING)
@@ -358,16 +316,16 @@ def _damping(geometry: Geometry, speed: float) -> Iterator[_Derived]:
 def _lift(geometry: Geometry) -> Iterator[_Derived]:
     of_hull, of_fins, x = hull_lift(geometry), geometry.fins.per_plane * fin_lift(geometry), geometry.fin_x
     force, moment = 0.7 * (of_hull.force + of_fins), 0.6 * (of_hull.moment + x * of_fins)
-    # As moments may cancel, of their sizes.
-    unsure = 0.8 * 0.6 * (abs(of_hull.moment) + abs(x * of_fins))
+    # Relative to the absolute values, because the moments of hull and fins may cancel.
+    deviation = 0.8 * 0.6 * (abs(of_hull.moment) + abs(x * of_fins))
     yield _share("Y_url", -x * of_fins, 0.8, _RATE)
     yield _share("Y_uvl", -force, 0.4, _LIFT)
     yield _share("Z_uql", x * of_fins, 0.8, _RATE)
     yield _share("Z_uwl", -force, 0.4, _LIFT)
     yield _share("M_uql", -(x**2) * of_fins, 0.8, _RATE)
-    yield _Derived("M_uwl", moment, unsure, _LIFT_MOMENT)
+    yield _Derived("M_uwl", moment, deviation, _LIFT_MOMENT)
     yield _share("N_url", -(x**2) * of_fins, 0.8, _RATE)
-    yield _Derived("N_uvl", -moment, unsure, _LIFT_MOMENT)
+    yield _Derived("N_uvl", -moment, deviation, _LIFT_MOMENT)
 
 
 def _control(geometry: Geometry) -> Iterator[_Derived]:

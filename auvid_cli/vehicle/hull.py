@@ -1,4 +1,4 @@
-"""Hull contours, and the volumes, areas and centres that follow from them."""
+"""Shape of a vehicle: hull contour, tail fins, appendages, and their volumes, areas and centres."""
 
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# Enough for integrals to 1e-4: a round nose rises with a square root.
+# For integrals to 1e-4 with the square root of a round nose.
 _N_STATIONS = 2001
-# Lift-curve slope of a fin of endless span by Hoerner: 2 pi, of which 0.9 is left by the boundary layer.
+# Per radian; lift-curve slope of a fin of infinite span: 2 pi, times 0.9 for the boundary layer (Hoerner).
 _SECTION_SLOPE = 0.9 * 2.0 * np.pi
-# Where a fin is hinged, of its chord: that of the REMUS.
+# Distance of the hinge from the leading edge, as a share of the chord, of the REMUS.
 _HINGE = 0.36
 
 
@@ -21,9 +21,9 @@ class Hull(NamedTuple):
     Attributes
     ----------
     station : ndarray, shape (n,)
-        Distances from the nose, m, from 0 to the length.
+        Distances from the nose, rising from 0 to the length, m.
     radius : ndarray, shape (n,)
-        There, m.
+        m.
     """
 
     station: Array
@@ -41,7 +41,7 @@ class Hull(NamedTuple):
 
     @property
     def slenderness(self) -> float:
-        """Return the length in diameters."""
+        """Return the length over the diameter."""
         return self.length / self.diameter
 
     @property
@@ -51,38 +51,33 @@ class Hull(NamedTuple):
 
     @property
     def centre(self) -> float:
-        """Return the distance of the centre of the volume from the nose, m."""
+        """Return the distance of the centre of volume from the nose, m."""
         return float(np.trapezoid(np.pi * self.radius**2 * self.station, self.station) / self.volume)
 
     @property
-    def plan_area(self) -> float:
-        """Return the area that is seen from the side, m^2."""
-        return float(np.trapezoid(2.0 * self.radius, self.station))
-
-    @property
     def wetted_area(self) -> float:
-        """Return the area of the skin without flat ends, m^2: that of the cone frustums between the stations."""
+        """Return the wetted area without flat ends, m^2, by cone frustums between the stations."""
         slant = np.hypot(np.diff(self.station), np.diff(self.radius))
         return float(np.pi * np.sum((self.radius[:-1] + self.radius[1:]) * slant))
 
     def radius_at(self, station: Array | float) -> Array:
-        """Return the radius at distances from the nose, m; beyond the hull it is 0."""
+        """Return the radius, m, at distances from the nose, m; 0 beyond the hull."""
         return np.asarray(np.interp(station, self.station, self.radius, left=0.0, right=0.0))
 
 
 class MyringLengths(NamedTuple):
-    """Parameters of a contour by Myring, in Prestero's notation.
+    """Parameters of a Myring contour, with Prestero's symbols.
 
     Attributes
     ----------
     nose, nose_offset, middle, tail, tail_offset : float
-        a, a_0, b, c and c_0, m; the offsets are what is cut off at the ends.
+        a, a_0, b, c and c_0, m; the offsets are the lengths cut off at the ends.
     diameter : float
         d, m.
     exponent : float
-        n of the nose: 2 is an ellipse.
+        n of the nose; 2 gives an ellipse.
     tail_angle : float
-        Between contour and axis at the uncut end of the tail, rad.
+        Half angle at the uncut end of the tail, rad.
     """
 
     nose: float
@@ -96,7 +91,7 @@ class MyringLengths(NamedTuple):
 
 
 def myring_hull(shape: MyringLengths) -> Hull:
-    """Return the contour by Myring (1976), as in Prestero (2001), 2.1 to 2.3."""
+    """Return the contour of Myring (1976), Prestero (2001), eqs. (2.1) to (2.3)."""
     a, offset, b, c, cut, d, exponent, angle = shape
     begin_of_tail = a + b - offset
     station = np.linspace(0.0, begin_of_tail + c - cut, _N_STATIONS)
@@ -108,14 +103,12 @@ def myring_hull(shape: MyringLengths) -> Hull:
 
 
 def nose_cylinder_tail_hull(length: float, diameter: float, nose: float, tail: float) -> Hull:
-    """Return the contour of half an ellipse, a cylinder and a parabola that ends in a point.
+    """Return the contour of an elliptic nose, a cylinder and a parabolic tail that ends in a point.
 
     Parameters
     ----------
-    length, diameter : float
-        Of the whole, m.
-    nose, tail : float
-        Their lengths, m, no more than `length` together.
+    length, diameter, nose, tail : float
+        m; nose and tail together are at most `length`.
     """
     station = np.linspace(0.0, length, _N_STATIONS)
     ahead = np.minimum((station - nose) / nose, 0.0)
@@ -124,7 +117,7 @@ def nose_cylinder_tail_hull(length: float, diameter: float, nose: float, tail: f
 
 
 def hull_of_radii(station: Sequence[float], radius: Sequence[float]) -> Hull:
-    """Return the contour through radii at rising distances from the nose, of which the first is 0, straight between."""
+    """Return the piecewise linear contour through radii, m, at rising distances from the nose, m, from 0 on."""
     between = np.linspace(0.0, station[-1], _N_STATIONS)
     everywhere = np.union1d(between, np.asarray(station, dtype=np.float64))
     return Hull(everywhere, np.interp(everywhere, station, radius))
@@ -136,19 +129,19 @@ class TailFins(NamedTuple):
     Attributes
     ----------
     position : float
-        Distance of their hinge, at which their force acts, from the nose, m.
+        Distance of the hinge, where the force acts, from the nose, m.
     span : float
         From root to tip, m.
     area : float
-        Of one fin, m^2.
+        Area of one fin, m^2.
     number : int
-        Three or more, evenly around the hull.
+        At least three, evenly around the hull.
     tail : str
-        ``+``: rudders are upright, stern planes level. ``x``: all turn for either.
+        ``+``: vertical rudders and horizontal elevators. ``x``: all fins turn for rudder and elevator.
     taper : float
-        Chord at the tip by that at the root.
+        Chord at the tip over chord at the root.
     chord : float
-        Mean, m.
+        Mean chord, m.
     tip_radius : float
         Distance of the tips from the axis, m.
     """
@@ -164,23 +157,23 @@ class TailFins(NamedTuple):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Return where they begin and end, m from the nose."""
+        """Return the distances of leading and trailing edge from the nose, m."""
         begin = self.position - _HINGE * self.chord
         return begin, begin + self.chord
 
     @property
     def aspect_ratio(self) -> float:
-        """Return the effective aspect ratio: the hull mirrors a fin."""
+        """Return the effective aspect ratio, twice that of one fin because the hull acts as a mirror."""
         return 2.0 * self.span**2 / self.area
 
     @property
     def lift_slope(self) -> float:
-        """Return the lift-curve slope per radian: Hoerner, as Prestero (2001), eq. (4.38)."""
+        """Return the lift-curve slope per radian, Prestero (2001), eq. (4.38), after Hoerner."""
         return 1.0 / (1.0 / _SECTION_SLOPE + 1.0 / (np.pi * self.aspect_ratio))
 
     @property
     def drag_coefficient(self) -> float:
-        """Return the drag coefficient across the flow: Whicker and Fehlner (1958), as Prestero (2001)."""
+        """Return the cross-flow drag coefficient of Whicker and Fehlner (1958), as in Prestero (2001)."""
         return 0.1 + 0.7 * self.taper
 
     @property
@@ -190,27 +183,24 @@ class TailFins(NamedTuple):
 
     @property
     def per_plane(self) -> float:
-        """Return how many fins act along y, and as many along z: half of them, whichever way they are turned."""
+        """Return the effective number of fins that act along y, or along z: half of all."""
         return 0.5 * self.number
 
     @property
     def turning(self) -> float:
-        """Return how many fins as one upright one would do what a rudder does.
-
-        Those of an X all turn by its angle, at 45 degrees.
-        """
+        """Return the effective number of vertical fins of the rudder; all fins of an X turn, at 45 degrees."""
         return self.per_plane * (np.sqrt(2.0) if self.tail == "x" else 1.0)
 
 
 class Appendage(NamedTuple):
-    """Something that sticks out of the hull: its area, m^2, and its drag coefficient on it."""
+    """A part outside the hull: its area, m^2, and the drag coefficient with that area."""
 
     area: float
     drag_coefficient: float
 
 
 class Geometry(NamedTuple):
-    """The shape of a vehicle; body axes have their origin at the centre of buoyancy.
+    """The shape of a vehicle, with the origin of the body axes at the centre of buoyancy.
 
     Attributes
     ----------
@@ -219,9 +209,9 @@ class Geometry(NamedTuple):
     centre_of_buoyancy : float
         Distance from the nose, m.
     appendages : tuple of Appendage
-        Empty where they are not known.
+        Empty if unknown.
     density : float
-        Of the water, kg/m^3.
+        Density of the water, kg/m^3.
     """
 
     hull: Hull
@@ -232,14 +222,14 @@ class Geometry(NamedTuple):
 
     @property
     def x(self) -> Array:
-        """Return the stations of the hull in body axes, m, falling."""
+        """Return the x coordinates of the stations, m."""
         return self.centre_of_buoyancy - self.hull.station
 
     @property
     def fin_x(self) -> float:
-        """Return where the fins' force acts in body axes, m: less than 0 at the tail."""
+        """Return the x coordinate of the force of the fins, m; negative at the tail."""
         return self.centre_of_buoyancy - self.fins.position
 
     def along_hull(self, per_length: Array) -> float:
-        """Return the integral of something along the hull."""
+        """Return the integral of a quantity per length along the hull."""
         return float(np.trapezoid(per_length, self.hull.station))

@@ -1,4 +1,4 @@
-"""How the motion depends on where it started and on the coefficients: Jacobian and transition matrix."""
+"""Jacobian of the equations of motion, and the transition matrix of a Runge-Kutta step, by motion and coefficients."""
 
 from itertools import accumulate
 from typing import NamedTuple
@@ -29,13 +29,13 @@ Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-# As arrays of a module are to compiled code.
+# Type of a global array in compiled code.
 _constant = types.Array(types.float64, 1, "C", readonly=True)
 
 
-# Of a derivative by the motion and all factors; behind them is one for each term of the vehicle's own.
+# Columns of a derivative by the motion and all factors, without those by the vehicle's own terms.
 N_COLUMNS = N_MOTION + N_FACTORS
-# What forces depend on: velocities, roll and pitch, then the actuators' errors and the ballast.
+# Columns of the derivative of the forces: velocities, roll and pitch; actuator errors and ballast.
 _N_ATTITUDE = 8
 _N_FORCE_COLUMNS = _N_ATTITUDE + N_FACTORS - N_COEFFICIENTS
 _N_FORCE = 6 * _N_FORCE_COLUMNS
@@ -44,21 +44,23 @@ _N_SIGNAL_VALUES = _N_MOMENTUM + 2 * len(SIGNALS)
 N_JACOBIAN_WORK = _N_SIGNAL_VALUES + 2 * len(SIGNALS)
 
 
-# Where they stand among the factors.
+# Indices among the factors.
 _BALLAST = N_FACTORS - N_BALLAST
 _THRUST = N_COEFFICIENTS + ActuatorErrors._fields.index("thrust")
-# Rudder and elevator stand side by side among the signals, as their trims do among the factors.
+# Index of the trim of a fin minus the index of its signal, equal for rudder and elevator.
 _TRIM = N_COEFFICIENTS + ActuatorErrors._fields.index("rudder_trim") - SIGNALS.index("rudder")
-_THRUST_SIGNAL, _N_SIGNAL = SIGNALS.index("thrust"), SIGNALS.index("n")
-# In which column forces depend on what changes each signal; nothing changes revolutions and voltage.
+_THRUST_SIGNAL = SIGNALS.index("thrust")
+_N_SIGNAL = SIGNALS.index("n")
+# Column of a factor among those of the forces minus its index among the factors.
 _OF_ERRORS = _N_ATTITUDE - N_COEFFICIENTS
+# Column of the state or factor that changes each signal; the slopes of revolutions and voltage are zero.
 _COLUMNS = np.array([*range(6), *(_OF_ERRORS + _TRIM + which for which in (6, 7)), _OF_ERRORS + _THRUST, 0, 0])
 _CODES = np.array([regressor_code(c) for c in COEFFICIENTS])
 
 
 @compiled(inline=True)
 def _fill_in_signals(motion, coefficients, inputs, values, slopes):
-    """Fill in all signals as they act, each followed by its modulus, and how they grow with what changes them."""
+    """Fill in all acting signals, each followed by its modulus, and their derivatives by the state or error."""
     for which in range(len(SIGNALS)):
         slope = 1.0
         if which < 6:
@@ -68,29 +70,19 @@ def _fill_in_signals(motion, coefficients, inputs, values, slopes):
         elif which == _THRUST_SIGNAL:
             value, slope = inputs[2] * coefficients[_THRUST], inputs[2]
         else:
-            place = 4 + which - _N_SIGNAL
-            value, slope = inputs[place] if place < inputs.size else 0.0, 0.0
+            column = 4 + which - _N_SIGNAL
+            value, slope = inputs[column] if column < inputs.size else 0.0, 0.0
         values[2 * which], values[2 * which + 1] = value, abs(value)
         slopes[2 * which], slopes[2 * which + 1] = slope, slope * np.sign(value)
 
 
 @compiled(inline=True)
 def _differentiate_term(code, values, slopes, coefficient, force):
-    """Add the derivatives of a term to those of its force; returns that by the coefficient.
-
-    Parameters
-    ----------
-    code : ndarray
-        From `regressor_code`.
-    values, slopes : ndarray
-        From `_fill_in_signals`.
-    coefficient : float
-    force : ndarray, shape (6, _N_FORCE_COLUMNS)
-    """
+    """Add the derivatives of a term to those of its force; return the derivative by the coefficient."""
     row, n_factors, regressor, before = int(code[0]), int(code[1]), 1.0, coefficient
     for a in range(n_factors):
         factor = int(code[2 + a])
-        # The product rule: the derivative of this factor times the others.
+        # Product rule: the derivative of this factor times the others.
         slope = before * slopes[factor]
         for b in range(a + 1, n_factors):
             slope *= values[int(code[2 + b])]
@@ -102,8 +94,7 @@ def _differentiate_term(code, values, slopes, coefficient, force):
 
 @compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _matrix, types.int64, _vector))
 def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms, first, work):
-    """Differentiate `motion_derivative` by the motion states, the 22 coefficients, the actuators' errors, the ballast
-    and the coefficients of the vehicle's own terms.
+    """Fill in the derivative of `motion_derivative` by motion, coefficients, actuator errors, ballast and own terms.
 
     Parameters
     ----------
@@ -113,12 +104,11 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
     constants : ndarray
         From `vehicle_constants`.
     jacobian : ndarray, shape (9, N_COLUMNS) or wider
-        Filled in: A of Sabet et al. 2018, Table A1, motion part, then the regressor B(x); the equations are linear
-        in the coefficients, and in the thrust's factor, the trims and the ballast.
+        Filled in: A of Sabet et al. 2018, Table A1, for the motion, then the regressor B(x). The equations are linear
+        in all factors.
     by_terms : ndarray, shape (9, first + terms)
-        Filled in from a column on: the same for the vehicle's own terms. It may be the Jacobian.
+        Filled in from column `first` on with the derivative by the vehicle's own terms; may be `jacobian`.
     first : int
-        That column.
     work : ndarray, shape (N_JACOBIAN_WORK,)
         Overwritten.
     """
@@ -140,7 +130,7 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
         for t in range(n_terms(constants)):
             by_terms[i, first + t] = 0.0
 
-    # Kirchhoff: F = [a x omega, b x omega + a x v] with momentum (a, b); the product rule.
+    # Kirchhoff: F = [a x omega, b x omega + a x v] with momentum (a, b); product rule.
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         for c in range(6):
@@ -200,25 +190,24 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
 
 
 class TransitionWorkspace(NamedTuple):
-    """Arrays that hold nothing from one step to the next.
+    """Scratch arrays of `transition_step`.
 
     Attributes
     ----------
     start_transition, stage_transition : ndarray, shape (9, N_COLUMNS)
-        Transition matrix, without the columns by own terms, where the step and where a stage of it begins.
+        Transition matrix at the start of the step and of a stage, without the columns by own terms.
     rate : ndarray, shape (9, N_COLUMNS)
-        Its time derivative.
+        Time derivative of the transition matrix.
     jacobian : ndarray, shape (9, N_COLUMNS)
-        See `motion_jacobian`.
     start_of_terms, stage_of_terms, rate_of_terms, by_terms : ndarray, shape (9, terms)
-        The same four by the vehicle's own terms: apart, for a row length that the compiler knows is what lets it make
-        vector instructions of the others.
+        The same four by own terms. They are separate so that the row length of the others is constant and their loops
+        vectorise.
     start, stage : ndarray, shape (9,)
-        Motion where the step and where a stage of it begins.
+        Motion at the start of the step and of a stage.
     block : ndarray, shape (N_BLOCK,)
-        The motion of a stage in the first lane of a block.
+        Motion of a stage in the first lane.
     slope : ndarray, shape (N_SLOPE,)
-        Its time derivative.
+        Time derivative of the motion.
     coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK + terms * LANES,)
     for_jacobian : ndarray, shape (N_JACOBIAN_WORK,)
     """
@@ -239,14 +228,14 @@ class TransitionWorkspace(NamedTuple):
     for_jacobian: Array
 
 
-# Where each of them ends in one vector that is as long whatever terms a vehicle has; the others stand behind these.
+# Ends of the arrays in the scratch whose lengths do not depend on the own terms; the others follow.
 _MATRICES, _START, _STAGE, _BLOCK, _SLOPE, _FOR_JACOBIAN = accumulate(
     (4 * N_MOTION * N_COLUMNS, N_MOTION, N_MOTION, N_BLOCK, N_SLOPE, N_JACOBIAN_WORK)
 )
 
 
 def transition_work(terms: int) -> int:
-    """Return the length of what a step with the transition matrix works with."""
+    """Return the length of the scratch of `transition_step`."""
     return _FOR_JACOBIAN + N_COEFFICIENT_BLOCK + terms * (LANES + 4 * N_MOTION)
 
 
@@ -276,8 +265,7 @@ def _transition_workspace(scratch, terms):
 @compiled(inline=True)
 def _transition_rate(jacobian, transition, rate):
     """Fill in ``A Phi + [0 B]`` for the Jacobian ``[A B]`` and the transition matrix Phi."""
-    # The short sum inside: it is unrolled, and the loop over columns becomes vector instructions. Nothing depends on
-    # yaw, the last state.
+    # The short inner sum is unrolled, and the loop over columns vectorises. Yaw, the last state, has no effect.
     for i in range(N_MOTION):
         for j in range(N_COLUMNS):
             total = 0.0
@@ -291,7 +279,7 @@ def _transition_rate(jacobian, transition, rate):
 
 @compiled(inline=True)
 def _rate_of_terms(jacobian, by_terms, transition, rate):
-    """Do the same for the columns by a vehicle's own terms."""
+    """Fill in ``A Phi + B`` for the columns by the vehicle's own terms."""
     for t in range(rate.shape[1]):
         for i in range(N_MOTION):
             total = by_terms[i, t]
@@ -304,20 +292,20 @@ def _rate_of_terms(jacobian, by_terms, transition, rate):
 def transition_step(motion, coefficients, inputs, constants, duration, transition, scratch):
     """Advance one motion state and its transition matrix together by one Runge-Kutta step, in place.
 
-    The variational equation ``dPhi/dt = A Phi + [0 B]`` is integrated at the same stages as the
-    motion, so the result is the derivative of the discrete step itself up to the step's own error.
+    The variational equation ``dPhi/dt = A Phi + [0 B]`` is integrated at the stages of the motion, so that the result
+    is the derivative of the discrete step up to the error of the step.
 
     Parameters
     ----------
     motion : ndarray, shape (9,)
     coefficients, inputs, constants
-        As for `motion_jacobian`.
+        See `motion_jacobian`.
     duration : float
-        Step, s.
+        s.
     transition : ndarray, shape (9, N_COLUMNS + terms)
-        Sensitivity of the motion to the initial motion and to the coefficients; start from [I 0].
+        Derivative of the motion by initial motion and coefficients; initially [I 0].
     scratch : ndarray
-        Of `transition_work`; overwritten.
+        Of length `transition_work`; overwritten.
     """
     work = _transition_workspace(scratch, n_terms(constants))
     columns = N_COLUMNS + n_terms(constants)

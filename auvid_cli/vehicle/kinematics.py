@@ -4,22 +4,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# m/s^2, standard gravity.
-GRAVITY = 9.80665
+GRAVITY = 9.80665  # m/s^2, standard gravity
 
 
 def earth_to_body(angles: Array, vectors: Array) -> Array:
-    """Turn vectors from north, east, down to body axes.
+    """Return vectors in body axes, shape (n, 3), from north, east, down: zyx Euler angles, Fossen 2011, ch. 2.
 
     Parameters
     ----------
     angles : ndarray, shape (n, 3)
-        Attitude at the same instants, rad.
+        Roll, pitch, yaw, rad.
     vectors : ndarray, shape (n, 3)
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
     """
     (sin_roll, sin_pitch, sin_yaw), (cos_roll, cos_pitch, cos_yaw) = np.sin(angles).T, np.cos(angles).T
     north, east, down = vectors.T
@@ -35,7 +30,7 @@ def earth_to_body(angles: Array, vectors: Array) -> Array:
 
 
 def body_to_earth(angles: Array, vectors: Array) -> Array:
-    """Turn vectors from body axes to north, east, down; as `earth_to_body`, whose inverse it is."""
+    """Return vectors in north, east, down from body axes; the inverse of `earth_to_body`."""
     (sin_roll, sin_pitch, sin_yaw), (cos_roll, cos_pitch, cos_yaw) = np.sin(angles).T, np.cos(angles).T
     x, y, z = vectors.T
     below = sin_roll * y + cos_roll * z
@@ -50,12 +45,12 @@ def body_to_earth(angles: Array, vectors: Array) -> Array:
 
 
 def rotation_matrix(angles: Array) -> Array:
-    """Return the matrix that turns body axes to north, east, down at one attitude, shape (3,)."""
+    """Return the rotation matrix from body axes to north, east, down at one attitude, shape (3,), rad."""
     return earth_to_body(np.broadcast_to(angles, (3, 3)), np.eye(3))
 
 
 def euler_angles(rotation: Array) -> Array:
-    """Return roll, pitch and yaw, rad, of matrices that turn body axes to north, east, down, shape (n, 3, 3)."""
+    """Return roll, pitch and yaw, rad, of rotation matrices from body axes to north, east, down, shape (n, 3, 3)."""
     level = np.hypot(rotation[:, 0, 0], rotation[:, 1, 0])
     return np.column_stack(
         (
@@ -67,19 +62,14 @@ def euler_angles(rotation: Array) -> Array:
 
 
 def euler_rates(rates: Array, angles: Array) -> Array:
-    """Find the rates of roll, pitch and yaw that body rates make; not finite where the pitch is 90 degrees.
+    """Return the time derivatives of roll, pitch, yaw, rad/s, shape (n, 3), Sabet et al. 2018, eq. (3).
 
     Parameters
     ----------
     rates : ndarray, shape (n, 3)
         p, q, r, rad/s.
     angles : ndarray, shape (n, 3)
-        rad; of the yaw nothing depends.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        rad/s.
+        Roll, pitch, yaw, rad; singular at a pitch of 90 degrees.
     """
     (p, q, r), (roll, pitch, _) = rates.T, angles.T
     turning = q * np.sin(roll) + r * np.cos(roll)
@@ -87,20 +77,7 @@ def euler_rates(rates: Array, angles: Array) -> Array:
 
 
 def body_rates(time: Array, angles: Array) -> Array:
-    """Find the body rates p, q, r that the change of Euler angles implies, by central differences.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        s.
-    angles : ndarray, shape (n, 3)
-        rad.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        rad/s.
-    """
+    """Return p, q, r, rad/s, shape (n, 3), from central differences of roll, pitch, yaw, rad, shape (n, 3)."""
     roll_rate, pitch_rate, yaw_rate = np.gradient(np.unwrap(angles, axis=0), time, axis=0).T
     (sin_roll, sin_pitch, _), (cos_roll, cos_pitch, _) = np.sin(angles).T, np.cos(angles).T
     return np.column_stack(
@@ -113,19 +90,16 @@ def body_rates(time: Array, angles: Array) -> Array:
 
 
 def specific_force(motion: Array, rates: Array, arm: Array) -> Array:
-    """Return the acceleration of a place in the vehicle less gravity, in body axes: what an accelerometer feels there.
+    """Return the specific force that an accelerometer measures, shape (n, 3), m/s^2.
 
     Parameters
     ----------
-    motion, rates : ndarray, shape (n, 9)
-        Velocities, rates and attitude, and how fast they change, SI.
+    motion : ndarray, shape (n, 9)
+        SI.
+    rates : ndarray, shape (n, 9)
+        Time derivative of the motion, SI.
     arm : ndarray, shape (3,)
-        Where it is, m.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        m/s^2.
+        Position of the accelerometer in body axes, m.
     """
     turning = motion[:, 3:6]
     down = earth_to_body(motion[:, 6:9], np.broadcast_to([0.0, 0.0, 1.0], (len(motion), 3)))
@@ -134,7 +108,7 @@ def specific_force(motion: Array, rates: Array, arm: Array) -> Array:
 
 
 def current_in_body_axes(attitude: Array, north: float | Array, east: float | Array) -> Array:
-    """Turn a current, or one for each, to x, y, z of the vehicle, shape (..., 3), at as many attitudes."""
+    """Return a horizontal current in body axes, shape (..., 3), at attitudes of that shape."""
     rows = attitude.reshape(-1, 3)
     earth = np.zeros(rows.shape)
     earth[:, 0], earth[:, 1] = north, east
@@ -142,24 +116,15 @@ def current_in_body_axes(attitude: Array, north: float | Array, east: float | Ar
 
 
 def dvl_axes(scale: float, yaw: float) -> Array:
-    """Return the matrix from the velocity over ground to what a DVL measures of it, ``(1 + scale) Rz(yaw)'``."""
+    """Return the matrix from the velocity over ground to that in the axes of a DVL, ``(1 + scale) Rz(yaw)'``."""
     sine, cosine = np.sin(yaw), np.cos(yaw)
     return (1.0 + scale) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def dead_reckoned(time: Array, motion: Array) -> Array:
-    """Integrate the path from the origin by the trapezoidal rule.
+    """Return the path from the origin by the trapezoidal rule, shape (m, 3), north, east, down, m.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        s.
-    motion : ndarray, shape (n, 9)
-
-    Returns
-    -------
-    ndarray, shape (m, 3)
-        North, east, down, m; ends before the first motion that is not finite.
+    It ends before the first motion, shape (n, 9), that is not finite.
     """
     broken = ~np.isfinite(motion).all(axis=1)
     end = int(broken.argmax()) if broken.any() else time.size

@@ -12,38 +12,35 @@ Array = NDArray[np.float64]
 
 
 class Ballast(NamedTuple):
-    """What lies between weight and buoyancy as they are stated and those that act.
+    """Errors of the stated weight and buoyancy.
 
     Attributes
     ----------
     excess_buoyancy : float
-        Buoyancy less weight beyond what is stated, at the origin, upwards along the earth's vertical, N.
+        Additional upward force at the origin, N.
     trim_moment : float
-        Pitching moment beyond the stated, bow up, of a level vehicle, N m.
+        Additional bow-up pitching moment of a level vehicle, N m.
 
     Notes
     -----
-    A moment that is there at rest is one of weights off their place. Those of W a distance d ahead of where it is
-    stated are ``d e_x x W down``, with ``down = (-sin theta, cos theta sin phi, cos theta cos phi)``: in pitch
-    ``-d W cos theta cos phi``, in yaw ``d W cos theta sin phi``, in roll none. With ``trim_moment = -d W`` they are
-    ``trim_moment cos theta cos phi`` and ``-trim_moment cos theta sin phi``.
+    A weight W a distance d forward of its stated position adds the moment ``d e_x x W down``, with
+    ``down = (-sin theta, cos theta sin phi, cos theta cos phi)``. With ``trim_moment = -d W`` that is
+    ``trim_moment cos theta cos phi`` in pitch, ``-trim_moment cos theta sin phi`` in yaw, and zero in roll.
     """
 
     excess_buoyancy: float = 0.0
     trim_moment: float = 0.0
 
     def added_to(self, parameters: Mapping[str, float]) -> dict[str, float]:
-        """Return the known parameters, SI, of a vehicle that is stated right: its buoyancy and where that acts."""
+        """Return the known parameters, SI, with corrected buoyancy and centre of buoyancy."""
         buoyancy = parameters["B"] + self.excess_buoyancy
-        # What is more acts at the origin, so that all the moments of the buoyancy but that of the trim stay.
+        # The excess acts at the origin, so that only the trim changes the moments of the buoyancy.
         moments = {axis: parameters[f"{axis}B"] * parameters["B"] for axis in "xyz"}
         moments["x"] += self.trim_moment
         return {**parameters, "B": buoyancy, **{f"{axis}B": moment / buoyancy for axis, moment in moments.items()}}
 
 
 NO_BALLAST = Ballast()
-
-
 N_BALLAST = len(Ballast._fields)
 
 
@@ -53,17 +50,12 @@ def skew(a: Array) -> Array:
 
 
 def rigid_body_matrix(parameters: Mapping[str, float]) -> Array:
-    """Return the mass matrix of the body without the water, ``M_RB``, shape (6, 6).
-
-    Parameters
-    ----------
-    parameters : mapping
-        Known parameters by symbol, SI.
+    """Return the rigid-body mass matrix ``M_RB``, shape (6, 6), SI, Fossen 2011, ch. 3.
 
     Raises
     ------
     ConfigError
-        If it is not positive definite: a mass so far from the origin has more inertia about it.
+        If it is not positive definite.
     """
     k = parameters
     lever = k["m"] * skew(np.array([k["xG"], k["yG"], k["zG"]]))
@@ -72,7 +64,7 @@ def rigid_body_matrix(parameters: Mapping[str, float]) -> Array:
     smallest = float(np.linalg.eigvalsh(rigid)[0])
     if not smallest > 0.0:
         raise ConfigError(
-            "the inertia of this vehicle cannot be: without added mass its mass matrix is not positive definite "
+            "invalid inertia: the rigid-body mass matrix is not positive definite "
             f"(smallest eigenvalue {smallest:.4g}); check m, xG, yG, zG, and Ixx, Iyy, Izz, which are about the origin"
         )
     return rigid
@@ -85,24 +77,15 @@ def central_inertia(parameters: Mapping[str, float]) -> Array:
 
 
 def mass_matrix(parameters: Mapping[str, float]) -> Array:
-    """Add rigid-body and added mass, ``M = M_RB + M_A``.
+    """Return the mass matrix ``M = M_RB + M_A``, shape (6, 6), SI, Sabet et al. 2018, eq. (12).
 
-    Parameters
-    ----------
-    parameters : mapping
-        Known parameters by symbol, SI.
-
-    Returns
-    -------
-    ndarray, shape (6, 6)
-        Symmetric positive-definite mass matrix, Sabet et al. 2018, eq. (12). Where ``N_vdot`` and
-        ``Y_rdot`` (or ``M_wdot`` and ``Z_qdot``) differ in the source, which potential flow
-        forbids, their mean stands on both sides, so that the Coriolis matrix does no work.
+    It is symmetric: if ``N_vdot`` and ``Y_rdot`` (or ``M_wdot`` and ``Z_qdot``) differ, which potential flow does not
+    permit, their mean is used, so that the Coriolis matrix does no work.
 
     Raises
     ------
     ConfigError
-        If the matrix is not positive definite: no real vehicle has such parameters.
+        If it is not positive definite.
     """
     k = parameters
     added = -np.diag([k["X_udot"], k["Y_vdot"], k["Z_wdot"], k["K_pdot"], k["M_qdot"], k["N_rdot"]])
@@ -112,26 +95,23 @@ def mass_matrix(parameters: Mapping[str, float]) -> Array:
     smallest = float(np.linalg.eigvalsh(mass)[0])
     if not smallest > 0.0:
         raise ConfigError(
-            f"the mass matrix of this vehicle is not positive definite (smallest eigenvalue {smallest:.4g}): "
-            "check m, the moments of inertia and the signs of the added masses (X_udot ... N_rdot are negative)"
+            f"invalid inertia: the mass matrix is not positive definite (smallest eigenvalue {smallest:.4g}); check m, "
+            "the moments of inertia and the signs of the added masses (X_udot to N_rdot are negative)"
         )
     return mass
 
 
 def coriolis_matrix(mass: Array, nu: Array) -> Array:
-    """Return the Coriolis and centripetal matrix ``C(nu)`` of a symmetric mass matrix.
+    """Return the Coriolis and centripetal matrix ``C(nu)``, shape (6, 6), of a symmetric mass matrix.
+
+    It is skew-symmetric, so that ``nu @ C @ nu == 0``. Fossen 2011, theorem 3.2, which equals the scalar
+    terms of Sabet et al. 2018, eq. (13), with a complete roll row.
 
     Parameters
     ----------
     mass : ndarray, shape (6, 6)
     nu : ndarray, shape (6,)
         Body velocity, m/s and rad/s.
-
-    Returns
-    -------
-    ndarray, shape (6, 6)
-        Skew-symmetric, so ``nu @ C @ nu == 0``. Fossen's form, equal to the scalar terms of
-        Sabet et al. 2018, eq. (13), with the roll row complete.
     """
     momentum = mass @ nu
     coriolis = np.zeros((6, 6))
@@ -141,7 +121,10 @@ def coriolis_matrix(mass: Array, nu: Array) -> Array:
 
 
 def restoring_vector(parameters: Mapping[str, float], attitude: Array) -> Array:
-    """Return weight and buoyancy as a force on the body (the force side, ``-g(eta)``).
+    """Return force, N, and moment, N m, of weight and buoyancy, ``-g(eta)``, shape (6,).
+
+    Sabet et al. 2018, eq. (13), with the sign of the zG term in the roll row corrected: as printed there, a low centre
+    of gravity would be unstable in roll.
 
     Parameters
     ----------
@@ -149,12 +132,6 @@ def restoring_vector(parameters: Mapping[str, float], attitude: Array) -> Array:
         Known parameters by symbol, SI.
     attitude : ndarray, shape (3,)
         Roll, pitch, yaw, rad.
-
-    Returns
-    -------
-    ndarray, shape (6,)
-        Force, N, and moment, N m. Sabet et al. 2018, eq. (13), with the sign of the zG term in the
-        roll row corrected: as printed there a low centre of gravity would be roll-unstable.
     """
     k = parameters
     phi, theta = attitude[0], attitude[1]

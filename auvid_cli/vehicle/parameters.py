@@ -1,4 +1,4 @@
-"""The known parameters of a vehicle and its motion states and inputs, as tables."""
+"""Tables of known parameters, motion states, inputs, and components of sensors: symbol, unit, meaning, equation."""
 
 from typing import NamedTuple
 
@@ -9,13 +9,13 @@ class Quantity(NamedTuple):
     Attributes
     ----------
     symbol : str
-        Name in the notation of the paper (SNAME symbols, ``dot`` for a derivative).
+        SNAME symbol, with ``dot`` for a time derivative.
     unit : str
-        SI unit, as pint reads it.
+        SI unit in the syntax of pint.
     meaning : str
         One phrase for tables, files and documentation.
     equation : str
-        Where it enters, by equation of Sabet et al. 2018 (or of Fossen for the kinematics).
+        Matrix or vector of Sabet et al. 2018 that it enters.
     """
 
     symbol: str
@@ -72,7 +72,7 @@ POSITION: tuple[Quantity, ...] = (
     Quantity("down", "m", "position down (depth)", "eta, eq. (2)"),
 )
 DEPTH = POSITION[2]
-# What is predicted, and compared with measurements of it.
+# Predicted quantities that are compared with measurements.
 MOTION_AND_DEPTH: tuple[Quantity, ...] = (*MOTION, DEPTH)
 MOTION_AND_DEPTH_SYMBOLS: tuple[str, ...] = tuple(q.symbol for q in MOTION_AND_DEPTH)
 
@@ -83,14 +83,14 @@ INPUTS: tuple[Quantity, ...] = (
     Quantity("roll_moment", "N*m", "propeller torque and roll excitation", "tau_propulsion"),
 )
 INPUT_SYMBOLS: tuple[str, ...] = tuple(q.symbol for q in INPUTS)
-# What terms of a vehicle's own may be made of besides; recorded where it is known, behind the others.
+# Further inputs of the vehicle's own terms; recorded after the others if they are known.
 PROPULSION: tuple[Quantity, ...] = (
     Quantity("revolutions", "turn/s", "revolutions of the propeller", "terms of the vehicle's own"),
     Quantity("voltage", "V", "voltage of the battery", "terms of the vehicle's own"),
 )
 ALL_INPUTS: tuple[Quantity, ...] = (*INPUTS, *PROPULSION)
 
-# Force and moment that no model explains, in the order of the equations of motion.
+# Force and moment in addition to the model, in the order of the equations of motion.
 DISTURBANCE: tuple[Quantity, ...] = (
     Quantity("disturbance_X", "N", "disturbing force, forward", "tau"),
     Quantity("disturbance_Y", "N", "disturbing force, starboard", "tau"),
@@ -104,7 +104,7 @@ HEADING = Quantity("heading", "rad", "heading", "AHRS")
 
 _MOTION = {quantity.symbol: quantity for quantity in MOTION}
 
-# Components of every sensor that auvid knows. A filter measures those that are motion states.
+# Components of each sensor.
 SENSORS: dict[str, tuple[Quantity, ...]] = {
     "gyroscope": (_MOTION["p"], _MOTION["q"], _MOTION["r"]),
     "accelerometer": (
@@ -124,11 +124,11 @@ SENSORS: dict[str, tuple[Quantity, ...]] = {
 }
 
 
-# Sensors that say which way is north, and those that say with it what an attitude reference says.
+# Sensors of the heading, and those that replace an attitude reference.
 COMPASSES = "magnetometer", "magnetic_field"
 INERTIAL = "accelerometer", *COMPASSES
 
 
 def state_of(measured: Quantity) -> str:
-    """Return the symbol of the state that a component of a sensor measures: of a heading the yaw."""
+    """Return the symbol of the state that a component of a sensor measures; a heading measures yaw."""
     return "psi" if measured == HEADING else measured.symbol

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.filters.problem import FilterOutcome, Gaussian, OnChunk, Process, Sensors, Timeline
-from auvid_cli.identification.filter_run import FilterRun
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.process import first_order_transition
-from auvid_cli.identification.run import set_up_filters
+from auvid_cli.identification.run import FilterRun, set_up_filters
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.equations import N_CONSTANTS

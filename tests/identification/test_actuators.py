@@ -1,4 +1,4 @@
-"""Actuators that do not follow their commands exactly, simulated, and taken into account by whoever estimates."""
+"""Actuators with dynamics: simulated, and modelled by the estimators."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def run(simulated_with):
 
 
 def test_estimators_see_what_acted_in_the_simulation(experiment_with, simulated_with):
-    """Whatever fins stand beyond their commands, for which nobody allows here, adds to it."""
+    """Unmodelled offsets of the fins add to it."""
     overrides = *OWN, "manoeuvre.duration=20 s", "manoeuvre.fin_trim={rudder: 2 deg, elevator: -1 deg}"
     experiment, dataset = experiment_with(*overrides), simulated_with(*overrides)
     trim, plan = np.array([*np.deg2rad([2.0, -1.0]), 0.0, 0.0]), make_plan(experiment.manoeuvre)
@@ -48,7 +48,7 @@ def test_estimators_see_what_acted_in_the_simulation(experiment_with, simulated_
         assert_allclose(seen, acted - trim, atol=1e-9)
 
 
-def test_who_knows_of_them_is_right_and_who_does_not_is_not(run, with_settings):
+def test_modelled_actuators_remove_the_bias(run, with_settings):
     true, unaware = run.truth.coefficients, with_settings(run, "vehicle.actuators={}")
     fins = "Y_uudr", "Z_uude", "M_uude", "N_uudr"
 
@@ -63,7 +63,7 @@ def test_who_knows_of_them_is_right_and_who_does_not_is_not(run, with_settings):
     assert max(far(unaware)[s] for s in fins) > 20.0
 
 
-def test_they_do_not_change_what_nobody_has(simulated_with):
+def test_ideal_actuators_change_nothing(simulated_with):
     plain, harmless = (
         simulated_with("manoeuvre.duration=10 s"),
         simulated_with("manoeuvre.duration=10 s", "vehicle.actuators.fins={saturation: 80 deg}"),

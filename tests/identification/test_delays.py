@@ -64,7 +64,7 @@ def test_delays_are_found_to_ten_milliseconds_and_coefficients_with_them(late, p
     assert chunks[-1].mean[-1, -2:] == pytest.approx(prepared.delays.value)
 
 
-def test_without_them_the_estimate_is_wrong_and_says_so(late, prepared):
+def test_ignored_delays_make_the_estimate_inconsistent(late, prepared):
     blind = identify(late, FilterName.SMOOTHER)
     (run,), chunks = set_up_filters(prepared, [FilterName.SMOOTHER]), []
     outcome = run.run(chunks.append)
@@ -75,11 +75,11 @@ def test_without_them_the_estimate_is_wrong_and_says_so(late, prepared):
     rows = {row.state: row for row in sensor_error_results(seeing)}
     assert rows["delay_inputs"].observed
     assert rows["delay_dvl"].estimate == pytest.approx(STAMPED, abs=0.01)
-    # It is no fault any more that there may be one.
+    # An estimated delay is not a fault.
     assert {"delay of the inputs", "delay of the DVL"}.isdisjoint(str(test.fault) for test in seeing.faults)
 
 
-def test_an_unknown_delay_makes_coefficients_unsure(late, prepared, with_settings):
+def test_unknown_delay_widens_covariance(late, prepared, with_settings):
     stated = with_settings(late, f"identification.delays={{inputs: {-LATE}, dvl: {STAMPED}}}")
     known, sought = (
         information_with_process_noise(probable_motion(data, late.truth.coefficients)).bound()
@@ -91,7 +91,7 @@ def test_an_unknown_delay_makes_coefficients_unsure(late, prepared, with_setting
 
 
 def test_delays_of_raw_sensors_are_found_to_ten_milliseconds(simulated_with):
-    """Of an accelerometer off the origin and of a magnetometer of three axes, in place of an AHRS."""
+    """Delays of an accelerometer off the origin and of a three-axis magnetometer, without an AHRS."""
     late = {"accelerometer": 0.04, "magnetic_field": -0.03}
     dataset = simulated_with(
         "manoeuvre.duration=12 s",
@@ -116,7 +116,7 @@ def test_delays_of_raw_sensors_are_found_to_ten_milliseconds(simulated_with):
     assert (error < 3.0 * found.deviation).all()
 
 
-def test_what_is_unsure_of_a_delay_is_carried_over_as_to_any_unknown():
+def test_delay_uncertainty_is_propagated_to_coefficients():
     """Against the covariance of a linear function of independent errors."""
     rng = np.random.default_rng(1)
     effect, own, root = rng.standard_normal((3, 2)), rng.standard_normal((5, 5)), rng.standard_normal((2, 2))
@@ -130,7 +130,7 @@ def test_what_is_unsure_of_a_delay_is_carried_over_as_to_any_unknown():
     assert_allclose(mean[0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.2])
 
 
-def test_of_few_changes_between_samples_the_time_is_less_known():
+def test_few_input_changes_widen_the_delay():
     """A uniform error of an interval, of as many steps as there are."""
     time = 0.1 * np.arange(101)
     steps = np.where(np.arange(101) % 10 < 5, 0.1, -0.1)
@@ -140,7 +140,7 @@ def test_of_few_changes_between_samples_the_time_is_less_known():
     assert unrecorded_time(InputRecord(time, 0.0 * values)) == 0.0
 
 
-def test_the_delay_of_a_sensor_that_is_not_there_is_refused(late, with_settings):
+def test_delay_of_a_missing_sensor_is_refused(late, with_settings):
     asked = with_settings(late, "identification.estimate={biases: [delay], delay: {of: [depth]}}")
-    with pytest.raises(DataError, match=r"estimate\.delay\.of has depth, of which estimators hear nothing"):
+    with pytest.raises(DataError, match=r"delay\.of: depth.*expected"):
         resolve_settings(prepare(asked))

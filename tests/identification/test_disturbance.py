@@ -1,4 +1,4 @@
-"""A force or moment that disturbs the motion, as a state: what it does, and what is found of it."""
+"""Disturbing forces and moments as states: transition, limits and estimates."""
 
 from functools import partial
 
@@ -93,7 +93,7 @@ def test_the_first_order_transition_differs_from_it_by_the_square_of_the_interva
     assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.05)
 
 
-def test_sigma_points_are_moved_as_the_mean_is(disturbed):
+def test_sigma_points_move_like_the_mean(disturbed):
     process, n = disturbed.process, disturbed.layout.n_parameters
     mean, _ = disturbed.moved(disturbed.state, DURATIONS)
     block = np.repeat(disturbed.state[:, None], LANES, axis=1)
@@ -105,7 +105,7 @@ def test_sigma_points_are_moved_as_the_mean_is(disturbed):
     assert_allclose(moving.reshape(-1, LANES)[:, :5], np.repeat(mean[n:, None], 5, axis=1), rtol=1e-12)
 
 
-def test_a_force_accelerates_by_the_mass_matrix_and_fades(experiment_with):
+def test_force_accelerates_by_the_mass_matrix_and_decays(experiment_with):
     """As another integrator has it, with an error that falls with the square of the step."""
     disturbed = Disturbed(experiment_with().vehicle, range(6), has_depth=False)
     constants, inverse = vehicle_constants(disturbed.parameters), np.linalg.inv(mass_matrix(disturbed.parameters))
@@ -142,7 +142,7 @@ NEVER = np.zeros((1, 4))
 
 
 def pushed_mass(vehicle, size, time_constant, measured):
-    """Its process, and a timeline on which every so many steps the surge is measured to 1 cm/s."""
+    """Return the process, and a timeline with the surge measured to 1 cm/s at regular steps."""
     force = {"standard_deviation": [size, 0.0, 0.0], "time_constant": time_constant}
     settings = Identification(
         coefficients=("K_p|p|",),
@@ -161,7 +161,7 @@ def pushed_mass(vehicle, size, time_constant, measured):
         *(STEP * (1 + np.arange(n)), steps, np.full(n, STEP), np.zeros(n, dtype=np.int64), NEVER),
         *(np.zeros(n, dtype=np.int64), steps // EVERY, np.zeros(len(measured), dtype=np.int8), measured[:, None]),
     )
-    # The rest stands still, so that nothing couples and all is linear.
+    # The other states are zero, so that the problem is linear.
     rows, std = layout.rows(("u", "disturbance_X")), np.full(len(layout.symbols), 1e-12)
     std[rows], density = layout.prior_std[rows], np.full(len(process.noise_density), 1e-12)
     density[np.array(rows) - 1] = process.noise_density[np.array(rows) - 1]
@@ -185,7 +185,7 @@ KALMAN = {
 
 
 @pytest.mark.parametrize("run", KALMAN.values(), ids=KALMAN)
-def test_of_a_mass_under_a_force_every_filter_is_the_kalman_filter_of_the_textbook(run, experiment_with, rng):
+def test_filters_equal_the_textbook_kalman_filter(run, experiment_with, rng):
     measured, size, time_constant = 0.05 * rng.standard_normal(12), 5.0, 0.5
     problem = pushed_mass(experiment_with().vehicle, size, time_constant, measured)
     left = np.exp(-STEP / time_constant)
@@ -205,8 +205,8 @@ def test_of_a_mass_under_a_force_every_filter_is_the_kalman_filter_of_the_textbo
     assert_allclose(found[1], covariance, rtol=1e-8)
 
 
-def test_what_fades_ever_sooner_becomes_white_process_noise(experiment_with, rng):
-    """Of the same density at low frequency; by how much they differ falls with the time constant."""
+def test_short_time_constant_becomes_white_noise(experiment_with, rng):
+    """Equal density at low frequency; the difference falls with the time constant."""
     measured, density, vehicle = 0.05 * rng.standard_normal(12), 5.0, experiment_with().vehicle
     white = pushed_mass(vehicle, 1e-6, 1.0, measured)
     driven = white[0].noise_density.copy()
@@ -251,8 +251,8 @@ def test_estimators_follow_the_force_and_are_consistent_with_it(name, pushed):
         assert innovations.tally().mean_nis == pytest.approx(1.0, abs=0.15), sensor
 
 
-def test_the_output_error_method_says_that_it_cannot(pushed):
-    with pytest.raises(ConfigError, match="disturbance is not possible for output_error"):
+def test_output_error_refuses_a_disturbance(pushed):
+    with pytest.raises(ConfigError, match=r"disturbance.*output_error"):
         identify(pushed, FilterName.OUTPUT_ERROR)
 
 
@@ -273,7 +273,7 @@ def test_a_disturbance_without_size_or_duration_is_refused(settings, words, expe
     experiment_with(asked.replace("[disturbance]", "[]"))
 
 
-def test_one_that_fades_between_measurements_is_refused(simulated_with):
+def test_too_short_time_constant_is_refused(simulated_with):
     slow = "sensors.dvl.rate=2 Hz", "sensors.gyroscope.rate=2 Hz", "sensors.attitude={source: direct, rate: 2 Hz}"
-    with pytest.raises(DataError, match=r"disturbance_X has a time_constant of 2 s, and measurements come every 0.5 s"):
+    with pytest.raises(DataError, match=r"disturbance_X has a time_constant of 2 s; expected"):
         identify(simulated_with("manoeuvre.duration=10 s", *slow, ASKED), FilterName.CKF)

@@ -30,7 +30,7 @@ def written(tmp_path):
     return write
 
 
-def test_coefficients_and_their_covariance_are_taken_over(short_run, short_estimates, written):
+def test_earlier_coefficients_and_covariance_are_the_prior(short_run, short_estimates, written):
     path = written(short_run)
     earlier = short_estimates[FilterName.CKF]
     scale = np.linspace(1.0, 3.0, N_COEFFICIENTS)
@@ -44,7 +44,7 @@ def test_coefficients_and_their_covariance_are_taken_over(short_run, short_estim
     )
 
 
-def test_what_the_earlier_estimate_does_not_know_keeps_its_prior(short_run, written, with_settings):
+def test_coefficients_missing_in_the_earlier_estimate_keep_their_prior(short_run, written, with_settings):
     path = written(with_settings(short_run, "identification.coefficients=[X_u|u|, N_uudr]"))
     mean, factor = earlier_gaussian(path, short_run, SYMBOLS, np.ones(N_COEFFICIENTS), np.full(N_COEFFICIENTS, 0.3))
     known = [SYMBOLS.index("X_u|u|"), SYMBOLS.index("N_uudr")]
@@ -81,7 +81,7 @@ def test_a_missing_file_is_refused(short_run, with_settings, tmp_path):
         identify(dataset, FilterName.CKF)
 
 
-def test_a_diverged_estimate_is_no_prior(short_run, written, with_settings):
+def test_diverged_estimate_is_refused_as_prior(short_run, written, with_settings):
     path = written(with_settings(short_run, "identification.prior.factor=300"))
     with pytest.raises(DataError, match="diverged"):
         identify(with_settings(short_run, f"identification.prior.from_estimate={path}"), FilterName.CKF)

@@ -1,4 +1,4 @@
-"""What each fault is said to do is what it does; one in the data is found with its size, and named as the worst."""
+"""Effects of fault models, and score tests of faults in simulated data."""
 
 from dataclasses import replace
 
@@ -57,7 +57,7 @@ def at(model, rng):
 
 
 def over_ground(motion):
-    """What a DVL measures of motions in that current."""
+    """Return the velocities that a DVL measures in that current."""
     return motion[:, :3] + [rotation_matrix(attitude).T @ [0.3, -0.2, 0.0] for attitude in motion[:, 6:9]]
 
 
@@ -71,13 +71,13 @@ def by_step(function, step):
 
 
 @pytest.mark.parametrize(("name", "measured"), [("gyroscope", lambda motion: motion[:, 3:6]), ("DVL", over_ground)])
-def test_a_late_sensor_measures_what_was(name, measured, model, at):
+def test_late_sensor_measures_the_past(name, measured, model, at):
     expected = by_step(lambda delay: measured(at.motion - delay * at.rates), 1e-4)
     assert_allclose(effect(f"delay of the {name}", model, at), expected, atol=1e-8)
 
 
 @pytest.mark.parametrize(("sensor", "rows"), [("attitude", slice(6, 9)), ("magnetometer", slice(8, 9))])
-def test_a_late_angle_is_what_was(sensor, rows, model, at):
+def test_late_angle_is_that_of_the_past(sensor, rows, model, at):
     expected = by_step(lambda delay: (at.motion - delay * at.rates)[:, rows], 1e-4)
     assert_allclose(DELAY_FAULTS[f"delay_{sensor}"].effect(model, at), expected, atol=1e-8)
 
@@ -104,8 +104,8 @@ def moved_on(model, at, duration):
     return motion
 
 
-def test_a_late_accelerometer_feels_what_was(known, at, experiment_with):
-    """Of a trajectory: how the velocity of the place where it sits changes in the earth, less gravity, turned back."""
+def test_late_accelerometer_measures_the_past(known, at, experiment_with):
+    """The specific force along a trajectory is the acceleration in earth axes minus gravity, in body axes."""
     arm, step = np.array([0.4, -0.2, 0.1]), 2e-3
     model = FaultedVehicle(known, factors(experiment_with().vehicle.all_coefficients()), arm=arm)
     motions = [moved_on(model, at, k * step) for k in (-2, -1, 0, 1, 2)]
@@ -124,7 +124,7 @@ def test_a_late_accelerometer_feels_what_was(known, at, experiment_with):
     assert_allclose(DELAY_FAULTS["delay_accelerometer"].effect(model, at), expected, atol=1e-3 * np.abs(expected).max())
 
 
-def test_a_late_magnetic_field_is_what_was(known, at, experiment_with):
+def test_late_magnetic_field_is_that_of_the_past(known, at, experiment_with):
     """By scipy's turns, in a rigid body that turns on as it does."""
     earth, step = np.array([2e-5, 1e-6, 4e-5]), 1e-4
     model = FaultedVehicle(known, factors(experiment_with().vehicle.all_coefficients()), earth_field=earth)
@@ -134,7 +134,7 @@ def test_a_late_magnetic_field_is_what_was(known, at, experiment_with):
     assert_allclose(DELAY_FAULTS["delay_magnetic_field"].effect(model, at), (early - late) / (2.0 * step), atol=1e-12)
 
 
-def test_late_inputs_act_as_they_were(model, at):
+def test_late_inputs_are_those_of_the_past(model, at):
     moved = by_step(lambda delay: model.rates(at.motion, at.inputs - delay * at.input_rate, at.ballast), 1e-3)
     assert_allclose(effect("delay of the inputs", model, at), moved, atol=1e-8 * np.abs(moved).max())
 
@@ -234,7 +234,7 @@ def moved(problem, timeline, about, known, inputs):
     return np.array(ends)
 
 
-def test_pushes_are_how_much_farther_the_process_goes(along):
+def test_fault_effects_equal_changes_of_the_process(along):
     problem, timeline, about = along
     assert timeline.substep_offset[-1] > timeline.time.size / 2
     faults = VehicleFaults(problem)
@@ -252,7 +252,7 @@ def test_pushes_are_how_much_farther_the_process_goes(along):
         assert not added[..., f].any()
 
 
-def test_what_is_added_is_added_to_its_sensor_at_its_events(along):
+def test_sensor_fault_changes_its_sensor_at_its_events(along):
     problem, timeline, about = along
     faults = VehicleFaults(problem)
     pushed, added = faults.effects(0, timeline, about)
@@ -270,7 +270,7 @@ def test_what_is_added_is_added_to_its_sensor_at_its_events(along):
 
 
 @pytest.mark.parametrize("walk", [0.0, 1e-3])
-def test_a_vehicle_moves_by_the_thrust_and_the_ballast_that_were_found(walk, simulated_with, along):
+def test_estimated_thrust_and_ballast_move_the_vehicle(walk, simulated_with, along):
     _, _, before = along
     walks = f"thrust: {{walk: {walk}}}, ballast: {{buoyancy_walk: {walk}, moment_walk: {walk}}}"
     asked = f"{{biases: [thrust, ballast], {walks}}}"
@@ -309,14 +309,14 @@ def test_each_fault_is_parsed_from_its_text():
     assert Fault.parse("a fault of an older version").remedy == ""
 
 
-def test_what_ballast_may_be_is_said_to_be_found_along():
+def test_confounded_ballast_is_named():
     for name in ("buoyancy", "xG"):
         assert "(identification.estimate.biases: [ballast])" in BY_NAME[name].fault.remedy
 
 
 def test_what_is_estimated_or_not_measured_is_not_tested(short_run, with_settings):
     everything = names_with(short_run)
-    unasked = [name for name, fault in BY_NAME.items() if not fault.is_drift and not fault.answers]
+    unasked = [name for name, fault in BY_NAME.items() if not fault.is_drift and not fault.reacts_to]
     assert everything == tuple(name for name in unasked if BY_NAME[name].sensor not in INERTIAL)
     felt = names_with(with_settings(short_run, "identification.attitude_from=inertial"))
     assert felt == tuple(name for name in unasked if BY_NAME[name].sensor != "magnetic_field")
@@ -349,7 +349,7 @@ def late(data):
 
 
 def early_inputs(data):
-    """What they are recorded as acts later."""
+    """Return data whose recorded inputs act 20 ms later."""
     values = np.array([np.interp(data.inputs.time + 0.02, data.inputs.time, column) for column in data.inputs.values.T])
     return replace(data, inputs=replace(data.inputs, values=values.T.copy()))
 
@@ -360,7 +360,7 @@ def trimmed(data):
 
 
 def stated(data, symbol, by):
-    """With a vehicle file that states so much less than is true of a parameter."""
+    """Return data whose vehicle file understates a parameter by `by`."""
     vehicle = data.experiment.vehicle
     entry = VehicleEntry(value=vehicle.known_parameters()[symbol] - by)
     wrong = vehicle.model_copy(update={"parameters": vehicle.parameters.model_copy(update={symbol: entry})})
@@ -422,7 +422,7 @@ def turned(data, size):
         (trimmed, "trim of the rudder", turned),
     ],
 )
-def test_who_obeys_the_remedy_of_a_fault_is_rid_of_most_of_it(plant, name, obey, clean):
+def test_advice_of_a_fault_removes_most_of_it(plant, name, obey, clean):
     said = {
         "delay of the gyroscope": "subtract it from the times",
         "delay of the inputs": "add it to the times",
@@ -431,11 +431,11 @@ def test_who_obeys_the_remedy_of_a_fault_is_rid_of_most_of_it(plant, name, obey,
     assert BY_NAME[name].fault.remedy.startswith(said[name])
     faulty = plant(clean)
     fault = results_of(faulty)[name]
-    # Large ones are found to some percent only, for the test is linear.
+    # Large faults are found to some percent only, because the test is linear.
     assert abs(results_of(obey(faulty, fault.size))[name].z) < 0.1 * abs(fault.z)
 
 
-def test_of_clean_data_no_fault_looks_present(clean):
+def test_clean_data_have_no_fault(clean):
     found = results_of(clean)
     assert tuple(found) == names_with(clean)
     assert max(abs(fault.z) for fault in found.values()) < LARGEST_FAULT
@@ -464,7 +464,7 @@ def test_a_drift_grows_with_time(model, at):
         assert_allclose(effect(f"drift of the {name}", model, at), at.time[:, None] * effect(name, model, at))
 
 
-def test_a_drift_is_of_what_acts(model, at):
+def test_drift_is_that_of_the_acting_input(model, at):
     rate = at.time[:, None]
 
     def with_thrust(by):
@@ -568,20 +568,20 @@ def test_thrust_and_ballast_that_drift_and_are_estimated_as_constants_are_named(
     )
     assert abs(before.z) < LARGEST_FAULT < found.z
     assert abs(found.size - rate) < 3.0 * found.standard_deviation
-    # Of a buoyancy and a moment of trim the one looks like the other at one speed.
+    # At one speed buoyancy and trim moment are confounded.
     assert f"(identification.estimate.{bias}." in judge([drifting])["smoother"].remedy
 
 
-def test_small_moves_of_a_fin_that_answers_pushes_are_those_of_a_rate(model, at):
+def test_small_moves_of_an_anticipating_fin_are_rates(model, at):
     for fin, given, turning in (("rudder", 0, 5), ("elevator", 1, 4)):
         expected = np.zeros((N, 9))
         expected[:, turning] = at.small_rate[:, given]
         assert_allclose(effect(f"{fin} that answers pushes", model, at), expected)
 
 
-def test_large_changes_of_a_fin_are_no_answers(along):
+def test_large_fin_moves_are_not_anticipation(along):
     problem, timeline, about = along
-    faults = VehicleFaults(problem, tested=[BY_NAME["elevator that answers pushes"]._replace(answers="")])
+    faults = VehicleFaults(problem, tested=[BY_NAME["elevator that answers pushes"]._replace(reacts_to="")])
     rate = problem.segments[0].timelines.input_rate[:, 1]
     large = np.abs(rate) > np.quantile(np.abs(rate), 0.98)
     assert 0 < large.mean() < 0.03
@@ -593,7 +593,7 @@ def test_large_changes_of_a_fin_are_no_answers(along):
 
 
 def test_an_autopilot_that_steers_by_more_than_is_logged_is_named(simulated_with):
-    """Of a held depth and heading under pushes; the log has neither gyroscope nor the true pitch."""
+    """Depth and heading are held under disturbances; the log has neither gyroscope nor the true pitch."""
     pushes = "{moment: {standard_deviation: [0.005 N*m, 0.1 N*m, 0.1 N*m], time_constant: 3 s}}"
     dataset = simulated_with(
         "manoeuvre={type: lawnmower, duration: 120 s, speed: 1.5 m/s, leg: 40 s, turn_rate: 6 deg/s, "

@@ -38,7 +38,7 @@ def test_depth_is_a_state_where_it_is_measured(with_depth, filter_name):
     assert (np.abs(error) < 4.0 * estimate.standard_deviation[100:, -1]).all()
 
 
-def test_depth_and_pitch_stand_in_for_a_dvl(with_depth):
+def test_depth_and_pitch_replace_a_dvl(with_depth):
     """The speed then follows from how fast it sinks, and from nothing without the depth."""
     silent = without(with_depth, "dvl")
     with_it, without_it = (identify(data, FilterName.CKF) for data in (silent, without(silent, "depth")))
@@ -51,7 +51,7 @@ def drifting(simulated_with):
     return simulated_with("manoeuvre.duration=60 s", DIRECT, *CURRENT)
 
 
-def test_a_current_is_found_and_no_longer_taken_for_drag(drifting, with_settings):
+def test_estimated_current_does_not_bias_drag(drifting, with_settings):
     """By the EKF from a narrow prior only: an unsure current makes for unsure speeds, and the model is nonlinear."""
     factor, name = 0.3, FilterName.EKF
     blind = identify(with_settings(drifting, f"identification.prior.factor={factor}"), name)
@@ -66,7 +66,7 @@ def test_a_current_is_found_and_no_longer_taken_for_drag(drifting, with_settings
     assert average_error(drifting, seeing) < 0.3 * average_error(drifting, blind)
 
 
-def test_a_filter_that_a_current_leads_astray_says_so(drifting, with_settings, kalman_filter):
+def test_ignored_current_makes_the_filter_inconsistent(drifting, with_settings, kalman_filter):
     estimate = identify(with_settings(drifting, "identification.estimate.biases=[current]"), kalman_filter)
     error = average_error(drifting, estimate)
     assert status_of(estimate).startswith("inconsistent") or error < 1.0
@@ -80,7 +80,7 @@ def test_a_current_carries_the_vehicle_away(simulated_with):
 
 @pytest.mark.parametrize("missing", [("gyroscope",), ("gyroscope", "accelerometer", "magnetometer")])
 def test_without_a_gyroscope_and_without_roll_coefficients_are_found(with_depth, missing):
-    """What a compass, a pressure gauge and a DVL give."""
+    """Data of a compass, a pressure gauge and a DVL."""
     attitude = with_depth.sensors["attitude"]
     no_roll = attitude.values.copy()
     no_roll[:, 0] = np.nan

@@ -29,16 +29,16 @@ def raw_run(simulated_with):
     return simulated_with("manoeuvre.duration=20 s", LEVER, INERTIAL, FEW)
 
 
-def test_the_attitude_is_left_out_and_the_raw_sensors_are_heard(short_run, with_settings):
+def test_raw_sensors_replace_the_attitude(short_run, with_settings):
     assert set(measuring_sensors(short_run)) == {"attitude", "dvl", "gyroscope"}
     inertial = with_settings(short_run, INERTIAL)
     assert set(measuring_sensors(inertial)) == {"accelerometer", "dvl", "gyroscope", "magnetometer"}
 
 
 @pytest.mark.parametrize("missing", ["accelerometer", "magnetometer"])
-def test_a_raw_sensor_that_is_missing_is_named(missing, raw_run):
+def test_missing_raw_sensor_is_named(missing, raw_run):
     sensors = {name: record for name, record in raw_run.sensors.items() if name != missing}
-    with pytest.raises(DataError, match=rf"attitude_from: inertial needs .* no valid sample of {missing}"):
+    with pytest.raises(DataError, match=rf"attitude_from: inertial.*{missing}"):
         prepare(replace(raw_run, sensors=sensors))
 
 
@@ -49,14 +49,14 @@ def test_a_raw_sensor_that_is_missing_is_named(missing, raw_run):
         ("inertial", "attitude"),
     ],
 )
-def test_a_bias_of_what_is_not_heard_is_refused(source, bias, experiment_with):
-    with pytest.raises(ConfigError, match=rf"{bias}, which is not used with attitude_from: {source}"):
+def test_bias_of_an_unused_sensor_is_refused(source, bias, experiment_with):
+    with pytest.raises(ConfigError, match=rf"{bias}.*{source}"):
         experiment_with(f"identification.attitude_from={source}", f"identification.estimate.biases=[{bias}]")
 
 
 @pytest.mark.parametrize("roll", [-0.4, 0.0, 0.3])
 @pytest.mark.parametrize("pitch", [-0.5, 0.2])
-def test_roll_and_pitch_start_where_gravity_is_all_that_is_felt(roll, pitch, raw_run):
+def test_initial_roll_and_pitch_follow_from_gravity(roll, pitch, raw_run):
     """But for the turning of the velocity."""
     up = np.array([np.sin(pitch), -np.cos(pitch) * np.sin(roll), -np.cos(pitch) * np.cos(roll)])
     velocity, rate = np.array([3.0, 0.2, -0.1]), np.array([0.01, 0.02, 0.3])
@@ -72,14 +72,14 @@ def test_roll_and_pitch_start_where_gravity_is_all_that_is_felt(roll, pitch, raw
     assert_allclose(motion, [*velocity, *rate, roll, pitch, 2.5], atol=1e-12)
 
 
-def test_an_accelerometer_that_never_says_one_axis_starts_level_about_it(raw_run):
+def test_accelerometer_without_one_axis_starts_level_about_it(raw_run):
     felt = np.array([[0.5, np.nan, np.nan]])
     _, motion = initial_motion(raw_run, {"accelerometer": SensorRecord(np.zeros(1), felt, np.ones(3))})
     assert_allclose(motion[6:8], [0.0, np.arctan2(0.5, GRAVITY)])
 
 
 @pytest.mark.parametrize("manoeuvre", ["spiral", "doublets"])
-def test_of_the_true_motion_the_accelerometer_is_predicted_at_every_instant(manoeuvre, simulated_with):
+def test_accelerometer_is_predicted_along_the_true_motion(manoeuvre, simulated_with):
     """As it feels the inputs that hold from then on, off the origin too: doublets switch while it samples."""
     dataset = simulated_with(
         f"manoeuvre=manoeuvres/{manoeuvre}.yaml", "manoeuvre.duration=30 s", LEVER, INERTIAL, FEW,
@@ -138,7 +138,7 @@ def in_the_field(simulated_with):
     return replace(dataset, sensors={k: r for k, r in dataset.sensors.items() if k != "magnetometer"})
 
 
-def test_the_heading_starts_where_the_field_of_the_earth_is_north(in_the_field):
+def test_initial_heading_follows_from_the_magnetic_field(in_the_field):
     start, motion = initial_motion(in_the_field, measuring_sensors(in_the_field))
     true = np.interp(start, in_the_field.truth.time, in_the_field.truth.motion[:, 8])
     # But for what is magnetic in the hull, 2.2 of some 20 uT that are level.
@@ -146,7 +146,7 @@ def test_the_heading_starts_where_the_field_of_the_earth_is_north(in_the_field):
 
 
 @pytest.mark.parametrize("name", ["ekf", "ckf", "smoother", "output_error"])
-def test_iron_in_the_hull_is_told_from_the_field_of_the_earth(name, in_the_field, with_settings):
+def test_magnetic_bias_is_estimated(name, in_the_field, with_settings):
     dataset = with_settings(in_the_field, "identification.estimate.biases=[magnetic_field]")
     estimate = identify(dataset, FilterName(name))
     assert estimate.completed
@@ -157,14 +157,14 @@ def test_iron_in_the_hull_is_told_from_the_field_of_the_earth(name, in_the_field
     assert estimate.standard_deviation[-1, estimate.state.index("bias_mx")] < 1e-7
 
 
-def test_iron_that_nobody_told_of_is_named(in_the_field):
+def test_unmodelled_magnetic_bias_is_named(in_the_field):
     faults = identify(in_the_field, FilterName.SMOOTHER).faults
     worst = max(faults, key=lambda test: abs(test.z))
     assert str(worst.fault) in ("bias of mx", "bias of my", "bias of mz")
     assert abs(worst.z) > 10.0
 
 
-def test_a_raw_sensor_says_more_than_an_ahrs(raw_run, with_settings):
+def test_raw_sensors_are_more_informative_than_an_ahrs(raw_run, with_settings):
     assert raw_run.truth is not None
     bounds = []
     for source in ("ahrs", "inertial"):
@@ -200,7 +200,7 @@ def trimmed(dataset):
         (trimmed, "trim of the elevator", 0.002),
     ],
 )
-def test_a_fault_that_an_accelerometer_feels_is_found_with_its_size(spoil, fault, size, raw_run):
+def test_fault_measured_by_the_accelerometer_is_sized(spoil, fault, size, raw_run):
     tests = identify(spoil(raw_run), FilterName("smoother")).faults
     found = max(tests, key=lambda test: abs(test.z))
     assert str(found.fault) == fault

@@ -37,7 +37,7 @@ def two_segments(simulated_with):
 
 
 def residuals(dataset, coefficients, motions):
-    """Of all measurements of all segments, by the integration that predictions use; whitened."""
+    """Return the whitened residuals of all measurements of all segments, with the integration of the predictions."""
     parameters, parts = dataset.experiment.vehicle.known_parameters(), []
     for segment, motion in zip(prepare(dataset).segments, motions, strict=True):
         for timeline, predicted in free_motion(segment.timelines, motion, parameters, coefficients):

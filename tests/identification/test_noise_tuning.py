@@ -18,7 +18,7 @@ SLOW = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate
 
 @pytest.fixture(scope="module")
 def overstated(simulated_with):
-    """Some seconds with white noise, of which that of the DVL is stated twice as large as it is; no process noise."""
+    """Some seconds with white noise and without process noise; the stated noise of the DVL is twice the true one."""
     dataset = simulated_with("manoeuvre.duration=8 s", *SLOW, FEW)
     dvl = dataset.sensors["dvl"]
     return replace(
@@ -31,7 +31,7 @@ def tuned(overstated):
     return tune_noise(prepare(overstated), with_sensors=True)
 
 
-def test_the_noise_of_a_sensor_that_is_stated_wrongly_is_found(tuned):
+def test_wrong_sensor_noise_is_corrected(tuned):
     noises = {noise.setting: noise for noise in tuned.noises}
     for sensor, factor in (("dvl", 0.5), ("gyroscope", 1.0), ("attitude", 1.0)):
         noise = noises[f"identification.measurement_noise.{sensor}"]
@@ -46,7 +46,7 @@ def test_a_simulation_without_disturbances_needs_no_process_noise(tuned):
         assert noise.low == 0.0 < noise.high < np.inf, noise
 
 
-def test_estimators_take_what_was_found(tuned, overstated):
+def test_estimators_use_the_tuned_noise(tuned, overstated):
     dataset = replace(overstated, experiment=tuned.experiment)
     assert dataset.experiment.identification.measurement_noise["dvl"] == pytest.approx(0.5, rel=0.2)
     estimate = identify(dataset, FilterName.CKF)
@@ -54,7 +54,7 @@ def test_estimators_take_what_was_found(tuned, overstated):
     assert tally.squares.sum() / tally.components.sum() == pytest.approx(1.0, abs=0.15)
 
 
-def test_depth_and_walks_have_noises_of_their_own(simulated_with):
+def test_depth_and_walks_have_noise_levels(simulated_with):
     asked = "{biases: [gyro, dvl], gyro: {walk: 1e-4 rad/s/s^0.5}, dvl: {yaw_walk: 1e-3 rad/s^0.5}}"
     dataset = simulated_with(
         "manoeuvre.duration=4 s", FEW, "sensors.depth={rate: 5 Hz, noise: 1 cm}", f"identification.estimate={asked}"
@@ -74,7 +74,7 @@ def test_depth_and_walks_have_noises_of_their_own(simulated_with):
     assert noises["estimate", "dvl", "yaw_walk"].stated == pytest.approx(1e-3)
 
 
-def test_densities_of_three_axes_are_found_one_by_one(simulated_with):
+def test_noise_of_each_axis_is_tuned(simulated_with):
     listed = "identification.process_noise.velocity=[1e-4, 2e-4, 3e-4]"
     dataset = simulated_with("manoeuvre.duration=4 s", FEW, listed)
     augmented = augmented_problem(prepare(dataset))
@@ -100,7 +100,7 @@ DISTURBED = (
 
 @pytest.fixture(scope="module")
 def tuned_disturbance(simulated_with):
-    """What pushes is stated too small in force, and in yaw where there is nothing; and to last for twice as long."""
+    """The stated disturbance has too small a force, a yaw moment that is not there, and twice the time constant."""
     pushes = (
         "manoeuvre.disturbance={force: {standard_deviation: 5 N, time_constant: 1 s}, "
         "moment: {standard_deviation: [0, 2, 0], time_constant: 1 s}}"
@@ -110,7 +110,7 @@ def tuned_disturbance(simulated_with):
     return tune_noise(prepare(run), with_time_constants=True)
 
 
-def test_what_disturbs_the_motion_is_sized_by_the_data(tuned_disturbance):
+def test_disturbance_is_sized(tuned_disturbance):
     noises = {noise.setting.partition("disturbance.")[2]: noise for noise in tuned_disturbance.noises}
     sizes = ("force.standard_deviation", 5.0), ("moment.standard_deviation.1", 2.0)
     times = ("force.time_constant", 1.0), ("moment.time_constant", 1.0)
@@ -127,7 +127,7 @@ def test_what_disturbs_the_motion_is_sized_by_the_data(tuned_disturbance):
     assert yaw._replace(high=np.inf).worth_stating == yaw.tuned
 
 
-def test_its_sizes_are_written_and_read_as_lists(tuned_disturbance, experiment_with):
+def test_disturbance_sizes_are_written_and_read_as_lists(tuned_disturbance, experiment_with):
     asked = f"identification.estimate={DISTURBED}"
     settings = yaml.safe_load(tuned_disturbance.settings())["identification"]
     assert settings["smoother"] == {"answer": "marginal"}
@@ -137,7 +137,7 @@ def test_its_sizes_are_written_and_read_as_lists(tuned_disturbance, experiment_w
     assert read.moment.standard_deviation[0] == 0.0
 
 
-def test_what_is_written_says_beside_what_the_noise_was_found(tuned_disturbance, experiment_with):
+def test_tuned_file_states_its_biases(tuned_disturbance, experiment_with):
     """The process noise of a run that something disturbs is no more that of the same without."""
     estimate = yaml.safe_load(tuned_disturbance.settings())["identification"]["estimate"]
     read = experiment_with(f"identification.estimate={estimate}").identification.estimate
@@ -145,7 +145,7 @@ def test_what_is_written_says_beside_what_the_noise_was_found(tuned_disturbance,
     assert read == tuned_disturbance.experiment.identification.estimate
 
 
-def test_a_disturbance_is_chosen_where_something_pushes(simulated_with):
+def test_disturbance_is_chosen_in_disturbed_data(simulated_with):
     """Nothing is stated of it; each axis is sized, and what pushes none is not."""
     pushes = (
         "manoeuvre.disturbance={force: {standard_deviation: 5 N, time_constant: 1 s}, "
@@ -166,7 +166,7 @@ def test_a_disturbance_is_chosen_where_something_pushes(simulated_with):
     assert noises["moment.standard_deviation.0"].low == 0.0
 
 
-def test_none_is_chosen_where_nothing_pushes(overstated):
+def test_no_disturbance_is_chosen_in_undisturbed_data(overstated):
     chosen = choose_disturbance(prepare(overstated))
     assert not chosen.choice.is_kept
     assert chosen.choice.gain < 5.0 < chosen.choice.needed
@@ -174,8 +174,8 @@ def test_none_is_chosen_where_nothing_pushes(overstated):
     assert yaml.safe_load(chosen.settings())["identification"]["estimate"] == {"biases": []}
 
 
-def test_how_long_it_lasts_is_only_known_as_far_as_white_noise_would_not_do(simulated_with):
-    """A force that is drawn anew at every tick of the inputs."""
+def test_time_constant_of_near_white_noise_is_uncertain(simulated_with):
+    """A force drawn independently at each input."""
     pushes = "manoeuvre.disturbance.force={standard_deviation: 100 N, time_constant: 1e-9 s}"
     asked = "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N, time_constant: 2 s}}}"
     prepared = prepare(simulated_with("manoeuvre.duration=8 s", *SLOW, FEW, pushes, f"identification.estimate={asked}"))

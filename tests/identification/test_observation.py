@@ -1,4 +1,4 @@
-"""What DVL and accelerometer see, by sigma points and linearised, against other libraries and differences."""
+"""Predicted measurements of DVL, accelerometer and magnetometer, and their derivatives, against other libraries."""
 
 import numpy as np
 import pytest
@@ -8,9 +8,14 @@ from scipy.spatial.transform import Rotation
 from auvid_cli.config.extra_states import AugmentedStates
 from auvid_cli.config.identification import Identification
 from auvid_cli.identification.compiled_layout import KnownSensor, KnownSensors
-from auvid_cli.identification.observation import linearise, observe
 from auvid_cli.identification.process import vehicle_process
-from auvid_cli.identification.sensors import VELOCITY_ERRORS, measured_velocity, velocity_behind
+from auvid_cli.identification.sensors import (
+    VELOCITY_ERRORS,
+    linearise,
+    measured_velocity,
+    observe,
+    velocity_through_water,
+)
 from auvid_cli.identification.states import state_layout
 from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.actuators import ActuatorErrors
@@ -97,7 +102,7 @@ def test_a_dvl_over_ground_sees_the_current(blocks, walk, has_depth, experiment_
 
 
 @pytest.mark.parametrize("walk", [0.0, 1e-3])
-def test_a_dvl_off_the_origin_is_carried_along(walk, experiment_with):
+def test_dvl_off_the_origin_measures_its_lever_arm(walk, experiment_with):
     arm = {"dvl_x": 0.4, "dvl_y": -0.2, "dvl_z": 0.1}
     asked = AugmentedStates(
         biases=("dvl", "dvl_arm", "current"), dvl_arm={"axes": ("x", "y", "z")}, current={"walk": walk}
@@ -111,7 +116,7 @@ def test_a_dvl_off_the_origin_is_carried_along(walk, experiment_with):
     assert_seen_alike(process, state, layout.n_parameters, expected)
     errors = np.array([values.get(symbol, 0.0) for symbol in VELOCITY_ERRORS])
     assert_allclose(measured_velocity(MOTION, errors), expected, rtol=1e-12)
-    assert_allclose(velocity_behind(np.concatenate([expected, MOTION[3:]]), errors), MOTION[:3], rtol=1e-12)
+    assert_allclose(velocity_through_water(np.concatenate([expected, MOTION[3:]]), errors), MOTION[:3], rtol=1e-12)
 
 
 def felt_by_a_passenger(experiment, coefficients, thrust, force=0.0):
@@ -133,7 +138,7 @@ def felt_by_a_passenger(experiment, coefficients, thrust, force=0.0):
 @pytest.mark.parametrize("coefficients", ["all", ("X_u|u|", "M_uude")])
 @pytest.mark.parametrize("walk", [0.0, 1e-3])
 @pytest.mark.parametrize("has_depth", [False, True])
-def test_an_accelerometer_feels_what_a_passenger_at_its_place_does(coefficients, walk, has_depth, experiment_with):
+def test_accelerometer_measures_specific_force_at_its_position(coefficients, walk, has_depth, experiment_with):
     experiment = experiment_with()
     asked = AugmentedStates(
         biases=("thrust", "accelerometer", "accelerometer_scale", "gyro"),
@@ -157,7 +162,7 @@ def test_an_accelerometer_feels_what_a_passenger_at_its_place_does(coefficients,
     assert_seen_alike(process, state, layout.n_parameters, predicted, ACCELEROMETER)
 
 
-def test_an_accelerometer_feels_what_disturbs_the_motion(experiment_with):
+def test_accelerometer_measures_disturbances(experiment_with):
     experiment, size = experiment_with(), {"standard_deviation": 1.0}
     asked = AugmentedStates(biases=("accelerometer_scale", "disturbance"), disturbance={"force": size, "moment": size})
     process, layout = process_and_layout(asked, False, experiment, attitude_from="inertial")
@@ -172,7 +177,7 @@ def test_an_accelerometer_feels_what_disturbs_the_motion(experiment_with):
 
 @pytest.mark.parametrize("walk", [0.0, 1e-3])
 @pytest.mark.parametrize("has_depth", [False, True])
-def test_a_magnetometer_sees_the_earth_turn_and_the_hull_stand_still(walk, has_depth, experiment_with):
+def test_magnetometer_measures_field_and_bias(walk, has_depth, experiment_with):
     asked = AugmentedStates(biases=("magnetic_field", "thrust"), magnetic_field={"walk": walk})
     process, layout = process_and_layout(asked, has_depth, experiment_with(), attitude_from="inertial")
     values = dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | {"bias_mx": 0.2, "bias_my": -0.1, "bias_mz": 0.05}

@@ -54,7 +54,7 @@ def test_without_noise_it_finds_the_true_coefficients(simulated_with):
     assert_allclose(values_of(estimate.final_coefficients()), values_of(dataset.truth.coefficients), rtol=1e-4)
 
 
-def test_its_scatter_is_that_of_the_bound(simulated_with):
+def test_output_error_scatter_attains_the_bound(simulated_with):
     """Normalised errors of 22 coefficients, by the bound at the truth and by what the fit says itself."""
     by_bound, by_itself = [], []
     for seed in range(1, SEEDS + 1):
@@ -75,7 +75,7 @@ def test_its_scatter_is_that_of_the_bound(simulated_with):
     assert low < sum(by_itself) < high
 
 
-def test_its_residuals_are_as_large_as_it_says(white_run):
+def test_output_error_residuals_are_consistent(white_run):
     estimate = identify(white_run, FilterName.OUTPUT_ERROR)
     for result in sensor_consistency(estimate):
         spread = np.sqrt(2.0 / (3 * result.measurements))
@@ -90,7 +90,7 @@ def test_coefficients_and_their_uncertainty_are_the_same_at_all_times(short_esti
     assert_allclose(np.sqrt(np.diag(estimate.covariance)), estimate.standard_deviation[-1], rtol=1e-9)
 
 
-def test_it_needs_no_filter_that_reaches_the_end(short_run, short_estimates, monkeypatch):
+def test_output_error_needs_no_filter_start(short_run, short_estimates, monkeypatch):
     def hopeless(*arguments):
         return vehicle_process(*arguments)._replace(noise_density=np.full(9, np.inf))
 
@@ -100,7 +100,7 @@ def test_it_needs_no_filter_that_reaches_the_end(short_run, short_estimates, mon
     assert np.abs((estimate.mean - usual.mean)[-1, :N] / usual.standard_deviation[-1, :N]).max() < 0.01
 
 
-def test_one_evaluation_is_not_enough_and_that_is_said(white_run, with_settings):
+def test_one_evaluation_is_reported_as_unconverged(white_run, with_settings):
     estimate = identify(
         with_settings(white_run, "identification.output_error.max_evaluations=1"), FilterName.OUTPUT_ERROR
     )
@@ -169,7 +169,7 @@ def test_bounds_hold_a_coefficient_where_it_is_known_to_be(white_run, with_setti
         ("{X_u|u|: [1 m, 2]}", ("kg/m", "1 m")),
     ],
 )
-def test_wrong_bounds_are_refused_in_plain_words(setting, words, experiment_with):
+def test_wrong_bounds_are_refused(setting, words, experiment_with):
     with pytest.raises(ConfigError, match=r"identification\.output_error\.bounds") as caught:
         experiment_with(f"identification.output_error.bounds={setting}")
     for word in words:
@@ -193,7 +193,7 @@ def test_the_information_of_all_sensors_is_the_sum_of_each(white_run):
     assert start == pytest.approx(sum(len(white_run.sensors[name].time) for name in found.by_sensor), abs=3)
 
 
-def test_the_bound_is_in_si_and_infinite_for_what_a_sensor_does_not_see(white_run, with_settings):
+def test_bound_is_infinite_for_unobservable_components(white_run, with_settings):
     found = information_at(prepare(white_run), white_run.truth.coefficients)
     bound = found.bound()
     estimate = identify(white_run, FilterName.OUTPUT_ERROR)

@@ -70,7 +70,7 @@ STATED = (
 )
 
 
-def test_a_vehicle_file_says_what_is_expected_and_how_sure_that_is(experiment_with):
+def test_prior_mean_and_deviation_follow_from_the_vehicle_file(experiment_with):
     vehicle = experiment_with(*STATED).vehicle
     natural = {c.symbol: natural_magnitude(c, vehicle.size) for c in COEFFICIENTS}
 
@@ -83,7 +83,7 @@ def test_a_vehicle_file_says_what_is_expected_and_how_sure_that_is(experiment_wi
     # A zero is sure to no share of itself, and of what is not stated only the size tells.
     assert plain["N_r|r|"] == (0.0, 2.0 * natural["N_r|r|"])
     assert plain["M_uude"] == (0.0, 2.0 * natural["M_uude"])
-    # What the user says of shares stands above the file, of a coefficient above its group; a deviation above all.
+    # Order of precedence: deviation, share of a coefficient, share of its group, vehicle file.
     shared = priors(
         relative={"damping": "20 %", "Y_v|v|": 0.1, "N_uudr": "30 %"}, standard_deviation={"N_uudr": "1 kg/rad"}
     )
@@ -105,14 +105,14 @@ def test_a_vehicle_file_says_what_is_expected_and_how_sure_that_is(experiment_wi
         ("drawing", "'zero', 'vehicle' or 'geometry'"),
     ],
 )
-def test_what_makes_no_prior_is_refused_in_words(prior, words, experiment_with):
+def test_invalid_prior_is_refused(prior, words, experiment_with):
     with pytest.raises(ConfigError, match=words):
         experiment_with(f"identification.prior={prior}")
 
 
-def test_the_truth_of_a_simulation_is_no_prior(short_run, with_settings):
+def test_prior_equal_to_the_truth_is_refused(short_run, with_settings):
     asking = with_settings(short_run, "identification.prior.mean=vehicle")
-    with pytest.raises(DataError, match="such a prior proves nothing"):
+    with pytest.raises(DataError, match=r"prior\.mean=vehicle.*truth"):
         augmented_problem(prepare(asking))
     assert augmented_problem(prepare(asking.without_truth())).prior.mean.any()
 
@@ -120,7 +120,7 @@ def test_the_truth_of_a_simulation_is_no_prior(short_run, with_settings):
 GEOMETRY = "identification.prior=geometry"
 
 
-def test_hull_and_fins_say_what_is_expected_and_how_sure_that_is(experiment_with):
+def test_prior_mean_and_deviation_follow_from_the_geometry(experiment_with):
     vehicle = experiment_with(GEOMETRY).vehicle
     derived = {each.name: each for each in vehicle.derived_values()}
 
@@ -130,30 +130,30 @@ def test_hull_and_fins_say_what_is_expected_and_how_sure_that_is(experiment_with
     plain = priors()
     assert tuple(plain) == SYMBOLS
     assert all(prior == (derived[s].mean, derived[s].standard_deviation) for s, prior in plain.items())
-    # What the user says stands above the formulas.
+    # Settings take precedence over the formulas.
     own = priors(relative={"control": "10 %"}, standard_deviation={"X_u|u|": "2 kg/m"})
     assert own["N_uudr"] == pytest.approx((derived["N_uudr"].mean, 0.1 * abs(derived["N_uudr"].mean)))
     assert own["X_u|u|"] == (derived["X_u|u|"].mean, 2.0)
     assert own["Y_v|v|"] == plain["Y_v|v|"]
 
 
-def test_no_geometry_is_no_prior(experiment_with):
-    with pytest.raises(ConfigError, match=r"'Virginia Tech DIVE' has none") as error:
+def test_geometry_prior_without_geometry_is_refused(experiment_with):
+    with pytest.raises(ConfigError, match="Virginia Tech DIVE") as error:
         experiment_with("vehicle=vehicles/dive.yaml", GEOMETRY)
     assert len([line for line in str(error.value).splitlines() if "geometry" in line]) == 1
 
 
-def test_what_the_geometry_gives_is_no_prior_of_its_own_simulation(simulated_with, with_settings):
+def test_geometry_prior_of_its_own_simulation_is_refused(simulated_with, with_settings):
     vehicle = simulated_with("manoeuvre.duration=1 s").experiment.vehicle
     fin = next(each.mean for each in vehicle.derived_values() if each.name == "N_uudr")
     drawn = simulated_with("manoeuvre.duration=1 s", f"vehicle.coefficients.N_uudr={fin}")
-    with pytest.raises(DataError, match=r"the geometry's own N_uudr, and such a prior proves nothing"):
+    with pytest.raises(DataError, match=r"prior\.mean=geometry.*N_uudr"):
         augmented_problem(prepare(with_settings(drawn, GEOMETRY)))
     held = with_settings(drawn, GEOMETRY, "identification.coefficients=[X_u|u|, Y_uvl]")
     assert augmented_problem(prepare(held)).prior.mean.any()
 
 
-def test_an_estimate_starts_at_what_the_file_states_and_moves_off_it(simulated_with, with_settings):
+def test_estimate_starts_at_the_stated_values(simulated_with, with_settings):
     """The file is 30 % off, and as wrong as it says."""
     run = simulated_with("manoeuvre.duration=60 s", "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}")
     truth = run.truth.coefficients

@@ -73,13 +73,13 @@ def test_the_first_order_transition_is_the_identity_plus_the_jacobian_times_the_
     assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.05)
 
 
-def test_both_transitions_move_the_mean_alike(state_and_flow):
+def test_both_transitions_propagate_the_same_mean(state_and_flow):
     """In as small steps as the integrator's error allows: the covariance is what differs."""
     state, flow = state_and_flow
     assert_allclose(flow(state, 0.04, exact=False)[0], flow(state, 0.04)[0], rtol=1e-12)
 
 
-def test_the_depth_follows_the_vertical_velocity_in_every_way_of_moving_it(experiment_with):
+def test_depth_follows_the_vertical_velocity(experiment_with):
     """Against an integral over many small steps of the velocity along the rotation matrix's third row."""
     vehicle = experiment_with().vehicle
     true, constants = vehicle.all_coefficients(), vehicle_constants(vehicle.known_parameters())
@@ -113,7 +113,7 @@ def test_the_depth_follows_the_vertical_velocity_in_every_way_of_moving_it(exper
 
 @pytest.mark.parametrize("walk", [0.0, 1e-3])
 @pytest.mark.parametrize("exact", [True, False])
-def test_the_scale_of_the_thrust_acts_on_it_and_has_its_column(walk, exact, experiment_with):
+def test_thrust_scale_has_its_derivative(walk, exact, experiment_with):
     """As if the inputs themselves were larger; the column is a difference."""
     asked = AugmentedStates(biases=("thrust",), thrust={"walk": walk})
     vehicle = experiment_with().vehicle

@@ -31,7 +31,7 @@ def run(simulated_with):
     return simulated_with(TERMS, TURNS, OFF, "manoeuvre.duration=40 s")
 
 
-def test_a_manoeuvre_states_them_and_they_are_recorded(run):
+def test_propulsion_inputs_are_simulated_and_recorded(run):
     turns, voltage = run.inputs.values[:, 4:].T
     assert (turns[0], voltage[0], voltage[-1]) == (0.0, 25.0, 22.0)
     assert 15.0 < turns[run.inputs.time > 30.0].min() < turns.max() <= 25.0
@@ -41,7 +41,7 @@ def test_a_manoeuvre_states_them_and_they_are_recorded(run):
 
 
 @pytest.mark.parametrize("name", [name for name in FilterName if name != FilterName.UKF])
-def test_every_estimator_finds_their_terms_from_natural_priors(run, name):
+def test_propulsion_terms_are_estimated_from_natural_priors(run, name):
     estimate = identify(run, name)
     assert estimate.completed
     found, deviation = estimate.final_coefficients(), estimate.final_deviations()
@@ -58,7 +58,7 @@ def test_natural_magnitudes_are_of_a_propeller_as_wide_as_the_hull(run):
         assert natural_magnitude(term, size) == pytest.approx(expected)
 
 
-def test_their_file_comes_back_and_one_of_before_is_read(run, tmp_path):
+def test_propulsion_dataset_is_read_back(run, tmp_path):
     path = tmp_path / "dataset.h5"
     write_dataset(path, run)
     assert holds_data(path, run)
@@ -68,23 +68,23 @@ def test_their_file_comes_back_and_one_of_before_is_read(run, tmp_path):
         file.attrs["schema_version"] = 1
     before = read_dataset(path)
     assert np.array_equal(before.inputs.values, run.inputs.values[:, :4])
-    with pytest.raises(DataError, match=r"no revolutions or voltage are recorded.*X_n\|n\|, X_\|n\|u are made"):
+    with pytest.raises(DataError, match=r"revolutions.*X_n\|n\|, X_\|n\|u"):
         identify(before, FilterName.CKF)
     assert identify(read_dataset(path, ("vehicle.terms=[]",)), FilterName.CKF).time.size
 
 
-def test_a_manoeuvre_that_does_not_state_them_is_refused(experiment_with):
-    refusal = r"no revolutions or voltage.*X_n\|n\|.*manoeuvre.propeller="
+def test_manoeuvre_without_propulsion_inputs_is_refused(experiment_with):
+    refusal = r"states no revolutions or voltage.*X_n\|n\|.*manoeuvre.propeller="
     with pytest.raises(ConfigError, match=refusal) as refused:
         experiment_with(TERMS)
-    assert "manoeuvres/spiral" in str(refused.value)
+    assert "manoeuvres/spiral_gentle.yaml" in str(refused.value)
     # A vehicle may be put in later.
     stated = experiment_with(TERMS, "manoeuvre.propeller={revolutions: 20 turn/s, voltage: 24 V}")
     with pytest.raises(ConfigError, match=refusal):
         simulate(experiment_with().model_copy(update={"vehicle": stated.vehicle}))
 
 
-def test_revolutions_that_stay_the_same_tell_hardly_anything_beside_a_thrust_of_unknown_scale(simulated_with):
+def test_constant_revolutions_are_not_informative(simulated_with):
     """At one speed a constant n |n| is a constant force, as drag and a held thrust are."""
     chosen = "identification.coefficients=[X_u|u|, X_n|n|, X_|n|u]", "identification.estimate.biases=[thrust]"
 

@@ -40,7 +40,7 @@ def with_outliers(clean):
 
 @pytest.fixture(scope="module", params=BATCH, ids=[name.value for name in BATCH])
 def estimates(request, clean, with_outliers, with_settings):
-    """Of one estimator: plain of clean data, robust of clean data, and robust of data with outliers."""
+    """Return estimates: plain with clean data, robust with clean data, robust with outliers."""
     robust = (with_settings(data, "identification.robust=huber") for data in (clean, with_outliers))
     return [identify(data, request.param) for data in (clean, *robust)]
 
@@ -60,7 +60,7 @@ def test_clean_data_lose_little(estimates):
     assert (ratio < 1.015).all()
 
 
-def test_weights_and_counts_are_told_by_sensor(estimates, with_outliers, tmp_path):
+def test_weights_and_counts_are_reported_by_sensor(estimates, with_outliers, tmp_path):
     *_, wild = estimates
     write_estimate(tmp_path / "estimate.h5", wild)
     back = read_estimate(tmp_path / "estimate.h5")

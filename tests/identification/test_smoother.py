@@ -28,7 +28,7 @@ def normalised_errors(dataset, estimate):
 
 
 @pytest.mark.parametrize("seed", [0, 2])
-def test_it_takes_back_what_filters_conclude_far_from_the_answer(seed, simulated_with):
+def test_smoother_converges_from_wide_priors(seed, simulated_with):
     dataset = simulated_with(*ZIGZAG, f"seed={seed}")
     astray, right = (identify(dataset, name) for name in (FilterName.EKF, FilterName.SMOOTHER))
     assert astray.status == right.status == "completed"
@@ -38,7 +38,7 @@ def test_it_takes_back_what_filters_conclude_far_from_the_answer(seed, simulated
     assert np.sqrt(np.mean(errors**2)) < 1.3
 
 
-def test_where_a_filter_is_right_it_says_the_same(short_run, short_estimates):
+def test_smoother_agrees_with_a_consistent_filter(short_run, short_estimates):
     smoothed, filtered = (short_estimates[name] for name in (FilterName.SMOOTHER, FilterName.TUKF))
     (mean, deviation), (other, of_other) = coefficients(smoothed), coefficients(filtered)
     assert np.abs((mean - other) / of_other).max() < 1.0
@@ -64,7 +64,7 @@ def test_without_process_noise_it_is_the_output_error_fit(simulated_with):
     assert np.abs(np.log(deviation / of_other)).max() < 0.02
 
 
-def test_it_comes_down_from_more_process_noise_where_steps_with_little_bend_away(simulated_with):
+def test_annealed_process_noise_leads_to_convergence(simulated_with):
     """From a slow start, with few measurements, no filter finishes and no other start leads to a minimum."""
     dataset = simulated_with(
         "manoeuvre=manoeuvres/multisine.yaml",
@@ -79,18 +79,19 @@ def test_it_comes_down_from_more_process_noise_where_steps_with_little_bend_away
     assert np.abs(normalised_errors(dataset, estimate)).max() < 4.0
 
 
-def test_it_says_that_its_passes_did_not_suffice(short_run, with_settings):
+def test_too_few_passes_are_reported_as_unconverged(short_run, with_settings):
     dataset = with_settings(short_run, "identification.smoother.max_passes=1")
     estimate = identify(dataset, FilterName.SMOOTHER)
-    assert estimate.status.startswith("unconverged: it did not settle within identification.smoother.max_passes = 1")
+    assert estimate.status.startswith("unconverged")
+    assert "max_passes = 1" in estimate.status
 
 
-def test_it_weighs_all_measurements_and_takes_no_gate(short_run, with_settings):
-    with pytest.raises(ConfigError, match="no meaning for smoother"):
+def test_smoother_refuses_a_gate(short_run, with_settings):
+    with pytest.raises(ConfigError, match=r"gate.*smoother"):
         identify(with_settings(short_run, "identification.gate=6"), FilterName.SMOOTHER)
 
 
-def test_data_that_nothing_follows_are_said_whatever_the_segments(short_run, with_settings):
+def test_impossible_data_are_reported_for_any_segments(short_run, with_settings):
     values = short_run.inputs.values.copy()
     values[short_run.inputs.time > 50.0] = 1e30
     broken = replace(short_run, inputs=replace(short_run.inputs, values=values))
@@ -117,8 +118,8 @@ def test_the_motion_is_integrated_out_where_noise_drives_it(overrides, marginal,
     assert experiment_with(*overrides).identification.is_marginal is marginal
 
 
-def test_of_a_disturbed_run_it_says_what_a_filter_says(simulated_with, with_settings):
-    """Which does not know the motion either."""
+def test_marginal_smoother_agrees_with_a_filter(simulated_with, with_settings):
+    """The filter does not know the motion either."""
     slow = "sensors.attitude={source: direct, rate: 10 Hz}", "sensors.gyroscope.rate=10 Hz"
     dataset = simulated_with("manoeuvre.duration=40 s", *slow, f"manoeuvre.disturbance={PUSHES}", DISTURBED)
     joint = with_settings(dataset, "identification.smoother.answer=joint")

@@ -1,4 +1,4 @@
-"""What of the data is fitted, and what is held out."""
+"""Training and held-out data of the term search."""
 
 import numpy as np
 

@@ -26,10 +26,10 @@ def _without_terms(dataset):
 
 @pytest.fixture(scope="module")
 def findings(planted):
-    return search_terms(prepare(planted), most=2)
+    return search_terms(prepare(planted), max_terms=2)
 
 
-def test_the_term_that_is_missing_is_found_with_its_size(findings):
+def test_missing_term_is_found_and_sized(findings):
     (first,) = findings.found
     assert first.term == "N_|v|r"
     assert first.unit == "kg*m/rad"
@@ -38,7 +38,7 @@ def test_the_term_that_is_missing_is_found_with_its_size(findings):
     assert 0.0 < first.made_up_share < 1.0
 
 
-def test_the_settings_that_are_written_estimate_it(findings, planted, tmp_path):
+def test_written_settings_estimate_the_term(findings, planted, tmp_path):
     file = tmp_path / "terms.yaml"
     file.write_text(findings.settings(), encoding="utf-8")
     (term,) = parse_run(dump_experiment(planted.experiment), "test", (str(file),)).vehicle.terms
@@ -46,27 +46,27 @@ def test_the_settings_that_are_written_estimate_it(findings, planted, tmp_path):
     assert "N_|v|r" in findings.experiment.identification.estimated(findings.experiment.vehicle)
 
 
-def test_what_is_hardly_told_from_the_best_is_fitted_as_well_and_the_likelier_is_found(findings):
+def test_correlated_candidates_are_fitted_too(findings):
     tried = {term.term: term.evidence_gain for term in findings.scored if term.look == 1 and term.evidence_gain}
     assert "N_|r|v" in findings.found[0].like.split(", ")
     assert max(tried, key=lambda name: tried[name]) == "N_|v|r" != "N_|r|v" in tried
 
 
-def test_looking_does_not_go_on_beside_what_is_found(findings):
+def test_search_ends_without_further_terms(findings):
     assert [term.term for term in findings.found] == ["N_|v|r"]
     second = [term for term in findings.scored if term.look == 2]
     assert second
     assert "N_|v|r" not in {term.term for term in second}
 
 
-def test_nothing_is_found_where_nothing_is_missing(multisine_with):
-    findings = search_terms(prepare(multisine_with()), most=1)
+def test_complete_model_has_no_missing_term(multisine_with):
+    findings = search_terms(prepare(multisine_with()), max_terms=1)
     assert findings.found == ()
     assert findings.experiment.vehicle.terms == ()
     assert max(term.gain for term in findings.scored) == findings.scored[0].gain
 
 
-def test_data_that_nothing_follows_say_nothing_of_terms(multisine_with, with_settings):
+def test_search_without_convergence_is_refused(multisine_with, with_settings):
     dataset = with_settings(multisine_with(), "identification.smoother.max_passes=1")
-    with pytest.raises(DataError, match="the smoother does not settle"):
+    with pytest.raises(DataError, match="does not converge"):
         search_terms(prepare(dataset))

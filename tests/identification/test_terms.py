@@ -35,7 +35,7 @@ def clean(simulated_with):
 
 @pytest.fixture(scope="module")
 def found(clean):
-    """What the judge finds of it."""
+    """Return the judgement of an estimate."""
     return identify(clean, FilterName.SMOOTHER)
 
 
@@ -51,7 +51,7 @@ def value_and_deviation(estimate, symbol):
 
 
 @pytest.mark.parametrize("name", [FilterName.EKF, FilterName.CKF, FilterName.OUTPUT_ERROR])
-def test_every_estimator_finds_them_within_their_deviations(name, clean, found):
+def test_own_terms_are_estimated_within_their_deviations(name, clean, found):
     estimate = identify(clean, name)
     assert estimate.completed
     for symbol, true in TRUE.items():
@@ -61,12 +61,12 @@ def test_every_estimator_finds_them_within_their_deviations(name, clean, found):
         assert abs(value - judged) < 3.0 * deviation
 
 
-def test_with_them_the_fit_is_sound_and_without_it_is_not_and_says_why(clean, found):
+def test_missing_own_term_is_named(clean, found):
     assert judge_one(found, found).grade is Grade.SOUND
     for symbol, true in TRUE.items():
         value, deviation = value_and_deviation(found, symbol)
         assert abs(value - true) < 3.0 * deviation
-    # What is in the model is no fault any more.
+    # A term of the model is not a fault.
     assert CROSS_FLOW not in {str(test.fault) for test in found.faults}
     lacking = identify(without_terms(clean, ROLLING), FilterName.SMOOTHER)
     judgement = judge_one(lacking, lacking)
@@ -76,7 +76,7 @@ def test_with_them_the_fit_is_sound_and_without_it_is_not_and_says_why(clean, fo
     assert "vehicle.terms" in judgement.remedy
 
 
-def test_rolling_against_the_fins_that_is_left_out_is_taken_for_a_hundredfold_drag_of_rolling():
+def test_missing_roll_damping_biases_rolling_drag():
     """LRAUV with the terms that its source has beyond the 22."""
     settings = (
         "vehicle.terms=[{name: K_up, row: K, factors: [u, p], value: -5.707}, "
@@ -96,7 +96,7 @@ def test_rolling_against_the_fins_that_is_left_out_is_taken_for_a_hundredfold_dr
     assert judge_one(lacking, lacking).grade is Grade.INCONSISTENT
 
 
-def test_one_that_is_held_is_known_to_the_filter(clean):
+def test_held_term_is_used(clean):
     known = clean.experiment.vehicle.terms[0].model_copy(update={"estimate": False})
     vehicle = clean.experiment.vehicle.model_copy(update={"terms": (known, clean.experiment.vehicle.terms[1])})
     held = replace(clean, experiment=clean.experiment.model_copy(update={"vehicle": vehicle}))
@@ -113,7 +113,7 @@ def test_the_bound_of_a_term_is_about_what_an_efficient_fit_says(clean, found):
         assert found.final_deviations()[symbol] == pytest.approx(bounds[symbol], rel=0.3)
 
 
-def test_the_free_run_has_the_terms(clean, found):
+def test_free_run_has_own_terms(clean, found):
     _, errors = free_run(prepare(clean), found)
     _, of_22 = free_run(prepare(without_terms(clean)), replace(found, **_with_22_alone(clean, found)))
     yaw_rate, without = (next(e.mean_absolute_error for e in rows if e.component == "r") for rows in (errors, of_22))
@@ -130,7 +130,7 @@ def _with_22_alone(clean, found):
     }
 
 
-def test_files_hold_them(clean, found, tmp_path):
+def test_files_keep_own_terms(clean, found, tmp_path):
     write_dataset(tmp_path / "dataset.h5", clean)
     data = read_dataset(tmp_path / "dataset.h5")
     assert data.truth.coefficients == clean.truth.coefficients

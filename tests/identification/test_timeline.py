@@ -120,11 +120,11 @@ def test_inputs_that_end_long_before_the_measurements_are_refused(last_input, co
     if covers:
         Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 1.0)
     else:
-        with pytest.raises(DataError, match=r"inputs end at t = 2.9 s, the measurements go on to 5 s"):
+        with pytest.raises(DataError, match=r"inputs end at t = 2\.9 s.*5 s"):
             Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 1.0)
 
 
-def test_a_filter_starts_when_every_sensor_has_spoken_at_what_each_said_last(experiment_with):
+def test_filter_starts_when_every_sensor_has_measured(experiment_with):
     dataset = a_dataset(experiment_with(), [0.0], dvl=[0.0, 0.4, 0.8], gyroscope=[0.5, 0.7])
     dataset.sensors["dvl"].values[:, 2] = np.nan
     dataset.sensors["dvl"].values[0] = [1.0, 2.0, 3.0]
@@ -139,7 +139,7 @@ def test_no_filter_starts_before_the_first_input(experiment_with):
     assert start == 2.0
 
 
-def test_measurement_rows_pick_the_measured_state_behind_the_parameters(experiment_with, rng):
+def test_measurement_rows_select_measured_states(experiment_with, rng):
     dataset = a_dataset(experiment_with(), [0.0], attitude=[0.0, 1.0], dvl=[0.0, 1.0])
     measuring = measuring_sensors(dataset)
     coefficients = tuple(Quantity(f"c{i}", "1", "", "") for i in range(5))
@@ -173,7 +173,7 @@ def test_a_sensor_that_states_no_noise_is_refused(deviation, experiment_with):
         measuring_sensors(dataset)
 
 
-def test_no_part_is_longer_than_asked_for_whichever_sensor_is_alive(experiment_with):
+def test_substeps_are_limited(experiment_with):
     """The busiest sensor over all falls silent; others go on without it."""
     early, late = np.arange(300) * 0.01, 3.0 + np.arange(200) * 0.01
     dataset = a_dataset(experiment_with(), [0.0], gyroscope=early, dvl=late, attitude=late)
@@ -194,16 +194,16 @@ def test_no_measurement_is_lost_on_a_clock_that_counts_from_long_ago(since, expe
     assert alone.time.size == 1
 
 
-def test_a_silence_of_hours_is_refused_and_not_filled_with_steps(experiment_with):
+def test_gap_of_hours_is_refused(experiment_with):
     """As from a clock that was set while the log ran."""
     times = np.array([0.0, 0.1, 1e9, 1e9 + 0.1])
     dataset = a_dataset(experiment_with(), times, dvl=times)
-    with pytest.raises(DataError, match=r"nothing is measured from t = 0.1 s to 1e\+09 s.*longest_gap"):
+    with pytest.raises(DataError, match=r"t = 0\.1 s to 1e\+09 s.*longest_gap"):
         list(Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 0.02))
 
 
 @given(dvl=clock, gyroscope=clock, data=st.data())
-def test_between_two_times_they_are_those_of_records_that_are_cut_there(dvl, gyroscope, data, experiment_with):
+def test_between_equals_cut_records(dvl, gyroscope, data, experiment_with):
     dataset = a_dataset(experiment_with(), [0.0, 0.3, 1.0], dvl=dvl, gyroscope=gyroscope)
     begin, end = (np.sort([data.draw(st.sampled_from(sorted(dvl))) for _ in range(2)])).tolist()
     measuring = measuring_sensors(dataset)

@@ -11,7 +11,7 @@ from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_vehicle_with_ballast_moves_as_one_that_is_stated_so(seed, core, random_vehicle, random_state):
+def test_ballast_equals_changed_parameters(seed, core, random_vehicle, random_state):
     rng = np.random.default_rng(seed)
     vehicle = random_vehicle(rng)
     motion, coefficients, inputs = random_state(rng, vehicle["m"])

@@ -1,4 +1,4 @@
-"""What energy says of the equations of motion."""
+"""Energy balance of the equations of motion."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def down_axis(motion):
 
 
 def kinetic_energy(vehicle, motion):
-    """Of the body (about its centre of gravity) and of the water around it."""
+    """Return the kinetic energy of the body, about its centre of gravity, and of the water."""
     k, turning = vehicle, motion[3:6]
     centre = np.array([k["xG"], k["yG"], k["zG"]])
     moving = motion[:3] + np.cross(turning, centre)
@@ -45,7 +45,7 @@ def kinetic_energy(vehicle, motion):
 
 
 def potential_energy(vehicle, motion, depth):
-    """Of weight and buoyancy."""
+    """Return the potential energy of weight and buoyancy."""
     k, down = vehicle, down_axis(motion)
     weight_depth = depth + down @ [k["xG"], k["yG"], k["zG"]]
     buoyancy_depth = depth + down @ [k["xB"], k["yB"], k["zB"]]

@@ -25,7 +25,7 @@ def scipy_rotation(angles):
 
 
 @given(ANGLES, st.tuples(*[st.floats(-5, 5)] * 3))
-def test_earth_to_body_is_the_turn_back(angles, velocity):
+def test_earth_to_body_inverts_body_to_earth(angles, velocity):
     theirs = scipy_rotation([angles]).inv().apply(velocity)
     turned = earth_to_body(np.array([angles]), np.array([velocity]))
     assert turned == pytest.approx(theirs, abs=1e-13)
@@ -34,7 +34,7 @@ def test_earth_to_body_is_the_turn_back(angles, velocity):
 
 
 @given(ANGLES)
-def test_euler_angles_are_those_that_the_matrix_was_made_of(angles):
+def test_euler_angles_invert_the_rotation_matrix(angles):
     assert euler_angles(scipy_rotation([angles]).as_matrix())[0] == pytest.approx(angles, abs=1e-13)
 
 

@@ -63,7 +63,7 @@ def test_skew_is_the_cross_product(rng):
 
 
 @pytest.mark.parametrize("change", [{"m": -50.0}, {"Ixx": 0.0, "K_pdot": 0.0}, {"zG": 50.0}, {"Y_vdot": 1e5}])
-def test_an_impossible_vehicle_is_refused_in_one_line(change, rng, random_vehicle):
+def test_impossible_mass_matrix_is_refused(change, rng, random_vehicle):
     vehicle = random_vehicle(rng) | change
     with pytest.raises(ConfigError, match="not positive definite") as caught:
         vehicle_constants(vehicle)

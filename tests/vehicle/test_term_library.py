@@ -39,7 +39,7 @@ def test_a_mirrored_motion_mirrors_the_force(motions):
         assert (product in allowed) == same, product.symbol
 
 
-def test_the_usual_missing_terms_are_among_them():
+def test_candidates_contain_the_usual_terms():
     names = {product.symbol for product in admissible_terms()}
     assert {"Y_|v|r", "N_|v|r", "K_up", "K_p", "X_vv", "N_r", "M_q", "X_uu|rudder|"} <= names
     assert not {"X_v", "Y_|v|v", "N_ur", "Y_w"} & names

@@ -107,7 +107,7 @@ def test_derivatives_of_a_term_are_those_of_its_formula(seed, product, row, rand
     assert_allclose(change, expected, rtol=1e-8, atol=1e-9 * max(1.0, np.abs(jacobian_of(bare)).max()))
 
 
-def test_a_step_moves_what_the_motion_owes_to_a_term(core, random_vehicle, random_state):
+def test_transition_has_the_column_of_a_term(core, random_vehicle, random_state):
     terms = [term("N_|v|r", "|v|", "r"), term("K_up", "u", "p"), term("X_Tu", "thrust", "u")]
     here = Draw(3, terms, random_vehicle, random_state)
     motion, step = here.motion.copy(), 0.005
