@@ -58,7 +58,7 @@ def least_speed(envelope: Envelope, manoeuvre: ManoeuvreSettings) -> float:
     return envelope.speed
 
 
-def tightened(envelope: Envelope, slowest: float) -> tuple[Envelope, float]:
+def with_margin(envelope: Envelope, slowest: float) -> tuple[Envelope, float]:
     """Return an envelope and a least speed that leave room for vehicles that are not drawn."""
     tighter = {name: (1.0 - _MARGIN) * limit for name, limit in _largest(envelope).items()}
     return envelope.model_copy(update=tighter), (1.0 + _MARGIN) * slowest
@@ -69,7 +69,7 @@ def _largest(envelope: Envelope) -> dict[str, float]:
     return {name: limit for name, limit in limits.items() if limit is not None}
 
 
-def extent_of(truth: "Truth", fade_in: float) -> Extent:
+def measure_extent(truth: "Truth", fade_in: float) -> Extent:
     """Measure a run; its speed once it has begun, and the work of its thrust, whichever way that points."""
     ground = truth.position.max(axis=0) - truth.position.min(axis=0)
     begun = truth.time >= min(fade_in, truth.time[-1])
@@ -83,18 +83,18 @@ def extent_of(truth: "Truth", fade_in: float) -> Extent:
     )
 
 
-def excess(extent: Extent, envelope: Envelope, slowest: float) -> dict[str, float]:
+def limit_excess(extent: Extent, envelope: Envelope, slowest: float) -> dict[str, float]:
     """Return by what share each limit is passed; 0 where it is kept."""
     shares = {name: getattr(extent, name) / limit - 1.0 for name, limit in _largest(envelope).items()}
     shares["speed"] = 1.0 - extent.speed / slowest
     return {name: max(share, 0.0) for name, share in shares.items()}
 
 
-def to_relax(extents: Sequence[Extent], envelope: Envelope, slowest: float) -> str:
+def options_to_relax(extents: Sequence[Extent], envelope: Envelope, slowest: float) -> str:
     """Name the options that would let runs pass, with values that do."""
     options = []
     for name, (unit, size) in _UNITS.items():
-        if not any(excess(extent, envelope, slowest).get(name) for extent in extents):
+        if not any(limit_excess(extent, envelope, slowest).get(name) for extent in extents):
             continue
         values = [getattr(extent, name) / size for extent in extents]
         enough = floor(100.0 * min(values)) / 100.0 if name == "speed" else ceil(10.0 * max(values)) / 10.0
@@ -137,7 +137,7 @@ class Band(NamedTuple):
     number: int
 
 
-def band_of(runs: Sequence["Truth"]) -> Band:
+def summarise_runs(runs: Sequence["Truth"]) -> Band:
     """Summarise runs of one manoeuvre.
 
     Raises
@@ -153,7 +153,7 @@ def band_of(runs: Sequence["Truth"]) -> Band:
     extent = np.array([np.ptp(run.position[:, :2], axis=0) for run in runs])
     depths = np.array([(run.position[:, 2].min(), run.position[:, 2].max()) for run in runs])
     lengths = [float(np.linalg.norm(np.diff(run.position, axis=0), axis=1).sum()) for run in runs]
-    energies = [extent_of(run, 0.0).energy for run in runs]
+    energies = [measure_extent(run, 0.0).energy for run in runs]
 
     def spread(values: Array) -> Array:
         return np.moveaxis(np.percentile(values, [LOW, 50.0, HIGH], axis=0), 0, -1)

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 MEASURING = "gyroscope", "dvl", "attitude"
 
 
-class Knowledge(NamedTuple):
+class FilterAssumptions(NamedTuple):
     """What a filter knows before a run and learns in it, SI.
 
     Attributes
@@ -64,7 +64,7 @@ class Posterior(NamedTuple):
     covariance: Array
 
 
-def knowledge_of(experiment: Experiment, in_hand: Array | None = None) -> Knowledge:
+def filter_assumptions(experiment: Experiment, in_hand: Array | None = None) -> FilterAssumptions:
     """Collect what the settings of an experiment say of priors and noise.
 
     Parameters
@@ -89,7 +89,7 @@ def knowledge_of(experiment: Experiment, in_hand: Array | None = None) -> Knowle
     prior_std = np.array(
         [priors[s].standard_deviation if s in estimated else 0.0 for s in vehicle.coefficient_set.symbols]
     )
-    return Knowledge(
+    return FilterAssumptions(
         prior_std,
         np.repeat([initial.velocity, initial.rate, initial.attitude], 3),
         np.array(noise.of_motion()),
@@ -107,7 +107,7 @@ def _known_before(prior_std: Array, in_hand: Array | None) -> Array:
     return np.linalg.inv(information).astype(np.float64) * np.outer(free, free)
 
 
-def left_out(experiment: Experiment) -> list[str]:
+def uncounted_information(experiment: Experiment) -> list[str]:
     """Name what an estimator would use or estimate besides, and is not counted."""
     identification = experiment.identification
     names = [f"estimated errors ({name.value})" for name in identification.estimate.biases]
@@ -151,7 +151,7 @@ class _Workspace(NamedTuple):
 
 
 _WORKSPACE = types.NamedTuple((_matrix, _matrix, _matrix, _vector, _vector, _matrix, _vector), _Workspace)
-_KNOWLEDGE = types.NamedTuple((_vector, _vector, _vector, _vector, _matrix), Knowledge)
+_KNOWLEDGE = types.NamedTuple((_vector, _vector, _vector, _vector, _matrix), FilterAssumptions)
 
 
 @compiled(types.void(_vector, _WORKSPACE), internal=True)
@@ -223,7 +223,7 @@ def _run(record, vehicle, knowledge, deviation, work):
             deviation[tick, c] = knowledge.prior_std[c] * np.sqrt(work.covariance[c, c])
 
 
-def posterior_along(truth: Truth, knowledge: Knowledge) -> Posterior:
+def predict_posterior(truth: Truth, knowledge: FilterAssumptions) -> Posterior:
     """Carry the covariance of an extended Kalman filter along a true motion, linearised step by step.
 
     Parameters

@@ -10,10 +10,10 @@ from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.design.envelope import least_speed, tightened
-from auvid_cli.design.posterior import Knowledge, knowledge_of
+from auvid_cli.design.envelope import least_speed, with_margin
+from auvid_cli.design.posterior import FilterAssumptions, filter_assumptions
 from auvid_cli.design.trials import Criterion, Map, Trial, TrialSet, simulate_trial
-from auvid_cli.design.variables import SearchSpace, candidates, own_manoeuvre, space_about
+from auvid_cli.design.variables import SearchSpace, baseline_spiral, search_space, standard_manoeuvres
 from auvid_cli.errors import ConfigError, DataError, SimulationError
 from auvid_cli.simulation.motion import Truth
 from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
@@ -27,7 +27,7 @@ HELD_OUT = 8
 # Random streams: of the vehicles that are seen, of those that are not, and of those that the band of a track is from.
 _SEEN, _UNSEEN, _BAND = 1, 2, 3
 # Fisher information about the vehicle's coefficients, SI, shape (m, m), at values of them by symbol.
-InHand = Callable[[Mapping[str, float]], Array]
+EarlierInformation = Callable[[Mapping[str, float]], Array]
 
 
 class ParameterDistribution(NamedTuple):
@@ -62,7 +62,7 @@ class ParameterDistribution(NamedTuple):
         return [dict(zip(self.symbols, row.tolist(), strict=True)) for row in drawn]
 
 
-def belief_of_estimate(estimate: Estimate, vehicle: VehicleSettings) -> ParameterDistribution:
+def distribution_from_estimate(estimate: Estimate, vehicle: VehicleSettings) -> ParameterDistribution:
     """Take what an estimate says; what it held is sure.
 
     Raises
@@ -83,7 +83,7 @@ def belief_of_estimate(estimate: Estimate, vehicle: VehicleSettings) -> Paramete
     )
 
 
-def belief_of_vehicle(vehicle: VehicleSettings, spread: float | None) -> ParameterDistribution:
+def distribution_from_vehicle(vehicle: VehicleSettings, spread: float | None) -> ParameterDistribution:
     """Take what a vehicle file says: its values, give or take what it states; where it has none, its shape.
 
     Parameters
@@ -126,7 +126,7 @@ def belief_of_vehicle(vehicle: VehicleSettings, spread: float | None) -> Paramet
     return ParameterDistribution(symbols, mean, np.diag(variance), logarithmic, " and ".join(origins))
 
 
-def drawn_vehicles(
+def draw_vehicles(
     vehicle: VehicleSettings, belief: ParameterDistribution, number: int, seed: Sequence[int]
 ) -> list[VehicleSettings]:
     """Draw so many vehicles, alike in all but their coefficients."""
@@ -149,7 +149,7 @@ class Requirement(NamedTuple):
     draws : int
         Vehicles that the search sees.
     spread : float or None
-        See `belief_of_vehicle`.
+        See `distribution_from_vehicle`.
     """
 
     duration: float
@@ -186,33 +186,33 @@ class DesignProblem(NamedTuple):
     """
 
     experiment: Experiment
-    wish: Requirement
-    belief: ParameterDistribution
-    knowledge: Knowledge
+    requirement: Requirement
+    distribution: ParameterDistribution
+    assumptions: FilterAssumptions
     chosen: tuple[str, ...]
     nominal: VehicleSettings
     space: SearchSpace
     slowest: float
-    seen: TrialSet
-    unseen: TrialSet
-    usual: dict[str, Trial]
+    search_set: TrialSet
+    held_out_set: TrialSet
+    standard_trials: dict[str, Trial]
 
     @property
-    def own(self) -> Trial:
+    def spiral_trial(self) -> Trial:
         """Return the trial of the experiment's own manoeuvre."""
-        return self.usual["spiral"]
+        return self.standard_trials["spiral"]
 
-    def gain_of(self, trial: Trial) -> float:
+    def gain_over_spiral(self, trial: Trial) -> float:
         """Return how many times smaller standard deviations are than after the own manoeuvre, on the seen vehicles."""
-        return trial.mean_gain_over(self.own)
+        return trial.mean_gain_over(self.spiral_trial)
 
 
-def set_task(
+def make_problem(
     experiment: Experiment,
-    wish: Requirement,
+    requirement: Requirement,
     estimate: Estimate | None = None,
-    in_hand: InHand | None = None,
-    spread: Map = map,
+    earlier_information: EarlierInformation | None = None,
+    map_function: Map = map,
 ) -> DesignProblem:
     """Draw vehicles and lay out what a search may vary.
 
@@ -223,7 +223,7 @@ def set_task(
     estimate : Estimate, optional
         Of an earlier run: vehicles are drawn from it.
     in_hand : callable, optional
-        What earlier data say of the coefficients, see `InHand`.
+        What earlier data say of the coefficients, see `EarlierInformation`.
     spread : callable
         As `map`, see `TrialSet`.
 
@@ -232,42 +232,46 @@ def set_task(
     ConfigError, DataError
         If the experiment's manoeuvre is no spiral, no vehicles can be drawn, or limits exclude each other.
     """
-    vehicle, envelope = experiment.vehicle, wish.envelope
-    own = own_manoeuvre(experiment, wish.duration, wish.fin_angle, wish.fin_rate)
+    vehicle, envelope = experiment.vehicle, requirement.envelope
+    own = baseline_spiral(experiment, requirement.duration, requirement.fin_angle, requirement.fin_rate)
     slowest = least_speed(envelope, own)
     estimated = experiment.identification.estimated(vehicle)
-    if odd := [symbol for symbol in wish.chosen if symbol not in estimated]:
+    if odd := [symbol for symbol in requirement.chosen if symbol not in estimated]:
         raise ConfigError(f"--for {odd[0]}: is not estimated in this experiment; there are {', '.join(estimated)}")
-    belief = belief_of_vehicle(vehicle, wish.spread) if estimate is None else belief_of_estimate(estimate, vehicle)
+    belief = (
+        distribution_from_vehicle(vehicle, requirement.spread)
+        if estimate is None
+        else distribution_from_estimate(estimate, vehicle)
+    )
     mean = dict(zip(belief.symbols, belief.mean.tolist(), strict=True))
-    known, chosen = None if in_hand is None else in_hand(mean), wish.chosen or estimated
-    knowledge = knowledge_of(experiment, known)
+    known, chosen = None if earlier_information is None else earlier_information(mean), requirement.chosen or estimated
+    knowledge = filter_assumptions(experiment, known)
 
     def bench(number: int, stream: int, limits: Envelope, least: float) -> TrialSet:
-        vehicles = drawn_vehicles(vehicle, belief, number, [experiment.seed, stream])
-        return TrialSet(vehicles, knowledge, chosen, wish.criterion, limits, least, spread)
+        vehicles = draw_vehicles(vehicle, belief, number, [experiment.seed, stream])
+        return TrialSet(vehicles, knowledge, chosen, requirement.criterion, limits, least, map_function)
 
-    seen = bench(wish.draws, _SEEN, *tightened(envelope, slowest))
-    usual = {"spiral": own, **candidates(own, vehicle.size.length)}
+    seen = bench(requirement.draws, _SEEN, *with_margin(envelope, slowest))
+    usual = {"spiral": own, **standard_manoeuvres(own, vehicle.size.length)}
     return DesignProblem(
         experiment,
-        wish,
+        requirement,
         belief,
         knowledge,
         chosen,
         vehicle.with_coefficients(mean),
-        space_about(own, vehicle.size.length, -belief.mean[belief.symbols.index("X_u|u|")], envelope),
+        search_space(own, vehicle.size.length, -belief.mean[belief.symbols.index("X_u|u|")], envelope),
         slowest,
         seen,
         bench(HELD_OUT, _UNSEEN, envelope, slowest),
-        {name: seen.try_out(manoeuvre) for name, manoeuvre in usual.items()},
+        {name: seen.evaluate(manoeuvre) for name, manoeuvre in usual.items()},
     )
 
 
-def band(task: DesignProblem, manoeuvre: AnyManoeuvre, number: int = 40) -> list[Truth]:
+def simulate_draws(task: DesignProblem, manoeuvre: AnyManoeuvre, number: int = 40) -> list[Truth]:
     """Let so many further vehicles sail a manoeuvre; those that are lost are left out."""
     runs = []
-    for vehicle in drawn_vehicles(task.experiment.vehicle, task.belief, number, [task.experiment.seed, _BAND]):
+    for vehicle in draw_vehicles(task.experiment.vehicle, task.distribution, number, [task.experiment.seed, _BAND]):
         try:
             runs.append(simulate_trial(vehicle, manoeuvre))
         except SimulationError:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.manoeuvre import AnyManoeuvre
-from auvid_cli.design.envelope import tightened, to_relax
-from auvid_cli.design.posterior import Posterior, posterior_along
+from auvid_cli.design.envelope import options_to_relax, with_margin
+from auvid_cli.design.posterior import Posterior, predict_posterior
 from auvid_cli.design.problem import DesignProblem
 from auvid_cli.design.trials import Trial, TrialSet, simulate_trial, sizes_of
 from auvid_cli.design.variables import SearchSpace
@@ -29,7 +29,7 @@ _TOGETHER, _HARDLY = 2.0, 0.5
 _PARTS, _LONGER = 4, (2.0, 4.0)
 
 
-class Reached(NamedTuple):
+class SearchProgress(NamedTuple):
     """How far a search has come.
 
     Attributes
@@ -50,7 +50,7 @@ class Reached(NamedTuple):
 
 def search(
     space: SearchSpace, bench: TrialSet, seed: int, before: tuple[tuple[float, ...], ...] = ()
-) -> Iterator[Reached]:
+) -> Iterator[SearchProgress]:
     """Look for better manoeuvres, generation by generation, without an end.
 
     Begins with the point nearest to the space's own manoeuvre. Where the search settles it begins anew about the best,
@@ -62,7 +62,7 @@ def search(
     bench : Bench
     seed : int
     before : tuple of tuple of float
-        `Reached.costs` of the same search, which was interrupted: how far that came is yielded first.
+        `SearchProgress.costs` of the same search, which was interrupted: how far that came is yielded first.
     """
     random = np.random.default_rng([seed, 1])
     options = {
@@ -75,7 +75,7 @@ def search(
         "verb_log": 0,
     }
     place = space.start()
-    best = bench.try_out(space.manoeuvre(place))
+    best = bench.evaluate(space.manoeuvre(place))
     least, costs = best.cost, list[tuple[float, ...]]()
     while True:
         strategy = cma.CMAEvolutionStrategy(place, _FIRST_STEP, options)
@@ -85,7 +85,7 @@ def search(
             if generation < len(before):
                 costs.append(before[generation])
             else:
-                trials = [bench.try_out(space.manoeuvre(each)) for each in places]
+                trials = [bench.evaluate(space.manoeuvre(each)) for each in places]
                 costs.append(tuple(trial.cost for trial in trials))
             strategy.tell(places, list(costs[-1]))
             for k, cost in enumerate(costs[-1]):
@@ -93,9 +93,9 @@ def search(
                     least, place = cost, places[k]
                     best = trials[k] if trials else best
             if generation + 1 == len(before):
-                best = bench.try_out(space.manoeuvre(place))
+                best = bench.evaluate(space.manoeuvre(place))
             if generation + 1 >= len(before):
-                yield Reached(generation + 1, 1 + sum(map(len, costs)), best, tuple(costs))
+                yield SearchProgress(generation + 1, 1 + sum(map(len, costs)), best, tuple(costs))
 
 
 class WeakCoefficient(NamedTuple):
@@ -131,7 +131,7 @@ class Design(NamedTuple):
     growth : tuple of (float, float)
         After so many seconds of that run the geometric mean of the standard deviations, %; last, of runs of its kind
         that are twice and four times as long, as far as they can be sailed.
-    progress : Reached
+    progress : SearchProgress
     symbols : tuple of str
         Of the coefficients.
     """
@@ -140,16 +140,16 @@ class Design(NamedTuple):
     chosen: str
     gain: float
     trials: dict[str, Trial]
-    poor: tuple[WeakCoefficient, ...]
+    weak_coefficients: tuple[WeakCoefficient, ...]
     truth: Truth
     posterior: Posterior
-    soonest: float | None
-    growth: tuple[tuple[float, float], ...]
-    progress: Reached
+    time_to_match: float | None
+    accuracy_over_time: tuple[tuple[float, float], ...]
+    progress: SearchProgress
     symbols: tuple[str, ...]
 
     @property
-    def is_own(self) -> bool:
+    def keeps_spiral(self) -> bool:
         """Return whether the experiment's own manoeuvre is to be sailed."""
         return self.chosen == "spiral"
 
@@ -159,7 +159,7 @@ class Design(NamedTuple):
         return self.gain >= WORTH_WHILE
 
 
-def conclude(task: DesignProblem, progress: Reached) -> Design:
+def conclude(task: DesignProblem, progress: SearchProgress) -> Design:
     """Compare the best of a search with what is usually sailed, on vehicles that it has not seen.
 
     Raises
@@ -167,20 +167,23 @@ def conclude(task: DesignProblem, progress: Reached) -> Design:
     ConfigError
         If it does not even keep the envelope with those that it has seen; names what to relax.
     """
-    own, own_keeps = task.own.manoeuvre, task.own.outside == 0
+    own, own_keeps = task.spiral_trial.manoeuvre, task.spiral_trial.n_outside == 0
     # By the vehicles that are seen, so that those that are not seen judge it unmoved.
-    others = {"designed": progress.best, **{name: trial for name, trial in task.usual.items() if name != "spiral"}}
-    name, best = min(others.items(), key=lambda each: (each[1].outside > 0, each[1].cost))
-    if best.outside and not own_keeps:
+    others = {
+        "designed": progress.best,
+        **{name: trial for name, trial in task.standard_trials.items() if name != "spiral"},
+    }
+    name, best = min(others.items(), key=lambda each: (each[1].n_outside > 0, each[1].cost))
+    if best.n_outside and not own_keeps:
         raise ConfigError(_nothing_fits(task, progress))
-    named = {"designed": progress.best, **task.usual}
-    trials = {each: task.unseen.try_out(trial.manoeuvre) for each, trial in named.items()}
+    named = {"designed": progress.best, **task.standard_trials}
+    trials = {each: task.held_out_set.evaluate(trial.manoeuvre) for each, trial in named.items()}
     gain = trials[name].mean_gain_over(trials["spiral"])
-    is_own = bool(best.outside) or (own_keeps and not gain >= WORTH_WHILE)
+    is_own = bool(best.n_outside) or (own_keeps and not gain >= WORTH_WHILE)
     taken, manoeuvre = ("spiral", own) if is_own else (name, best.manoeuvre)
     of_own = _nominal_run(task, own)
     truth, posterior = of_own if is_own else _nominal_run(task, manoeuvre)
-    chosen = [task.belief.symbols.index(symbol) for symbol in task.chosen]
+    chosen = [task.distribution.symbols.index(symbol) for symbol in task.chosen]
     return Design(
         manoeuvre,
         taken,
@@ -192,26 +195,26 @@ def conclude(task: DesignProblem, progress: Reached) -> Design:
         _soonest(posterior, of_own[1], chosen),
         (*_growth(posterior, sizes_of(task.nominal), chosen), *_longer(task, manoeuvre, chosen)),
         progress,
-        task.belief.symbols,
+        task.distribution.symbols,
     )
 
 
-def _nothing_fits(task: DesignProblem, progress: Reached) -> str:
-    best, wish = progress.best, task.wish
+def _nothing_fits(task: DesignProblem, progress: SearchProgress) -> str:
+    best, wish = progress.best, task.requirement
     tried = f"none of {progress.evaluations} manoeuvres keeps the envelope with all {wish.draws} drawn vehicles"
-    if best.lost:
+    if best.n_lost:
         return (
-            f"{tried}: of the best one {best.lost} capsize, stand on their nose or run away; draw vehicles that are "
+            f"{tried}: of the best one {best.n_lost} capsize, stand on their nose or run away; draw vehicles that are "
             "nearer to each other (--spread 15%), or take smaller fins (--fins)"
         )
-    extents = [flight.extent for flight in best.flights if flight.extent is not None]
-    relaxed = to_relax(extents, *tightened(wish.envelope, task.slowest))
+    extents = [flight.extent for flight in best.runs if flight.extent is not None]
+    relaxed = options_to_relax(extents, *with_margin(wish.envelope, task.slowest))
     return f"{tried}: relax {relaxed}, which would let the best one pass, or search for longer (--budget)"
 
 
 def _nominal_run(task: DesignProblem, manoeuvre: AnyManoeuvre) -> tuple[Truth, Posterior]:
     truth = simulate_trial(task.nominal, manoeuvre)
-    return truth, posterior_along(truth, task.knowledge)
+    return truth, predict_posterior(truth, task.assumptions)
 
 
 def _soonest(posterior: Posterior, own: Posterior, chosen: Sequence[int]) -> float | None:
@@ -247,14 +250,14 @@ def _poor(
         if percent[place] > _BADLY or (rank < _NAMED and percent[place] > _WELL)
     ]
     return tuple(
-        WeakCoefficient(task.belief.symbols[place], float(percent[place]), _why(task, posterior, place))
+        WeakCoefficient(task.distribution.symbols[place], float(percent[place]), _why(task, posterior, place))
         for place in named
     )
 
 
 def _why(task: DesignProblem, posterior: Posterior, place: int) -> str:
     deviation = np.sqrt(np.diagonal(posterior.covariance))
-    if deviation[place] > _HARDLY * task.knowledge.prior_std[place]:
+    if deviation[place] > _HARDLY * task.assumptions.prior_std[place]:
         return "hardly moves the vehicle in this run"
     free = np.flatnonzero(deviation > 0.0)
     correlation = posterior.covariance[np.ix_(free, free)] / np.outer(deviation[free], deviation[free])
@@ -268,5 +271,5 @@ def _why(task: DesignProblem, posterior: Posterior, place: int) -> str:
     other = int(np.argmax(beside))
     return (
         f"if the others were known it would be {surer:.2g} times surer; it goes most with "
-        f"{task.belief.symbols[free[other]]} (correlation {correlation[here, other]:.2f})"
+        f"{task.distribution.symbols[free[other]]} (correlation {correlation[here, other]:.2f})"
     )

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.design.envelope import Extent, excess, extent_of
-from auvid_cli.design.posterior import Knowledge, posterior_along
+from auvid_cli.design.envelope import Extent, limit_excess, measure_extent
+from auvid_cli.design.posterior import FilterAssumptions, predict_posterior
 from auvid_cli.errors import SimulationError
 from auvid_cli.identification.states import natural_magnitude
 from auvid_cli.simulation.manoeuvres import make_plan
@@ -27,7 +27,7 @@ _OF_THE_WORST = 0.2
 _EXCESS, _LOST = 10.0, 100.0
 
 
-class Flight(NamedTuple):
+class TrialRun(NamedTuple):
     """One vehicle under a manoeuvre.
 
     Attributes
@@ -47,7 +47,7 @@ class Trial(NamedTuple):
     Attributes
     ----------
     manoeuvre : AnyManoeuvre
-    flights : list of Flight
+    flights : list of TrialRun
     measure : ndarray, shape (n,)
         Logarithm of the standard deviation by the criterion, on each vehicle; infinite where it is lost.
     excess : list of dict
@@ -55,25 +55,25 @@ class Trial(NamedTuple):
     """
 
     manoeuvre: AnyManoeuvre
-    flights: list[Flight]
+    runs: list[TrialRun]
     measure: Array
     excess: list[dict[str, float]]
 
     @property
-    def lost(self) -> int:
+    def n_lost(self) -> int:
         """Count the vehicles that capsize, stand on their nose or run away."""
-        return sum(flight.extent is None for flight in self.flights)
+        return sum(flight.extent is None for flight in self.runs)
 
     @property
-    def outside(self) -> int:
+    def n_outside(self) -> int:
         """Count the vehicles that are lost or leave the envelope."""
-        return self.lost + sum(any(share > 0.0 for share in shares.values()) for shares in self.excess)
+        return self.n_lost + sum(any(share > 0.0 for share in shares.values()) for shares in self.excess)
 
     @property
     def cost(self) -> float:
         """Return what a search minimises."""
-        if self.lost:
-            return _LOST * (1.0 + self.lost / len(self.flights))
+        if self.n_lost:
+            return _LOST * (1.0 + self.n_lost / len(self.runs))
         passed = np.array([sum(shares.values()) for shares in self.excess])
         measure = self.measure + _EXCESS * passed
         return float((1.0 - _OF_THE_WORST) * measure.mean() + _OF_THE_WORST * measure.max())
@@ -93,15 +93,15 @@ class Trial(NamedTuple):
 
         0 of those that are held.
         """
-        home = np.array([flight.percent for flight in self.flights if flight.extent is not None])
+        home = np.array([flight.percent for flight in self.runs if flight.extent is not None])
         if not home.size:
-            return np.full(self.flights[0].percent.size, np.nan)
+            return np.full(self.runs[0].percent.size, np.nan)
         with np.errstate(divide="ignore"):
             return np.exp(np.log(home).mean(axis=0))
 
 
 # As the built-in `map`, perhaps by several threads or machines.
-Map = Callable[[Callable[[Any], Flight], Iterable[Any]], Iterable[Flight]]
+Map = Callable[[Callable[[Any], TrialRun], Iterable[Any]], Iterable[TrialRun]]
 
 
 class TrialSet:
@@ -125,7 +125,7 @@ class TrialSet:
     def __init__(
         self,
         vehicles: Sequence[VehicleSettings],
-        knowledge: Knowledge,
+        knowledge: FilterAssumptions,
         chosen: Sequence[str],
         criterion: Criterion,
         envelope: Envelope,
@@ -137,7 +137,7 @@ class TrialSet:
         self._vehicles = [(vehicle, sizes_of(vehicle)) for vehicle in vehicles]
         self._map = spread
 
-    def try_out(self, manoeuvre: AnyManoeuvre) -> Trial:
+    def evaluate(self, manoeuvre: AnyManoeuvre) -> Trial:
         """Let all vehicles sail a manoeuvre."""
         flights = list(self._map(partial(run_trial, manoeuvre=manoeuvre, knowledge=self._knowledge), self._vehicles))
         home = [flight.extent for flight in flights if flight.extent is not None]
@@ -145,17 +145,17 @@ class TrialSet:
             manoeuvre,
             flights,
             np.array([self._measure(flight) for flight in flights]),
-            [excess(extent, self._envelope, self._slowest) for extent in home],
+            [limit_excess(extent, self._envelope, self._slowest) for extent in home],
         )
 
-    def _measure(self, flight: Flight) -> float:
+    def _measure(self, flight: TrialRun) -> float:
         if flight.extent is None:
             return np.inf
         logarithms = np.log(flight.percent[self._chosen])
         return float(logarithms.mean() if self._criterion == "D" else logarithms.max())
 
 
-def run_trial(drawn: tuple[VehicleSettings, Array], manoeuvre: AnyManoeuvre, knowledge: Knowledge) -> Flight:
+def run_trial(drawn: tuple[VehicleSettings, Array], manoeuvre: AnyManoeuvre, knowledge: FilterAssumptions) -> TrialRun:
     """Let one vehicle, with the sizes of its coefficients, sail a manoeuvre, and say what that would tell.
 
     Raises
@@ -167,12 +167,12 @@ def run_trial(drawn: tuple[VehicleSettings, Array], manoeuvre: AnyManoeuvre, kno
     try:
         truth = simulate_trial(vehicle, manoeuvre)
     except SimulationError:
-        return Flight(np.full(sizes.size, np.nan), None)
-    posterior = posterior_along(truth, knowledge)
+        return TrialRun(np.full(sizes.size, np.nan), None)
+    posterior = predict_posterior(truth, knowledge)
     percent = 100.0 * posterior.deviation[-1] / sizes
     if not np.isfinite(percent).all():
         raise SimulationError(f"the covariance of {vehicle.name} was lost to rounding; state a narrower prior")
-    return Flight(percent, extent_of(truth, manoeuvre.excitation.fade_in))
+    return TrialRun(percent, measure_extent(truth, manoeuvre.excitation.fade_in))
 
 
 def simulate_trial(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre) -> Truth:

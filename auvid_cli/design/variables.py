@@ -106,7 +106,7 @@ class SearchSpace(NamedTuple):
         return [name for name in INPUT_SYMBOLS if any(v.name.startswith(f"{name}.") for v in self.variables)]
 
 
-def own_manoeuvre(experiment: Experiment, duration: float, fin_angle: float | None, fin_rate: float | None) -> Spiral:
+def baseline_spiral(experiment: Experiment, duration: float, fin_angle: float | None, fin_rate: float | None) -> Spiral:
     """Return the spiral of an experiment, as long as the design and with its fins.
 
     Raises
@@ -138,7 +138,7 @@ def own_manoeuvre(experiment: Experiment, duration: float, fin_angle: float | No
     return manoeuvre.model_copy(update={"duration": duration, "limits": limits, "excitation": excitation})
 
 
-def space_about(own: Spiral, length: float, drag: float, envelope: Envelope) -> SearchSpace:
+def search_space(own: Spiral, length: float, drag: float, envelope: Envelope) -> SearchSpace:
     """Return what may vary.
 
     Parameters
@@ -184,7 +184,7 @@ def space_about(own: Spiral, length: float, drag: float, envelope: Envelope) -> 
     )
 
 
-def candidates(own: Spiral, length: float) -> dict[str, AnyManoeuvre]:
+def standard_manoeuvres(own: Spiral, length: float) -> dict[str, AnyManoeuvre]:
     """Return what is usually sailed, as long and with the same fins: 3-2-1-1 doublets and a zigzag."""
     same = {"duration": own.duration, "speed": own.speed, "limits": own.limits}
     angle = min(own.limits.fin_angle, np.deg2rad(20.0))

@@ -14,7 +14,7 @@ from auvid_cli.logs.formats.open_log import open_log
 from auvid_cli.logs.formats.text_layout import TextLayout
 from auvid_cli.logs.inputs import read_inputs
 from auvid_cli.logs.measurements import ImportSummary
-from auvid_cli.logs.requests import ColumnReader, Refusals, find_requests
+from auvid_cli.logs.requests import ColumnReader, MapErrors, find_requests
 from auvid_cli.logs.sensor_records import read_sensors
 
 # Of each log by its name, all that continue each other.
@@ -59,7 +59,7 @@ def convert(settings: LogMap, tree: Tree, logs: Mapping[str, Log]) -> Conversion
     FileError
         If a log is damaged.
     """
-    refusals = Refusals(tree)
+    refusals = MapErrors(tree)
     requests = find_requests(settings, tree, logs, refusals)
     refusals.stop_if_any()
     columns = ColumnReader(logs, requests.values())

@@ -10,7 +10,7 @@ from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import gap_limit
 from auvid_cli.logs.measurements import MeasuredRows
-from auvid_cli.logs.requests import RefusedError
+from auvid_cli.logs.requests import MapMismatchError
 from auvid_cli.vehicle.kinematics import body_rates, body_to_earth, earth_to_body
 from auvid_cli.vehicle.parameters import SENSORS
 
@@ -149,7 +149,7 @@ def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: KeyPath) -> Arr
 
     Raises
     ------
-    RefusedError
+    MapMismatchError
         If an attitude lacks an angle that its axes call for.
     """
     symbols = [quantity.symbol for quantity in SENSORS[sensor.sensor]]
@@ -189,16 +189,18 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
 
     Raises
     ------
-    RefusedError
+    MapMismatchError
         If there is no such sensor.
     """
     values, attitude, gyroscope = record.values, _whole(others, "attitude"), _whole(others, "gyroscope")
     if sensor.frame in ("NED", "ENU"):
         if attitude is None:
-            raise RefusedError((*path, "frame"), f"{sensor.frame} velocities need an `attitude` of pitch and heading")
+            raise MapMismatchError(
+                (*path, "frame"), f"{sensor.frame} velocities need an `attitude` of pitch and heading"
+            )
         measured = np.asarray(np.isfinite(values).any(axis=0))
         if not measured[:2].all():
-            raise RefusedError((*path, "columns"), f"{sensor.frame} velocities need both of `u` and `v`")
+            raise MapMismatchError((*path, "columns"), f"{sensor.frame} velocities need both of `u` and `v`")
         if not measured[2]:
             values = np.column_stack((values[:, :2], _sinking(record.time, others, (*path, "columns"))))
         values = earth_to_body(interpolate(attitude.time, attitude.values, record.time, is_angle=True), values)
@@ -213,7 +215,7 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
             time = attitude.time[known]
             rates = interpolate(time, body_rates(time, angles[known]), record.time)
         else:
-            raise RefusedError(
+            raise MapMismatchError(
                 (*path, "position"), "a lever arm needs a `gyroscope` or an `attitude` of pitch and heading"
             )
         values = velocity_at_origin(values, rates, np.array(sensor.position))
@@ -224,7 +226,9 @@ def _sinking(time: Array, others: dict[str, SensorRecord], path: KeyPath) -> Arr
     """Return the velocity downward by the depth, for what measures none; it hardly counts for a level vehicle."""
     depth = others.get("depth")
     if depth is None:
-        raise RefusedError(path, "velocities over ground need `w` as well, or a `depth` that says how fast it sinks")
+        raise MapMismatchError(
+            path, "velocities over ground need `w` as well, or a `depth` that says how fast it sinks"
+        )
     before, after = (interpolate(depth.time, depth.values, time + side * _SINKING)[:, 0] for side in (-0.5, 0.5))
     return (after - before) / _SINKING
 
@@ -250,11 +254,11 @@ def _attitude(sensor: AttitudeMap, rows: MeasuredRows, path: KeyPath) -> Array:
         return np.column_stack((roll, -pitch, 0.5 * np.pi - yaw) if turned else (roll, pitch, yaw))
     symbols = ("phi", "theta", "psi") if sensor.quaternion is None else tuple("wxyz")
     if any(symbol not in rows.values for symbol in symbols):
-        raise RefusedError(
+        raise MapMismatchError(
             (*path, "columns"), "a mount, or these axes, can only be accounted for with all three angles"
         )
     if not np.isfinite(np.column_stack([rows.values[symbol] for symbol in symbols])).all(axis=1).any():
-        raise RefusedError((*path, "columns"), "a mount, or these axes, need all three angles at one time")
+        raise MapMismatchError((*path, "columns"), "a mount, or these axes, need all three angles at one time")
     earth = ENU_TO_NED if sensor.reference == "ENU" else _UNTURNED
     body = product(FLU_TO_FRD if sensor.frame == "FLU" else _UNTURNED, conjugate(_mounted(sensor)))
     angles = np.empty((rows.time.size, 3))

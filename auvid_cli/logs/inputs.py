@@ -12,7 +12,7 @@ from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.data.signals import gap_limit
 from auvid_cli.logs.frames import interpolate
 from auvid_cli.logs.measurements import ImportSummary, read_request, summary_of
-from auvid_cli.logs.requests import ColumnReader, Refusals, RefusedError, Request
+from auvid_cli.logs.requests import ColumnReader, MapErrors, MapMismatchError, Request
 from auvid_cli.logs.sensor_records import SensorRecords
 from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUT_SYMBOLS, PROPULSION
 
@@ -103,7 +103,7 @@ def read_inputs(
     requests: dict[KeyPath, Request],
     columns: ColumnReader,
     sensors: SensorRecords,
-    refusals: Refusals,
+    refusals: MapErrors,
 ) -> tuple[InputRecord, list[ImportSummary], tuple[str, ...]]:
     """Read the inputs, mix what makes them up, and keep what holds while the sensors measure.
 
@@ -149,7 +149,7 @@ def read_inputs(
             spans = ", ".join(
                 f"{name} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for name, channel in channels.items()
             )
-            raise RefusedError(("inputs",), f"{message}: {spans}; give one of them a time with an `offset`")
+            raise MapMismatchError(("inputs",), f"{message}: {spans}; give one of them a time with an `offset`")
         remarks = _mix(settings, held, sensors.records, record)
     refusals.stop_if_any()
     known = np.isfinite(record.values).all(axis=1)
@@ -169,19 +169,21 @@ def _read(
 ) -> tuple[Channel, ImportSummary]:
     signal = settings.channels()[key]
     if signal.si == "turn/s" and not request.values[key[-1]].has_unit:
-        raise RefusedError(request.path, "has no unit: state the `unit` of the log's numbers, `unit: rpm` or `turn/s`")
+        raise MapMismatchError(
+            request.path, "has no unit: state the `unit` of the log's numbers, `unit: rpm` or `turn/s`"
+        )
     rows = read_request(request, {key[-1]: signal}, None, columns)
     values = rows.values[key[-1]]
     known = np.isfinite(values)
     if not known.any():
-        raise RefusedError(request.path, f"there is no number in the column {signal.column!r}")
+        raise MapMismatchError(request.path, f"there is no number in the column {signal.column!r}")
     time, values = rows.time[known] - origin, values[known]
     largest = float(np.abs(values).max())
     if signal.si == "rad" and largest > _LARGEST_FIN_ANGLE:
-        raise RefusedError(request.path, f"deflects {largest:.3g} rad: state the `unit`, or `centre` and `scale`")
+        raise MapMismatchError(request.path, f"deflects {largest:.3g} rad: state the `unit`, or `centre` and `scale`")
     if signal.si == "percent" and not request.values[key[-1]].has_unit and 0.0 < largest <= _LARGEST_FRACTION:
         choice = "state `unit: '1'` where 1 is full thrust, or `unit: percent`"
-        raise RefusedError(request.path, f"reaches only {largest:.3g} and has no unit: {choice}")
+        raise MapMismatchError(request.path, f"reaches only {largest:.3g} and has no unit: {choice}")
     lost = rows.values[key[-1]].size - values.size
     remarks = (f"{lost} missing values: the one before is held",) if lost else ()
     return Channel(time, values), summary_of(".".join(key), time, 0, rows, remarks)
@@ -210,7 +212,7 @@ def _mix(
     if settings.inputs.roll_moment == "propeller":
         known = settings.vehicle.known_parameters()
         if known["X_prop"] == 0.0:
-            raise RefusedError(("inputs", "roll_moment"), "needs a vehicle whose X_prop is not 0")
+            raise MapMismatchError(("inputs", "roll_moment"), "needs a vehicle whose X_prop is not 0")
         roll_moment[:] = surge_force * (known["K_prop"] / known["X_prop"])
     mapped = _mapped(settings.inputs)
     idle = [q.symbol for q, values in zip(record.quantities, record.values.T, strict=True) if not values.any()]
@@ -234,5 +236,5 @@ def _mapped(settings: InputsMap) -> set[str]:
 def _speed(time: Array, sensors: dict[str, SensorRecord]) -> Array:
     """Return the measured surge velocity; NaN where there is none."""
     if "dvl" not in sensors:
-        raise RefusedError(("inputs", "thrust", "b"), "needs the speed, but no `dvl` is mapped")
+        raise MapMismatchError(("inputs", "thrust", "b"), "needs the speed, but no `dvl` is mapped")
     return interpolate(sensors["dvl"].time, sensors["dvl"].values[:, :1], time)[:, 0]

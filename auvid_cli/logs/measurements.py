@@ -10,7 +10,7 @@ from auvid_cli.config.log_columns import LogSignal, RowChoice
 from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.logs.clock import ClockDrift, Order, find_clock_drift, order_rows
 from auvid_cli.logs.formats.log import ColumnValues, Overlap, find_overlaps
-from auvid_cli.logs.requests import ColumnReader, RefusedError, Request
+from auvid_cli.logs.requests import ColumnReader, MapMismatchError, Request
 from auvid_cli.text import one_line
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ def read_request(
 
     Raises
     ------
-    RefusedError
+    MapMismatchError
         If its times are no times or never change, if tables that belong together are not of one length, or if files
         that should continue each other do not.
     FileError
@@ -74,10 +74,10 @@ def read_request(
     try:
         seconds, rollovers = columns.take_time(request)
     except ValueError as error:
-        raise RefusedError((*request.path, "time"), one_line(str(error))) from None
+        raise MapMismatchError((*request.path, "time"), one_line(str(error))) from None
     length = next(iter(raw.values())).size
     if seconds.size != length:
-        raise RefusedError(
+        raise MapMismatchError(
             (*request.path, "time"),
             f"{request.time.place.table} has {seconds.size} rows and cannot give times to the {length} rows here",
         )
@@ -87,7 +87,7 @@ def read_request(
         others = ~is_chosen(ids := columns.take(place), choice)
         if others.all():
             some = ", ".join(map(str, np.unique(ids)[:8].tolist()))
-            raise RefusedError((*request.path, "rows"), f"no row has such a {place.column!r}; there is {some}")
+            raise MapMismatchError((*request.path, "rows"), f"no row has such a {place.column!r}; there is {some}")
         left_out = int(np.count_nonzero(others & np.isfinite(seconds)))
         seconds = np.where(others, np.nan, seconds)
     order = order_rows(seconds)
@@ -115,12 +115,12 @@ def read_request(
     return MeasuredRows(time, values, order, rollovers, invalid, 0, clock_drift, overlaps)
 
 
-def _no_times(request: Request, rows: int, times: int) -> RefusedError:
+def _no_times(request: Request, rows: int, times: int) -> MapMismatchError:
     log, table, column = request.time.place
     if rows < 2:
-        return RefusedError(("logs", log), f"{table or 'the log'} has {'only one row' if rows else 'no rows'}")
+        return MapMismatchError(("logs", log), f"{table or 'the log'} has {'only one row' if rows else 'no rows'}")
     complaint = "never changes" if times else "holds no time in any row"
-    return RefusedError((*request.path, "time"), f"{column!r} {complaint}: name another time")
+    return MapMismatchError((*request.path, "time"), f"{column!r} {complaint}: name another time")
 
 
 def _clock_drift(request: Request, seconds: Array, columns: ColumnReader) -> ClockDrift | None:
@@ -133,7 +133,7 @@ def _clock_drift(request: Request, seconds: Array, columns: ColumnReader) -> Clo
 def _overlaps(
     request: Request, seconds: Array, raw: Mapping[str, ColumnValues], columns: ColumnReader
 ) -> list[Overlap]:
-    """Find overlaps of the files of a log; RefusedError if they interleave for longer than disorder explains."""
+    """Find overlaps of the files of a log; MapMismatchError if they interleave for longer than disorder explains."""
     if request.time.file is None:
         return []
     files, values = columns.take(request.time.file), np.column_stack([*raw.values()])
@@ -142,7 +142,7 @@ def _overlaps(
         if own and end - begin > _LONGEST_INTERLEAVING:
             span = f"{begin:.3f} to {end:.3f} s"
             reason = f"file {file} of the log and those before it both have measurements from {span}"
-            raise RefusedError(request.path, f"{reason}, so they do not continue each other: is it one clock?")
+            raise MapMismatchError(request.path, f"{reason}, so they do not continue each other: is it one clock?")
     return overlaps
 
 
@@ -205,11 +205,11 @@ def is_chosen(ids: ColumnValues, choice: RowChoice) -> NDArray[np.bool_]:
 
 
 def check_plausible(path: KeyPath, numbers: Array, unit: str) -> None:
-    """Raise RefusedError if most of the larger numbers are what no underwater vehicle does."""
+    """Raise MapMismatchError if most of the larger numbers are what no underwater vehicle does."""
     sizes = np.abs(numbers[np.isfinite(numbers)])
     limit = _IMPOSSIBLE.get(unit, np.inf)
     if sizes.size and (reached := float(np.quantile(sizes, 0.99))) > limit:
-        raise RefusedError(
+        raise MapMismatchError(
             path, f"reaches {reached:.3g} {unit}, which cannot be: state the `unit` (or `scale`) of the log's numbers"
         )
 

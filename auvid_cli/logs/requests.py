@@ -17,7 +17,7 @@ from auvid_cli.logs.clock import Clock, to_seconds
 from auvid_cli.logs.formats.log import FILE, HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, missing
 
 
-class RefusedError(Exception):
+class MapMismatchError(Exception):
     """What the map says does not fit the numbers in the log; `path` is where the map says it."""
 
     def __init__(self, path: KeyPath, message: str) -> None:
@@ -25,7 +25,7 @@ class RefusedError(Exception):
         self.path = path
 
 
-class Refusals:
+class MapErrors:
     """Mistakes of a map, each at its place.
 
     Parameters
@@ -51,7 +51,7 @@ class Refusals:
         """Keep what ends the block, and go on after it."""
         try:
             yield
-        except RefusedError as error:
+        except MapMismatchError as error:
             self.say(error.path, str(error))
 
     def stop_if_any(self) -> None:
@@ -131,7 +131,7 @@ class Request(NamedTuple):
         yield from (place for place in optional if place is not None)
 
 
-def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusals: Refusals) -> dict[KeyPath, Request]:
+def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusals: MapErrors) -> dict[KeyPath, Request]:
     """Find the columns that a map names.
 
     Parameters
@@ -141,7 +141,7 @@ def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusal
         The map as it was read.
     logs : mapping of str to Log
         Opened logs by the map's names for them.
-    refusals : Refusals
+    refusals : MapErrors
         Takes tables and columns that the logs have not, text where numbers are expected, units that do not fit.
 
     Returns
@@ -186,7 +186,7 @@ def _by_place(signals: Mapping[KeyPath, LogSignal]) -> dict[LogRows | None, dict
 class _Finder:
     """Looks up columns and says what is not there."""
 
-    def __init__(self, settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusals: Refusals) -> None:
+    def __init__(self, settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusals: MapErrors) -> None:
         self._settings, self._tree, self._logs, self._refusals = settings, tree, logs, refusals
         self._say = refusals.say
         self._tables = {name: log.tables() for name, log in logs.items()}

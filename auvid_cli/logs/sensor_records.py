@@ -31,7 +31,7 @@ from auvid_cli.logs.measurements import (
     together,
     without_repeats,
 )
-from auvid_cli.logs.requests import ColumnReader, Refusals, RefusedError, Request
+from auvid_cli.logs.requests import ColumnReader, MapErrors, MapMismatchError, Request
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class SensorRecords(NamedTuple):
 
 
 def read_sensors(
-    settings: LogMap, requests: dict[KeyPath, Request], columns: ColumnReader, refusals: Refusals
+    settings: LogMap, requests: dict[KeyPath, Request], columns: ColumnReader, refusals: MapErrors
 ) -> SensorRecords:
     """Read, turn and cut all sensors; t = 0 is the first sample of the earliest.
 
@@ -124,7 +124,7 @@ def _within(time: Array, spans: Spans) -> NDArray[np.bool_]:
     return inside
 
 
-def _check_common_time(records: dict[str, SensorRecord], origin: float, refusals: Refusals) -> None:
+def _check_common_time(records: dict[str, SensorRecord], origin: float, refusals: MapErrors) -> None:
     for (name, first), (other, second) in combinations(records.items(), 2):
         if max(first.time[0], second.time[0]) > min(first.time[-1], second.time[-1]):
             spans = (f"{kept.time[0] + origin:.3f} to {kept.time[-1] + origin:.3f} s" for kept in (first, second))
@@ -137,7 +137,7 @@ def _check_common_time(records: dict[str, SensorRecord], origin: float, refusals
 
 def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, position: Array) -> Array:
     if attitude is None or not np.isfinite(attitude.values[:, :2]).any(axis=0).all():
-        raise RefusedError(("sensors", "depth", "position"), "a lever arm needs an `attitude` with pitch")
+        raise MapMismatchError(("sensors", "depth", "position"), "a lever arm needs an `attitude` with pitch")
     tilt = interpolate(attitude.time, attitude.values[:, :2], depth.time, is_angle=True)
     return depth_at_origin(depth.values[:, 0], tilt[:, 0], tilt[:, 1], position)[:, None]
 
@@ -156,7 +156,7 @@ def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) ->
         used = _within(time, use)
         time, values = time[used], values[used]
     if not np.isfinite(values).any():
-        raise RefusedError(("sensors", name), "no valid sample is left: look at use, exclude, valid and limits")
+        raise MapMismatchError(("sensors", name), "no valid sample is left: look at use, exclude, valid and limits")
     if sensor.standard_deviation != "estimate":
         return SensorRecord(time, values, np.array(sensor.standard_deviation, np.float64), **place), ()
     noise = tuple(estimate_noise(column, is_angle=SENSORS[name][0].unit == "rad") for column in values.T)
@@ -168,7 +168,7 @@ def _standard_deviation(name: str, values: Array, noise: tuple[Noise, ...]) -> A
     deviation = np.array([component.standard_deviation for component in noise])
     if not (deviation[measured] > 0.0).all():
         message = "the noise cannot be estimated, for most samples repeat the one before or go on as it did: state it"
-        raise RefusedError(("sensors", name, "standard_deviation"), message)
+        raise MapMismatchError(("sensors", name, "standard_deviation"), message)
     # What was never measured has no noise; a filter must still be told a number.
     return np.where(measured, deviation, np.nanmax(deviation))
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.vehicle import CoefficientTable
-from auvid_cli.design.problem import belief_of_estimate, belief_of_vehicle, drawn_vehicles
+from auvid_cli.design.problem import distribution_from_estimate, distribution_from_vehicle, draw_vehicles
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -18,7 +18,9 @@ def drawn(belief, number=4000):
 
 def test_values_without_a_deviation_are_drawn_within_30_percent_and_keep_their_signs(remus):
     vehicle = remus().vehicle
-    values = drawn(belief_of_vehicle(vehicle, None)) / [vehicle.all_coefficients()[symbol] for symbol in SYMBOLS]
+    values = drawn(distribution_from_vehicle(vehicle, None)) / [
+        vehicle.all_coefficients()[symbol] for symbol in SYMBOLS
+    ]
     assert (values > 0.0).all()
     assert_allclose(np.median(values, axis=0), 1.0, atol=0.03)
     assert_allclose(values.std(axis=0), 0.3 * np.sqrt(1.09), atol=0.03)
@@ -27,13 +29,13 @@ def test_values_without_a_deviation_are_drawn_within_30_percent_and_keep_their_s
 def test_what_the_file_states_counts_unless_a_spread_is_asked_for(remus):
     vehicle = remus("vehicle.coefficients.N_uvl={value: 10 kg, standard_deviation: 1 kg}").vehicle
     place = SYMBOLS.index("N_uvl")
-    assert drawn(belief_of_vehicle(vehicle, None))[:, place].std() == pytest.approx(1.0, rel=0.05)
-    assert drawn(belief_of_vehicle(vehicle, 0.05))[:, place].std() == pytest.approx(0.5, rel=0.05)
+    assert drawn(distribution_from_vehicle(vehicle, None))[:, place].std() == pytest.approx(1.0, rel=0.05)
+    assert drawn(distribution_from_vehicle(vehicle, 0.05))[:, place].std() == pytest.approx(0.5, rel=0.05)
 
 
 def test_without_values_hull_and_fins_say_what_may_be_and_damping_brakes(remus):
     vehicle = remus().vehicle.model_copy(update={"coefficients": CoefficientTable()})
-    belief = belief_of_vehicle(vehicle, None)
+    belief = distribution_from_vehicle(vehicle, None)
     derived = {each.name: each for each in vehicle.derived_values()}
     assert_allclose(belief.mean, [derived[symbol].mean for symbol in SYMBOLS])
     values = drawn(belief)
@@ -46,12 +48,12 @@ def test_without_values_hull_and_fins_say_what_may_be_and_damping_brakes(remus):
 def test_a_vehicle_of_which_nothing_is_known_is_refused_with_what_would_help(remus):
     vehicle = remus().vehicle.model_copy(update={"coefficients": CoefficientTable(), "geometry": None})
     with pytest.raises(ConfigError, match=r"says nothing of X_u\|u\|.*--at FILE.*vehicle\.geometry"):
-        belief_of_vehicle(vehicle, None)
+        distribution_from_vehicle(vehicle, None)
 
 
 def test_vehicles_of_an_estimate_scatter_as_its_covariance_says(hand_made):
     estimate = hand_made([0.0, 1.0], {"N_uvl": [20.0, 10.0], "N_uudr": [-5.0, -6.0]})
-    values = drawn(belief_of_estimate(estimate, estimate.experiment.vehicle), 20000)
+    values = drawn(distribution_from_estimate(estimate, estimate.experiment.vehicle), 20000)
     here = [SYMBOLS.index(symbol) for symbol in ("N_uvl", "N_uudr")]
     assert_allclose(np.cov(values[:, here].T), estimate.final_covariance()[:2, :2], rtol=0.05, atol=1e-2)
     held = np.delete(np.arange(len(SYMBOLS)), here)
@@ -60,8 +62,8 @@ def test_vehicles_of_an_estimate_scatter_as_its_covariance_says(hand_made):
 
 def test_the_same_seed_draws_the_same_vehicles_and_another_others(remus):
     vehicle = remus().vehicle
-    belief = belief_of_vehicle(vehicle, None)
-    first, again, other = (drawn_vehicles(vehicle, belief, 2, [seed, 1]) for seed in (1, 1, 2))
+    belief = distribution_from_vehicle(vehicle, None)
+    first, again, other = (draw_vehicles(vehicle, belief, 2, [seed, 1]) for seed in (1, 1, 2))
     assert first == again
     assert first != other
     assert first[0].known_parameters() == vehicle.known_parameters()

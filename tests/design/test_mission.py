@@ -11,24 +11,24 @@ from numpy.testing import assert_allclose
 from auvid_cli.config.geometry import FinSettings
 from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.config.manoeuvre import Envelope
-from auvid_cli.design.envelope import band_of
+from auvid_cli.design.envelope import summarise_runs
 from auvid_cli.design.mission import checklist_markdown, inputs_csv, manoeuvre_yaml, timeline_markdown, track_geojson
 from auvid_cli.design.trials import simulate_trial
-from auvid_cli.design.variables import candidates, own_manoeuvre, space_about
+from auvid_cli.design.variables import baseline_spiral, search_space, standard_manoeuvres
 from auvid_cli.errors import DataError
 
 
 @pytest.fixture(scope="module")
 def manoeuvre(remus):
-    own = own_manoeuvre(remus(), 30.0, None, None)
-    space = space_about(own, 1.33, 1.62, Envelope())
+    own = baseline_spiral(remus(), 30.0, None, None)
+    space = search_space(own, 1.33, 1.62, Envelope())
     return space.manoeuvre(np.full(len(space.variables), 0.6))
 
 
 @pytest.fixture(scope="module")
 def band(remus, manoeuvre):
     softer = remus("vehicle.coefficients.N_uudr=-5 kg/rad").vehicle
-    return band_of([simulate_trial(remus().vehicle, manoeuvre), simulate_trial(softer, manoeuvre)])
+    return summarise_runs([simulate_trial(remus().vehicle, manoeuvre), simulate_trial(softer, manoeuvre)])
 
 
 def table(text):
@@ -48,7 +48,7 @@ def test_the_manoeuvre_is_one_that_an_experiment_can_name(manoeuvre, tmp_path):
 
 @pytest.mark.parametrize("of_a_spiral", [False, True])
 def test_signals_start_and_end_at_zero_and_never_pass_the_fins(remus, manoeuvre, of_a_spiral):
-    sailed = own_manoeuvre(remus(), 30.0, None, None) if of_a_spiral else manoeuvre
+    sailed = baseline_spiral(remus(), 30.0, None, None) if of_a_spiral else manoeuvre
     header, rows = table(inputs_csv(sailed, fins("+")))
     assert_allclose(np.diff(rows[:, 0]), 0.05, atol=1e-9)
     assert all(name.endswith("]") for name in header)
@@ -96,11 +96,11 @@ def test_a_band_is_between_its_vehicles(band, remus, manoeuvre):
         low, middle, high = getattr(band, name).T
         assert (low <= middle).all()
         assert (middle <= high).all()
-    only = band_of([simulate_trial(remus().vehicle, manoeuvre)])
+    only = summarise_runs([simulate_trial(remus().vehicle, manoeuvre)])
     assert_allclose(only.position[..., 0], only.position[..., 2])
     assert only.box == pytest.approx(np.ptp(simulate_trial(remus().vehicle, manoeuvre).position[:, :2], axis=0))
     with pytest.raises(DataError, match="every vehicle that was drawn for the track is lost"):
-        band_of([])
+        summarise_runs([])
 
 
 def test_a_person_reads_when_to_end_the_run_and_how_deep_to_begin(remus, manoeuvre, band):
@@ -116,19 +116,19 @@ def test_a_person_reads_when_to_end_the_run_and_how_deep_to_begin(remus, manoeuv
     assert min(ways) <= band.length[0] < band.length[1] <= max(ways)
     assert f"In all: 30 s, {band.length[0]:.0f} to {band.length[1]:.0f} m through the water" in text
     rising = simulate_trial(remus().vehicle, manoeuvre)
-    shallow = band_of([rising._replace(position=rising.position * [1.0, 1.0, 0.0] + [0.0, 0.0, -3.2])])
+    shallow = summarise_runs([rising._replace(position=rising.position * [1.0, 1.0, 0.0] + [0.0, 0.0, -3.2])])
     assert "Begin at least 5 m deep" in checklist_markdown(manoeuvre, remus().vehicle, shallow)
 
 
 def test_what_is_usually_sailed_can_be_sailed_by_the_same_files(remus):
-    usual = candidates(own_manoeuvre(remus(), 30.0, None, None), 1.33)
+    usual = standard_manoeuvres(baseline_spiral(remus(), 30.0, None, None), 1.33)
     header, rows = table(inputs_csv(usual["doublets"], None))
     rudder = rows[:, header.index("rudder [deg]")]
     assert (rudder[0], rudder[-1], rudder.max()) == pytest.approx((0.0, 0.0, 8.0))
     header, rows = table(inputs_csv(usual["zigzag"], None))
     assert not rows[:, header.index("rudder [deg]")].any()
     assert header[-2:] == ["held change of depth [m]", "held speed [m/s]"]
-    around = band_of([simulate_trial(remus().vehicle, usual["zigzag"])])
+    around = summarise_runs([simulate_trial(remus().vehicle, usual["zigzag"])])
     said = checklist_markdown(usual["zigzag"], remus().vehicle, around)
     assert "straight for 10 s, then 20 deg to\n      starboard" in said
     assert "whenever the heading is 20 deg from" in said

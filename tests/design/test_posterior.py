@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.design.posterior import knowledge_of, posterior_along
+from auvid_cli.design.posterior import filter_assumptions, predict_posterior
 from auvid_cli.evaluation.bounds import bounds_at, information_with_process_noise, probable_motion
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation.manoeuvres import make_plan
@@ -22,7 +22,7 @@ def run(experiment_with):
         manoeuvre = experiment.manoeuvre.model_copy(update={"input_rate": 20.0})
         plan = make_plan(manoeuvre)
         truth = simulate_motion(experiment.vehicle, manoeuvre, plan, np.zeros((plan.time.size, 6)), 0.025)
-        return experiment, posterior_along(truth, knowledge or knowledge_of(experiment))
+        return experiment, predict_posterior(truth, knowledge or filter_assumptions(experiment))
 
     return posterior
 
@@ -40,7 +40,7 @@ def test_it_is_that_of_a_linear_smoother_about_measured_motion(run, overrides):
     about = probable_motion(prepare(simulate(experiment)), experiment.vehicle.all_coefficients())
     assert about is not None
     information = information_with_process_noise(about)
-    prior = knowledge_of(experiment).prior_std
+    prior = filter_assumptions(experiment).prior_std
     matrix = information.matrix / np.outer(information.prior_std, information.prior_std) + np.diag(prior**-2)
     covariance = np.linalg.inv(matrix)
     ratio = posterior.deviation[-1] / np.sqrt(np.diagonal(covariance))
@@ -64,8 +64,8 @@ def test_without_process_noise_it_is_the_bound_though_the_vehicle_is_unstable(re
         make_plan(experiment.manoeuvre),
         np.zeros((dataset.truth.time.size, 6)),
     )
-    knowledge = knowledge_of(experiment)._replace(noise_density=np.zeros(N_MOTION))
-    deviation = posterior_along(truth, knowledge).deviation[-1]
+    knowledge = filter_assumptions(experiment)._replace(noise_density=np.zeros(N_MOTION))
+    deviation = predict_posterior(truth, knowledge).deviation[-1]
     bound = bounds_at(prepare(dataset), dataset.truth.coefficients).of_data
     np.testing.assert_allclose([bound[symbol] for symbol in SYMBOLS], deviation, rtol=0.01)
 
@@ -73,9 +73,9 @@ def test_without_process_noise_it_is_the_bound_though_the_vehicle_is_unstable(re
 def test_what_earlier_data_say_counts_as_if_they_were_part_of_the_run(run):
     """Information adds: with an independent one as large as the run's own it is twice that, beside the prior's."""
     experiment, first = run()
-    prior = knowledge_of(experiment).prior_std
+    prior = filter_assumptions(experiment).prior_std
     in_hand = np.linalg.inv(first.covariance) - np.diag(prior**-2)
-    knowledge = knowledge_of(experiment, in_hand)
+    knowledge = filter_assumptions(experiment, in_hand)
     before = np.diagonal(knowledge.covariance) * prior**2
     np.testing.assert_allclose(before, np.diagonal(first.covariance), rtol=1e-4)
     _, both = run(knowledge=knowledge)
@@ -85,7 +85,7 @@ def test_what_earlier_data_say_counts_as_if_they_were_part_of_the_run(run):
 
 def test_what_is_held_stays_held_whatever_earlier_data_say(experiment_with):
     experiment = experiment_with("identification.coefficients=[N_uudr, N_url]")
-    knowledge = knowledge_of(experiment, np.eye(len(SYMBOLS)))
+    knowledge = filter_assumptions(experiment, np.eye(len(SYMBOLS)))
     few = [SYMBOLS.index(symbol) for symbol in ("N_uudr", "N_url")]
     others = np.delete(np.arange(len(SYMBOLS)), few)
     assert not knowledge.covariance[others].any()
