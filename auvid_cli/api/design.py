@@ -26,8 +26,15 @@ from auvid_cli.data.files import check_no_overlap, write_text
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.results import refuse_unless
 from auvid_cli.data.search_file import SearchState, read_search, write_search
-from auvid_cli.design.envelope import Band, summarise_runs
-from auvid_cli.design.mission import checklist_markdown, inputs_csv, manoeuvre_yaml, timeline_markdown, track_geojson
+from auvid_cli.design.mission import (
+    Band,
+    checklist_markdown,
+    inputs_csv,
+    manoeuvre_yaml,
+    summarise_runs,
+    timeline_markdown,
+    track_geojson,
+)
 from auvid_cli.design.posterior import uncounted_information
 from auvid_cli.design.problem import DesignProblem, EarlierInformation, Requirement, make_problem, simulate_draws
 from auvid_cli.design.search import Design, SearchProgress, conclude, search

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from auvid_cli.design.envelope import Band, Extent
+from auvid_cli.design.mission import Band
 from auvid_cli.design.posterior import Posterior
 from auvid_cli.design.search import Design, SearchProgress, WeakCoefficient
-from auvid_cli.design.trials import Trial, TrialRun
+from auvid_cli.design.trials import Extent, Trial, TrialRun
 from auvid_cli.report.figures.timeline import mission_figure
 from auvid_cli.report.screens import print_design, sentences
 
