@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auvid_cli.data.signals import noise_standard_deviation
+from auvid_cli.logs.convert import Channel, hold, mix, propeller_thrust, thruster_force
 from auvid_cli.logs.frames import interpolate, velocity_at_origin
-from auvid_cli.logs.inputs import Channel, hold, mix, propeller_thrust, thruster_force
 
 DEFLECTION = st.floats(-0.5, 0.5)
 # Place of a fin's middle, (y, z) seen from behind, and the direction in which a positive one pushes: to starboard,

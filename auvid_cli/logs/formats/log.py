@@ -141,10 +141,9 @@ class JoinedLog(Log):
                 common[table] = tuple(c for c in common.get(table, columns) if c.name in others)
                 for column in common[table]:
                     if others[column.name] != column:
-                        raise FileError(
-                            f"{part.path}: column {column.name!r} is in {others[column.name].unit or 'no unit'}; expected "
-                            f"{column.unit or 'no unit'}, as in {self.path}"
-                        )
+                        unit, usual = others[column.name].unit or "no unit", column.unit or "no unit"
+                        problem = f"column {column.name!r} is in {unit}"
+                        raise FileError(f"{part.path}: {problem}; expected {usual} as in {self.path}")
         return {table: (*columns, LogColumn(FILE)) for table, columns in common.items()}
 
 
