@@ -133,7 +133,7 @@ def designing(
     Parameters
     ----------
     experiment : Experiment
-    wish : Wish
+    wish : Requirement
     estimate : Estimate, optional
         Vehicles are drawn from it.
     given : mapping of Dataset, optional
@@ -168,7 +168,7 @@ def search_until(
 
     Parameters
     ----------
-    task : Task
+    task : DesignProblem
     limits : SearchLimits
         Limits of this search together with an earlier one that it continues.
     file : pathlib.Path
@@ -227,7 +227,7 @@ def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[floa
 
     Parameters
     ----------
-    task : Task
+    task : DesignProblem
     design : Design
     remark : str
         Where it comes from, for the settings.
@@ -281,7 +281,7 @@ def design_into(
     ----------
     folder : pathlib.Path
     sources : DesignSources
-    wish : Wish
+    wish : Requirement
     limits : SearchLimits
     scheduler : str or None
         Address of a Dask scheduler. None: the cores of this machine.

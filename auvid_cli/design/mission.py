@@ -69,7 +69,7 @@ def summarise_runs(runs: Sequence[Truth]) -> Band:
     Raises
     ------
     DataError
-        If there is no run.
+        If `runs` is empty.
     """
     if not runs:
         raise DataError("every drawn vehicle is lost in this manoeuvre; draw them nearer to each other (--spread)")

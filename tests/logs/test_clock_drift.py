@@ -20,7 +20,7 @@ def test_clock_with_jitter_drifts_from_even_clock(rng):
     assert found is not None
     assert (found.clock, found.other, found.unsteady) == (*NAMES, True)
     assert found.later == pytest.approx(5e5, abs=0.1)
-    # Of a uniform distribution 90 % lie within 0.9 of its width, and none is further from the middle than half of it.
+    # A uniform distribution has 90 % within 0.9 of its width, and none is further from the middle than half of it.
     assert found.spread == pytest.approx(0.9 * 0.08, rel=0.05)
     assert found.furthest == pytest.approx(0.5 * 0.08, rel=0.05)
     assert find_clock_drift(EVEN, late, NAMES) is None

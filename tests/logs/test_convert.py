@@ -215,7 +215,7 @@ def test_unknown_id_raises_config_error(converted):
 def test_axes_units_and_epochs_are_converted(converted, seed, epoch, mount):
     velocity, rates, angles = motion(seed)
     mounted = {"": np.eye(3), "upside down": FLU, "backward": np.diag([-1.0, -1.0, 1.0])}[mount]
-    # What a sensor with forward-left-up axes says that is mounted so, and refers its attitude to east-north-up.
+    # A sensor with this mount, forward-left-up axes, and an attitude from east-north-up.
     to_sensor = FLU @ mounted.T
     attitude = Rotation.from_matrix(NED_OF_ENU.T @ rotations(angles).as_matrix() @ to_sensor.T)
     w, x, y, z = attitude.as_quat(scalar_first=True).T
@@ -394,7 +394,7 @@ def test_depth_of_the_origin_by_the_attitude(converted):
     lever, origin = np.array([1.5, -0.2, 0.4]), 10.0 + np.sin(TIME)
     measured = origin + rotations(angles).apply(lever)[:, 2]
     angles[20] = np.nan
-    # The depth is measured in between the attitudes, where their mean stands for them.
+    # The depth is measured between two attitudes, where their mean is used.
     half = slice(0, None, 2)
     log = MemoryLog(
         **{"imu": imu(rates[half], angles[half], TIME[half]), "depth": {"t": TIME, "z": measured}, "in": INPUTS}

@@ -30,7 +30,7 @@ _ELEMENT = re.compile(r"(?P<name>.+)\[(?P<index>\d+)\]")
 # A telemetry log alternates time stamps and messages.
 _STAMP_BYTES = 8
 _VERSION_2 = mavlink.PROTOCOL_MARKER_V2
-_OVERHEAD = {mavlink.PROTOCOL_MARKER_V1: 8, _VERSION_2: 12}  # bytes of a message besides its payload
+_OVERHEAD = {mavlink.PROTOCOL_MARKER_V1: 8, _VERSION_2: 12}  # bytes of a message without its payload
 _MIN_PACKET_BYTES = 8
 _HEAD_BYTES = 10
 

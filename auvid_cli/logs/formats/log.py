@@ -63,7 +63,7 @@ class Log(ABC):
         Raises
         ------
         FileError
-            If there is no such table or column, or the file is damaged.
+            If a table or column is missing, or the file is damaged.
         """
 
 
@@ -73,7 +73,7 @@ def look_up(log: Log, table: str, names: Sequence[str]) -> tuple[LogColumn, ...]
     Raises
     ------
     FileError
-        If there is no such table or column.
+        If a table or column is missing.
     """
     tables = log.tables()
     if table not in tables:

@@ -21,7 +21,7 @@ def message(number, layout, *values):
 
 
 def described(number, layout, name, codes, columns, units, multipliers):
-    """What tells how a message is written, and in which units."""
+    """Format and units of a message."""
     texts = [name.encode(), codes.encode(), columns.encode()]
     unit_texts = [units.encode(), multipliers.encode()]
     length = 3 + struct.calcsize("<" + layout)
@@ -113,7 +113,7 @@ def test_missing_name_raises_file_error_with_nearest(card):
 
 @pytest.fixture(params=[mavlink1, mavlink2], ids=["version 1", "version 2"])
 def telemetry(request, tmp_path):
-    """Path of a log of attitudes at 10 Hz, quaternions, a text, and a message that nobody knows."""
+    """Path of a log of attitudes at 10 Hz, quaternions, a text, and an unknown message."""
     dialect = request.param
     sender = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
     packets = [(0, dialect.MAVLink_statustext_message(6, b"dive").pack(sender))]

@@ -236,7 +236,7 @@ def test_header_row_of_numbers_raises_file_error(opened):
 def test_missing_name_states_number_of_names(opened, name, there):
     with pytest.raises(FileError) as caught:
         opened("time,speed,b1,b2,b3,b4,b5\n1,2,3,4,5,6,7\n").read("", [name])
-    assert str(caught.value).endswith(f"there is no column named {name!r}; there is {there}")
+    assert str(caught.value).endswith(f"no column named {name!r}; expected {there}")
 
 
 @pytest.mark.parametrize("word", ["bool", "text", "nodim", ""])

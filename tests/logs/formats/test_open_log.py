@@ -1,4 +1,4 @@
-"""What a log is, is judged by its content."""
+"""Kinds of logs are recognised by their content."""
 
 import gzip
 import io

@@ -1,4 +1,4 @@
-"""Bags written by rosbags, with a type of message that nobody else knows."""
+"""Bags written by rosbags, with an own type of message."""
 
 import os
 from pathlib import Path
@@ -119,7 +119,7 @@ def test_written_values_are_read(bag):
     values = open_log(bag).read("/dvl", names)
     k = np.arange(COUNT)
     assert list(values) == names
-    # Seconds since the epoch are told apart to 0.24 us.
+    # Seconds since 1970 have a resolution of 0.24 us.
     np.testing.assert_allclose(values[LOG_TIME], START + 0.2 * k + 0.25, rtol=0, atol=3e-7)
     np.testing.assert_allclose(values[HEADER_STAMP], START + 0.2 * k, rtol=0, atol=3e-7)
     np.testing.assert_array_equal(values["velocity.x"], 0.1 * k)
@@ -168,14 +168,14 @@ def test_truncated_bag_raises_file_error(bag):
 @pytest.mark.recorded
 @pytest.mark.skipif(not COUGUV.is_dir(), reason="the recorded bags are not here")
 class TestRecorded:
-    """A lake run of a CougUV against a conversion of the same bag by somebody else."""
+    """A lake run of a CougUV against a conversion of the same bag by another program."""
 
     def test_the_messages_of_its_own_drivers_are_decoded(self):
         csv = open_log(COUGUV / "csv/dvl_velocity.csv").read("", ["unix_s", "u_m_s", "w_m_s", "valid"])
         names = [HEADER_STAMP, "velocity.x", "velocity.z", "velocity_valid"]
         parts = [open_log(COUGUV / f"{name}.mcap").read("/coug2/dvl/data", names) for name in BAGS]
         merged = [np.concatenate([part[name] for part in parts]) for name in names]
-        # The bags overlap, and somebody else merged them.
+        # The bags overlap, and another program merged them.
         stamps, first = np.unique(np.round(merged[0], 6), return_index=True)
         np.testing.assert_allclose(stamps, csv["unix_s"], rtol=0, atol=2e-6)
         for found, name in zip(merged[1:], ["u_m_s", "w_m_s", "valid"], strict=True):
