@@ -181,7 +181,7 @@ def test_numbers_come_back_to_the_last_digit(tmp_path_factory, values, delimiter
         ("t,u\n1,2\n3," + "5" * 200_000 + ",6\n", r"log\.csv:3: row with 1 fields"),
         ("t,u\n1,2\n3,4\r5,6\n7,8\n", r"log\.csv:3: row with 1 fields"),
         ("t," + "u" * 200_000 + "\n1,2\n3,4\n", r"log\.csv:1: a line of more than 128 kB.*names"),
-        ("1,2\n3,4\n", r"log\.csv:1: 2 fields and no names"),
+        ("1,2\n3,4\n", r"log\.csv:1: .*2 fields and no names"),
         ("just\nwords\n", r"log\.csv: text without a delimiter"),
     ],
 )
