@@ -22,7 +22,7 @@ from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.design.mission import manoeuvre_yaml
-from auvid_cli.design.problem import belief_of_vehicle, drawn_vehicles
+from auvid_cli.design.problem import distribution_from_vehicle, draw_vehicles
 from auvid_cli.design.trials import sizes_of
 from auvid_cli.identification.run import identify
 from auvid_cli.report.table import filter_label
@@ -111,8 +111,8 @@ class Fleet:
 
 
 def _vehicles(experiment: Experiment) -> list[VehicleSettings]:
-    belief = belief_of_vehicle(experiment.vehicle, None)
-    return list(drawn_vehicles(experiment.vehicle, belief, _VEHICLES, [experiment.seed, _STREAM]))
+    belief = distribution_from_vehicle(experiment.vehicle, None)
+    return list(draw_vehicles(experiment.vehicle, belief, _VEHICLES, [experiment.seed, _STREAM]))
 
 
 def sizes(rows: pd.DataFrame) -> float:

@@ -26,12 +26,19 @@ from auvid_cli.data.files import check_no_overlap, write_text
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.results import refuse_unless
 from auvid_cli.data.search_file import SearchState, read_search, write_search
-from auvid_cli.design.envelope import Band, band_of
-from auvid_cli.design.mission import checklist_markdown, inputs_csv, manoeuvre_yaml, timeline_markdown, track_geojson
-from auvid_cli.design.posterior import left_out
-from auvid_cli.design.problem import DesignProblem, InHand, Requirement, band, set_task
-from auvid_cli.design.search import Design, Reached, conclude, search
-from auvid_cli.design.trials import Flight, Map
+from auvid_cli.design.mission import (
+    Band,
+    checklist_markdown,
+    inputs_csv,
+    manoeuvre_yaml,
+    summarise_runs,
+    timeline_markdown,
+    track_geojson,
+)
+from auvid_cli.design.posterior import uncounted_information
+from auvid_cli.design.problem import DesignProblem, EarlierInformation, Requirement, make_problem, simulate_draws
+from auvid_cli.design.search import Design, SearchProgress, conclude, search
+from auvid_cli.design.trials import Map, TrialRun
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.bounds import information_with_process_noise, probable_motion
 from auvid_cli.identification.prepared_data import prepare
@@ -42,7 +49,7 @@ from auvid_cli.report.screens import sentences
 Array = NDArray[np.float64]
 
 
-def information_in_hand(experiment: Experiment, named: Mapping[str, Dataset]) -> InHand | None:
+def information_in_hand(experiment: Experiment, named: Mapping[str, Dataset]) -> EarlierInformation | None:
     """Return what finds the Fisher information of datasets about an experiment's coefficients; None without any.
 
     With process noise, about the trajectory along the measurements, by the settings of each dataset. Errors that are
@@ -121,12 +128,12 @@ def designing(
     given: Mapping[str, Dataset] | None = None,
     spread: Map | None = None,
 ) -> Iterator[DesignProblem]:
-    """Set a task that all cores work at, or what else spreads it, see `set_task`.
+    """Set a task that all cores work at, or what else spreads it, see `make_problem`.
 
     Parameters
     ----------
     experiment : Experiment
-    wish : Wish
+    wish : Requirement
     estimate : Estimate, optional
         Vehicles are drawn from it.
     given : mapping of Dataset, optional
@@ -137,14 +144,14 @@ def designing(
     Raises
     ------
     ConfigError, DataError
-        As `set_task`, and if data cannot be counted.
+        As `make_problem`, and if data cannot be counted.
     """
     in_hand = information_in_hand(experiment, given or {})
     if spread is not None:
-        yield set_task(experiment, wish, estimate, in_hand, spread)
+        yield make_problem(experiment, wish, estimate, in_hand, spread)
         return
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        yield set_task(experiment, wish, estimate, in_hand, threads.map)
+        yield make_problem(experiment, wish, estimate, in_hand, threads.map)
 
 
 class SearchLimits(NamedTuple):
@@ -156,12 +163,12 @@ class SearchLimits(NamedTuple):
 
 def search_until(
     task: DesignProblem, limits: SearchLimits, file: Path, key: str, overwrite: bool, progress: Progress
-) -> Reached:
+) -> SearchProgress:
     """Search for better manoeuvres until the limits are reached, or the user interrupts.
 
     Parameters
     ----------
-    task : Task
+    task : DesignProblem
     limits : SearchLimits
         Limits of this search together with an earlier one that it continues.
     file : pathlib.Path
@@ -190,7 +197,7 @@ def search_until(
                 latest, elapsed = reached, monotonic() - start
                 if reached.generation > len(before):
                     write_search(file, SearchState(key, elapsed, reached.costs))
-                note = f", {reached.evaluations} manoeuvres, x{task.gain_of(reached.best):.2f} so far"
+                note = f", {reached.evaluations} manoeuvres, x{task.gain_over_spiral(reached.best):.2f} so far"
                 done, total = (elapsed, limits.time) if limits.time else (reached.generation, limits.generations)
                 assert total is not None, "a search has a limit"
                 advance(min(done, total), total, note)
@@ -204,9 +211,9 @@ def search_until(
     return latest
 
 
-def searching(task: DesignProblem, before: tuple[tuple[float, ...], ...] = ()) -> Iterator[Reached]:
+def searching(task: DesignProblem, before: tuple[tuple[float, ...], ...] = ()) -> Iterator[SearchProgress]:
     """Look for better manoeuvres, without an end, perhaps on from the costs of an earlier search."""
-    return search(task.space, task.seen, task.experiment.seed, before)
+    return search(task.space, task.search_set, task.experiment.seed, before)
 
 
 def search_key(experiment: Experiment, wish: Requirement, files: Iterable[Path]) -> str:
@@ -220,7 +227,7 @@ def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[floa
 
     Parameters
     ----------
-    task : Task
+    task : DesignProblem
     design : Design
     remark : str
         Where it comes from, for the settings.
@@ -228,7 +235,7 @@ def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[floa
         Latitude and longitude of the start, degrees.
     """
     vehicle, manoeuvre = task.experiment.vehicle, design.manoeuvre
-    around = band_of(band(task, manoeuvre))
+    around = summarise_runs(simulate_draws(task, manoeuvre))
     fins = None if vehicle.geometry is None else vehicle.geometry.fins
     return Mission(
         around,
@@ -236,7 +243,9 @@ def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[floa
             "manoeuvre.yaml": manoeuvre_yaml(manoeuvre, remark),
             "inputs.csv": inputs_csv(manoeuvre, fins),
             "track.geojson": track_geojson(around, origin),
-            "timeline.md": timeline_markdown(around, task.wish.envelope, task.slowest, manoeuvre.excitation.fade_in),
+            "timeline.md": timeline_markdown(
+                around, task.requirement.envelope, task.slowest, manoeuvre.excitation.fade_in
+            ),
             "checklist.md": checklist_markdown(manoeuvre, vehicle, around),
         },
     )
@@ -272,7 +281,7 @@ def design_into(
     ----------
     folder : pathlib.Path
     sources : DesignSources
-    wish : Wish
+    wish : Requirement
     limits : SearchLimits
     scheduler : str or None
         Address of a Dask scheduler. None: the cores of this machine.
@@ -298,8 +307,8 @@ def design_into(
         estimate = None if sources.at is None else read_estimate(sources.at)
         data = {str(path): read_dataset(path) for path in sources.given}
         task = stack.enter_context(designing(experiment, wish, estimate, data, spread))
-        progress.message(f"{experiment.vehicle.name}: {wish.draws} drawn from {task.belief.origin}")
-        for name in left_out(experiment):
+        progress.message(f"{experiment.vehicle.name}: {wish.draws} drawn from {task.distribution.origin}")
+        for name in uncounted_information(experiment):
             progress.message(f"note: not counted: {name}")
         for path in data:
             progress.message(f"known already: what {path} says")
@@ -307,7 +316,9 @@ def design_into(
         reached = search_until(task, limits, folder / STATE, key, overwrite, progress)
         with progress.stage("compare"):
             design = conclude(task, reached)
-            gain = "the spiral itself" if design.is_own else f"{design.chosen}, x{design.gain:.2f} over the spiral"
+            gain = (
+                "the spiral itself" if design.keeps_spiral else f"{design.chosen}, x{design.gain:.2f} over the spiral"
+            )
             remark = f"auvid design, seed {experiment.seed}, {reached.generation} generations: {gain}"
             found = mission(task, design, remark, origin)
     texts = found.texts | {"result.md": "\n".join(f"- {line}" for line in sentences(design)) + "\n"}
@@ -324,4 +335,4 @@ def _spread_over(scheduler: str) -> Iterator[Map]:
     """Connect to a Dask scheduler and yield a function that tries manoeuvres on its workers, as `map`."""
     with cluster_client(scheduler, None) as client:
         # A client of this process is not awaited.
-        yield lambda work, items: cast("list[Flight]", client.gather(client.map(work, list(items), pure=False)))
+        yield lambda work, items: cast("list[TrialRun]", client.gather(client.map(work, list(items), pure=False)))

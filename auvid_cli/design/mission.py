@@ -1,7 +1,8 @@
-"""What the crew of a vehicle needs to sail a manoeuvre, as the texts of files: inputs, track, timeline, checklist."""
+"""Files for the crew of a vehicle: inputs, track, timeline and checklist of a manoeuvre."""
 
 import json
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -10,45 +11,125 @@ from numpy.typing import NDArray
 from auvid_cli.config.geometry import FinSettings
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope, Zigzag
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.design.envelope import Band
+from auvid_cli.design.trials import measure_extent
+from auvid_cli.errors import DataError
 from auvid_cli.simulation.manoeuvres import ManoeuvrePlan, make_plan
+from auvid_cli.simulation.motion import Truth
 
 Array = NDArray[np.float64]
 
-# Hz: what vehicles play back.
-_RATE = 20.0
-# Seconds between two rows of the timeline, two corners of the track, and two boxes of its band.
-_ROWS, _BOXES = 12, 5
-# Equatorial radius, m, and eccentricity squared of WGS 84.
-_RADIUS, _ECCENTRICITY = 6378137.0, 6.69437999014e-3
+_INPUT_RATE = 20.0  # Hz
+_TIMELINE_ROWS = 12
+_BOX_STEP = 5  # s between two boxes of the band
+_RADIUS = 6378137.0  # m, equatorial radius of WGS 84
+_ECCENTRICITY = 6.69437999014e-3  # eccentricity of WGS 84, squared
+# Percentiles of the drawn vehicles.
+LOW = 5.0
+HIGH = 95.0
+
+
+class Band(NamedTuple):
+    """Range of a run over the drawn vehicles; the last axis is the 5th, 50th and 95th percentile.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        s, one a second.
+    position : ndarray, shape (n, 3, 3)
+        North, east, down, m, from the start.
+    turned, turn_rate, pitch, roll, speed : ndarray, shape (n, 3)
+        Change of heading (rad), rad/s, rad, rad, m/s.
+    box : tuple of float
+        Extent north and east, m, of 95 of 100 vehicles.
+    depths : tuple of float
+        Shallowest and deepest point of 95 of 100 vehicles, m below the start.
+    length, energy : tuple of float
+        Distance through the water, m, and work of the thrust, J: 5th and 95th percentile.
+    number : int
+        Number of vehicles.
+    """
+
+    time: Array
+    position: Array
+    turned: Array
+    turn_rate: Array
+    pitch: Array
+    roll: Array
+    speed: Array
+    box: tuple[float, float]
+    depths: tuple[float, float]
+    length: tuple[float, float]
+    energy: tuple[float, float]
+    number: int
+
+
+def summarise_runs(runs: Sequence[Truth]) -> Band:
+    """Return the band of runs of one manoeuvre.
+
+    Raises
+    ------
+    DataError
+        If `runs` is empty.
+    """
+    if not runs:
+        raise DataError("every drawn vehicle is lost in this manoeuvre; draw them nearer to each other (--spread)")
+    time = np.arange(0.0, runs[0].time[-1] + 1e-9, 1.0)
+    ticks = np.searchsorted(runs[0].time, time - 1e-9)
+    motion, position = np.array([run.motion[ticks] for run in runs]), np.array([run.position[ticks] for run in runs])
+    extent = np.array([np.ptp(run.position[:, :2], axis=0) for run in runs])
+    depths = np.array([(run.position[:, 2].min(), run.position[:, 2].max()) for run in runs])
+    lengths = [float(np.linalg.norm(np.diff(run.position, axis=0), axis=1).sum()) for run in runs]
+    energies = [measure_extent(run, 0.0).energy for run in runs]
+
+    def percentiles(values: Array) -> Array:
+        return np.moveaxis(np.percentile(values, [LOW, 50.0, HIGH], axis=0), 0, -1)
+
+    def outer(values: Sequence[float]) -> tuple[float, float]:
+        low, high = np.percentile(values, [LOW, HIGH])
+        return float(low), float(high)
+
+    columns = {"turned": 8, "turn_rate": 5, "pitch": 7, "roll": 6, "speed": 0}
+    north, east = np.percentile(extent, HIGH, axis=0)
+    shallowest, deepest = np.percentile(depths[:, 0], LOW), np.percentile(depths[:, 1], HIGH)
+    return Band(
+        time,
+        percentiles(position),
+        **{name: percentiles(motion[:, :, column]) for name, column in columns.items()},
+        box=(float(north), float(east)),
+        depths=(float(shallowest), float(deepest)),
+        length=outer(lengths),
+        energy=outer(energies),
+        number=len(runs),
+    )
 
 
 def manoeuvre_yaml(manoeuvre: AnyManoeuvre, comment: str) -> str:
-    """Write the settings of a manoeuvre, SI, as an experiment names them."""
+    """Return the settings of a manoeuvre, SI, as YAML for an experiment."""
     settings = manoeuvre.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-    # The type comes first for whoever reads it; a default or not, it tells the others apart.
     ordered = {"name": manoeuvre.name, "type": manoeuvre.type, **settings}
     return f"# {comment}\n{yaml.safe_dump(ordered, sort_keys=False, default_flow_style=None, width=100)}"
 
 
 def inputs_csv(manoeuvre: AnyManoeuvre, fins: FinSettings | None) -> str:
-    """Write what is added to the autopilot's commands, fin by fin where these are known, and what it has to hold.
+    """Return a table over time of the signals to add to the autopilot's commands, and of its set-points.
 
-    Notes
-    -----
-    A fin is positive as the vehicle file's rudder and elevator are; of an x tail that is the trailing edge to port.
+    Positive fin angles are those of the vehicle file's rudder and elevator; on an x tail, trailing edge to port.
     """
-    plan = make_plan(manoeuvre.model_copy(update={"input_rate": _RATE}))
-    # All that is added begins and ends with the run, steps too.
+    plan = make_plan(manoeuvre.model_copy(update={"input_rate": _INPUT_RATE}))
+    # Added signals, steps too, begin and end at zero.
     plan.feedforward[[0, -1]] = 0.0
-    columns = {"time [s]": plan.time, **_signals(plan, fins, manoeuvre.limits.fin_angle), **_held(manoeuvre, plan)}
+    columns = {
+        "time [s]": plan.time,
+        **_added_signals(plan, fins, manoeuvre.limits.fin_angle),
+        **_set_points(manoeuvre, plan),
+    }
     table = np.column_stack(list(columns.values()))
     lines = [",".join(columns), *(",".join(f"{value + 0.0:.5g}" for value in row) for row in table)]
     return "\n".join(lines) + "\n"
 
 
-def _signals(plan: ManoeuvrePlan, fins: FinSettings | None, limit: float) -> dict[str, Array]:
-    """Return the added signals, as far as fins go."""
+def _added_signals(plan: ManoeuvrePlan, fins: FinSettings | None, limit: float) -> dict[str, Array]:
+    """Return the added signals by column, cut at `limit`, rad."""
     signals = np.where(np.abs(plan.feedforward) < 1e-9, 0.0, plan.feedforward)
     bound, (rudder, elevator) = np.rad2deg(limit), np.rad2deg(signals[:, :2]).T
     if fins is not None and fins.tail == "x":
@@ -65,46 +146,46 @@ def _signals(plan: ManoeuvrePlan, fins: FinSettings | None, limit: float) -> dic
     return named | {"thrust [N]": signals[:, 2], "roll moment [N m]": signals[:, 3]}
 
 
-def _held(manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan) -> dict[str, Array]:
-    """Return what the loops that are closed hold."""
-    held, autopilot = dict[str, Array](), manoeuvre.autopilot
+def _set_points(manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan) -> dict[str, Array]:
+    """Return the set-points of the closed loops by column."""
+    columns, autopilot = dict[str, Array](), manoeuvre.autopilot
     if autopilot.horizontal == "turn_rate":
-        held["held turn rate [deg/s]"] = np.rad2deg(plan.turn_rate)
+        columns["held turn rate [deg/s]"] = np.rad2deg(plan.turn_rate)
     if autopilot.vertical == "depth":
-        held["held change of depth [m]"] = np.zeros(plan.time.size)
+        columns["held change of depth [m]"] = np.zeros(plan.time.size)
     else:
-        held["held pitch [deg]"] = np.full(plan.time.size, np.rad2deg(plan.pitch))
-    return held | {"held speed [m/s]": plan.speed}
+        columns["held pitch [deg]"] = np.full(plan.time.size, np.rad2deg(plan.pitch))
+    return columns | {"held speed [m/s]": plan.speed}
 
 
 def track_geojson(band: Band, origin: tuple[float, float]) -> str:
-    """Write the middle track, and boxes that 5 to 95 of 100 vehicles are between, every few seconds.
+    """Return the median track, and boxes of the 5 to 95 % band every few seconds.
 
     Parameters
     ----------
     band : Band
     origin : tuple of float
-        Latitude and longitude of the start, degrees.
+        Latitude and longitude of the start, deg.
     """
 
-    def place(north: float, east: float) -> list[float]:
+    def coordinates(north: float, east: float) -> list[float]:
         latitude = np.deg2rad(origin[0])
-        flat = 1.0 - _ECCENTRICITY * np.sin(latitude) ** 2
-        by_north = _RADIUS * (1.0 - _ECCENTRICITY) / flat**1.5
-        by_east = _RADIUS * np.cos(latitude) / np.sqrt(flat)
+        curvature = 1.0 - _ECCENTRICITY * np.sin(latitude) ** 2
+        north_radius = _RADIUS * (1.0 - _ECCENTRICITY) / curvature**1.5
+        east_radius = _RADIUS * np.cos(latitude) / np.sqrt(curvature)
         return [
-            round(origin[1] + float(np.rad2deg(east / by_east)), 8),
-            round(origin[0] + float(np.rad2deg(north / by_north)), 8),
+            round(origin[1] + float(np.rad2deg(east / east_radius)), 8),
+            round(origin[0] + float(np.rad2deg(north / north_radius)), 8),
         ]
 
-    middle = [[*place(*row[:2, 1]), round(-float(row[2, 1]), 2)] for row in band.position]
+    middle = [[*coordinates(*row[:2, 1]), round(-float(row[2, 1]), 2)] for row in band.position]
     boxes = []
-    for (south, _, north), (west, _, east), _ in band.position[::_BOXES]:
+    for (south, _, north), (west, _, east), _ in band.position[::_BOX_STEP]:
         corners = ((south, west), (south, east), (north, east), (north, west), (south, west))
-        boxes.append([[place(*corner) for corner in corners]])
+        boxes.append([[coordinates(*corner) for corner in corners]])
     features = [
         _feature("LineString", middle, name="track", seconds_between_points=1, height="m above the start"),
-        _feature("MultiPolygon", boxes, name="5 to 95 % band", seconds_between_boxes=_BOXES),
+        _feature("MultiPolygon", boxes, name="5 to 95 % band", seconds_between_boxes=_BOX_STEP),
     ]
     return json.dumps({"type": "FeatureCollection", "features": features}) + "\n"
 
@@ -114,52 +195,52 @@ def _feature(kind: str, coordinates: list[Any], **properties: Any) -> dict[str, 
 
 
 def timeline_markdown(band: Band, envelope: Envelope, slowest: float, begun: float) -> str:
-    """Write what a person sees as the run goes on, 5 to 95 of 100 vehicles, and where to end it.
+    """Return the expected course of the run, 5 to 95 of 100 vehicles, and the limits at which to abort it.
 
     Parameters
     ----------
     band : Band
     envelope : Envelope
     slowest : float
-        m/s.
+        Least speed, m/s.
     begun : float
-        s, from when on the speed counts.
+        Time from which the speed counts, s.
     """
-    every = max((band.time.size - 1) // _ROWS, 1)
+    every = max((band.time.size - 1) // _TIMELINE_ROWS, 1)
     columns = ("time (s)", "heading changed (deg)", "turn rate (deg/s)", "depth changed (m)", "pitch (deg)")
     header = (*columns, "roll (deg)", "speed (m/s)", "abort at a depth change of (m)")
     lines = [
         "# Timeline",
         "",
-        f"Of {band.number} vehicles as they may be: 5 to 95 of 100. Heading and depth from the start of the run.",
+        f"Range of {band.number} probable vehicles (5 to 95 %). Heading and depth count from the start of the run.",
         "",
         f"| {' | '.join(header)} |",
         f"|{' ---: |' * len(header)}",
     ]
     depth = band.position[:, 2]
-    for place in range(0, band.time.size, every):
-        low, _, high = depth[place]
+    for k in range(0, band.time.size, every):
+        low, _, high = depth[k]
         margin = 0.25 * envelope.depth
         cells = (
-            f"{band.time[place]:.0f}",
-            *(_range(np.rad2deg(values[place])) for values in (band.turned, band.turn_rate)),
-            _range(depth[place]),
-            *(_range(np.rad2deg(values[place])) for values in (band.pitch, band.roll)),
-            _range(band.speed[place]),
+            f"{band.time[k]:.0f}",
+            *(_range(np.rad2deg(values[k])) for values in (band.turned, band.turn_rate)),
+            _range(depth[k]),
+            *(_range(np.rad2deg(values[k])) for values in (band.pitch, band.roll)),
+            _range(band.speed[k]),
             f"{low - margin:.1f} or {high + margin:.1f}",
         )
         lines.append(f"| {' | '.join(cells)} |")
     limits = (
         f"roll beyond {np.rad2deg(envelope.roll):.0f} deg, pitch beyond {np.rad2deg(envelope.pitch):.0f} deg, "
         f"slower than {slowest:.2g} m/s for more than 5 s after the first {begun:.0f} s, more than "
-        f"{envelope.box:.0f} m from where the run began, or a depth outside the last column"
+        f"{envelope.box:.0f} m from the start of the run, or a depth outside the last column"
     )
     low, high = (np.array([length, 1e-3 * energy]) for length, energy in zip(band.length, band.energy, strict=True))
-    whole = (
+    total = (
         f"In all: {band.time[-1]:.0f} s, {low[0]:.0f} to {high[0]:.0f} m through the water, {low[1]:.3g} to "
         f"{high[1]:.3g} kJ of work by the thrust, without losses"
     )
-    return "\n".join([*lines, "", f"{whole}.", "", f"Abort at any time: {limits}."]) + "\n"
+    return "\n".join([*lines, "", f"{total}.", "", f"Abort at any time: {limits}."]) + "\n"
 
 
 def _range(values: Array) -> str:
@@ -167,7 +248,7 @@ def _range(values: Array) -> str:
 
 
 def checklist_markdown(manoeuvre: AnyManoeuvre, vehicle: VehicleSettings, band: Band) -> str:
-    """Write what to do before, between and after, so that the data can be used."""
+    """Return the checklist of a run: before, during and after it."""
     shallowest, deepest = band.depths
     return f"""# Checklist: {vehicle.name}, {manoeuvre.duration:g} s
 
@@ -178,20 +259,21 @@ Before
 {manoeuvre.speed if manoeuvre.initial_speed is None else manoeuvre.initial_speed:g} m/s.
 - [ ] Fins free, within {np.rad2deg(manoeuvre.limits.fin_angle):.0f} deg and \
 {np.rad2deg(manoeuvre.limits.fin_rate):.0f} deg/s; their zero checked by eye.
-- [ ] inputs.csv added to what the autopilot commands, which holds what its last columns say.{_by_heading(manoeuvre)}
+- [ ] inputs.csv added to the autopilot's commands; the autopilot holds the values of the last columns.\
+{_by_heading(manoeuvre)}
 - [ ] Abort limits of timeline.md set in the vehicle.
 
 Log, with one clock
 - [ ] Gyroscope and accelerometer at 50 Hz or more, raw.
 - [ ] DVL at every ping, in its own axes, and whether it had bottom lock.
 - [ ] Attitude and depth at 10 Hz or more.
-- [ ] Fins as executed, not as commanded, and propeller speed, at 20 Hz or more.
+- [ ] Measured fin angles, not commands, and propeller speed, at 20 Hz or more.
 
 Sail
-- [ ] A straight, level run of 30 s one way and back: the current follows from the two.
+- [ ] A straight, level run of 30 s one way and back, to measure the current.
 - [ ] The run of inputs.csv.
-- [ ] A coast-down: straight, level, propeller off, for 20 s: drag without thrust.
-- [ ] The run of inputs.csv once more: `auvid validate` needs data that no estimate has seen.
+- [ ] A coast-down: straight, level, propeller off, for 20 s, to measure the drag without thrust.
+- [ ] The run of inputs.csv once more: `auvid validate` needs data that were not used for the estimate.
 
 After
 - [ ] `auvid import`, `auvid inspect`, `auvid identify` the first run, `auvid validate` with the second.
@@ -199,10 +281,10 @@ After
 
 
 def _by_heading(manoeuvre: AnyManoeuvre) -> str:
-    """Return what is steered by what the vehicle does, and is in no table over time."""
+    """Return the line about a rudder that follows the heading and is therefore not in inputs.csv; empty without one."""
     if not isinstance(manoeuvre, Zigzag):
         return ""
     rudder, heading = np.rad2deg([manoeuvre.rudder, manoeuvre.heading])
     return f"""
-- [ ] The rudder by the heading, no loop holds it: straight for {manoeuvre.approach:g} s, then {rudder:.0f} deg to
+- [ ] The rudder by the heading, without a control loop: straight for {manoeuvre.approach:g} s, then {rudder:.0f} deg to
       starboard, and to the other side whenever the heading is {heading:.0f} deg from that of the start."""

@@ -1,4 +1,4 @@
-"""What a filter will state after a run: the covariance of the coefficients, with process noise, along a true motion."""
+"""Covariance of the coefficients that a filter will report after a run, with process noise, along a true motion."""
 
 from typing import NamedTuple
 
@@ -17,26 +17,25 @@ from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION, SENSORS
 
 Array = NDArray[np.float64]
 
-# Those that measure the motion itself.
-MEASURING = "gyroscope", "dvl", "attitude"
+_COUNTED_SENSORS = ("gyroscope", "dvl", "attitude")
 
 
-class Knowledge(NamedTuple):
-    """What a filter knows before a run and learns in it, SI.
+class FilterAssumptions(NamedTuple):
+    """Priors and noise levels of a filter, SI.
 
     Attributes
     ----------
     prior_std : ndarray, shape (m,)
-        Of the vehicle's coefficients; 0 of one that is held.
+        Prior standard deviation of each coefficient; 0 if it is fixed.
     initial_std : ndarray, shape (9,)
-        Of the motion at the start.
+        Standard deviation of the motion at the start.
     noise_density : ndarray, shape (9,)
-        Of the process noise.
+        Process noise, per square root of a second.
     measured_density : ndarray, shape (9,)
-        Of the noise of what measures each motion state: its standard deviation by the root of its rate; infinite where
-        nothing does.
+        Measurement noise of each motion state: standard deviation divided by the square root of the rate; infinite
+        without a sensor.
     covariance : ndarray, shape (m, m)
-        Of the coefficients before the run, in units of `prior_std`.
+        Covariance of the coefficients before the run, in units of `prior_std`.
     """
 
     prior_std: Array
@@ -47,16 +46,16 @@ class Knowledge(NamedTuple):
 
 
 class Posterior(NamedTuple):
-    """What is known of the coefficients at the end of a run, SI.
+    """Accuracy of the coefficients along a run, SI.
 
     Attributes
     ----------
     time : ndarray, shape (n,)
         s.
     deviation : ndarray, shape (n, m)
-        Standard deviations after so much of the run.
+        Standard deviations at these times.
     covariance : ndarray, shape (m, m)
-        At its end.
+        Covariance at the end.
     """
 
     time: Array
@@ -64,55 +63,53 @@ class Posterior(NamedTuple):
     covariance: Array
 
 
-def knowledge_of(experiment: Experiment, in_hand: Array | None = None) -> Knowledge:
-    """Collect what the settings of an experiment say of priors and noise.
+def filter_assumptions(experiment: Experiment, earlier_information: Array | None = None) -> FilterAssumptions:
+    """Return priors and noise levels from the settings of an experiment.
+
+    Gyroscope, DVL and attitude count, with the noise that their settings state. Estimated sensor errors, such as
+    biases, are left out.
 
     Parameters
     ----------
     experiment : Experiment
-    in_hand : ndarray, shape (m, m), optional
-        Fisher information of earlier data about the vehicle's coefficients, SI.
-
-    Notes
-    -----
-    Of gyroscope, DVL and attitude as a filter is told of them; errors that are estimated beside the coefficients, such
-    as biases, are left out.
+    earlier_information : ndarray, shape (m, m), optional
+        Fisher information of earlier data about the coefficients, SI.
     """
-    identification, suite = experiment.identification, experiment.sensors
-    vehicle = experiment.vehicle
+    identification, vehicle = experiment.identification, experiment.vehicle
     priors, estimated = coefficient_priors(vehicle, identification.prior), identification.estimated(vehicle)
     density = np.full(N_MOTION, np.inf)
-    for name, settings in ((name, sensor) for name, sensor in suite.given().items() if name in MEASURING):
-        for quantity, deviation in zip(SENSORS[name], settings.stated_standard_deviation(), strict=True):
-            density[MOTION_SYMBOLS.index(quantity.symbol)] = deviation / np.sqrt(settings.rate)
+    for name, settings in experiment.sensors.given().items():
+        if name in _COUNTED_SENSORS:
+            for quantity, deviation in zip(SENSORS[name], settings.stated_standard_deviation(), strict=True):
+                density[MOTION_SYMBOLS.index(quantity.symbol)] = deviation / np.sqrt(settings.rate)
     noise, initial = identification.process_noise, identification.initial_motion
     prior_std = np.array(
         [priors[s].standard_deviation if s in estimated else 0.0 for s in vehicle.coefficient_set.symbols]
     )
-    return Knowledge(
+    return FilterAssumptions(
         prior_std,
         np.repeat([initial.velocity, initial.rate, initial.attitude], 3),
         np.array(noise.of_motion()),
         density,
-        _known_before(prior_std, in_hand),
+        _initial_covariance(prior_std, earlier_information),
     )
 
 
-def _known_before(prior_std: Array, in_hand: Array | None) -> Array:
-    """Return the covariance in units of the prior: that of the prior, or of the prior and earlier data."""
+def _initial_covariance(prior_std: Array, earlier_information: Array | None) -> Array:
+    """Return the covariance before the run, in units of the prior, shape (m, m)."""
     free = prior_std > 0.0
-    if in_hand is None:
+    if earlier_information is None:
         return np.diag(free.astype(float))
-    information = np.eye(prior_std.size) + in_hand * np.outer(prior_std, prior_std)
+    information = np.eye(prior_std.size) + earlier_information * np.outer(prior_std, prior_std)
     return np.linalg.inv(information).astype(np.float64) * np.outer(free, free)
 
 
-def left_out(experiment: Experiment) -> list[str]:
-    """Name what an estimator would use or estimate besides, and is not counted."""
+def uncounted_information(experiment: Experiment) -> list[str]:
+    """Name what an estimator would use or estimate in addition, but the prediction leaves out."""
     identification = experiment.identification
     names = [f"estimated errors ({name.value})" for name in identification.estimate.biases]
     if identification.attitude_from == "inertial":
-        names.append("raw inertial sensors, in place of which the attitude counts")
+        names.append("raw inertial sensors (the attitude counts instead)")
     if experiment.sensors.depth is not None:
         names.append("the depth sensor")
     if identification.prior.from_estimate is not None:
@@ -132,13 +129,14 @@ class _Workspace(NamedTuple):
     covariance : ndarray, shape (m + 9, m + 9)
         Coefficients in units of their priors, then the motion, SI.
     moved : ndarray, shape (9, m + 9)
+        Rows of the motion after multiplication by the transition matrix.
     by_coefficients : ndarray, shape (9, m)
-        What the motion owes to the coefficients in a step, in these units.
+        Sensitivity of the motion after a step to the coefficients, in units of their priors.
     column : ndarray, shape (m + 9,)
     motion : ndarray, shape (9,)
     transition : ndarray, shape (9, N_COLUMNS + terms)
     step : ndarray
-        Of `transition_work`.
+        Workspace of `transition_step`.
     """
 
     covariance: Array
@@ -151,17 +149,17 @@ class _Workspace(NamedTuple):
 
 
 _WORKSPACE = types.NamedTuple((_matrix, _matrix, _matrix, _vector, _vector, _matrix, _vector), _Workspace)
-_KNOWLEDGE = types.NamedTuple((_vector, _vector, _vector, _vector, _matrix), Knowledge)
+_ASSUMPTIONS = types.NamedTuple((_vector, _vector, _vector, _vector, _matrix), FilterAssumptions)
 
 
 @compiled()
 def _predict(prior_std, work):
-    """Move the covariance by the transition matrix in the workspace."""
+    """Propagate the covariance by the transition matrix in the workspace."""
     covariance, moved, transition, by_coefficients = work.covariance, work.moved, work.transition, work.by_coefficients
     m = prior_std.size
     for i in range(N_MOTION):
         for c in range(m):
-            # Those of a vehicle's own terms stand behind all else.
+            # Columns of a vehicle's own terms follow all others.
             place = N_MOTION + c if c < N_COEFFICIENTS else N_COLUMNS + c - N_COEFFICIENTS
             by_coefficients[i, c] = transition[i, place] * prior_std[c]
     for i in range(N_MOTION):
@@ -186,7 +184,7 @@ def _predict(prior_std, work):
 
 @compiled()
 def _measure_motion(density, duration, work):
-    """Update with measurements of each motion state for so long."""
+    """Update with measurements of each motion state during `duration`, s."""
     covariance, column = work.covariance, work.column
     m = column.size - N_MOTION
     for i in range(N_MOTION):
@@ -199,15 +197,15 @@ def _measure_motion(density, duration, work):
                 covariance[j, k] -= gain * column[k]
 
 
-@compiled(types.void(types.UniTuple(_matrix, 2), types.UniTuple(_vector, 3), _KNOWLEDGE, _matrix, _WORKSPACE))
-def _run(record, vehicle, knowledge, deviation, work):
+@compiled(types.void(types.UniTuple(_matrix, 2), types.UniTuple(_vector, 3), _ASSUMPTIONS, _matrix, _WORKSPACE))
+def _run(record, vehicle, assumptions, deviation, work):
     inputs, motion = record
     time, constants, coefficients = vehicle
-    m = knowledge.prior_std.size
+    m = assumptions.prior_std.size
     for tick in range(time.size):
         duration = time[1] - time[0] if tick == 0 else time[tick] - time[tick - 1]
         if tick > 0:
-            # Each step is linearised about where the motion truly is, so that nothing runs away.
+            # Linearised about the true motion at each step, so that an unstable vehicle does not diverge.
             for i in range(N_MOTION):
                 work.motion[i] = motion[tick - 1, i]
                 for j in range(work.transition.shape[1]):
@@ -215,28 +213,28 @@ def _run(record, vehicle, knowledge, deviation, work):
             transition_step(
                 work.motion, coefficients, inputs[tick - 1], constants, duration, work.transition, work.step
             )
-            _predict(knowledge.prior_std, work)
+            _predict(assumptions.prior_std, work)
             for i in range(N_MOTION):
-                work.covariance[m + i, m + i] += knowledge.noise_density[i] ** 2 * duration
-        _measure_motion(knowledge.measured_density, duration, work)
+                work.covariance[m + i, m + i] += assumptions.noise_density[i] ** 2 * duration
+        _measure_motion(assumptions.measured_density, duration, work)
         for c in range(m):
-            deviation[tick, c] = knowledge.prior_std[c] * np.sqrt(work.covariance[c, c])
+            deviation[tick, c] = assumptions.prior_std[c] * np.sqrt(work.covariance[c, c])
 
 
-def posterior_along(truth: Truth, knowledge: Knowledge) -> Posterior:
-    """Carry the covariance of an extended Kalman filter along a true motion, linearised step by step.
+def predict_posterior(truth: Truth, assumptions: FilterAssumptions) -> Posterior:
+    """Propagate the covariance of an extended Kalman filter along a true motion.
 
     Parameters
     ----------
     truth : Truth
-        Its ticks are the steps: measurements count as often, with noise of the same density. 20 Hz are enough for a
-        torpedo.
-    knowledge : Knowledge
+        Each interval is one step with one measurement; its noise keeps the density of the sensor, so the interval
+        hardly matters. 20 Hz are enough for a torpedo.
+    assumptions : FilterAssumptions
     """
-    m = knowledge.prior_std.size
+    m = assumptions.prior_std.size
     terms = m - N_COEFFICIENTS
     work = _Workspace(
-        np.ascontiguousarray(block_diag(knowledge.covariance, np.diag(knowledge.initial_std**2))),
+        np.ascontiguousarray(block_diag(assumptions.covariance, np.diag(assumptions.initial_std**2))),
         np.zeros((N_MOTION, m + N_MOTION)),
         np.zeros((N_MOTION, m)),
         np.zeros(m + N_MOTION),
@@ -246,6 +244,6 @@ def posterior_along(truth: Truth, knowledge: Knowledge) -> Posterior:
     )
     deviation = np.zeros((truth.time.size, m))
     vehicle = truth.time, truth.constants, truth.coefficients
-    _run((truth.inputs, truth.motion), vehicle, knowledge, deviation, work)
+    _run((truth.inputs, truth.motion), vehicle, assumptions, deviation, work)
     covariance = work.covariance[:m, :m]
-    return Posterior(truth.time, deviation, covariance * np.outer(knowledge.prior_std, knowledge.prior_std))
+    return Posterior(truth.time, deviation, covariance * np.outer(assumptions.prior_std, assumptions.prior_std))

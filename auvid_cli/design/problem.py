@@ -10,40 +10,38 @@ from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.design.envelope import least_speed, tightened
-from auvid_cli.design.posterior import Knowledge, knowledge_of
-from auvid_cli.design.trials import Criterion, Map, Trial, TrialSet, simulate_trial
-from auvid_cli.design.variables import SearchSpace, candidates, own_manoeuvre, space_about
+from auvid_cli.design.posterior import FilterAssumptions, filter_assumptions
+from auvid_cli.design.trials import Criterion, Map, Trial, TrialSet, least_speed, simulate_trial, with_margin
+from auvid_cli.design.variables import SearchSpace, baseline_spiral, search_space, standard_manoeuvres
 from auvid_cli.errors import ConfigError, DataError, SimulationError
 from auvid_cli.simulation.motion import Truth
 from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
 
 Array = NDArray[np.float64]
-# Standard deviation of a value of a vehicle file that states none, as a share of it: with such vehicles the gains of a
-# design were measured.
-_SPREAD = 0.3
-# Of vehicles that the search does not see.
-HELD_OUT = 8
-# Random streams: of the vehicles that are seen, of those that are not, and of those that the band of a track is from.
-_SEEN, _UNSEEN, _BAND = 1, 2, 3
-# Fisher information about the vehicle's coefficients, SI, shape (m, m), at values of them by symbol.
-InHand = Callable[[Mapping[str, float]], Array]
+_DEFAULT_SPREAD = 0.3  # standard deviation of a value whose file states none, as a share of it
+HELD_OUT = 8  # vehicles that judge the result and are not part of the search
+# Random streams of the drawn vehicles.
+_SEARCH_STREAM = 1
+_HELD_OUT_STREAM = 2
+_BAND_STREAM = 3
+# From values of the coefficients by symbol to the Fisher information about them, SI, shape (m, m).
+EarlierInformation = Callable[[Mapping[str, float]], Array]
 
 
 class ParameterDistribution(NamedTuple):
-    """What is known of the coefficients before a run.
+    """Distribution of the coefficients before a run.
 
     Attributes
     ----------
     symbols : tuple of str
     mean : ndarray, shape (m,)
-        SI.
+        Mean of a normal coefficient, median of a lognormal one, SI.
     covariance : ndarray, shape (m, m)
-        Of the value, SI; where `logarithmic` of the logarithm of its size.
+        Covariance of the values, SI, or of the logarithm of a lognormal coefficient's size.
     logarithmic : ndarray of bool, shape (m,)
-        Of those whose sign is sure.
+        Coefficients that are lognormal, because their sign is certain.
     origin : str
-        Where it comes from, in words.
+        Source of the distribution, in words.
     """
 
     symbols: tuple[str, ...]
@@ -53,7 +51,7 @@ class ParameterDistribution(NamedTuple):
     origin: str
 
     def draw(self, number: int, seed: Sequence[int]) -> list[dict[str, float]]:
-        """Draw coefficients of so many vehicles, by symbol, SI."""
+        """Draw the coefficients of `number` vehicles, by symbol, SI."""
         random = np.random.default_rng(seed)
         values, directions = np.linalg.eigh(self.covariance)
         root = directions * np.sqrt(np.clip(values, 0.0, None))
@@ -62,79 +60,78 @@ class ParameterDistribution(NamedTuple):
         return [dict(zip(self.symbols, row.tolist(), strict=True)) for row in drawn]
 
 
-def belief_of_estimate(estimate: Estimate, vehicle: VehicleSettings) -> ParameterDistribution:
-    """Take what an estimate says; what it held is sure.
+def distribution_from_estimate(estimate: Estimate, vehicle: VehicleSettings) -> ParameterDistribution:
+    """Return the distribution that an estimate reports; fixed coefficients do not vary.
 
     Raises
     ------
     DataError
-        If coefficients are neither in the estimate nor in the vehicle file.
+        If a coefficient is neither in the estimate nor in the vehicle file.
     """
-    symbols, known = vehicle.coefficient_set.symbols, vehicle.stated_coefficients() | estimate.final_coefficients()
-    if missing := [symbol for symbol in symbols if symbol not in known]:
+    symbols = vehicle.coefficient_set.symbols
+    values = vehicle.stated_coefficients() | estimate.final_coefficients()
+    if missing := [symbol for symbol in symbols if symbol not in values]:
         raise DataError(f"neither the estimate nor the vehicle file has a value of {', '.join(missing)}")
-    covariance = np.zeros((len(symbols), len(symbols)))
     estimated = [symbol for symbol in estimate.state if symbol in symbols]
-    here, there = [symbols.index(symbol) for symbol in estimated], [estimate.state.index(name) for name in estimated]
-    covariance[np.ix_(here, here)] = estimate.final_covariance()[np.ix_(there, there)]
-    mean = np.array([known[symbol] for symbol in symbols])
-    return ParameterDistribution(
-        symbols, mean, covariance, np.zeros(len(symbols), dtype=bool), f"the estimate of {estimate.filter}"
-    )
+    rows, states = [symbols.index(symbol) for symbol in estimated], [estimate.state.index(name) for name in estimated]
+    covariance = np.zeros((len(symbols), len(symbols)))
+    covariance[np.ix_(rows, rows)] = estimate.final_covariance()[np.ix_(states, states)]
+    mean = np.array([values[symbol] for symbol in symbols])
+    normal = np.zeros(len(symbols), dtype=bool)
+    return ParameterDistribution(symbols, mean, covariance, normal, f"the estimate of {estimate.filter}")
 
 
-def belief_of_vehicle(vehicle: VehicleSettings, spread: float | None) -> ParameterDistribution:
-    """Take what a vehicle file says: its values, give or take what it states; where it has none, its shape.
+def distribution_from_vehicle(vehicle: VehicleSettings, spread: float | None) -> ParameterDistribution:
+    """Return the distribution of a vehicle file: values with their standard deviations, others from hull and fins.
 
     Parameters
     ----------
     vehicle : VehicleSettings
     spread : float or None
-        Standard deviation as a share of each value of the file, instead of what it states.
+        Standard deviation as a share of each value of the file. None: the one that the file states.
 
     Raises
     ------
     ConfigError
-        If it has neither a value of a coefficient nor a geometry.
+        If there is neither a value of a coefficient nor a geometry.
     """
     stated, deviations = vehicle.stated_coefficients(), vehicle.stated_deviations()
-    derived, symbols = {each.name: each for each in vehicle.derived_values()}, vehicle.coefficient_set.symbols
+    derived, symbols = {value.name: value for value in vehicle.derived_values()}, vehicle.coefficient_set.symbols
     if missing := [symbol for symbol in symbols if symbol not in stated and symbol not in derived]:
         raise ConfigError(
-            f"vehicle {vehicle.name!r} says nothing of {', '.join(missing)}, so none like it can be drawn: name an "
+            f"vehicle {vehicle.name!r}: no value of {', '.join(missing)}; expected one to draw vehicles from: name an "
             "estimate (--at FILE), describe hull and fins (vehicle.geometry), or state values"
         )
     mean, deviation, origins = np.zeros(len(symbols)), np.zeros(len(symbols)), dict[str, None]()
-    for place, symbol in enumerate(symbols):
+    for k, symbol in enumerate(symbols):
         if symbol not in stated:
-            mean[place], deviation[place] = derived[symbol].mean, derived[symbol].standard_deviation
-            origins["what follows from hull and fins"] = None
+            mean[k], deviation[k] = derived[symbol].mean, derived[symbol].standard_deviation
+            origins["values derived from hull and fins"] = None
             continue
-        mean[place] = stated[symbol]
+        mean[k] = stated[symbol]
         if spread is None and symbol in deviations:
-            deviation[place] = deviations[symbol]
+            deviation[k] = deviations[symbol]
             origins["the standard deviations of the vehicle file"] = None
         else:
-            share = _SPREAD if spread is None else spread
-            deviation[place] = share * abs(mean[place])
+            share = _DEFAULT_SPREAD if spread is None else spread
+            deviation[k] = share * abs(mean[k])
             origins[f"{share:.0%} of the vehicle file's values"] = None
     share = np.divide(deviation, np.abs(mean), out=np.full(mean.size, np.inf), where=mean != 0.0)
     damping = np.array([symbol in DRAG_SYMBOLS for symbol in symbols])
     logarithmic = (mean != 0.0) & (damping | (share < 1.0))
-    # Of a lognormal number whose median is the mean.
     variance = np.where(logarithmic, np.log1p(np.where(logarithmic, share, 0.0) ** 2), deviation**2)
     return ParameterDistribution(symbols, mean, np.diag(variance), logarithmic, " and ".join(origins))
 
 
-def drawn_vehicles(
-    vehicle: VehicleSettings, belief: ParameterDistribution, number: int, seed: Sequence[int]
+def draw_vehicles(
+    vehicle: VehicleSettings, distribution: ParameterDistribution, number: int, seed: Sequence[int]
 ) -> list[VehicleSettings]:
-    """Draw so many vehicles, alike in all but their coefficients."""
-    return [vehicle.with_coefficients(drawn) for drawn in belief.draw(number, seed)]
+    """Draw `number` vehicles that differ only in their coefficients."""
+    return [vehicle.with_coefficients(drawn) for drawn in distribution.draw(number, seed)]
 
 
 class Requirement(NamedTuple):
-    """What somebody wants designed.
+    """Requirements on a designed run.
 
     Attributes
     ----------
@@ -142,14 +139,14 @@ class Requirement(NamedTuple):
         s.
     envelope : Envelope
     fin_angle, fin_rate : float or None
-        rad, rad/s; else the experiment's.
+        Limits of the fins, rad and rad/s. None: those of the experiment.
     chosen : tuple of str
-        Coefficients that count.
+        Coefficients that count; all if empty.
     criterion : {"D", "worst"}
     draws : int
-        Vehicles that the search sees.
+        Number of vehicles in the search.
     spread : float or None
-        See `belief_of_vehicle`.
+        See `distribution_from_vehicle`.
     """
 
     duration: float
@@ -163,111 +160,113 @@ class Requirement(NamedTuple):
 
 
 class DesignProblem(NamedTuple):
-    """All that a search needs, and what its result is judged by.
+    """Input of a search, and the vehicles that judge its result.
 
     Attributes
     ----------
     experiment : Experiment
-    wish : Wish
-    belief : Belief
-    knowledge : Knowledge
+    requirement : Requirement
+    distribution : ParameterDistribution
+    assumptions : FilterAssumptions
     chosen : tuple of str
         Coefficients that count.
     nominal : VehicleSettings
-        The vehicle as it is believed to be.
+        The vehicle with the mean coefficients.
     space : SearchSpace
     slowest : float
-        m/s.
-    seen, unseen : Bench
-        Vehicles of the search, in an envelope with a margin, and those that its result is judged by.
-    usual : dict of Trial
-        What is usually sailed, on the vehicles that are seen: ``spiral``, which is the experiment's own, ``doublets``,
-        ``zigzag``.
+        Least speed, m/s.
+    search_set, held_out_set : TrialSet
+        Vehicles of the search, in an envelope with a margin, and vehicles that judge the result.
+    standard_trials : dict of Trial
+        Standard manoeuvres on the vehicles of the search: ``spiral`` (the experiment's own), ``doublets``, ``zigzag``.
     """
 
     experiment: Experiment
-    wish: Requirement
-    belief: ParameterDistribution
-    knowledge: Knowledge
+    requirement: Requirement
+    distribution: ParameterDistribution
+    assumptions: FilterAssumptions
     chosen: tuple[str, ...]
     nominal: VehicleSettings
     space: SearchSpace
     slowest: float
-    seen: TrialSet
-    unseen: TrialSet
-    usual: dict[str, Trial]
+    search_set: TrialSet
+    held_out_set: TrialSet
+    standard_trials: dict[str, Trial]
 
     @property
-    def own(self) -> Trial:
+    def spiral_trial(self) -> Trial:
         """Return the trial of the experiment's own manoeuvre."""
-        return self.usual["spiral"]
+        return self.standard_trials["spiral"]
 
-    def gain_of(self, trial: Trial) -> float:
-        """Return how many times smaller standard deviations are than after the own manoeuvre, on the seen vehicles."""
-        return trial.mean_gain_over(self.own)
+    def gain_over_spiral(self, trial: Trial) -> float:
+        """Return the ratio of the spiral's standard deviations to the trial's, mean over the vehicles of the search."""
+        return trial.mean_gain_over(self.spiral_trial)
 
 
-def set_task(
+def make_problem(
     experiment: Experiment,
-    wish: Requirement,
+    requirement: Requirement,
     estimate: Estimate | None = None,
-    in_hand: InHand | None = None,
-    spread: Map = map,
+    earlier_information: EarlierInformation | None = None,
+    map_function: Map = map,
 ) -> DesignProblem:
-    """Draw vehicles and lay out what a search may vary.
+    """Draw vehicles, define the search space, and try the standard manoeuvres.
 
     Parameters
     ----------
     experiment : Experiment
-    wish : Wish
+    requirement : Requirement
     estimate : Estimate, optional
-        Of an earlier run: vehicles are drawn from it.
-    in_hand : callable, optional
-        What earlier data say of the coefficients, see `InHand`.
-    spread : callable
-        As `map`, see `TrialSet`.
+        Estimate of an earlier run, from which vehicles are drawn.
+    earlier_information : callable, optional
+        Information of earlier data about the coefficients, see `EarlierInformation`.
+    map_function : callable
+        Like `map`, see `TrialSet`.
 
     Raises
     ------
     ConfigError, DataError
-        If the experiment's manoeuvre is no spiral, no vehicles can be drawn, or limits exclude each other.
+        If the experiment's manoeuvre is not a spiral, no vehicles can be drawn, or limits exclude each other.
     """
-    vehicle, envelope = experiment.vehicle, wish.envelope
-    own = own_manoeuvre(experiment, wish.duration, wish.fin_angle, wish.fin_rate)
-    slowest = least_speed(envelope, own)
+    vehicle, envelope = experiment.vehicle, requirement.envelope
+    spiral = baseline_spiral(experiment, requirement.duration, requirement.fin_angle, requirement.fin_rate)
+    slowest = least_speed(envelope, spiral)
     estimated = experiment.identification.estimated(vehicle)
-    if odd := [symbol for symbol in wish.chosen if symbol not in estimated]:
-        raise ConfigError(f"--for {odd[0]}: is not estimated in this experiment; there are {', '.join(estimated)}")
-    belief = belief_of_vehicle(vehicle, wish.spread) if estimate is None else belief_of_estimate(estimate, vehicle)
-    mean = dict(zip(belief.symbols, belief.mean.tolist(), strict=True))
-    known, chosen = None if in_hand is None else in_hand(mean), wish.chosen or estimated
-    knowledge = knowledge_of(experiment, known)
+    if unknown := [symbol for symbol in requirement.chosen if symbol not in estimated]:
+        raise ConfigError(f"--for {unknown[0]}: not estimated in this experiment; expected {', '.join(estimated)}")
+    if estimate is None:
+        distribution = distribution_from_vehicle(vehicle, requirement.spread)
+    else:
+        distribution = distribution_from_estimate(estimate, vehicle)
+    mean = dict(zip(distribution.symbols, distribution.mean.tolist(), strict=True))
+    assumptions = filter_assumptions(experiment, None if earlier_information is None else earlier_information(mean))
+    chosen = requirement.chosen or estimated
 
-    def bench(number: int, stream: int, limits: Envelope, least: float) -> TrialSet:
-        vehicles = drawn_vehicles(vehicle, belief, number, [experiment.seed, stream])
-        return TrialSet(vehicles, knowledge, chosen, wish.criterion, limits, least, spread)
+    def trial_set(number: int, stream: int, limits: Envelope, least: float) -> TrialSet:
+        vehicles = draw_vehicles(vehicle, distribution, number, [experiment.seed, stream])
+        return TrialSet(vehicles, assumptions, chosen, requirement.criterion, limits, least, map_function)
 
-    seen = bench(wish.draws, _SEEN, *tightened(envelope, slowest))
-    usual = {"spiral": own, **candidates(own, vehicle.size.length)}
+    search_set = trial_set(requirement.draws, _SEARCH_STREAM, *with_margin(envelope, slowest))
+    standard = {"spiral": spiral, **standard_manoeuvres(spiral, vehicle.size.length)}
     return DesignProblem(
         experiment,
-        wish,
-        belief,
-        knowledge,
+        requirement,
+        distribution,
+        assumptions,
         chosen,
         vehicle.with_coefficients(mean),
-        space_about(own, vehicle.size.length, -belief.mean[belief.symbols.index("X_u|u|")], envelope),
+        search_space(spiral, vehicle.size.length, -mean["X_u|u|"], envelope),
         slowest,
-        seen,
-        bench(HELD_OUT, _UNSEEN, envelope, slowest),
-        {name: seen.try_out(manoeuvre) for name, manoeuvre in usual.items()},
+        search_set,
+        trial_set(HELD_OUT, _HELD_OUT_STREAM, envelope, slowest),
+        {name: search_set.evaluate(manoeuvre) for name, manoeuvre in standard.items()},
     )
 
 
-def band(task: DesignProblem, manoeuvre: AnyManoeuvre, number: int = 40) -> list[Truth]:
-    """Let so many further vehicles sail a manoeuvre; those that are lost are left out."""
-    runs = []
-    for vehicle in drawn_vehicles(task.experiment.vehicle, task.belief, number, [task.experiment.seed, _BAND]):
+def simulate_draws(problem: DesignProblem, manoeuvre: AnyManoeuvre, number: int = 40) -> list[Truth]:
+    """Simulate a manoeuvre with `number` other vehicles; lost ones are left out."""
+    seed, runs = [problem.experiment.seed, _BAND_STREAM], []
+    for vehicle in draw_vehicles(problem.experiment.vehicle, problem.distribution, number, seed):
         try:
             runs.append(simulate_trial(vehicle, manoeuvre))
         except SimulationError:

@@ -1,4 +1,4 @@
-"""Search for the best manoeuvre, and the conclusion from it."""
+"""Search for the best manoeuvre, and comparison of the result with standard manoeuvres."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -8,38 +8,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.manoeuvre import AnyManoeuvre
-from auvid_cli.design.envelope import tightened, to_relax
-from auvid_cli.design.posterior import Posterior, posterior_along
+from auvid_cli.design.posterior import Posterior, predict_posterior
 from auvid_cli.design.problem import DesignProblem
-from auvid_cli.design.trials import Trial, TrialSet, simulate_trial, sizes_of
+from auvid_cli.design.trials import Trial, TrialSet, options_to_relax, simulate_trial, sizes_of, with_margin
 from auvid_cli.design.variables import SearchSpace
 from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.simulation.motion import Truth
 
-POPULATION, _FIRST_STEP = 12, 0.2
 Array = NDArray[np.float64]
-# Below this a design is not worth another run in the water.
-WORTH_WHILE = 1.1
-# Of a coefficient's size, %: what is known worse is named, and so are the worst three unless they are known well.
-_BADLY, _WELL, _NAMED = 20.0, 1.0, 3
-# So many times surer it has to be without the others for them to be what hides it; so much of its prior is left of one
-# that hardly moves the vehicle.
-_TOGETHER, _HARDLY = 2.0, 0.5
-# Parts of a run after which it is said how much is known, and how many times as long it might be.
-_PARTS, _LONGER = 4, (2.0, 4.0)
+POPULATION = 12  # manoeuvres of a generation
+_INITIAL_STEP = 0.2  # of the unit cube
+WORTH_WHILE = 1.1  # gain from which a designed run is better than the spiral
+# Standard deviations in % of a coefficient's size. The worst `_N_WORST` are named too unless they are well known.
+_BADLY_KNOWN = 20.0
+_WELL_KNOWN = 1.0
+_N_WORST = 3
+_CONFOUNDED_FACTOR = 2.0  # least gain in accuracy if all other coefficients were known
+_INSENSITIVE_SHARE = 0.5  # of its prior that is left of a coefficient that hardly moves the vehicle
+_PARTS = 4  # number of times at which the accuracy along the run is reported
+_LONGER = (2.0, 4.0)  # durations of longer runs, relative to the run
 
 
-class Reached(NamedTuple):
-    """How far a search has come.
+class SearchProgress(NamedTuple):
+    """State of a search after a generation.
 
     Attributes
     ----------
-    generation, evaluations : int
-        Of manoeuvres, from 1.
+    generation : int
+        Counted from 1.
+    evaluations : int
+        Number of manoeuvres that were tried.
     best : Trial
-        So far.
     costs : tuple of tuple of float
-        Of all manoeuvres that were tried, generation by generation: from them a search goes on.
+        Costs of all manoeuvres, by generation; a search continues from them.
     """
 
     generation: int
@@ -49,57 +50,57 @@ class Reached(NamedTuple):
 
 
 def search(
-    space: SearchSpace, bench: TrialSet, seed: int, before: tuple[tuple[float, ...], ...] = ()
-) -> Iterator[Reached]:
-    """Look for better manoeuvres, generation by generation, without an end.
+    space: SearchSpace, trial_set: TrialSet, seed: int, before: tuple[tuple[float, ...], ...] = ()
+) -> Iterator[SearchProgress]:
+    """Yield the best manoeuvre after each generation of CMA-ES, without end.
 
-    Begins with the point nearest to the space's own manoeuvre. Where the search settles it begins anew about the best,
-    as wide as at first. The same seed and number of generations give the same manoeuvre, interrupted or not.
+    The search begins near the space's own manoeuvre. After convergence it starts again from the best point with the
+    initial step. The same seed and number of generations give the same manoeuvre, also after an interruption.
 
     Parameters
     ----------
     space : SearchSpace
-    bench : Bench
+    trial_set : TrialSet
     seed : int
     before : tuple of tuple of float
-        `Reached.costs` of the same search, which was interrupted: how far that came is yielded first.
+        `SearchProgress.costs` of the same search before an interruption; its last state is yielded first.
     """
     random = np.random.default_rng([seed, 1])
     options = {
         "bounds": [0.0, 1.0],
         "popsize": POPULATION,
-        # Numbers from a generator of our own: its seed is that of all Python otherwise.
+        # Own generator, because otherwise cma seeds the global one.
         "seed": np.nan,
         "randn": lambda *shape: random.standard_normal(shape),
         "verbose": -9,
         "verb_log": 0,
     }
-    place = space.start()
-    best = bench.try_out(space.manoeuvre(place))
+    point = space.start()
+    best = trial_set.evaluate(space.manoeuvre(point))
     least, costs = best.cost, list[tuple[float, ...]]()
     while True:
-        strategy = cma.CMAEvolutionStrategy(place, _FIRST_STEP, options)
+        strategy = cma.CMAEvolutionStrategy(point, _INITIAL_STEP, options)
         while not strategy.stop():
-            places = [np.asarray(each) for each in strategy.ask()]
+            points = [np.asarray(candidate) for candidate in strategy.ask()]
             generation, trials = len(costs), list[Trial]()
             if generation < len(before):
                 costs.append(before[generation])
             else:
-                trials = [bench.try_out(space.manoeuvre(each)) for each in places]
+                trials = [trial_set.evaluate(space.manoeuvre(candidate)) for candidate in points]
                 costs.append(tuple(trial.cost for trial in trials))
-            strategy.tell(places, list(costs[-1]))
+            strategy.tell(points, list(costs[-1]))
             for k, cost in enumerate(costs[-1]):
                 if cost < least:
-                    least, place = cost, places[k]
+                    least, point = cost, points[k]
                     best = trials[k] if trials else best
             if generation + 1 == len(before):
-                best = bench.try_out(space.manoeuvre(place))
+                best = trial_set.evaluate(space.manoeuvre(point))
             if generation + 1 >= len(before):
-                yield Reached(generation + 1, 1 + sum(map(len, costs)), best, tuple(costs))
+                yield SearchProgress(generation + 1, 1 + sum(map(len, costs)), best, tuple(costs))
 
 
 class WeakCoefficient(NamedTuple):
-    """A coefficient that stays badly known, %, and why."""
+    """A coefficient with a large standard deviation after the run, % of its size, and the reason."""
 
     symbol: str
     percent: float
@@ -107,166 +108,170 @@ class WeakCoefficient(NamedTuple):
 
 
 class Design(NamedTuple):
-    """What came of a search.
+    """Result of a search.
 
     Attributes
     ----------
     manoeuvre : AnyManoeuvre
-        To be sailed: the best of those that were tried, or the experiment's own where that is as good.
+        The recommended manoeuvre: the best of all, or the experiment's own if that is as good.
     chosen : str
-        Which of the trials is its.
+        Its name among the trials.
     gain : float
-        Of the best one over the experiment's own: how many times smaller standard deviations are, geometric mean over
-        vehicles that the search has not seen.
+        Standard deviations after the experiment's own manoeuvre divided by those after the best other one: geometric
+        mean over vehicles that the search has not seen.
     trials : dict of Trial
-        By name, on these vehicles: ``designed``, ``spiral``, ``doublets``, ``zigzag``.
-    poor : tuple of Poor
-        Of the manoeuvre that is chosen.
+        ``designed``, ``spiral``, ``doublets`` and ``zigzag`` on these vehicles.
+    weak_coefficients : tuple of WeakCoefficient
     truth : Truth
-        Its motion with the vehicle as it is believed to be.
+        Motion of the nominal vehicle in the recommended manoeuvre.
     posterior : Posterior
-        Of that run.
-    soonest : float or None
-        After so many seconds of that run as much is known as the experiment's own tells in the whole; None if never.
-    growth : tuple of (float, float)
-        After so many seconds of that run the geometric mean of the standard deviations, %; last, of runs of its kind
-        that are twice and four times as long, as far as they can be sailed.
-    progress : Reached
+        Accuracy along this motion.
+    time_to_match : float or None
+        Time, s, until the run is as accurate as the whole of the experiment's own; None if never.
+    accuracy_over_time : tuple of (float, float)
+        Time, s, and geometric mean of the standard deviations, %: along the run, then for runs of twice and four times
+        its duration if the vehicle can do them.
+    progress : SearchProgress
     symbols : tuple of str
-        Of the coefficients.
+        Coefficients.
     """
 
     manoeuvre: AnyManoeuvre
     chosen: str
     gain: float
     trials: dict[str, Trial]
-    poor: tuple[WeakCoefficient, ...]
+    weak_coefficients: tuple[WeakCoefficient, ...]
     truth: Truth
     posterior: Posterior
-    soonest: float | None
-    growth: tuple[tuple[float, float], ...]
-    progress: Reached
+    time_to_match: float | None
+    accuracy_over_time: tuple[tuple[float, float], ...]
+    progress: SearchProgress
     symbols: tuple[str, ...]
 
     @property
-    def is_own(self) -> bool:
-        """Return whether the experiment's own manoeuvre is to be sailed."""
+    def keeps_spiral(self) -> bool:
+        """Whether the experiment's own manoeuvre is recommended."""
         return self.chosen == "spiral"
 
     @property
     def is_worth_while(self) -> bool:
-        """Return whether the best of those that were tried tells clearly more than the experiment's own."""
+        """Whether the best other manoeuvre is clearly more accurate than the experiment's own."""
         return self.gain >= WORTH_WHILE
 
 
-def conclude(task: DesignProblem, progress: Reached) -> Design:
-    """Compare the best of a search with what is usually sailed, on vehicles that it has not seen.
+def conclude(problem: DesignProblem, progress: SearchProgress) -> Design:
+    """Compare the best manoeuvre of a search with standard ones, on vehicles that the search has not seen.
 
     Raises
     ------
     ConfigError
-        If it does not even keep the envelope with those that it has seen; names what to relax.
+        If no manoeuvre keeps the envelope with the vehicles of the search; names limits to relax.
     """
-    own, own_keeps = task.own.manoeuvre, task.own.outside == 0
-    # By the vehicles that are seen, so that those that are not seen judge it unmoved.
-    others = {"designed": progress.best, **{name: trial for name, trial in task.usual.items() if name != "spiral"}}
-    name, best = min(others.items(), key=lambda each: (each[1].outside > 0, each[1].cost))
-    if best.outside and not own_keeps:
-        raise ConfigError(_nothing_fits(task, progress))
-    named = {"designed": progress.best, **task.usual}
-    trials = {each: task.unseen.try_out(trial.manoeuvre) for each, trial in named.items()}
+    spiral, spiral_keeps_envelope = problem.spiral_trial.manoeuvre, problem.spiral_trial.n_outside == 0
+    candidates = {"designed": progress.best, **problem.standard_trials}
+    # Chosen on the vehicles of the search, so that the held-out vehicles give an unbiased gain.
+    others = [(name, trial) for name, trial in candidates.items() if name != "spiral"]
+    name, best = min(others, key=lambda other: (other[1].n_outside > 0, other[1].cost))
+    if best.n_outside and not spiral_keeps_envelope:
+        raise ConfigError(_no_manoeuvre_fits(problem, progress))
+    trials = {key: problem.held_out_set.evaluate(trial.manoeuvre) for key, trial in candidates.items()}
     gain = trials[name].mean_gain_over(trials["spiral"])
-    is_own = bool(best.outside) or (own_keeps and not gain >= WORTH_WHILE)
-    taken, manoeuvre = ("spiral", own) if is_own else (name, best.manoeuvre)
-    of_own = _nominal_run(task, own)
-    truth, posterior = of_own if is_own else _nominal_run(task, manoeuvre)
-    chosen = [task.belief.symbols.index(symbol) for symbol in task.chosen]
+    keeps_spiral = bool(best.n_outside) or (spiral_keeps_envelope and not gain >= WORTH_WHILE)
+    name, manoeuvre = ("spiral", spiral) if keeps_spiral else (name, best.manoeuvre)
+    of_spiral = _nominal_run(problem, spiral)
+    truth, posterior = of_spiral if keeps_spiral else _nominal_run(problem, manoeuvre)
+    chosen = [problem.distribution.symbols.index(symbol) for symbol in problem.chosen]
     return Design(
         manoeuvre,
-        taken,
+        name,
         gain,
         trials,
-        _poor(task, posterior, trials[taken].percent(), chosen),
+        _weak_coefficients(problem, posterior, trials[name].percent(), chosen),
         truth,
         posterior,
-        _soonest(posterior, of_own[1], chosen),
-        (*_growth(posterior, sizes_of(task.nominal), chosen), *_longer(task, manoeuvre, chosen)),
+        _time_to_match(posterior, of_spiral[1], chosen),
+        (*_accuracy_along(problem, posterior, chosen), *_accuracy_of_longer(problem, manoeuvre, chosen)),
         progress,
-        task.belief.symbols,
+        problem.distribution.symbols,
     )
 
 
-def _nothing_fits(task: DesignProblem, progress: Reached) -> str:
-    best, wish = progress.best, task.wish
-    tried = f"none of {progress.evaluations} manoeuvres keeps the envelope with all {wish.draws} drawn vehicles"
-    if best.lost:
+def _no_manoeuvre_fits(problem: DesignProblem, progress: SearchProgress) -> str:
+    best, requirement = progress.best, problem.requirement
+    tried = f"none of {progress.evaluations} manoeuvres keeps the envelope with all {requirement.draws} drawn vehicles"
+    if best.n_lost:
         return (
-            f"{tried}: of the best one {best.lost} capsize, stand on their nose or run away; draw vehicles that are "
-            "nearer to each other (--spread 15%), or take smaller fins (--fins)"
+            f"{tried}: even in the best one {best.n_lost} capsize, pitch to the vertical or run away; draw vehicles "
+            "nearer to each other (--spread 15%), or limit the fins (--fins)"
         )
-    extents = [flight.extent for flight in best.flights if flight.extent is not None]
-    relaxed = to_relax(extents, *tightened(wish.envelope, task.slowest))
-    return f"{tried}: relax {relaxed}, which would let the best one pass, or search for longer (--budget)"
+    extents = [run.extent for run in best.runs if run.extent is not None]
+    relaxed = options_to_relax(extents, *with_margin(requirement.envelope, problem.slowest))
+    return f"{tried}: relax {relaxed}, which the best one would keep, or search for longer (--budget)"
 
 
-def _nominal_run(task: DesignProblem, manoeuvre: AnyManoeuvre) -> tuple[Truth, Posterior]:
-    truth = simulate_trial(task.nominal, manoeuvre)
-    return truth, posterior_along(truth, task.knowledge)
+def _nominal_run(problem: DesignProblem, manoeuvre: AnyManoeuvre) -> tuple[Truth, Posterior]:
+    truth = simulate_trial(problem.nominal, manoeuvre)
+    return truth, predict_posterior(truth, problem.assumptions)
 
 
-def _soonest(posterior: Posterior, own: Posterior, chosen: Sequence[int]) -> float | None:
-    reached = np.log(posterior.deviation[:, chosen]).mean(axis=1) <= np.log(own.deviation[-1, chosen]).mean()
+def _time_to_match(posterior: Posterior, of_spiral: Posterior, chosen: Sequence[int]) -> float | None:
+    goal = np.log(of_spiral.deviation[-1, chosen]).mean()
+    reached = np.log(posterior.deviation[:, chosen]).mean(axis=1) <= goal
     return float(posterior.time[np.argmax(reached)]) if reached.any() else None
 
 
-def _growth(posterior: Posterior, sizes: Array, chosen: Sequence[int]) -> tuple[tuple[float, float], ...]:
+def _accuracy_along(
+    problem: DesignProblem, posterior: Posterior, chosen: Sequence[int]
+) -> Iterator[tuple[float, float]]:
     last = posterior.time.size - 1
-    ticks = [round(last * part / _PARTS) for part in range(1, _PARTS + 1)]
-    percent = 100.0 * posterior.deviation[np.ix_(ticks, chosen)] / sizes[chosen]
-    means = np.exp(np.log(percent).mean(axis=1))
-    return tuple(zip(posterior.time[ticks].tolist(), means.tolist(), strict=True))
+    for part in range(1, _PARTS + 1):
+        yield _accuracy_at(problem, posterior, round(last * part / _PARTS), chosen)
 
 
-def _longer(task: DesignProblem, manoeuvre: AnyManoeuvre, chosen: Sequence[int]) -> Iterator[tuple[float, float]]:
+def _accuracy_of_longer(
+    problem: DesignProblem, manoeuvre: AnyManoeuvre, chosen: Sequence[int]
+) -> Iterator[tuple[float, float]]:
     for times in _LONGER:
         try:
-            _, posterior = _nominal_run(task, manoeuvre.model_copy(update={"duration": times * manoeuvre.duration}))
+            _, posterior = _nominal_run(problem, manoeuvre.model_copy(update={"duration": times * manoeuvre.duration}))
         except SimulationError:
             return
-        percent = 100.0 * posterior.deviation[-1, chosen] / sizes_of(task.nominal)[chosen]
-        yield float(posterior.time[-1]), float(np.exp(np.log(percent).mean()))
+        yield _accuracy_at(problem, posterior, -1, chosen)
 
 
-def _poor(
-    task: DesignProblem, posterior: Posterior, percent: Array, chosen: Sequence[int]
+def _accuracy_at(problem: DesignProblem, posterior: Posterior, tick: int, chosen: Sequence[int]) -> tuple[float, float]:
+    """Return the time, s, of a tick and the geometric mean of the standard deviations, %."""
+    percent = 100.0 * posterior.deviation[tick, chosen] / sizes_of(problem.nominal)[chosen]
+    return float(posterior.time[tick]), float(np.exp(np.log(percent).mean()))
+
+
+def _weak_coefficients(
+    problem: DesignProblem, posterior: Posterior, percent: Array, chosen: Sequence[int]
 ) -> tuple[WeakCoefficient, ...]:
-    worst = sorted(chosen, key=lambda place: -percent[place])
-    named = [
-        place
-        for rank, place in enumerate(worst)
-        if percent[place] > _BADLY or (rank < _NAMED and percent[place] > _WELL)
-    ]
+    worst_first = sorted(chosen, key=lambda k: -percent[k])
     return tuple(
-        WeakCoefficient(task.belief.symbols[place], float(percent[place]), _why(task, posterior, place))
-        for place in named
+        WeakCoefficient(problem.distribution.symbols[k], float(percent[k]), _why(problem, posterior, k))
+        for rank, k in enumerate(worst_first)
+        if percent[k] > _BADLY_KNOWN or (rank < _N_WORST and percent[k] > _WELL_KNOWN)
     )
 
 
-def _why(task: DesignProblem, posterior: Posterior, place: int) -> str:
+def _why(problem: DesignProblem, posterior: Posterior, k: int) -> str:
+    """Return the reason for the large standard deviation of coefficient `k`."""
     deviation = np.sqrt(np.diagonal(posterior.covariance))
-    if deviation[place] > _HARDLY * task.knowledge.prior_std[place]:
-        return "hardly moves the vehicle in this run"
+    if deviation[k] > _INSENSITIVE_SHARE * problem.assumptions.prior_std[k]:
+        return "it hardly moves the vehicle in this run"
     free = np.flatnonzero(deviation > 0.0)
     correlation = posterior.covariance[np.ix_(free, free)] / np.outer(deviation[free], deviation[free])
-    here = int(np.flatnonzero(free == place)[0])
-    # How many times surer it would be if all others were known.
-    surer = float(np.sqrt(np.linalg.inv(correlation)[here, here]))
-    if surer < _TOGETHER:
-        return "its share of the forces is small beside the noise"
-    beside = np.abs(correlation[here])
-    beside[here] = 0.0
-    other = int(np.argmax(beside))
+    row = int(np.flatnonzero(free == k)[0])
+    # Ratio of its standard deviation to the one if all others were known.
+    factor = float(np.sqrt(np.linalg.inv(correlation)[row, row]))
+    if factor < _CONFOUNDED_FACTOR:
+        return "its share of the forces is small compared with the noise"
+    others = np.abs(correlation[row])
+    others[row] = 0.0
+    other = int(np.argmax(others))
     return (
-        f"if the others were known it would be {surer:.2g} times surer; it goes most with "
-        f"{task.belief.symbols[free[other]]} (correlation {correlation[here, other]:.2f})"
+        f"it would be {factor:.2g} times more accurate if the others were known; it is confounded most with "
+        f"{problem.distribution.symbols[free[other]]} (correlation {correlation[row, other]:.2f})"
     )

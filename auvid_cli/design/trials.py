@@ -1,40 +1,128 @@
-"""A manoeuvre tried on many drawn vehicles: what it would tell of each, and whether it stays in its envelope."""
+"""A manoeuvre tried on many drawn vehicles: accuracy after the run, and limits of the envelope."""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from math import ceil, floor
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope
+from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope, ManoeuvreSettings
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.design.envelope import Extent, excess, extent_of
-from auvid_cli.design.posterior import Knowledge, posterior_along
-from auvid_cli.errors import SimulationError
+from auvid_cli.design.posterior import FilterAssumptions, predict_posterior
+from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.identification.states import natural_magnitude
 from auvid_cli.simulation.manoeuvres import make_plan
 from auvid_cli.simulation.motion import Truth, simulate_motion
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
 Criterion = Literal["D", "worst"]
 
-# Hz, and s: a torpedo's motion is slow, and a search tries it thousands of times.
-RATE, _LONGEST_STEP = 20.0, 0.025
-# How much the worst of the draws counts beside their mean.
-_OF_THE_WORST = 0.2
-# In units of a logarithm of a standard deviation: of a limit passed by 100 %, and of a vehicle that is lost.
-_EXCESS, _LOST = 10.0, 100.0
+# A torpedo moves slowly, and a search simulates it thousands of times.
+RATE = 20.0  # Hz
+_MAX_STEP = 0.025  # s
+_WORST_WEIGHT = 0.2  # weight of the worst vehicle in the cost; the rest is the mean
+# Penalties in units of the logarithm of a standard deviation.
+_EXCESS_PENALTY = 10.0  # for a limit exceeded by 100 %
+_LOSS_PENALTY = 100.0  # for a lost vehicle
+_LEAST_SHARE_OF_CRUISE = 0.4  # default limit of the speed
+_MARGIN = 0.05  # of each limit, because other vehicles than the drawn ones go a little further
+_THRUST = INPUT_SYMBOLS.index("surge_force")
+_UPPER_LIMITS = ("box", "depth", "pitch", "roll", "energy")
+# Unit of each limit on the command line, and its size in SI.
+_UNITS = {
+    "box": ("m", 1.0),
+    "depth": ("m", 1.0),
+    "pitch": ("deg", np.pi / 180.0),
+    "roll": ("deg", np.pi / 180.0),
+    "speed": ("m/s", 1.0),
+    "energy": ("kJ", 1e3),
+}
 
 
-class Flight(NamedTuple):
-    """One vehicle under a manoeuvre.
+class Extent(NamedTuple):
+    """Extremes of a run, SI, one for each limit of an envelope; `speed` is the minimum."""
+
+    box: float
+    depth: float
+    pitch: float
+    roll: float
+    speed: float
+    energy: float
+
+
+def least_speed(envelope: Envelope, manoeuvre: ManoeuvreSettings) -> float:
+    """Return the lower limit of the speed, m/s.
+
+    Raises
+    ------
+    ConfigError
+        If the manoeuvre's own speed is not above it.
+    """
+    if envelope.speed is None:
+        return _LEAST_SHARE_OF_CRUISE * manoeuvre.speed
+    if envelope.speed >= manoeuvre.speed:
+        raise ConfigError(
+            f"the least speed of {envelope.speed:g} m/s is not below the {manoeuvre.speed:g} m/s of the manoeuvre: "
+            "lower --speed, or go faster (--set manoeuvre.speed=...)"
+        )
+    return envelope.speed
+
+
+def with_margin(envelope: Envelope, slowest: float) -> tuple[Envelope, float]:
+    """Return a stricter envelope and least speed, m/s, so that vehicles that were not drawn keep the limits too."""
+    stricter = {name: (1.0 - _MARGIN) * limit for name, limit in _upper_limits(envelope).items()}
+    return envelope.model_copy(update=stricter), (1.0 + _MARGIN) * slowest
+
+
+def _upper_limits(envelope: Envelope) -> dict[str, float]:
+    limits = {name: getattr(envelope, name) for name in _UPPER_LIMITS}
+    return {name: limit for name, limit in limits.items() if limit is not None}
+
+
+def measure_extent(truth: Truth, fade_in: float) -> Extent:
+    """Return the extremes of a run; the speed counts after `fade_in` s, and thrust in either direction costs energy."""
+    ground = truth.position.max(axis=0) - truth.position.min(axis=0)
+    after_start = truth.time >= min(fade_in, truth.time[-1])
+    return Extent(
+        float(ground[:2].max()),
+        float(ground[2]),
+        float(np.abs(truth.motion[:, 7]).max()),
+        float(np.abs(truth.motion[:, 6]).max()),
+        float(truth.motion[after_start, 0].min()),
+        float(np.abs(truth.inputs[:-1, _THRUST] * truth.motion[:-1, 0]) @ np.diff(truth.time)),
+    )
+
+
+def limit_excess(extent: Extent, envelope: Envelope, slowest: float) -> dict[str, float]:
+    """Return the share by which each limit is exceeded; 0 if it is kept."""
+    shares = {name: getattr(extent, name) / limit - 1.0 for name, limit in _upper_limits(envelope).items()}
+    shares["speed"] = 1.0 - extent.speed / slowest
+    return {name: max(share, 0.0) for name, share in shares.items()}
+
+
+def options_to_relax(extents: Sequence[Extent], envelope: Envelope, slowest: float) -> str:
+    """Return the command-line options with limits that all these runs keep, for each limit that one exceeds."""
+    options = []
+    for name, (unit, size) in _UNITS.items():
+        if any(limit_excess(extent, envelope, slowest).get(name) for extent in extents):
+            values = [getattr(extent, name) / size for extent in extents]
+            enough = floor(100.0 * min(values)) / 100.0 if name == "speed" else ceil(10.0 * max(values)) / 10.0
+            options.append(f"--{name} '{enough:g} {unit}'")
+    return ", ".join(options)
+
+
+class TrialRun(NamedTuple):
+    """A manoeuvre on one vehicle.
 
     Attributes
     ----------
     percent : ndarray, shape (m,)
-        Standard deviation of each coefficient after it, of its size; NaN where the vehicle is lost.
+        Standard deviation of each coefficient after the run, % of its size; NaN if the vehicle is lost.
     extent : Extent or None
+        None if the vehicle is lost.
     """
 
     percent: Array
@@ -47,61 +135,57 @@ class Trial(NamedTuple):
     Attributes
     ----------
     manoeuvre : AnyManoeuvre
-    flights : list of Flight
+    runs : list of TrialRun
     measure : ndarray, shape (n,)
-        Logarithm of the standard deviation by the criterion, on each vehicle; infinite where it is lost.
+        Logarithm of the standard deviation by the criterion, for each vehicle; infinite if it is lost.
     excess : list of dict
-        On each vehicle the share by which each limit is passed.
+        For each vehicle that is not lost, the share by which each limit is exceeded.
     """
 
     manoeuvre: AnyManoeuvre
-    flights: list[Flight]
+    runs: list[TrialRun]
     measure: Array
     excess: list[dict[str, float]]
 
     @property
-    def lost(self) -> int:
-        """Count the vehicles that capsize, stand on their nose or run away."""
-        return sum(flight.extent is None for flight in self.flights)
+    def n_lost(self) -> int:
+        """Return the number of vehicles that capsize, pitch to the vertical or run away."""
+        return sum(run.extent is None for run in self.runs)
 
     @property
-    def outside(self) -> int:
-        """Count the vehicles that are lost or leave the envelope."""
-        return self.lost + sum(any(share > 0.0 for share in shares.values()) for shares in self.excess)
+    def n_outside(self) -> int:
+        """Return the number of vehicles that are lost or leave the envelope."""
+        return self.n_lost + sum(any(share > 0.0 for share in shares.values()) for shares in self.excess)
 
     @property
     def cost(self) -> float:
-        """Return what a search minimises."""
-        if self.lost:
-            return _LOST * (1.0 + self.lost / len(self.flights))
-        passed = np.array([sum(shares.values()) for shares in self.excess])
-        measure = self.measure + _EXCESS * passed
-        return float((1.0 - _OF_THE_WORST) * measure.mean() + _OF_THE_WORST * measure.max())
+        """Return the cost that a search minimises."""
+        if self.n_lost:
+            return _LOSS_PENALTY * (1.0 + self.n_lost / len(self.runs))
+        measure = self.measure + _EXCESS_PENALTY * np.array([sum(shares.values()) for shares in self.excess])
+        return float((1.0 - _WORST_WEIGHT) * measure.mean() + _WORST_WEIGHT * measure.max())
 
     def gain_over(self, other: "Trial") -> Array:
-        """Return how many times smaller standard deviations are, by the criterion, on vehicles that both bring home."""
+        """Return the ratio of the other trial's standard deviation to this one's, for vehicles lost in neither."""
         both = np.isfinite(self.measure) & np.isfinite(other.measure)
         return np.exp(other.measure[both] - self.measure[both])
 
     def mean_gain_over(self, other: "Trial") -> float:
-        """Return the geometric mean of these gains; NaN if no vehicle comes home from both."""
+        """Return the geometric mean of `gain_over`; NaN if there is no common vehicle."""
         gains = self.gain_over(other)
         return float(np.exp(np.log(gains).mean())) if gains.size else float("nan")
 
     def percent(self) -> Array:
-        """Return the geometric mean of each coefficient's standard deviation over the vehicles that come home, %.
-
-        0 of those that are held.
-        """
-        home = np.array([flight.percent for flight in self.flights if flight.extent is not None])
-        if not home.size:
-            return np.full(self.flights[0].percent.size, np.nan)
+        """Return the standard deviation of each coefficient, %, geometric mean over vehicles; 0 if it is fixed."""
+        finished = np.array([run.percent for run in self.runs if run.extent is not None])
+        if not finished.size:
+            return np.full(self.runs[0].percent.size, np.nan)
         with np.errstate(divide="ignore"):
-            return np.exp(np.log(home).mean(axis=0))
+            return np.exp(np.log(finished).mean(axis=0))
 
 
-# As the built-in `map`, perhaps by several threads or machines.
-Map = Callable[[Callable[[Any], Flight], Iterable[Any]], Iterable[Flight]]
+# Like the built-in `map`, possibly on several threads or machines.
+Map = Callable[[Callable[[Any], TrialRun], Iterable[Any]], Iterable[TrialRun]]
 
 
 class TrialSet:
@@ -110,85 +194,90 @@ class TrialSet:
     Parameters
     ----------
     vehicles : sequence of VehicleSettings
-    knowledge : Knowledge
+    assumptions : FilterAssumptions
     chosen : sequence of str
-        Coefficients that count.
+        Coefficients that count in the criterion.
     criterion : {"D", "worst"}
         Mean of the logarithms of their standard deviations, or the largest.
     envelope : Envelope
     slowest : float
-        m/s.
-    spread : callable
-        As `map`; the compiled core lets other threads run, and all that it is given can travel to other machines.
+        Least speed, m/s.
+    map_function : callable
+        Like `map`. The compiled core releases the lock of the interpreter, and all arguments can be pickled.
     """
 
     def __init__(
         self,
         vehicles: Sequence[VehicleSettings],
-        knowledge: Knowledge,
+        assumptions: FilterAssumptions,
         chosen: Sequence[str],
         criterion: Criterion,
         envelope: Envelope,
         slowest: float,
-        spread: Map = map,
+        map_function: Map = map,
     ) -> None:
-        self._knowledge, self._criterion, self._envelope, self._slowest = knowledge, criterion, envelope, slowest
+        self._assumptions, self._criterion, self._map = assumptions, criterion, map_function
+        self._envelope, self._slowest = envelope, slowest
         self._chosen = [vehicles[0].coefficient_set.symbols.index(symbol) for symbol in chosen]
         self._vehicles = [(vehicle, sizes_of(vehicle)) for vehicle in vehicles]
-        self._map = spread
 
-    def try_out(self, manoeuvre: AnyManoeuvre) -> Trial:
-        """Let all vehicles sail a manoeuvre."""
-        flights = list(self._map(partial(run_trial, manoeuvre=manoeuvre, knowledge=self._knowledge), self._vehicles))
-        home = [flight.extent for flight in flights if flight.extent is not None]
-        return Trial(
-            manoeuvre,
-            flights,
-            np.array([self._measure(flight) for flight in flights]),
-            [excess(extent, self._envelope, self._slowest) for extent in home],
-        )
+    def evaluate(self, manoeuvre: AnyManoeuvre) -> Trial:
+        """Simulate a manoeuvre with all vehicles and predict the accuracy after it."""
+        work = partial(run_trial, manoeuvre=manoeuvre, assumptions=self._assumptions)
+        runs = list(self._map(work, self._vehicles))
+        extents = [run.extent for run in runs if run.extent is not None]
+        excess = [limit_excess(extent, self._envelope, self._slowest) for extent in extents]
+        return Trial(manoeuvre, runs, np.array([self._measure(run) for run in runs]), excess)
 
-    def _measure(self, flight: Flight) -> float:
-        if flight.extent is None:
+    def _measure(self, run: TrialRun) -> float:
+        if run.extent is None:
             return np.inf
-        logarithms = np.log(flight.percent[self._chosen])
+        logarithms = np.log(run.percent[self._chosen])
         return float(logarithms.mean() if self._criterion == "D" else logarithms.max())
 
 
-def run_trial(drawn: tuple[VehicleSettings, Array], manoeuvre: AnyManoeuvre, knowledge: Knowledge) -> Flight:
-    """Let one vehicle, with the sizes of its coefficients, sail a manoeuvre, and say what that would tell.
+def run_trial(
+    drawn: tuple[VehicleSettings, Array], manoeuvre: AnyManoeuvre, assumptions: FilterAssumptions
+) -> TrialRun:
+    """Simulate a manoeuvre with one vehicle and predict the accuracy of its coefficients.
+
+    Parameters
+    ----------
+    drawn : tuple of VehicleSettings and ndarray
+        The vehicle and the sizes of its coefficients, see `sizes_of`.
+    manoeuvre : AnyManoeuvre
+    assumptions : FilterAssumptions
 
     Raises
     ------
     SimulationError
-        If rounding has the last word.
+        If rounding spoils the covariance.
     """
     vehicle, sizes = drawn
     try:
         truth = simulate_trial(vehicle, manoeuvre)
     except SimulationError:
-        return Flight(np.full(sizes.size, np.nan), None)
-    posterior = posterior_along(truth, knowledge)
-    percent = 100.0 * posterior.deviation[-1] / sizes
+        return TrialRun(np.full(sizes.size, np.nan), None)
+    percent = 100.0 * predict_posterior(truth, assumptions).deviation[-1] / sizes
     if not np.isfinite(percent).all():
-        raise SimulationError(f"the covariance of {vehicle.name} was lost to rounding; state a narrower prior")
-    return Flight(percent, extent_of(truth, manoeuvre.excitation.fade_in))
+        raise SimulationError(f"{vehicle.name}: covariance lost to rounding; state a narrower prior")
+    return TrialRun(percent, measure_extent(truth, manoeuvre.excitation.fade_in))
 
 
 def simulate_trial(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre) -> Truth:
-    """Simulate a manoeuvre at `RATE`, undisturbed.
+    """Simulate a manoeuvre at `RATE` without disturbances.
 
     Raises
     ------
     SimulationError
-        If the vehicle leaves the model's validity.
+        If the vehicle leaves the validity of the model.
     """
     coarse = manoeuvre.model_copy(update={"input_rate": RATE})
     plan = make_plan(coarse)
-    return simulate_motion(vehicle, coarse, plan, np.zeros((plan.time.size, 6)), _LONGEST_STEP)
+    return simulate_motion(vehicle, coarse, plan, np.zeros((plan.time.size, 6)), _MAX_STEP)
 
 
 def sizes_of(vehicle: VehicleSettings) -> Array:
-    """Return what percentages are of: each coefficient's size, or where it is zero what it would be on a plain body."""
+    """Return the size of each coefficient; of one that is 0 its natural magnitude for this hull."""
     values = vehicle.all_coefficients()
     return np.array([abs(values[c.symbol]) or natural_magnitude(c, vehicle.size) for c in vehicle.coefficient_set])

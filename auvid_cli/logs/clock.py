@@ -9,48 +9,42 @@ from numpy.typing import NDArray
 from auvid_cli.logs.formats.log import ColumnValues
 
 Array = NDArray[np.float64]
-_HOUR, _DAY = 3600.0, 86400.0
+_HOUR = 3600.0  # s
+_DAY = 86400.0  # s
 _CLOCK = re.compile(r"\s*(?:(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:\.\d*)?)\s*", re.ASCII)
 _DATE = re.compile(r"\s*\d{4}-\d{2}-\d{2}")
-_CHUNK = 100_000
-# No clock counts so far: nanoseconds since 1970 are some 2e18.
-FARTHEST = 1e20
-# Of the median interval, and s: differences that vary by less hardly matter.
-_PART_OF_INTERVAL, _LEAST = 0.5, 0.02
+_CHUNK = 100_000  # dates converted at a time
+FARTHEST = 1e20  # more than any time stamp; nanoseconds since 1970 are about 2e18
+# A smaller variation of the difference between clocks is ignored.
+_MIN_INTERVAL_SHARE = 0.5  # of the median interval
+_MIN_VARIATION = 0.02  # s
 _QUANTILES = (0.05, 0.95)
-# s; a log that was made so much later than its messages was played back. Smaller times are counted from when something
-# was switched on.
-_LATER, _LEAST_EPOCH = 60.0, 1e8
+_PLAYBACK_DELAY = 60.0  # s by which a log is later than its messages if it was played back
+_MIN_EPOCH = 1e8  # s; smaller times do not count from 1970
 
 
 class Clock(NamedTuple):
-    """Times in seconds, NaN where there is none.
-
-    Attributes
-    ----------
-    seconds : ndarray
-    rollovers : int
-        How often a clock without hours, or without a date, began anew.
-    """
+    """Times in s (NaN if missing), and the number of rollovers of a clock without hours or date."""
 
     seconds: Array
     rollovers: int = 0
 
 
 class Order(NamedTuple):
-    """Rows that remain, in the order of their times, and why others do not.
+    """Rows in the order of their times, and the numbers of disordered rows.
 
     Attributes
     ----------
     rows : ndarray of int, or a slice of all
+        Rows that are kept.
     without_time : int
-        Rows whose time is missing.
+        Rows without a time.
     backward : int
-        Rows whose time is before that of the row before.
+        Rows with an earlier time than the row before.
     furthest_back : float
-        s, of the largest such step.
+        Largest backward step, s.
     duplicates : int
-        Rows at the time of an earlier row.
+        Rows with the time of another row.
     """
 
     rows: NDArray[np.int64] | slice
@@ -66,14 +60,14 @@ def to_seconds(values: ColumnValues, factor: float) -> Clock:
     Parameters
     ----------
     values : ndarray
-        Numbers, or text: ``mm:ss.s``, ``HH:MM:SS.s``, or dates with times by ISO 8601 (UTC where they state no zone).
+        Numbers, or text: ``mm:ss.s``, ``HH:MM:SS.s``, or ISO 8601 dates with times (UTC without a zone).
     factor : float
         s per unit of numbers.
 
     Raises
     ------
     ValueError
-        If a text is no time; the message shows it.
+        If a text is not a time.
     """
     if values.dtype.kind != "U":
         numbers = np.asarray(values, np.float64)
@@ -93,15 +87,15 @@ def to_seconds(values: ColumnValues, factor: float) -> Clock:
 
 
 def order_rows(seconds: Array) -> Order:
-    """Find the order in which times increase strictly; of rows at one time the first counts."""
-    known = np.isfinite(seconds)
-    without_time = int(seconds.size - np.count_nonzero(known))
-    steps = np.diff(seconds[known] if without_time else seconds)
+    """Return the order in which times increase strictly; the first of several rows at one time is kept."""
+    timed = np.isfinite(seconds)
+    without_time = int(seconds.size - np.count_nonzero(timed))
+    steps = np.diff(seconds[timed] if without_time else seconds)
     backward = int(np.count_nonzero(steps < 0.0))
     if not without_time and (steps > 0.0).all():
         return Order(slice(None))
     furthest_back = -float(min(steps.min(initial=0.0), 0.0))
-    rows = np.flatnonzero(known)
+    rows = np.flatnonzero(timed)
     rows = rows[np.argsort(seconds[rows], kind="stable")]
     is_new = np.diff(seconds[rows], prepend=-np.inf) > 0.0
     return Order(rows[is_new], without_time, backward, furthest_back, int(np.count_nonzero(~is_new)))
@@ -112,18 +106,18 @@ def _clock_seconds(text: str) -> float:
         return np.nan
     match = _CLOCK.fullmatch(text)
     if match is None:
-        raise ValueError(f"{str(text)!r} is not a time like those before it")
+        raise ValueError(f"{str(text)!r} is not a time; expected the form of the rows before it")
     hours, minutes, seconds = match.groups()
     return 3600.0 * float(hours or 0.0) + 60.0 * float(minutes) + float(seconds)
 
 
 def _unwrapped(seconds: Array, period: float) -> Clock:
-    """Let a clock go on where it begins anew: where it falls by more than half of its period."""
-    known = np.flatnonzero(np.isfinite(seconds))
-    turns = np.cumsum(np.diff(seconds[known], prepend=seconds[known[:1]]) < -0.5 * period)
+    """Add a period after each rollover, at which the clock falls by more than half of its period."""
+    timed = np.flatnonzero(np.isfinite(seconds))
+    rollovers = np.cumsum(np.diff(seconds[timed], prepend=seconds[timed[:1]]) < -0.5 * period)
     unwrapped = seconds.copy()
-    unwrapped[known] += period * turns
-    return Clock(unwrapped, int(turns[-1]) if turns.size else 0)
+    unwrapped[timed] += period * rollovers
+    return Clock(unwrapped, int(rollovers[-1]) if rollovers.size else 0)
 
 
 def _dates(values: ColumnValues) -> Array:
@@ -139,17 +133,17 @@ def _dates(values: ColumnValues) -> Array:
 
 
 class ClockDrift(NamedTuple):
-    """How a clock differs from another one of the same messages.
+    """Difference between two clocks of the same messages.
 
     Attributes
     ----------
     clock, other : str
     unsteady : bool
-        Whether it is the less even one, by more than hardly matters.
+        Whether `clock` has the less even intervals.
     later : float
-        s, median of the difference; 0 if not both are counted from the same epoch.
+        Median of the difference, s; 0 if the epochs differ.
     spread, furthest : float
-        s, of the difference about its median: from the 5 % to the 95 % quantile, and at most.
+        Variation of the difference about its median, s: 5 % to 95 % quantile, and maximum.
     """
 
     clock: str
@@ -161,41 +155,35 @@ class ClockDrift(NamedTuple):
 
 
 def find_clock_drift(taken: Array, other: Array, names: tuple[str, str]) -> ClockDrift | None:
-    """Compare the clock that is taken with the other one of the same messages.
+    """Compare two clocks of the same messages, s, shape (n,); NaN or 0 if a clock was not set.
 
-    Jitter that is not in the messages themselves makes intervals uneven, so the more even clock is the better one. What
-    matters less than half of an interval or 20 ms does not count, nor does being late by less than a minute, or early.
-
-    Parameters
-    ----------
-    taken, other : ndarray, shape (n,)
-        s; NaN or zero where a clock was not set.
-    names : tuple of str
-        Of the two clocks.
+    Transmission adds jitter to the intervals, so the clock with more even intervals is better.
 
     Returns
     -------
     ClockDrift or None
-        None if there is nothing to say, or if the other one was hardly ever set.
+        None if the first clock is even enough and not late, or if the other one was hardly ever set.
     """
-    known = np.isfinite(taken) & np.isfinite(other) & (taken != 0.0) & (other != 0.0)
-    taken, other = taken[known], other[known]
-    if 2 * taken.size < known.size or taken.size < 3 or not np.ptp(other) > 0.0:
+    is_set = np.isfinite(taken) & np.isfinite(other) & (taken != 0.0) & (other != 0.0)
+    taken, other = taken[is_set], other[is_set]
+    if 2 * taken.size < is_set.size or taken.size < 3 or not np.ptp(other) > 0.0:
         return None
     difference = taken - other
     later = float(np.median(difference))
     difference -= later
-    is_epoch = min(np.median(taken), np.median(other)) > _LEAST_EPOCH
+    is_epoch = min(np.median(taken), np.median(other)) > _MIN_EPOCH
     furthest = float(np.abs(difference).max())
     interval = float(np.median(np.abs(np.diff(other))))
-    unsteady = furthest > min(_PART_OF_INTERVAL * interval, _LEAST) and _unevenness(taken) > _unevenness(other)
-    if not unsteady and not (is_epoch and later > _LATER):
+    unsteady = furthest > min(_MIN_INTERVAL_SHARE * interval, _MIN_VARIATION) and _unevenness(taken) > _unevenness(
+        other
+    )
+    if not unsteady and not (is_epoch and later > _PLAYBACK_DELAY):
         return None
     low, high = np.quantile(difference, _QUANTILES)
     return ClockDrift(*names, unsteady, later if is_epoch else 0.0, float(high - low), furthest)
 
 
 def _unevenness(time: Array) -> float:
-    """Return the mean size, s, of what intervals differ from their median by."""
+    """Return the mean deviation of intervals from their median, s."""
     intervals = np.diff(time)
     return float(np.abs(intervals - np.median(intervals)).mean())

@@ -1,4 +1,4 @@
-"""Axes of sensors and of the vehicle, and the motion of a sensor at its lever arm."""
+"""Transform measurements from sensor axes and positions to body axes and the vehicle's origin."""
 
 from dataclasses import replace
 
@@ -10,22 +10,21 @@ from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import gap_limit
 from auvid_cli.logs.measurements import MeasuredRows
-from auvid_cli.logs.requests import RefusedError
+from auvid_cli.logs.requests import MapMismatchError
 from auvid_cli.vehicle.kinematics import body_rates, body_to_earth, earth_to_body
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
-# Half a turn about x, forward; half a turn about the line between east and north.
+# Quaternions: half a turn about x, and about the line between east and north.
 FLU_TO_FRD = np.array([0.0, 1.0, 0.0, 0.0])
 ENU_TO_NED = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
-_UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
-_CHUNK = 100_000
-# s, over which depth tells how fast the vehicle sinks.
-_SINKING = 1.0
+_IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+_CHUNK = 100_000  # rows converted at a time
+_DEPTH_RATE_WINDOW = 1.0  # s
 
 
 def quaternion_of_euler(angles: Array) -> Array:
-    """Convert Euler angles to quaternions, shape (n, 3) to (n, 4)."""
+    """Return quaternions, shape (n, 4), of Euler angles, rad, shape (n, 3)."""
     cosine, sine = np.cos(0.5 * angles).T, np.sin(0.5 * angles).T
     (cr, cp, cy), (sr, sp, sy) = cosine, sine
     return np.column_stack(
@@ -39,11 +38,11 @@ def quaternion_of_euler(angles: Array) -> Array:
 
 
 def euler_of_quaternion(quaternion: Array) -> Array:
-    """Convert quaternions of any length but zero to Euler angles, shape (n, 4) to (n, 3); NaN of a zero."""
+    """Return Euler angles, rad, shape (n, 3), of quaternions of any length, shape (n, 4); NaN for length 0."""
     length = np.sqrt(np.einsum("ij,ij->i", quaternion, quaternion))
     length[length == 0.0] = np.nan
     w, x, y, z = (quaternion / length[:, None]).T
-    # The pitch by its cosine as well: its sine alone knows little near +-90 degrees.
+    # The sine of the pitch alone is inaccurate near +-90 degrees.
     sine, forward_north, forward_east = 2.0 * (w * y - x * z), 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)
     return np.column_stack(
         (
@@ -55,7 +54,7 @@ def euler_of_quaternion(quaternion: Array) -> Array:
 
 
 def product(left: Array, right: Array) -> Array:
-    """Multiply quaternions, either side one of them or n."""
+    """Return products of quaternions; each side is one quaternion or n of them."""
     a, b, c, d = left.T
     w, x, y, z = right.T
     return np.stack(
@@ -70,12 +69,12 @@ def product(left: Array, right: Array) -> Array:
 
 
 def conjugate(quaternion: Array) -> Array:
-    """Return the quaternions of the turns back."""
+    """Return the quaternions of the inverse rotations."""
     return quaternion * np.array([1.0, -1.0, -1.0, -1.0])
 
 
 def rotation(quaternion: Array) -> Array:
-    """Return the rotation matrix of a quaternion; what is only rounding beside 1 becomes 0, so that axes stay apart."""
+    """Return the rotation matrix of a quaternion; rounding errors next to 0 and 1 are removed."""
     w, x, y, z = quaternion
     matrix = np.array(
         [
@@ -89,7 +88,7 @@ def rotation(quaternion: Array) -> Array:
 
 
 def rotate(matrix: Array, vectors: Array) -> Array:
-    """Turn rows of vectors; a component that is missing spoils only those that it has a part in."""
+    """Rotate rows of vectors; a missing component affects only components that depend on it."""
     turned = np.zeros_like(vectors)
     for i, j in zip(*np.nonzero(matrix), strict=True):
         turned[:, i] += matrix[i, j] * vectors[:, j]
@@ -97,29 +96,16 @@ def rotate(matrix: Array, vectors: Array) -> Array:
 
 
 def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -> Array:
-    """Interpolate rows of values linearly; NaN before the first, after the last, and in gaps, see `gap_limit`.
+    """Interpolate values, shape (n, c), linearly at times; NaN outside and in gaps, see `gap_limit`.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        s, increasing.
-    values : ndarray, shape (n, c)
-        Each component by the rows in which it is not missing.
-    at : ndarray, shape (m,)
-    is_angle : bool
-        Whether values are angles that may jump by whole turns.
-
-    Returns
-    -------
-    ndarray, shape (m, c)
+    Missing values of a component are skipped. Angles may jump by whole turns.
     """
-    columns = (_interpolated(time, column, at, is_angle) for column in values.T)
-    return np.column_stack([*columns])
+    return np.column_stack([_interpolated(time, column, at, is_angle) for column in values.T])
 
 
 def _interpolated(time: Array, values: Array, at: Array, is_angle: bool) -> Array:
-    known = np.isfinite(values)
-    time, values = time[known], values[known]
+    finite = np.isfinite(values)
+    time, values = time[finite], values[finite]
     if not time.size:
         return np.full(at.size, np.nan)
     interpolated = np.interp(at, time, np.unwrap(values) if is_angle else values, np.nan, np.nan)
@@ -131,26 +117,26 @@ def _interpolated(time: Array, values: Array, at: Array, is_angle: bool) -> Arra
 
 
 def velocity_at_origin(velocity: Array, rates: Array, position: Array) -> Array:
-    """Find the velocity of the vehicle's origin from that of a sensor at a position: v - omega x r, in body axes."""
+    """Return the velocity of the vehicle's origin from that of a sensor: v - omega x r, in body axes."""
     return velocity - np.cross(rates, position)
 
 
 def depth_at_origin(down: Array, roll: Array, pitch: Array, position: Array) -> Array:
-    """Find the depth of the vehicle's origin from that of a sensor at a position in the body: down - (R position)_z.
+    """Return the depth of the vehicle's origin from that of a sensor: down - (R position)_z.
 
-    The last row of R, from the body to north-east-down, holds no heading (Fossen 2011, eq. (2.18)).
+    The last row of R (body to north-east-down) does not contain the heading (Fossen 2011, eq. (2.18)).
     """
     angles = np.column_stack((roll, pitch, np.zeros(down.size)))
     return down - body_to_earth(angles, np.broadcast_to(position, angles.shape))[:, 2]
 
 
 def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: KeyPath) -> Array:
-    """Turn components to the body's axes, or about the earth's, north-east-down, as far as that needs no attitude.
+    """Return components in body axes, or over ground in north-east-down, as far as no attitude is needed.
 
     Raises
     ------
-    RefusedError
-        If an attitude lacks an angle that its axes call for.
+    MapMismatchError
+        If an attitude lacks an angle that the transformation needs.
     """
     symbols = [quantity.symbol for quantity in SENSORS[sensor.sensor]]
     if isinstance(sensor, AttitudeMap):
@@ -160,7 +146,7 @@ def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: KeyPath) -> Arr
     if isinstance(sensor, MagnetometerMap):
         return 0.5 * np.pi - values if sensor.reference == "ENU" else values
     if isinstance(sensor, InBody | DvlMap):
-        turn = rotation(product(_mounted(sensor), FLU_TO_FRD if sensor.frame == "FLU" else _UNTURNED))
+        turn = rotation(product(_mounted(sensor), FLU_TO_FRD if sensor.frame == "FLU" else _IDENTITY))
         values = values if np.array_equal(turn, np.eye(3)) else rotate(turn, values)
     if isinstance(sensor, DvlMap) and sensor.frame == "ENU":
         values = rotate(rotation(ENU_TO_NED), values)
@@ -168,14 +154,14 @@ def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: KeyPath) -> Arr
 
 
 def turned_by_attitude(sensor: DvlMap, records: dict[str, SensorRecord]) -> str:
-    """Name what of a DVL's velocity an attitude is needed for; empty if nothing is."""
+    """Return the part of a DVL's transformation that needs an attitude; empty if none does."""
     if sensor.frame in ("NED", "ENU"):
         return "velocities over ground"
-    return "the lever arm" if sensor.position is not None and _whole(records, "gyroscope") is None else ""
+    return "the lever arm" if sensor.position is not None and _complete_record(records, "gyroscope") is None else ""
 
 
 def level_where_roll_is_unknown(records: dict[str, SensorRecord]) -> dict[str, SensorRecord]:
-    """Return sensors with a roll of zero where an attitude never measures one."""
+    """Return the records, with a roll of 0 for an attitude without roll."""
     attitude = records.get("attitude")
     if attitude is None or np.isfinite(attitude.values[:, 0]).any():
         return records
@@ -185,59 +171,67 @@ def level_where_roll_is_unknown(records: dict[str, SensorRecord]) -> dict[str, S
 
 
 def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, SensorRecord], path: KeyPath) -> Array:
-    """Find the velocity of the vehicle's origin in body axes, with attitude and rates of other sensors at its times.
+    """Return the velocity of the vehicle's origin in body axes, with attitude and rates of other sensors.
 
     Raises
     ------
-    RefusedError
-        If there is no such sensor.
+    MapMismatchError
+        If a necessary sensor is missing.
     """
-    values, attitude, gyroscope = record.values, _whole(others, "attitude"), _whole(others, "gyroscope")
+    values, attitude, gyroscope = (
+        record.values,
+        _complete_record(others, "attitude"),
+        _complete_record(others, "gyroscope"),
+    )
     if sensor.frame in ("NED", "ENU"):
         if attitude is None:
-            raise RefusedError((*path, "frame"), f"{sensor.frame} velocities need an `attitude` of pitch and heading")
+            raise MapMismatchError(
+                (*path, "frame"), f"{sensor.frame} velocities need an `attitude` of pitch and heading"
+            )
         measured = np.asarray(np.isfinite(values).any(axis=0))
         if not measured[:2].all():
-            raise RefusedError((*path, "columns"), f"{sensor.frame} velocities need both of `u` and `v`")
+            raise MapMismatchError((*path, "columns"), f"{sensor.frame} velocities need both of `u` and `v`")
         if not measured[2]:
-            values = np.column_stack((values[:, :2], _sinking(record.time, others, (*path, "columns"))))
+            values = np.column_stack((values[:, :2], _depth_rate(record.time, others, (*path, "columns"))))
         values = earth_to_body(interpolate(attitude.time, attitude.values, record.time, is_angle=True), values)
-        # What depth says is not said twice.
+        # A component from the depth would count the depth twice.
         values = np.where(measured | [True, True, False], values, np.nan)
     if sensor.position is not None:
         if gyroscope is not None:
             rates = interpolate(gyroscope.time, gyroscope.values, record.time)
         elif attitude is not None:
             angles = interpolate(attitude.time, attitude.values, attitude.time, is_angle=True)
-            known = np.isfinite(angles).all(axis=1)
-            time = attitude.time[known]
-            rates = interpolate(time, body_rates(time, angles[known]), record.time)
+            complete = np.isfinite(angles).all(axis=1)
+            time = attitude.time[complete]
+            rates = interpolate(time, body_rates(time, angles[complete]), record.time)
         else:
-            raise RefusedError(
+            raise MapMismatchError(
                 (*path, "position"), "a lever arm needs a `gyroscope` or an `attitude` of pitch and heading"
             )
         values = velocity_at_origin(values, rates, np.array(sensor.position))
     return values
 
 
-def _sinking(time: Array, others: dict[str, SensorRecord], path: KeyPath) -> Array:
-    """Return the velocity downward by the depth, for what measures none; it hardly counts for a level vehicle."""
+def _depth_rate(time: Array, others: dict[str, SensorRecord], path: KeyPath) -> Array:
+    """Return the rate of the depth, m/s, for a DVL that measures no vertical velocity."""
     depth = others.get("depth")
     if depth is None:
-        raise RefusedError(path, "velocities over ground need `w` as well, or a `depth` that says how fast it sinks")
-    before, after = (interpolate(depth.time, depth.values, time + side * _SINKING)[:, 0] for side in (-0.5, 0.5))
-    return (after - before) / _SINKING
+        raise MapMismatchError(path, "velocities over ground need `w` as well, or a `depth`")
+    before, after = (
+        interpolate(depth.time, depth.values, time + side * _DEPTH_RATE_WINDOW)[:, 0] for side in (-0.5, 0.5)
+    )
+    return (after - before) / _DEPTH_RATE_WINDOW
 
 
-def _whole(records: dict[str, SensorRecord], name: str) -> SensorRecord | None:
-    """Return a sensor's record if it ever measured all of its components."""
+def _complete_record(records: dict[str, SensorRecord], name: str) -> SensorRecord | None:
+    """Return a sensor's record if it has measured all of its components."""
     record = records.get(name)
     return record if record is not None and np.isfinite(record.values).any(axis=0).all() else None
 
 
 def _mounted(sensor: InBody | DvlMap) -> Array:
     """Return the quaternion from the sensor's axes to the body's."""
-    return _UNTURNED if sensor.mount is None else quaternion_of_euler(np.array([sensor.mount.angles()]))[0]
+    return _IDENTITY if sensor.mount is None else quaternion_of_euler(np.array([sensor.mount.angles()]))[0]
 
 
 def _attitude(sensor: AttitudeMap, rows: MeasuredRows, path: KeyPath) -> Array:
@@ -250,13 +244,11 @@ def _attitude(sensor: AttitudeMap, rows: MeasuredRows, path: KeyPath) -> Array:
         return np.column_stack((roll, -pitch, 0.5 * np.pi - yaw) if turned else (roll, pitch, yaw))
     symbols = ("phi", "theta", "psi") if sensor.quaternion is None else tuple("wxyz")
     if any(symbol not in rows.values for symbol in symbols):
-        raise RefusedError(
-            (*path, "columns"), "a mount, or these axes, can only be accounted for with all three angles"
-        )
+        raise MapMismatchError((*path, "columns"), "a mount, or these axes, need all three angles")
     if not np.isfinite(np.column_stack([rows.values[symbol] for symbol in symbols])).all(axis=1).any():
-        raise RefusedError((*path, "columns"), "a mount, or these axes, need all three angles at one time")
-    earth = ENU_TO_NED if sensor.reference == "ENU" else _UNTURNED
-    body = product(FLU_TO_FRD if sensor.frame == "FLU" else _UNTURNED, conjugate(_mounted(sensor)))
+        raise MapMismatchError((*path, "columns"), "a mount, or these axes, need all three angles at one time")
+    earth = ENU_TO_NED if sensor.reference == "ENU" else _IDENTITY
+    body = product(FLU_TO_FRD if sensor.frame == "FLU" else _IDENTITY, conjugate(_mounted(sensor)))
     angles = np.empty((rows.time.size, 3))
     for begin in range(0, rows.time.size, _CHUNK):
         part = np.column_stack([rows.values[symbol][begin : begin + _CHUNK] for symbol in symbols])

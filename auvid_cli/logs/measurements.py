@@ -1,4 +1,4 @@
-"""Measurements from columns of a log, and the report of the import."""
+"""Measurements of a request in SI, and the summary of an import."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -10,17 +10,15 @@ from auvid_cli.config.log_columns import LogSignal, RowChoice
 from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.logs.clock import ClockDrift, Order, find_clock_drift, order_rows
 from auvid_cli.logs.formats.log import ColumnValues, Overlap, find_overlaps
-from auvid_cli.logs.requests import ColumnReader, RefusedError, Request
+from auvid_cli.logs.requests import ColumnReader, MapMismatchError, Request
 from auvid_cli.text import one_line
 
 Array = NDArray[np.float64]
-# What an underwater vehicle does not reach: more than that is another unit.
-_IMPOSSIBLE = {"rad": 2.0 * np.pi, "rad/s": 20.0, "m/s": 50.0, "m/s^2": 500.0}
-# s. At the border of two files messages may be out of order by what they were late.
-_LONGEST_INTERLEAVING = 1.0
-# s: what rounding makes of one time in several tables.
-_SAME_TIME = 1e-6
-_DAY = 86400.0
+# An underwater vehicle does not exceed these; larger numbers have another unit.
+_MAX_PLAUSIBLE = {"rad": 2.0 * np.pi, "rad/s": 20.0, "m/s": 50.0, "m/s^2": 500.0}
+_MAX_INTERLEAVING = 1.0  # s, disorder of late messages at the border of two files
+_SAME_TIME = 1e-6  # s, rounding of one time in several tables
+_DAY = 86400.0  # s
 
 
 class MeasuredRows(NamedTuple):
@@ -29,21 +27,18 @@ class MeasuredRows(NamedTuple):
     Attributes
     ----------
     time : ndarray, shape (n,)
-        s, by the log's clock, strictly increasing.
+        Time of the log, s, strictly increasing.
     values : dict of ndarray, each of shape (n,)
-        SI by component, NaN where one is missing.
+        SI by component, NaN if missing.
     order : Order
-        What was sorted and left out.
     rollovers : int
-        Of a clock without hours or date.
     invalid : int
-        Rows that the log calls not valid, and values beyond the limits that the map sets.
+        Rows that the log marks as invalid, and values beyond the limits of the map.
     repeats : int
-        Rows left out because they only repeat what was read before.
+        Omitted rows that repeat the one before.
     clock_drift : ClockDrift or None
-        Of a clock that the message's other one is better than.
+        Drift of the clock if the other clock of the messages is better.
     overlaps : list of Overlap
-        Of files that continue each other.
     """
 
     time: Array
@@ -59,13 +54,12 @@ class MeasuredRows(NamedTuple):
 def read_request(
     request: Request, signals: Mapping[str, LogSignal], validity: RowChoice | None, columns: ColumnReader
 ) -> MeasuredRows:
-    """Read what a request asks for.
+    """Read the rows of a request.
 
     Raises
     ------
-    RefusedError
-        If its times are no times or never change, if tables that belong together are not of one length, or if files
-        that should continue each other do not.
+    MapMismatchError
+        If times are invalid or constant, if tables have different lengths, or if files of one log interleave.
     FileError
         If the log is damaged.
     """
@@ -74,24 +68,26 @@ def read_request(
     try:
         seconds, rollovers = columns.take_time(request)
     except ValueError as error:
-        raise RefusedError((*request.path, "time"), one_line(str(error))) from None
+        raise MapMismatchError((*request.path, "time"), one_line(str(error))) from None
     length = next(iter(raw.values())).size
     if seconds.size != length:
-        raise RefusedError(
+        raise MapMismatchError(
             (*request.path, "time"),
-            f"{request.time.place.table} has {seconds.size} rows and cannot give times to the {length} rows here",
+            f"{request.time.place.table} has {seconds.size} rows; expected times for {length} rows",
         )
-    left_out = 0
+    n_others = 0
     if request.chosen is not None:
         place, choice = request.chosen
         others = ~is_chosen(ids := columns.take(place), choice)
         if others.all():
             some = ", ".join(map(str, np.unique(ids)[:8].tolist()))
-            raise RefusedError((*request.path, "rows"), f"no row has such a {place.column!r}; there is {some}")
-        left_out = int(np.count_nonzero(others & np.isfinite(seconds)))
+            raise MapMismatchError(
+                (*request.path, "rows"), f"no row with such a {place.column!r}; expected one of {some}"
+            )
+        n_others = int(np.count_nonzero(others & np.isfinite(seconds)))
         seconds = np.where(others, np.nan, seconds)
     order = order_rows(seconds)
-    order = order._replace(without_time=order.without_time - left_out)
+    order = order._replace(without_time=order.without_time - n_others)
     time = seconds[order.rows]
     if time.size < 2:
         raise _no_times(request, seconds.size, time.size)
@@ -100,7 +96,7 @@ def read_request(
     for component, (_, factor, _) in request.values.items():
         signal = signals[component]
         numbers = to_si(raw.pop(component)[order.rows], signal, factor)
-        # What is infinite was not measured, and stands for that.
+        # Infinite numbers mark missing measurements.
         outside = np.isinf(numbers)
         if signal.limits is not None:
             outside |= (numbers < signal.limits[0]) | (numbers > signal.limits[1])
@@ -115,12 +111,12 @@ def read_request(
     return MeasuredRows(time, values, order, rollovers, invalid, 0, clock_drift, overlaps)
 
 
-def _no_times(request: Request, rows: int, times: int) -> RefusedError:
+def _no_times(request: Request, rows: int, times: int) -> MapMismatchError:
     log, table, column = request.time.place
     if rows < 2:
-        return RefusedError(("logs", log), f"{table or 'the log'} has {'only one row' if rows else 'no rows'}")
-    complaint = "never changes" if times else "holds no time in any row"
-    return RefusedError((*request.path, "time"), f"{column!r} {complaint}: name another time")
+        return MapMismatchError(("logs", log), f"{table or 'the log'} has {'only one row' if rows else 'no rows'}")
+    problem = "never changes" if times else "has no valid times"
+    return MapMismatchError((*request.path, "time"), f"{column!r} {problem}: name another time")
 
 
 def _clock_drift(request: Request, seconds: Array, columns: ColumnReader) -> ClockDrift | None:
@@ -133,32 +129,32 @@ def _clock_drift(request: Request, seconds: Array, columns: ColumnReader) -> Clo
 def _overlaps(
     request: Request, seconds: Array, raw: Mapping[str, ColumnValues], columns: ColumnReader
 ) -> list[Overlap]:
-    """Find overlaps of the files of a log; RefusedError if they interleave for longer than disorder explains."""
+    """Return overlaps of the files of a log; MapMismatchError if they interleave for too long."""
     if request.time.file is None:
         return []
     files, values = columns.take(request.time.file), np.column_stack([*raw.values()])
     overlaps = find_overlaps(seconds, np.asarray(files, np.float64), np.asarray(values, np.float64))
     for file, begin, end, own in overlaps:
-        if own and end - begin > _LONGEST_INTERLEAVING:
+        if own and end - begin > _MAX_INTERLEAVING:
             span = f"{begin:.3f} to {end:.3f} s"
-            reason = f"file {file} of the log and those before it both have measurements from {span}"
-            raise RefusedError(request.path, f"{reason}, so they do not continue each other: is it one clock?")
+            reason = f"file {file} of the log and earlier files both have measurements from {span}"
+            raise MapMismatchError(request.path, f"{reason}; expected consecutive files with one clock")
     return overlaps
 
 
 def without_repeats(rows: MeasuredRows) -> MeasuredRows:
-    """Keep the first row, and those with a number that is another than the last one of its component."""
-    fresh = np.zeros(rows.time.size, np.bool_)
-    fresh[0] = True
+    """Return the first row and those in which a component differs from its last value."""
+    is_new = np.zeros(rows.time.size, np.bool_)
+    is_new[0] = True
     for numbers in rows.values.values():
-        known = np.flatnonzero(np.isfinite(numbers))
-        fresh[known[np.diff(numbers[known], prepend=np.nan) != 0.0]] = True
-    values = {component: numbers[fresh] for component, numbers in rows.values.items()}
-    return rows._replace(time=rows.time[fresh], values=values, repeats=int(np.count_nonzero(~fresh)))
+        finite = np.flatnonzero(np.isfinite(numbers))
+        is_new[finite[np.diff(numbers[finite], prepend=np.nan) != 0.0]] = True
+    values = {component: numbers[is_new] for component, numbers in rows.values.items()}
+    return rows._replace(time=rows.time[is_new], values=values, repeats=int(np.count_nonzero(~is_new)))
 
 
 def together(parts: Sequence[MeasuredRows]) -> MeasuredRows:
-    """Put components that were read apart on the union of their times, each missing where only others were measured."""
+    """Return components from several tables on the union of their times; NaN at times of other tables."""
     if len(parts) == 1:
         return parts[0]
     time = np.sort(np.concatenate([part.time for part in parts]))
@@ -188,7 +184,7 @@ def together(parts: Sequence[MeasuredRows]) -> MeasuredRows:
 
 
 def to_si(raw: ColumnValues, signal: LogSignal, factor: float) -> Array:
-    """Convert a signal's numbers to SI: sign x (raw - centre) x factor + offset."""
+    """Return a signal in SI: sign x (raw - centre) x factor + offset."""
     numbers = np.array(raw, np.float64)
     numbers -= signal.centre
     numbers *= signal.sign * factor
@@ -197,7 +193,7 @@ def to_si(raw: ColumnValues, signal: LogSignal, factor: float) -> Array:
 
 
 def is_chosen(ids: ColumnValues, choice: RowChoice) -> NDArray[np.bool_]:
-    """Say whether an id or a flag is one of those that are asked for; capitals do not matter, and true is 1."""
+    """Return whether ids or flags are among the chosen values; case does not matter, and true equals 1."""
     if ids.dtype.kind == "U":
         wanted = [str(value).lower() for value in choice.values]
         return np.isin(np.char.lower(np.char.strip(np.asarray(ids, np.str_))), wanted)
@@ -205,17 +201,16 @@ def is_chosen(ids: ColumnValues, choice: RowChoice) -> NDArray[np.bool_]:
 
 
 def check_plausible(path: KeyPath, numbers: Array, unit: str) -> None:
-    """Raise RefusedError if most of the larger numbers are what no underwater vehicle does."""
+    """Raise MapMismatchError if the 99 % quantile of the size is implausible for an underwater vehicle."""
     sizes = np.abs(numbers[np.isfinite(numbers)])
-    limit = _IMPOSSIBLE.get(unit, np.inf)
+    limit = _MAX_PLAUSIBLE.get(unit, np.inf)
     if sizes.size and (reached := float(np.quantile(sizes, 0.99))) > limit:
-        raise RefusedError(
-            path, f"reaches {reached:.3g} {unit}, which cannot be: state the `unit` (or `scale`) of the log's numbers"
-        )
+        hint = "state the `unit` or `scale` of the log's numbers"
+        raise MapMismatchError(path, f"reaches {reached:.3g} {unit}; expected at most {limit:.3g}: {hint}")
 
 
 class ImportSummary(NamedTuple):
-    """What became of one sensor or input.
+    """Summary of the import of a sensor or input.
 
     Attributes
     ----------
@@ -224,11 +219,11 @@ class ImportSummary(NamedTuple):
     rate : float
         Hz, by the median interval.
     span : tuple of float
-        s, first and last.
+        First and last time, s.
     missing : int
         Samples without any component.
     duplicates : int
-        Rows at the time of an earlier one, left out.
+        Omitted rows with the time of an earlier one.
     remarks : tuple of str
     """
 
@@ -244,14 +239,14 @@ class ImportSummary(NamedTuple):
 def summary_of(
     name: str, time: NDArray[np.float64], missing: int, rows: MeasuredRows, remarks: tuple[str, ...]
 ) -> ImportSummary:
-    """Summarise a sensor or input that kept samples at `time`, s, of the rows that were read."""
+    """Return the summary of a sensor or input with samples at `time`, s."""
     order, rollovers, drift = rows.order, rows.rollovers, rows.clock_drift
     treatment = (
         (order.backward, f"time went back in {order.backward} rows, by up to {order.furthest_back:.3g} s: sorted"),
         (order.without_time, f"{order.without_time} rows without a time left out"),
-        (rollovers, f"the hour or the day of the clock ended, {rollovers} in all: taken to go on"),
-        (drift, _differing(drift) if drift else ""),
-        *((True, _overlapping(overlap)) for overlap in rows.overlaps),
+        (rollovers, f"{rollovers} rollovers of a clock without hours or date: continued"),
+        (drift, _drift_text(drift) if drift else ""),
+        *((True, _overlap_text(overlap)) for overlap in rows.overlaps),
     )
     of_rows = tuple(text for applies, text in treatment if applies)
     rate = 1.0 / float(np.median(np.diff(time))) if time.size > 1 else 0.0
@@ -259,13 +254,13 @@ def summary_of(
     return ImportSummary(name, time.size, rate, span, missing, order.duplicates, (*of_rows, *remarks))
 
 
-def _differing(drift: ClockDrift) -> str:
+def _drift_text(drift: ClockDrift) -> str:
     if drift.unsteady:
         by = f"{_duration(drift.spread)} (5 to 95 %), at most {_duration(drift.furthest)}"
-        return f"{drift.clock} drifts from {drift.other} by {by}: `time: '{drift.other}'` would be right"
+        return f"{drift.clock} drifts from {drift.other} by {by}: `time: '{drift.other}'` would be better"
     return (
         f"{drift.clock} is {_duration(drift.later)} after {drift.other}: the log was played back, or a clock was "
-        "not set; take the same one for all"
+        "not set; use the same clock for all"
     )
 
 
@@ -275,7 +270,7 @@ def _duration(seconds: float) -> str:
     return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.4g} s"
 
 
-def _overlapping(overlap: Overlap) -> str:
-    done = "taken as they come in time" if overlap.own else "the same measurements in both, each taken once"
+def _overlap_text(overlap: Overlap) -> str:
+    treatment = "sorted by time" if overlap.own else "same measurements in both, each used once"
     span = f"{overlap.begin:.3f} to {overlap.end:.3f} s by the log's clock"
-    return f"file {overlap.file} of the log overlaps those before it from {span}: {done}"
+    return f"file {overlap.file} of the log overlaps earlier files from {span}: {treatment}"

@@ -1,4 +1,4 @@
-"""Columns of a log that a map asks for, and errors that point into the map."""
+"""Columns that a map requests from logs, and errors that point into the map."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -17,50 +17,44 @@ from auvid_cli.logs.clock import Clock, to_seconds
 from auvid_cli.logs.formats.log import FILE, HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, missing
 
 
-class RefusedError(Exception):
-    """What the map says does not fit the numbers in the log; `path` is where the map says it."""
+class MapMismatchError(Exception):
+    """A setting of the map, at `path`, does not fit the log."""
 
     def __init__(self, path: KeyPath, message: str) -> None:
         super().__init__(message)
         self.path = path
 
 
-class Refusals:
-    """Mistakes of a map, each at its place.
-
-    Parameters
-    ----------
-    tree : Tree
-        The map as it was read.
-    """
+class MapErrors:
+    """Collected errors of a map with their positions in its source `tree`."""
 
     def __init__(self, tree: Tree) -> None:
         self._tree = tree
         self._mistakes: list[Mistake] = []
-        self._said = 0
+        self._count = 0
 
-    def say(self, path: KeyPath, message: str) -> None:
-        """Keep a mistake, once where several settings lead to it."""
+    def add(self, path: KeyPath, message: str) -> None:
+        """Collect an error; one with several causes is reported once."""
         mistake = at_value(self._tree, path, message)
         if mistake not in self._mistakes:
             self._mistakes.append(mistake)
-        self._said += 1
+        self._count += 1
 
     @contextmanager
     def collecting(self) -> Iterator[None]:
-        """Keep what ends the block, and go on after it."""
+        """Collect the MapMismatchError that ends the block, and continue after it."""
         try:
             yield
-        except RefusedError as error:
-            self.say(error.path, str(error))
+        except MapMismatchError as error:
+            self.add(error.path, str(error))
 
     def stop_if_any(self) -> None:
-        """Raise ConfigError with all mistakes kept so far."""
+        """Raise ConfigError with all errors so far."""
         if self._mistakes:
             raise ConfigError(mistakes_text(self._mistakes))
 
     def __len__(self) -> int:
-        return self._said
+        return self._count
 
 
 class Place(NamedTuple):
@@ -72,7 +66,7 @@ class Place(NamedTuple):
 
 
 class ComponentSource(NamedTuple):
-    """Column of a component, the size of its unit in SI, and whether log or map state that unit."""
+    """Column of a component, its unit in SI, and whether log or map state the unit."""
 
     place: Place
     factor: float
@@ -80,19 +74,19 @@ class ComponentSource(NamedTuple):
 
 
 class Times(NamedTuple):
-    """Where the times of rows stand.
+    """Column with the times of rows.
 
     Attributes
     ----------
     place : Place
     factor : float
-        s per unit of the times, if they are numbers.
+        s per unit of numeric times.
     offset : float
-        s, to be added.
+        s, added to the times.
     other : Place or None
-        The other clock of messages that have two.
+        Second clock of the messages.
     file : Place or None
-        Which file a row is from, if there are several.
+        Number of the file of a row, in a log of several files.
     """
 
     place: Place
@@ -103,19 +97,19 @@ class Times(NamedTuple):
 
 
 class Request(NamedTuple):
-    """What one sensor or one input needs.
+    """Columns of a sensor or an input in one table.
 
     Attributes
     ----------
     path : tuple
-        Where the map asks for it.
+        Path of the request in the map.
     values : dict of ComponentSource
         By component.
     valid : Place or None
-        Column that says which rows are valid.
+        Column that flags valid rows.
     time : Times
     chosen : tuple of Place and RowChoice, optional
-        Column that tells rows of several things apart, and what it holds in those that count.
+        Column with an id, and its values in the requested rows.
     """
 
     path: KeyPath
@@ -125,32 +119,19 @@ class Request(NamedTuple):
     chosen: tuple[Place, RowChoice] | None
 
     def places(self) -> Iterator[Place]:
-        """Return all columns that it needs."""
+        """Yield all columns of the request."""
         yield from (source.place for source in self.values.values())
         optional = (self.valid, self.time.place, self.time.other, self.time.file, self.chosen and self.chosen[0])
         yield from (place for place in optional if place is not None)
 
 
-def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusals: Refusals) -> dict[KeyPath, Request]:
-    """Find the columns that a map names.
+def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], errors: MapErrors) -> dict[KeyPath, Request]:
+    """Return the requests of a map by their paths in it.
 
-    Parameters
-    ----------
-    settings : LogMap
-    tree : Tree
-        The map as it was read.
-    logs : mapping of str to Log
-        Opened logs by the map's names for them.
-    refusals : Refusals
-        Takes tables and columns that the logs have not, text where numbers are expected, units that do not fit.
-
-    Returns
-    -------
-    dict of Request
-        By where the map asks: of sensors ``("sensors", name)``, and one for each further place that components of it
-        stand in, by the first of these; of inputs ``("inputs", name)``, of single fins and of a thruster one key more.
+    Missing tables and columns, text instead of numbers and wrong units are collected in `errors`. A sensor has the
+    path ``("sensors", name)``; components in another table have a request at the path of the first of them.
     """
-    finder = _Finder(settings, tree, logs, refusals)
+    finder = _Finder(settings, tree, logs, errors)
     requests: dict[KeyPath, Request | None] = {}
     for name, sensor in settings.sensors.given().items():
         path: KeyPath = ("sensors", name)
@@ -160,11 +141,11 @@ def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusal
         }
         places = _by_place(signals)
         if sensor.valid is not None and None not in places:
-            refusals.say((*path, "valid"), "no component stands in the sensor's own table, as this column does")
-        for place, there in places.items():
-            at, rows = (path, [sensor]) if place is None else (next(iter(there)), [place, sensor])
+            errors.add((*path, "valid"), "no component in the sensor's own table; expected one next to this column")
+        for place, of_place in places.items():
+            at, rows = (path, [sensor]) if place is None else (next(iter(of_place)), [place, sensor])
             valid = sensor.valid.column if sensor.valid is not None and place is None else None
-            requests[at] = finder.request(at, rows, there, sensor.unit, valid)
+            requests[at] = finder.request(at, rows, of_place, sensor.unit, valid)
     for key, signal in settings.inputs.channels().items():
         path = ("inputs", *key)
         requests[path] = finder.request(path, [signal, settings.inputs], {path: signal}, None, None)
@@ -172,23 +153,23 @@ def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusal
 
 
 def _by_place(signals: Mapping[KeyPath, LogSignal]) -> dict[LogRows | None, dict[KeyPath, LogSignal]]:
-    """Group the components of a sensor by where they say that they stand; None is the sensor's own place."""
+    """Return the components of a sensor by their place; None is the sensor's own place."""
     places: dict[LogRows | None, dict[KeyPath, LogSignal]] = {}
     for path, signal in signals.items():
         place = None
         if isinstance(signal, PlacedSignal):
-            said = {key: getattr(signal, key) for key in LogRows.model_fields}
-            place = LogRows(**said) if any(value is not None for value in said.values()) else None
+            stated = {key: getattr(signal, key) for key in LogRows.model_fields}
+            place = LogRows(**stated) if any(value is not None for value in stated.values()) else None
         places.setdefault(place, {})[path] = signal
     return places
 
 
 class _Finder:
-    """Looks up columns and says what is not there."""
+    """Finds logs, tables and columns, and collects errors."""
 
-    def __init__(self, settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusals: Refusals) -> None:
-        self._settings, self._tree, self._logs, self._refusals = settings, tree, logs, refusals
-        self._say = refusals.say
+    def __init__(self, settings: LogMap, tree: Tree, logs: Mapping[str, Log], errors: MapErrors) -> None:
+        self._settings, self._tree, self._logs, self._errors = settings, tree, logs, errors
+        self._error = errors.add
         self._tables = {name: log.tables() for name, log in logs.items()}
 
     def request(
@@ -199,8 +180,8 @@ class _Finder:
         unit: str | None,
         valid: str | None,
     ) -> Request | None:
-        """Find what belongs together; `rows` say where, the first that says so. None if something is missing."""
-        before = len(self._refusals)
+        """Return the request of a sensor or input; the first of `rows` with a setting counts. None after an error."""
+        before = len(self._errors)
         log = self._log(path, next((r.log for r in rows if r.log is not None), None))
         if log is None:
             return None
@@ -218,7 +199,7 @@ class _Finder:
         choice = next((r.rows for r in rows if r.rows is not None), None)
         ids = choice and self._column((*path, "rows", "column"), log, table, choice.column, numbers=False)
         time = self._time(path, log, table, [r.time for r in rows])
-        if len(self._refusals) > before or time is None:
+        if len(self._errors) > before or time is None:
             return None
         chosen = (Place(log, table, ids.name), choice) if ids and choice else None
         return Request(path, values, Place(log, table, flag.name) if flag else None, time, chosen)
@@ -229,9 +210,9 @@ class _Finder:
         if name in self._logs:
             return name
         if name is None:
-            self._say(path, f"missing key 'log': one of {', '.join(self._logs)}")
+            self._error(path, f"missing key 'log': one of {', '.join(self._logs)}")
         else:
-            self._say((*path, "log"), f"there is no log named {name!r} in `logs`; there is {', '.join(self._logs)}")
+            self._error((*path, "log"), f"no log named {name!r} in `logs`; expected {', '.join(self._logs)}")
         return None
 
     def _table(self, path: KeyPath, log: str, name: str | None) -> str | None:
@@ -242,53 +223,52 @@ class _Finder:
             return name
         if name is None:
             some = ", ".join(list(tables)[:5]) + (", ..." if len(tables) > 5 else "")
-            self._say(path, f"missing key 'table': one of those in {self._logs[log].path}: {some}")
+            self._error(path, f"missing key 'table': one of those in {self._logs[log].path}: {some}")
         else:
-            self._say((*path, "table"), missing(self._logs[log], "table", name, tables))
+            self._error((*path, "table"), missing(self._logs[log], "table", name, tables))
         return None
 
     def _column(self, path: KeyPath, log: str, table: str, name: str, numbers: bool) -> LogColumn | None:
         columns = self._tables[log][table]
         for column in columns:
-            # As the log's header writes it, with the unit, is right as well.
+            # The name with its unit, as in the log's header, is accepted too.
             if name in (column.name, f"{column.name} ({column.unit})", f"{column.name} [{column.unit}]"):
                 if numbers and column.is_text:
-                    self._say(path, f"the column {name!r} of {self._logs[log].path} holds text, not numbers")
+                    self._error(path, f"column {name!r} of {self._logs[log].path} has text; expected numbers")
                     return None
                 return column
         what = f"column in {table}" if table else "column"
-        self._say(path, missing(self._logs[log], what, name, [column.name for column in columns]))
+        self._error(path, missing(self._logs[log], what, name, [column.name for column in columns]))
         return None
 
     def _factor(self, path: KeyPath, signal: LogSignal, unit: str | None, column: LogColumn) -> float:
         """Return the SI units per unit of the log's numbers."""
         if signal.scale is not None:
             return signal.scale
-        unit_of_log = signal.unit or unit
-        if unit_of_log is not None:
-            return unit_factor(unit_of_log, signal.si)
+        if stated := signal.unit or unit:
+            return unit_factor(stated, signal.si)
         return self._header_factor(path, column, signal.si)
 
     def _header_factor(self, path: KeyPath, column: LogColumn, si: str) -> float:
         try:
             return unit_factor(column.unit, si) if column.unit else 1.0
         except ValueError:
-            reason = f"the log states the unit {column.unit!r} of {column.name!r}; state the `unit` that is meant"
-            self._say(path, f"{reason}: expected {expected(si)}")
+            reason = f"the log states the unit {column.unit!r} of {column.name!r}; expected {expected(si)}"
+            self._error(path, f"{reason}: state the right `unit`")
             return 1.0
 
     def _time(self, path: KeyPath, log: str, table: str, sources: list[TimeSource | None]) -> Times | None:
-        """Find column, unit and offset of the times."""
+        """Return column, unit and offset of the times; None after an error."""
         nearest = next((source for source in sources if source is not None), None)
         source = nearest or self._settings.time
         names = [column.name for column in self._tables[log][table]]
         if source is None:
             default = next((name for name in (HEADER_STAMP, LOG_TIME) if name in names), None)
             if default is None:
-                self._say(path, "missing key 'time': the column that says when its rows were measured")
+                self._error(path, "missing key 'time'; expected the column with the times of the rows")
                 return None
             source = TimeSource(column=default)
-        # Inputs may have it from what holds for all of them, and any of them from the map's own.
+        # An input may inherit the time from all inputs, or from the map.
         candidates: list[KeyPath] = [(*path[:length], "time") for length in range(len(path), 0, -1)]
         at = next((p for p in candidates if len(list(self._tree.descend(p))) == len(p) + 1), ("time",))
         if source.table is not None:
@@ -309,14 +289,7 @@ class _Finder:
 
 
 class ColumnReader:
-    """Reads what requests need.
-
-    Parameters
-    ----------
-    logs : mapping of str to Log
-    requests : iterable of Request
-        All that will be asked for, each once.
-    """
+    """Reads the columns of `requests`, and releases each column after the last request that needs it."""
 
     def __init__(self, logs: Mapping[str, Log], requests: Iterable[Request]) -> None:
         self._logs = logs
@@ -325,13 +298,7 @@ class ColumnReader:
         self._clocks: dict[tuple[Place, float], Clock] = {}
 
     def take(self, place: Place) -> ColumnValues:
-        """Hand out a column, once for each request that needs it.
-
-        Raises
-        ------
-        FileError
-            If the log is damaged.
-        """
+        """Return a column; call this once for each request that needs it."""
         if place not in self._held:
             together = [other for other in self._wanted if other[:2] == place[:2] and self._wanted[other] > 0]
             values = self._logs[place.log].read(place.table, [other.column for other in together])
@@ -340,13 +307,7 @@ class ColumnReader:
         return self._held[place] if self._wanted[place] else self._held.pop(place)
 
     def take_time(self, request: Request) -> Clock:
-        """Hand out the times of a request's rows, s; the array may be shared with others.
-
-        Raises
-        ------
-        ValueError
-            If a text is no time.
-        """
+        """Return the times of a request; the array may be shared. ValueError if a text is not a time."""
         times = request.time
         key = times.place, times.factor
         values = self.take(times.place)

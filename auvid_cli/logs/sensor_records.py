@@ -1,4 +1,4 @@
-"""All sensors of a map as records on one clock."""
+"""Sensors of a map as records on one clock."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -30,17 +30,16 @@ from auvid_cli.logs.measurements import (
     together,
     without_repeats,
 )
-from auvid_cli.logs.requests import ColumnReader, Refusals, RefusedError, Request
+from auvid_cli.logs.requests import ColumnReader, MapErrors, MapMismatchError, Request
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
 
-# They may count turns, so that no size is too large for them.
-_HEADINGS = ("psi", "heading")
+_HEADINGS = ("psi", "heading")  # angles that may count turns
 
 
 class SensorRecords(NamedTuple):
-    """Sensors, the log's time of their t = 0 (s), and what became of each."""
+    """Records of sensors, the log's time at t = 0, s, and a summary of each."""
 
     records: dict[str, SensorRecord]
     origin: float
@@ -48,14 +47,14 @@ class SensorRecords(NamedTuple):
 
 
 def read_sensors(
-    settings: LogMap, requests: dict[KeyPath, Request], columns: ColumnReader, refusals: Refusals
+    settings: LogMap, requests: dict[KeyPath, Request], columns: ColumnReader, errors: MapErrors
 ) -> SensorRecords:
-    """Read, turn and cut all sensors; t = 0 is the first sample of the earliest.
+    """Read all sensors in body axes at the vehicle's origin; t = 0 is the first sample of the earliest.
 
     Raises
     ------
     ConfigError
-        With every mistake found in a step.
+        With all errors of a step.
     FileError
         If a log is damaged.
     """
@@ -63,11 +62,11 @@ def read_sensors(
     rows: dict[str, MeasuredRows] = {}
     raw: dict[str, Array] = {}
     for name, sensor in maps.items():
-        with refusals.collecting():
+        with errors.collecting():
             path = "sensors", name
             parts = [request for at, request in requests.items() if at[:2] == path]
             rows[name], raw[name] = _read(path, sensor, parts, columns)
-    refusals.stop_if_any()
+    errors.stop_if_any()
     origin = float(min(kept.time[0] for kept in rows.values()))
     excluded, records = {}, {}
     for name, sensor in maps.items():
@@ -75,29 +74,31 @@ def read_sensors(
         excluded[name] = _within(time, (*settings.exclude, *sensor.exclude))
         values[excluded[name]] = np.nan
         records[name] = SensorRecord(time, values, np.empty(0))
-    _check_common_time(records, origin, refusals)
-    refusals.stop_if_any()
+    _check_common_time(records, origin, errors)
+    errors.stop_if_any()
     dvl, depth, summaries = settings.sensors.dvl, settings.sensors.depth, []
-    levelled, taken_as_level = level_where_roll_is_unknown(records), dict[str, str]()
+    levelled, assumed_level = level_where_roll_is_unknown(records), dict[str, str]()
     if isinstance(dvl, DvlMap):
-        with refusals.collecting():
-            taken_as_level["dvl"] = turned_by_attitude(dvl, records)
+        with errors.collecting():
+            assumed_level["dvl"] = turned_by_attitude(dvl, records)
             values = complete_velocity(dvl, records["dvl"], levelled, ("sensors", "dvl"))
             records["dvl"] = replace(records["dvl"], values=values)
     if isinstance(depth, DepthMap) and depth.position is not None:
-        with refusals.collecting():
-            taken_as_level["depth"] = "the lever arm"
+        with errors.collecting():
+            assumed_level["depth"] = "the lever arm"
             values = _depth_of_origin(records["depth"], levelled.get("attitude"), np.array(depth.position))
             records["depth"] = replace(records["depth"], values=values)
     if levelled.get("attitude") is records.get("attitude"):
-        taken_as_level = {}
+        assumed_level = {}
     for name, sensor in maps.items():
-        with refusals.collecting():
+        with errors.collecting():
             records[name], noise = _finished(name, sensor, records[name], settings.use)
-            silent = unintended_gaps(records[name].measured_times, settings.use, (*settings.exclude, *sensor.exclude))
-            number, level = int(excluded[name].sum()), taken_as_level.get(name, "")
-            summaries.append(_summary(name, records[name], noise, rows[name], number, silent, level))
-    refusals.stop_if_any()
+            unrecorded = unintended_gaps(
+                records[name].measured_times, settings.use, (*settings.exclude, *sensor.exclude)
+            )
+            n_excluded, level = int(excluded[name].sum()), assumed_level.get(name, "")
+            summaries.append(_summary(name, records[name], noise, rows[name], n_excluded, unrecorded, level))
+    errors.stop_if_any()
     return SensorRecords(records, origin, summaries)
 
 
@@ -116,18 +117,18 @@ def _read(
 
 
 def _within(time: Array, spans: Spans) -> NDArray[np.bool_]:
-    """Say which times are in one of the spans, their ends included."""
+    """Return whether times are in one of the spans, ends included."""
     inside = np.zeros(time.size, np.bool_)
     for begin, end in spans:
         inside[np.searchsorted(time, begin) : np.searchsorted(time, end, side="right")] = True
     return inside
 
 
-def _check_common_time(records: dict[str, SensorRecord], origin: float, refusals: Refusals) -> None:
+def _check_common_time(records: dict[str, SensorRecord], origin: float, errors: MapErrors) -> None:
     for (name, first), (other, second) in combinations(records.items(), 2):
         if max(first.time[0], second.time[0]) > min(first.time[-1], second.time[-1]):
             spans = (f"{kept.time[0] + origin:.3f} to {kept.time[-1] + origin:.3f} s" for kept in (first, second))
-            refusals.say(
+            errors.add(
                 ("sensors", other),
                 "no time in common: {} is from {}, {} from {}; give one of them a time with an `offset`, or another "
                 "time".format(*(text for pair in zip((name, other), spans, strict=True) for text in pair)),
@@ -136,13 +137,13 @@ def _check_common_time(records: dict[str, SensorRecord], origin: float, refusals
 
 def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, position: Array) -> Array:
     if attitude is None or not np.isfinite(attitude.values[:, :2]).any(axis=0).all():
-        raise RefusedError(("sensors", "depth", "position"), "a lever arm needs an `attitude` with pitch")
+        raise MapMismatchError(("sensors", "depth", "position"), "a lever arm needs an `attitude` with pitch")
     tilt = interpolate(attitude.time, attitude.values[:, :2], depth.time, is_angle=True)
     return depth_at_origin(depth.values[:, 0], tilt[:, 0], tilt[:, 1], position)[:, None]
 
 
 def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) -> tuple[SensorRecord, tuple[Noise, ...]]:
-    """Return what is used of a record, with its noise, and where that was estimated from each component."""
+    """Return the used part of a record with its standard deviation, and the noise of each component if estimated."""
     time, values = record.time, record.values
     match sensor:
         case AccelerometerMap():
@@ -155,7 +156,9 @@ def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) ->
         used = _within(time, use)
         time, values = time[used], values[used]
     if not np.isfinite(values).any():
-        raise RefusedError(("sensors", name), "no valid sample is left: look at use, exclude, valid and limits")
+        raise MapMismatchError(
+            ("sensors", name), "no valid samples; expected some: check use, exclude, valid and limits"
+        )
     if sensor.standard_deviation != "estimate":
         return SensorRecord(time, values, np.array(sensor.standard_deviation, np.float64), **place), ()
     noise = tuple(estimate_noise(column, is_angle=SENSORS[name][0].unit == "rad") for column in values.T)
@@ -166,14 +169,14 @@ def _standard_deviation(name: str, values: Array, noise: tuple[Noise, ...]) -> A
     measured = np.isfinite(values).any(axis=0)
     deviation = np.array([component.standard_deviation for component in noise])
     if not (deviation[measured] > 0.0).all():
-        message = "the noise cannot be estimated, for most samples repeat the one before or go on as it did: state it"
-        raise RefusedError(("sensors", name, "standard_deviation"), message)
-    # What was never measured has no noise; a filter must still be told a number.
+        message = "noise unknown, because most samples repeat the one before or continue its trend: state the value"
+        raise MapMismatchError(("sensors", name, "standard_deviation"), message)
+    # Filters need a number for components that were never measured, too.
     return np.where(measured, deviation, np.nanmax(deviation))
 
 
 def unintended_gaps(time: Array, use: Spans, exclude: Spans) -> Spans:
-    """Return begin and end, s, of the gaps in the used spans (all if empty) that reach into no excluded one."""
+    """Return begin and end, s, of the gaps within used spans (all if empty) and outside excluded ones."""
     return tuple(
         (begin, end)
         for begin, end in gaps(time).tolist()
@@ -188,8 +191,8 @@ def _summary(
     noise: tuple[Noise, ...],
     rows: MeasuredRows,
     excluded: int,
-    silent: Spans,
-    taken_as_level: str,
+    unrecorded: Spans,
+    assumed_level: str,
 ) -> ImportSummary:
     unit = SENSORS[name][0].unit
     unused = rows.time.size - record.time.size
@@ -209,31 +212,31 @@ def _summary(
     treatment = (
         (
             furthest > 2.0 * np.pi,
-            f"the heading reaches {furthest:.4g} rad: are these turns, or degrees without a unit?",
+            f"the heading reaches {furthest:.4g} rad: several turns, or degrees without a unit?",
         ),
-        (taken_as_level, f"no roll is measured: {taken_as_level} taken as if level"),
+        (assumed_level, f"no measured roll: {assumed_level} transformed with a roll of 0"),
         (excluded, f"{excluded} samples in excluded spans set to missing"),
-        (rows.invalid, f"{rows.invalid} values not valid or beyond their limits set to missing"),
+        (rows.invalid, f"{rows.invalid} invalid values, or values beyond their limits, set to missing"),
         (rows.repeats, f"{rows.repeats} rows that repeat the one before left out"),
         (unused, f"{unused} samples not in the spans of `use` left out"),
         (noise, f"standard deviation estimated from the signal: {estimate} {unit}"),
         (
             noise and name == "attitude",
-            "that is scatter alone, and errors of an AHRS last and are far larger: state what it may be off by",
+            "this is the scatter only; errors of an AHRS are autocorrelated and far larger: state their size",
         ),
         (
             smoothed,
-            f"{smoothed} {'were' if ',' in smoothed else 'was'} filtered, so that errors last and are far larger than "
-            "the scatter: state what it may be off by",
+            f"{smoothed} {'were' if ',' in smoothed else 'was'} filtered, so errors are autocorrelated and far larger "
+            "than the scatter: state their size",
         ),
-        (steps, f"the noise is lost in the steps of the numbers, taken as step / sqrt(12): {steps} {unit}"),
+        (steps, f"noise smaller than the resolution, assumed to be step / sqrt(12): {steps} {unit}"),
     )
     missing = int(np.count_nonzero(np.isnan(record.values).all(axis=1)))
     remarks = [text for applies, text in treatment if applies]
-    if silent:
-        longest, begin = max((end - begin, begin) for begin, end in silent)
+    if unrecorded:
+        longest, begin = max((end - begin, begin) for begin, end in unrecorded)
         remarks.append(
-            f"{len(silent)} {'gap' if len(silent) == 1 else 'gaps'}, the longest of {longest:.4g} s from t = "
+            f"{len(unrecorded)} {'gap' if len(unrecorded) == 1 else 'gaps'}, the longest of {longest:.4g} s from t = "
             f"{begin:.4g} s: leave it out with auvid identify --use, or set identification.use.longest_gap"
         )
     return summary_of(name, record.time, missing, rows, tuple(remarks))

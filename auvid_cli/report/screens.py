@@ -38,8 +38,8 @@ def print_design(console: Console, design: "Design") -> None:
 
 
 def _design_row(name: str, trial: "Trial", spiral: "Trial") -> list[Cell]:
-    home = [flight.extent for flight in trial.flights if flight.extent is not None]
-    counted: list[Cell] = [f"{trial.outside} of {len(trial.flights)}"]
+    home = [flight.extent for flight in trial.runs if flight.extent is not None]
+    counted: list[Cell] = [f"{trial.n_outside} of {len(trial.runs)}"]
     if not home:
         return [name, None, None, None, None, None, *counted, None, None]
     gains, percent = trial.gain_over(spiral), trial.percent()
@@ -54,34 +54,37 @@ def _design_row(name: str, trial: "Trial", spiral: "Trial") -> list[Cell]:
 def sentences(design: "Design") -> list[str]:
     """Say what is to be made of a design, a line each."""
     chosen, spiral = design.trials[design.chosen], design.trials["spiral"]
-    number = len(spiral.flights)
+    number = len(spiral.runs)
     gain = f"x{design.gain:.2f} over the spiral"
-    if design.is_own and design.is_worth_while:
+    if design.keeps_spiral and design.is_worth_while:
         lines = ["No designed run keeps the envelope as the spiral does: the spiral is what is written."]
-    elif design.is_own:
+    elif design.keeps_spiral:
         lines = [f"The spiral is as good ({gain} on {number} vehicles not seen by the search): it is what is written."]
     elif design.chosen == "designed":
         lines = [f"The designed run gives {gain} on {number} vehicles not seen by the search."]
     else:
         said = f"{gain} on {number} vehicles not seen by the search"
         lines = [f"Best of all that was tried: {design.chosen} ({said}), which is what is written."]
-    if chosen.outside:
+    if chosen.n_outside:
         limits = dict.fromkeys(name for shares in chosen.excess for name, share in shares.items() if share > 0.0)
         how = f" ({', '.join(limits)})" if limits else ""
-        lost = f", of which {chosen.lost} are lost" if chosen.lost else ""
-        lines.append(f"It leaves the envelope with {chosen.outside} of {number} vehicles{how}{lost}: keep room for it.")
-    if np.isfinite(design.gain) and spiral.outside and not design.is_own:
-        lines.append(f"The spiral itself leaves the envelope with {spiral.outside} of them.")
-    if design.soonest is not None and not design.is_own:
+        lost = f", of which {chosen.n_lost} are lost" if chosen.n_lost else ""
         lines.append(
-            f"After {design.soonest:.0f} of {design.posterior.time[-1]:.0f} s it has told what the spiral tells in all."
+            f"It leaves the envelope with {chosen.n_outside} of {number} vehicles{how}{lost}: keep room for it."
         )
+    if np.isfinite(design.gain) and spiral.n_outside and not design.keeps_spiral:
+        lines.append(f"The spiral itself leaves the envelope with {spiral.n_outside} of them.")
+    if design.time_to_match is not None and not design.keeps_spiral:
+        when = f"After {design.time_to_match:.0f} of {design.posterior.time[-1]:.0f} s"
+        lines.append(f"{when} it has told what the spiral tells in all.")
     end = design.posterior.time[-1]
-    course = ", ".join(f"{percent:.2g} % after {time:.0f} s" for time, percent in design.growth if time <= end)
+    course = ", ".join(
+        f"{percent:.2g} % after {time:.0f} s" for time, percent in design.accuracy_over_time if time <= end
+    )
     lines.append(f"Mean sd with the vehicle as it is believed to be: {course}.")
-    if longer := [f"{percent:.2g} % in {time:.0f} s" for time, percent in design.growth if time > end]:
+    if longer := [f"{percent:.2g} % in {time:.0f} s" for time, percent in design.accuracy_over_time if time > end]:
         lines.append(f"A longer run of this kind, if there is room for it: {', '.join(longer)}.")
-    lines += [f"{poor.symbol} stays at {poor.percent:.2g} %: {poor.why}." for poor in design.poor]
+    lines += [f"{poor.symbol} stays at {poor.percent:.2g} %: {poor.why}." for poor in design.weak_coefficients]
     return lines
 
 

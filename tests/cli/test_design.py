@@ -63,7 +63,7 @@ def test_an_interrupt_keeps_the_best_so_far(tmp_path, monkeypatch):
         (("--budget", "soon"), ("--budget: expected a time",)),
         (("--criterion", "A"), ("--criterion A: expected D or worst",)),
         (("--origin", "here"), ("--origin here: expected latitude and longitude",)),
-        (("--for", "N_x"), ("--for N_x: is not estimated",)),
+        (("--for", "N_x"), ("--for N_x: not estimated",)),
         (("--box", "5 m", "--generations", "1"), ("relax --box",)),
         (("--at", "nowhere.h5"), ("nowhere.h5",)),
         (("--given", "nowhere.h5"), ("nowhere.h5",)),
@@ -127,4 +127,4 @@ def test_what_a_filter_would_use_besides_is_said_not_to_count(tmp_path):
     result = auvid("design", *QUICK, *settings, cwd=tmp_path)
     assert result.exit_code == 0, result.output
     assert "note: not counted: estimated errors (current)" in result.stdout
-    assert "note: not counted: raw inertial sensors, in place of which the attitude counts" in result.stdout
+    assert "note: not counted: raw inertial sensors (the attitude counts instead)" in result.stdout

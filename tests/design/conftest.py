@@ -14,8 +14,8 @@ def remus():
 
 
 @pytest.fixture
-def wish():
-    """Function: a wish for 20 s and two vehicles, with limits or other changes."""
+def requirement():
+    """Function: a requirement of 20 s and two vehicles, with limits or other changes."""
 
     def make(limits=None, **changes):
         few = Requirement(20.0, Envelope(**(limits or {})), None, None, (), "D", 2, None)

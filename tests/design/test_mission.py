@@ -1,4 +1,4 @@
-"""What a crew gets."""
+"""Files for the crew of a vehicle."""
 
 import csv
 import io
@@ -11,24 +11,30 @@ from numpy.testing import assert_allclose
 from auvid_cli.config.geometry import FinSettings
 from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.config.manoeuvre import Envelope
-from auvid_cli.design.envelope import band_of
-from auvid_cli.design.mission import checklist_markdown, inputs_csv, manoeuvre_yaml, timeline_markdown, track_geojson
+from auvid_cli.design.mission import (
+    checklist_markdown,
+    inputs_csv,
+    manoeuvre_yaml,
+    summarise_runs,
+    timeline_markdown,
+    track_geojson,
+)
 from auvid_cli.design.trials import simulate_trial
-from auvid_cli.design.variables import candidates, own_manoeuvre, space_about
+from auvid_cli.design.variables import baseline_spiral, search_space, standard_manoeuvres
 from auvid_cli.errors import DataError
 
 
 @pytest.fixture(scope="module")
 def manoeuvre(remus):
-    own = own_manoeuvre(remus(), 30.0, None, None)
-    space = space_about(own, 1.33, 1.62, Envelope())
+    own = baseline_spiral(remus(), 30.0, None, None)
+    space = search_space(own, 1.33, 1.62, Envelope())
     return space.manoeuvre(np.full(len(space.variables), 0.6))
 
 
 @pytest.fixture(scope="module")
 def band(remus, manoeuvre):
     softer = remus("vehicle.coefficients.N_uudr=-5 kg/rad").vehicle
-    return band_of([simulate_trial(remus().vehicle, manoeuvre), simulate_trial(softer, manoeuvre)])
+    return summarise_runs([simulate_trial(remus().vehicle, manoeuvre), simulate_trial(softer, manoeuvre)])
 
 
 def table(text):
@@ -40,25 +46,25 @@ def fins(tail):
     return FinSettings(position=1.2, span=0.08, area=0.006, tail=tail)
 
 
-def test_the_manoeuvre_is_one_that_an_experiment_can_name(manoeuvre, tmp_path):
+def test_manoeuvre_yaml_loads_in_experiment(manoeuvre, tmp_path):
     path = tmp_path / "manoeuvre.yaml"
     path.write_text(manoeuvre_yaml(manoeuvre, "from a test"), encoding="utf-8")
     assert load_experiment(find_experiment("remus100"), [f"manoeuvre={path}"]).manoeuvre == manoeuvre
 
 
-@pytest.mark.parametrize("of_a_spiral", [False, True])
-def test_signals_start_and_end_at_zero_and_never_pass_the_fins(remus, manoeuvre, of_a_spiral):
-    sailed = own_manoeuvre(remus(), 30.0, None, None) if of_a_spiral else manoeuvre
-    header, rows = table(inputs_csv(sailed, fins("+")))
+@pytest.mark.parametrize("is_spiral", [False, True])
+def test_added_signals_start_and_end_at_zero_within_fin_limits(remus, manoeuvre, is_spiral):
+    flown = baseline_spiral(remus(), 30.0, None, None) if is_spiral else manoeuvre
+    header, rows = table(inputs_csv(flown, fins("+")))
     assert_allclose(np.diff(rows[:, 0]), 0.05, atol=1e-9)
     assert all(name.endswith("]") for name in header)
     added = [k for k, name in enumerate(header) if not name.startswith(("time", "held"))]
     assert not rows[np.ix_([0, -1], added)].any()
     angles = [k for k, name in enumerate(header) if name.startswith(("rudder", "elevator")) or " fin " in name]
-    assert np.abs(rows[:, angles]).max() <= np.rad2deg(sailed.limits.fin_angle) + 1e-3
+    assert np.abs(rows[:, angles]).max() <= np.rad2deg(flown.limits.fin_angle) + 1e-3
 
 
-def test_each_fin_does_its_share(manoeuvre):
+def test_fin_columns_add_up_to_rudder_and_elevator(manoeuvre):
     header, rows = table(inputs_csv(manoeuvre, fins("+")))
     column = {name.partition(" [")[0]: rows[:, k] for k, name in enumerate(header)}
     assert_allclose(column["upper fin"], column["rudder"])
@@ -77,7 +83,7 @@ def test_each_fin_does_its_share(manoeuvre):
     assert "upper fin [deg]" not in inputs_csv(manoeuvre, None)
 
 
-def test_the_track_lies_where_the_vehicle_goes(band):
+def test_track_matches_position_of_vehicle(band):
     features = json.loads(track_geojson(band, (41.18, -8.70)))["features"]
     track = np.array(features[0]["geometry"]["coordinates"])
     # On a sphere, which differs from the ellipsoid by less than half a percent.
@@ -91,19 +97,19 @@ def test_the_track_lies_where_the_vehicle_goes(band):
         assert box[0][0] == box[0][-1]
 
 
-def test_a_band_is_between_its_vehicles(band, remus, manoeuvre):
+def test_band_lies_between_its_vehicles(band, remus, manoeuvre):
     for name in ("turned", "turn_rate", "pitch", "roll", "speed"):
         low, middle, high = getattr(band, name).T
         assert (low <= middle).all()
         assert (middle <= high).all()
-    only = band_of([simulate_trial(remus().vehicle, manoeuvre)])
+    only = summarise_runs([simulate_trial(remus().vehicle, manoeuvre)])
     assert_allclose(only.position[..., 0], only.position[..., 2])
     assert only.box == pytest.approx(np.ptp(simulate_trial(remus().vehicle, manoeuvre).position[:, :2], axis=0))
-    with pytest.raises(DataError, match="every vehicle that was drawn for the track is lost"):
-        band_of([])
+    with pytest.raises(DataError, match="lost"):
+        summarise_runs([])
 
 
-def test_a_person_reads_when_to_end_the_run_and_how_deep_to_begin(remus, manoeuvre, band):
+def test_timeline_and_checklist_state_abort_limits_and_start_depth(remus, manoeuvre, band):
     text = timeline_markdown(band, Envelope(roll=0.5), 0.62, 30.0)
     rows = [line for line in text.splitlines() if line.startswith("| ") and line[2].isdigit()]
     assert len(rows) >= 12
@@ -116,22 +122,22 @@ def test_a_person_reads_when_to_end_the_run_and_how_deep_to_begin(remus, manoeuv
     assert min(ways) <= band.length[0] < band.length[1] <= max(ways)
     assert f"In all: 30 s, {band.length[0]:.0f} to {band.length[1]:.0f} m through the water" in text
     rising = simulate_trial(remus().vehicle, manoeuvre)
-    shallow = band_of([rising._replace(position=rising.position * [1.0, 1.0, 0.0] + [0.0, 0.0, -3.2])])
+    shallow = summarise_runs([rising._replace(position=rising.position * [1.0, 1.0, 0.0] + [0.0, 0.0, -3.2])])
     assert "Begin at least 5 m deep" in checklist_markdown(manoeuvre, remus().vehicle, shallow)
 
 
-def test_what_is_usually_sailed_can_be_sailed_by_the_same_files(remus):
-    usual = candidates(own_manoeuvre(remus(), 30.0, None, None), 1.33)
-    header, rows = table(inputs_csv(usual["doublets"], None))
+def test_files_of_standard_manoeuvres_describe_rudder(remus):
+    standard = standard_manoeuvres(baseline_spiral(remus(), 30.0, None, None), 1.33)
+    header, rows = table(inputs_csv(standard["doublets"], None))
     rudder = rows[:, header.index("rudder [deg]")]
     assert (rudder[0], rudder[-1], rudder.max()) == pytest.approx((0.0, 0.0, 8.0))
-    header, rows = table(inputs_csv(usual["zigzag"], None))
+    header, rows = table(inputs_csv(standard["zigzag"], None))
     assert not rows[:, header.index("rudder [deg]")].any()
     assert header[-2:] == ["held change of depth [m]", "held speed [m/s]"]
-    around = band_of([simulate_trial(remus().vehicle, usual["zigzag"])])
-    said = checklist_markdown(usual["zigzag"], remus().vehicle, around)
-    assert "straight for 10 s, then 20 deg to\n      starboard" in said
-    assert "whenever the heading is 20 deg from" in said
-    truth = simulate_trial(remus().vehicle, usual["zigzag"])
+    around = summarise_runs([simulate_trial(remus().vehicle, standard["zigzag"])])
+    text = checklist_markdown(standard["zigzag"], remus().vehicle, around)
+    assert "straight for 10 s, then 20 deg to\n      starboard" in text
+    assert "whenever the heading is 20 deg from" in text
+    truth = simulate_trial(remus().vehicle, standard["zigzag"])
     first = truth.inputs[np.searchsorted(truth.time, 11.0), 0]
     assert first * remus().vehicle.all_coefficients()["N_uudr"] > 0.0, "to starboard"

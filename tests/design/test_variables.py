@@ -1,4 +1,4 @@
-"""What a search may vary."""
+"""Search space around a spiral."""
 
 import numpy as np
 import pytest
@@ -7,17 +7,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvid_cli.config.manoeuvre import Envelope, Spiral
-from auvid_cli.design.variables import candidates, own_manoeuvre, space_about
+from auvid_cli.design.variables import baseline_spiral, search_space, standard_manoeuvres
 from auvid_cli.errors import ConfigError
 from auvid_cli.simulation.manoeuvres import make_plan
 
 
 def space_of(experiment, duration=60.0):
-    own = own_manoeuvre(experiment, duration, None, None)
-    return space_about(own, experiment.vehicle.size.length, 1.62, Envelope())
+    own = baseline_spiral(experiment, duration, None, None)
+    return search_space(own, experiment.vehicle.size.length, 1.62, Envelope())
 
 
-def test_it_begins_next_to_the_spiral(space):
+def test_start_is_near_spiral(space):
     own, start = space.base, space.manoeuvre(space.start())
     assert (start.turn_rate, start.pitch, start.speed) == pytest.approx((own.turn_rate, own.pitch, own.speed), rel=1e-5)
     assert start.autopilot.bandwidth == pytest.approx(own.autopilot.bandwidth)
@@ -33,7 +33,7 @@ def space(remus):
 
 @settings(max_examples=25)
 @given(places=st.lists(st.floats(0.0, 1.0), min_size=15, max_size=15))
-def test_every_point_is_a_manoeuvre_that_settings_can_name(space, places):
+def test_every_point_is_valid_manoeuvre(space, places):
     manoeuvre = space.manoeuvre(np.array(places))
     assert (
         Spiral.model_validate(yaml.safe_load(yaml.safe_dump(manoeuvre.model_dump(mode="json", exclude_none=True))))
@@ -45,30 +45,30 @@ def test_every_point_is_a_manoeuvre_that_settings_can_name(space, places):
     assert abs(manoeuvre.pitch) < Envelope().pitch
 
 
-def test_a_vehicle_that_is_not_rolled_by_its_spiral_is_not_rolled(remus):
+def test_spiral_without_roll_moment_gives_no_roll_variables(remus):
     space = space_of(remus("manoeuvre.excitation.roll_moment=null"))
     assert len(space.variables) == 12
     assert space.manoeuvre(space.start()).excitation.roll_moment is None
 
 
-def test_all_candidates_last_as_long_and_have_the_same_fins(remus):
-    own = own_manoeuvre(remus(), 60.0, 0.1, 0.5)
+def test_standard_manoeuvres_keep_duration_and_fin_limits(remus):
+    own = baseline_spiral(remus(), 60.0, 0.1, 0.5)
     assert (own.limits.fin_angle, own.limits.fin_rate) == (0.1, 0.5)
-    for manoeuvre in candidates(own, 1.33).values():
+    for manoeuvre in standard_manoeuvres(own, 1.33).values():
         assert (manoeuvre.duration, manoeuvre.limits, manoeuvre.speed) == (60.0, own.limits, own.speed)
-    assert candidates(own, 1.33)["zigzag"].rudder == 0.1
+    assert standard_manoeuvres(own, 1.33)["zigzag"].rudder == 0.1
 
 
-def test_an_experiment_without_a_spiral_and_a_run_of_no_length_are_refused(remus):
-    with pytest.raises(ConfigError, match=r"begins with a spiral.*of type zigzag: --set manoeuvre="):
-        own_manoeuvre(remus("manoeuvre=configs/manoeuvres/zigzag_20_20.yaml"), 60.0, None, None)
-    with pytest.raises(ConfigError, match="--duration 5 s: expected at least 20 s"):
-        own_manoeuvre(remus(), 5.0, None, None)
+def test_other_manoeuvre_or_short_duration_raises_config_error(remus):
+    with pytest.raises(ConfigError, match=r"type zigzag.*--set manoeuvre="):
+        baseline_spiral(remus("manoeuvre=configs/manoeuvres/zigzag_20_20.yaml"), 60.0, None, None)
+    with pytest.raises(ConfigError, match=r"--duration.*at least 20 s"):
+        baseline_spiral(remus(), 5.0, None, None)
 
 
-def test_no_more_is_asked_of_fins_and_propeller_than_they_do(remus):
+def test_limits_of_fins_and_propeller_cap_manoeuvre(remus):
     slow = remus(
         "vehicle.actuators.fins={saturation: 0.2, rate_limit: 0.3}", "vehicle.actuators.propeller={saturation: 9 N}"
     )
-    limits = own_manoeuvre(slow, 60.0, 0.1, 0.5).limits
+    limits = baseline_spiral(slow, 60.0, 0.1, 0.5).limits
     assert (limits.fin_angle, limits.fin_rate, limits.surge_force) == (0.1, 0.3, 9.0)

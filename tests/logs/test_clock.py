@@ -10,20 +10,20 @@ def test_numbers_are_scaled():
     assert to_seconds(np.array([1e6, 2.5e6]), 1e-6).seconds.tolist() == [1.0, 2.5]
 
 
-def test_clock_without_hours_goes_on_over_the_hour():
+def test_clock_without_hours_continues_after_rollover():
     clock = to_seconds(np.array(["59:58.5", "59:59.5", "", "00:00.5", "00:01.5"]), 1.0)
     assert clock.rollovers == 1
     assert clock.seconds[[0, 1, 3, 4]].tolist() == [3598.5, 3599.5, 3600.5, 3601.5]
     assert np.isnan(clock.seconds[2])
 
 
-def test_clock_without_date_goes_on_over_midnight():
+def test_clock_without_date_continues_after_midnight():
     clock = to_seconds(np.array(["23:59:59.25", "00:00:00.25"]), 1.0)
     assert (clock.seconds.tolist(), clock.rollovers) == ([86399.25, 86400.25], 1)
 
 
 @given(st.floats(0, 3599), st.integers(2, 300))
-def test_clock_of_hours_is_a_clock_of_seconds(begin, n):
+def test_text_clock_equals_seconds(begin, n):
     seconds = np.round(begin, 1) + 37.5 * np.arange(n)
     texts = np.array([f"{int(s % 3600) // 60:02d}:{s % 60:04.1f}" for s in seconds])
     found = to_seconds(texts, 1.0)
@@ -31,7 +31,7 @@ def test_clock_of_hours_is_a_clock_of_seconds(begin, n):
     assert found.rollovers == int(seconds[-1] // 3600) - int(seconds[0] // 3600)
 
 
-def test_small_step_back_is_no_rollover():
+def test_small_backward_step_is_not_a_rollover():
     assert to_seconds(np.array(["10:05.0", "10:04.0"]), 1.0).rollovers == 0
 
 
@@ -44,17 +44,17 @@ def test_dates_are_seconds_since_the_epoch():
 
 
 @pytest.mark.parametrize("texts", [["noon"], ["10:05.0", "later"], ["2025-04-04", "soon"]])
-def test_text_that_is_no_time(texts):
+def test_invalid_text_raises_value_error(texts):
     with pytest.raises(ValueError, match=texts[-1]):
         to_seconds(np.array(texts), 1.0)
 
 
-def test_what_no_clock_shows_is_no_time():
+def test_huge_numbers_are_missing_times():
     seconds = to_seconds(np.array([-1e308, 1e9, 1e308, 2e9]), 1e-9).seconds
     np.testing.assert_array_equal(seconds, [np.nan, 1.0, np.nan, 2.0])
 
 
-def test_order_counts_what_it_mends():
+def test_order_counts_disordered_rows():
     order = order_rows(np.array([0.0, 2.0, 1.0, np.nan, 1.0, 3.0]))
     assert np.array([0.0, 2.0, 1.0, np.nan, 1.0, 3.0])[order.rows].tolist() == [0.0, 1.0, 2.0, 3.0]
     assert order[1:] == (1, 1, 1.0, 1)
@@ -62,7 +62,7 @@ def test_order_counts_what_it_mends():
 
 
 @given(st.lists(st.integers(-50, 50), max_size=30))
-def test_ordered_times_are_the_different_ones(times):
+def test_ordered_times_are_unique(times):
     seconds = np.array(times, float)
     order = order_rows(seconds)
     assert seconds[order.rows].tolist() == sorted(set(times))

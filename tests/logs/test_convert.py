@@ -1,4 +1,4 @@
-"""A map's whole way, from tables in memory to records."""
+"""Conversion by a map, from tables in memory to records."""
 
 from pathlib import Path
 
@@ -88,7 +88,7 @@ def converted(tmp_path_factory):
     return run
 
 
-def test_revolutions_and_voltage_stand_behind_the_other_inputs(converted):
+def test_revolutions_and_voltage_follow_other_inputs(converted):
     _, rates, angles = motion()
     turns = {"rpm": 60.0 * np.cos(TIME), "u": 24.0 - 0.1 * TIME}
     log = MemoryLog(**{"imu": imu(rates, angles), "in": INPUTS | turns})
@@ -100,14 +100,14 @@ def test_revolutions_and_voltage_stand_behind_the_other_inputs(converted):
     assert np.array_equal(found.inputs.values[:, 0], INPUTS["dr"])
 
 
-def test_revolutions_without_a_unit_are_refused_as_those_of_a_thrust_are(converted):
+def test_revolutions_without_unit_raise_config_error(converted):
     _, rates, angles = motion()
     log = MemoryLog(**{"imu": imu(rates, angles), "in": INPUTS | {"n": np.cos(TIME)}})
-    with pytest.raises(ConfigError, match="`unit: rpm` or `turn/s`"):
+    with pytest.raises(ConfigError, match="rpm or turn/s"):
         converted(log, GYROSCOPE % "", inputs="{table: in, revolutions: n}")
 
 
-def test_numbers_in_si_come_through_as_they_are(converted):
+def test_si_numbers_are_unchanged(converted):
     velocity, rates, angles = motion()
     velocity[3] = np.nan
     log = MemoryLog(**{"imu": imu(rates, angles), "dvl": dvl(velocity), "in": INPUTS})
@@ -122,7 +122,7 @@ def test_numbers_in_si_come_through_as_they_are(converted):
     assert next(own for own in found.summaries if own.name == "dvl").missing == 1
 
 
-def test_each_table_is_read_once_and_only_what_is_needed(converted):
+def test_needed_columns_of_each_table_are_read_once(converted):
     velocity, rates, angles = motion()
     log = MemoryLog(**{"imu": imu(rates, angles), "dvl": dvl(velocity), "in": INPUTS, "other": INPUTS})
     reads = []
@@ -136,7 +136,7 @@ def test_each_table_is_read_once_and_only_what_is_needed(converted):
     ]
 
 
-def test_components_of_one_sensor_stand_in_tables_with_times_of_their_own(converted):
+def test_components_from_several_tables_are_merged(converted):
     velocity, rates, angles = motion()
     pitch = {"t": TIME[1:-1:3] + 0.01, "pitch": np.degrees(angles[1:-1:3, 1])}
     heading = {"stamp": 1e3 * TIME, "yaw": angles[:, 2]}
@@ -162,7 +162,7 @@ def test_components_of_one_sensor_stand_in_tables_with_times_of_their_own(conver
     assert_allclose(found["dvl"].values[inside], whole[inside], atol=0.02)
 
 
-def test_angles_that_are_never_measured_at_once_cannot_be_turned(converted):
+def test_mount_needs_simultaneous_angles(converted):
     velocity, rates, angles = motion()
     other = {"t": TIME + 0.01, "pitch": angles[:, 1]}
     log = MemoryLog(**{"imu": imu(rates, angles), "ahrs": other, "dvl": dvl(velocity), "in": INPUTS})
@@ -171,7 +171,7 @@ def test_angles_that_are_never_measured_at_once_cannot_be_turned(converted):
         converted(log, apart)
 
 
-def test_velocity_over_ground_of_two_components_has_the_third_from_depth(converted):
+def test_vertical_velocity_over_ground_comes_from_depth(converted):
     velocity, rates, angles = motion()
     ground = rotations(angles).apply(velocity)
     time = 0.05 * np.arange(-20, TIME.size + 20)
@@ -187,7 +187,7 @@ def test_velocity_over_ground_of_two_components_has_the_third_from_depth(convert
 
 
 @pytest.mark.parametrize("named", [False, True])
-def test_rows_of_several_servos_are_told_apart_by_an_id(converted, named):
+def test_id_separates_rows_of_servos(converted, named):
     velocity, *_ = motion()
     ids = np.tile([0.0, 1.0, 2.0], TIME.size)
     written = np.array(["Top", "right ", "left"])[ids.astype(int)] if named else ids
@@ -204,18 +204,18 @@ def test_rows_of_several_servos_are_told_apart_by_an_id(converted, named):
     assert not any("without a time" in remark for summary in found.summaries for remark in summary.remarks)
 
 
-def test_an_id_that_no_row_has_is_refused_with_those_that_there_are(converted):
+def test_unknown_id_raises_config_error(converted):
     velocity, *_ = motion()
     log = MemoryLog(**{"dvl": dvl(velocity), "in": {**INPUTS, "id": np.arange(TIME.size) % 3}})
-    with pytest.raises(ConfigError, match=r"inputs\.rudder: no row has such a 'id'; there is 0, 1, 2"):
+    with pytest.raises(ConfigError, match=r"inputs\.rudder: no row with such a 'id'.*0, 1, 2"):
         converted(log, DVL % "", inputs="{table: in, rudder: dr, rows: {column: id, values: [7]}}")
 
 
 @given(st.integers(0, 10_000), st.floats(0, 2e9), st.sampled_from(["", "upside down", "backward"]))
-def test_other_axes_units_and_epochs_come_to_the_same(converted, seed, epoch, mount):
+def test_axes_units_and_epochs_are_converted(converted, seed, epoch, mount):
     velocity, rates, angles = motion(seed)
     mounted = {"": np.eye(3), "upside down": FLU, "backward": np.diag([-1.0, -1.0, 1.0])}[mount]
-    # What a sensor with forward-left-up axes says that is mounted so, and refers its attitude to east-north-up.
+    # A sensor with this mount, forward-left-up axes, and an attitude from east-north-up.
     to_sensor = FLU @ mounted.T
     attitude = Rotation.from_matrix(NED_OF_ENU.T @ rotations(angles).as_matrix() @ to_sensor.T)
     w, x, y, z = attitude.as_quat(scalar_first=True).T
@@ -282,7 +282,7 @@ def test_heading_of_a_compass_that_counts_from_east(converted):
 
 
 @pytest.mark.parametrize(("unit", "said"), [("", True), (", unit: deg", False)])
-def test_heading_that_may_be_in_degrees_is_said(converted, unit, said):
+def test_probable_heading_in_degrees_is_reported(converted, unit, said):
     _, rates, angles = motion()
     log = MemoryLog(**{"imu": imu(rates, angles) | {"yaw": 180.0 + 100.0 * angles[:, 2]}, "in": INPUTS})
     found = converted(log, f"attitude: {{table: imu, columns: {{psi: yaw}}, standard_deviation: 1 deg{unit}}}")
@@ -303,7 +303,7 @@ def test_times_from_another_table_row_by_row(converted):
     found = converted(log, GYROSCOPE % ", time: {table: status, column: stamp}")
     assert found.sensors["gyroscope"].time == pytest.approx(2.0 * TIME)
     log = MemoryLog(**{"imu": imu(rates, angles), "status": {"stamp": TIME[:-1]}, "in": INPUTS})
-    with pytest.raises(ConfigError, match="status has 39 rows and cannot give times to the 40 rows here"):
+    with pytest.raises(ConfigError, match=r"status has 39 rows.*40 rows"):
         converted(log, GYROSCOPE % ", time: {table: status, column: stamp}")
 
 
@@ -318,7 +318,7 @@ def test_velocity_over_ground_is_turned_into_the_body(converted, frame):
 
 
 @pytest.mark.parametrize("ground", [True, False])
-def test_a_roll_that_nothing_measures_is_taken_as_level_and_this_is_said(converted, ground):
+def test_missing_roll_is_assumed_zero_and_reported(converted, ground):
     velocity, _, angles = motion()
     angles[:, 0] = 0.0
     lever = np.array([0.6, 0.0, 0.0])
@@ -330,16 +330,18 @@ def test_a_roll_that_nothing_measures_is_taken_as_level_and_this_is_said(convert
     assert found.sensors["dvl"].values == pytest.approx(velocity, abs=1e-9)
     assert np.isnan(found.sensors["attitude"].values[:, 0]).all()
     remarks = next(own for own in found.summaries if own.name == "dvl").remarks
-    assert any(text.startswith("no roll is measured: ") for text in remarks)
+    assert any(text.startswith("no measured roll: ") for text in remarks)
 
 
-def test_a_depth_ahead_of_the_origin_needs_no_roll(converted):
+def test_depth_ahead_of_origin_needs_no_roll(converted):
     _, rates, angles = motion()
     depth = {"t": TIME, "z": 20.0 - np.sin(angles[:, 1])}
     log = MemoryLog(**{"imu": imu(rates, angles), "depth": depth, "in": INPUTS})
     found = converted(log, (ATTITUDE % "").replace("phi: roll, ", ""), DEPTH % ("", ", position: [1, 0, 0]"))
     assert found.sensors["depth"].values[:, 0] == pytest.approx(20.0)
-    assert any("the lever arm taken as if level" in own.remarks[0] for own in found.summaries if own.name == "depth")
+    assert any(
+        "the lever arm transformed with a roll of 0" in own.remarks[0] for own in found.summaries if own.name == "depth"
+    )
 
 
 def test_lever_arm_is_taken_off_by_the_gyroscope(converted):
@@ -392,7 +394,7 @@ def test_depth_of_the_origin_by_the_attitude(converted):
     lever, origin = np.array([1.5, -0.2, 0.4]), 10.0 + np.sin(TIME)
     measured = origin + rotations(angles).apply(lever)[:, 2]
     angles[20] = np.nan
-    # The depth is measured in between the attitudes, where their mean stands for them.
+    # The depth is measured between two attitudes, where their mean is used.
     half = slice(0, None, 2)
     log = MemoryLog(
         **{"imu": imu(rates[half], angles[half], TIME[half]), "depth": {"t": TIME, "z": measured}, "in": INPUTS}
@@ -412,12 +414,12 @@ def test_nose_up_a_depth_sensor_in_the_nose_is_above_the_origin(converted):
     assert found.sensors["depth"].values[:, 0] == pytest.approx(np.full(TIME.size, 10.0), abs=1e-12)
 
 
-def test_noise_lost_in_the_steps_of_the_numbers_is_said(converted):
+def test_noise_below_resolution_is_reported(converted):
     _, rates, angles = motion()
     log = MemoryLog(**{"imu": imu(rates, np.round(angles, 1)), "in": INPUTS})
     found = converted(log, (ATTITUDE % "").replace("0.01", "estimate"))
     assert found.sensors["attitude"].standard_deviation == pytest.approx([0.0288675] * 3, rel=1e-5)
-    said = "the noise is lost in the steps of the numbers, taken as step / sqrt(12): phi 0.1, theta 0.1, psi 0.1 rad"
+    said = "noise smaller than the resolution, assumed to be step / sqrt(12): phi 0.1, theta 0.1, psi 0.1 rad"
     assert said in found.summaries[0].remarks
 
 
@@ -440,7 +442,7 @@ def test_one_clock_for_logs_that_begin_apart(converted):
     assert found.inputs.values[0, 0] == pytest.approx(0.1 * np.sin(0.5))
 
 
-def test_disorder_is_mended_and_said(converted):
+def test_disorder_is_sorted_and_reported(converted):
     _, rates, angles = motion()
     time, order = TIME.copy(), np.arange(TIME.size)
     order[[4, 5]] = 5, 4
@@ -481,7 +483,7 @@ def test_repeats_of_a_slower_sensor_are_dropped(converted):
     assert np.array_equal(found.sensors["dvl"].values, velocity[::4])
 
 
-def test_units_of_the_header_count_unless_the_map_states_one(converted):
+def test_unit_of_map_overrides_header(converted):
     _, rates, angles = motion()
     table = imu(np.degrees(rates), angles)
     stated = table | {name: (table[name], "Deg/s") for name in "pqr"} | {"t": (1e3 * TIME, "ms")}
@@ -516,7 +518,7 @@ def test_share_of_a_thruster_as_a_fraction(converted, share):
 @pytest.mark.parametrize(
     ("largest", "share", "refused"), [(1.5, "cmd", True), (1.5, "stated", False), (0, "cmd", False)]
 )
-def test_share_of_a_thruster_without_a_unit_must_look_like_percent(converted, largest, share, refused):
+def test_thruster_share_without_unit_must_look_like_percent(converted, largest, share, refused):
     _, rates, angles = motion()
     wave = largest * np.cos(np.linspace(0, 3, TIME.size))
     log = MemoryLog(**{"imu": imu(rates, angles), "in": {"t": TIME, "cmd": wave, "stated": (wave, "%")}})
@@ -532,7 +534,7 @@ def test_share_of_a_thruster_without_a_unit_must_look_like_percent(converted, la
 
 
 @pytest.mark.parametrize(("time", "said"), [("'@log_time'", True), ("'@header_stamp'", False)])
-def test_the_worse_clock_of_messages_is_said(converted, rng, time, said):
+def test_worse_clock_is_reported(converted, rng, time, said):
     _, rates, angles = motion()
     clocks = {"@log_time": 1e9 + TIME + rng.uniform(0, 0.045, TIME.size), "@header_stamp": 1e9 + TIME}
     log = MemoryLog(**{"imu": imu(rates, angles) | clocks, "in": INPUTS | clocks})
@@ -541,10 +543,10 @@ def test_the_worse_clock_of_messages_is_said(converted, rng, time, said):
     for summary in found.summaries:
         remarks = [text for text in summary.remarks if "drifts from" in text]
         assert len(remarks) == said
-        assert all(text.endswith("`time: '@header_stamp'` would be right") for text in remarks)
+        assert all(text.endswith("`time: '@header_stamp'` would be better") for text in remarks)
 
 
-def test_gap_of_a_sensor_is_said(converted):
+def test_gap_of_sensor_is_reported(converted):
     velocity, rates, angles = motion()
     time = np.where(TIME < 1.0, TIME, TIME + 4.0)
     log = MemoryLog(**{"imu": imu(rates, angles, time), "dvl": dvl(velocity, 0.15 * TIME / TIME[1]), "in": INPUTS})
@@ -564,7 +566,7 @@ def test_revolutions_of_a_propeller_need_a_unit(converted, column, unit, refused
     log = MemoryLog(**{"dvl": dvl(velocity), "in": {"t": TIME, "n": turns, "stated": (turns, "rpm")}})
     law = f"{{table: in, thrust: {{revolutions: {{column: {column}{unit}}}, a: 0.05 N*s^2}}}}"
     if refused:
-        with pytest.raises(ConfigError, match=r":\d+:\d+: inputs\.thrust\.revolutions: has no unit.*`unit: rpm`"):
+        with pytest.raises(ConfigError, match=r":\d+:\d+: inputs\.thrust\.revolutions: has no unit.*rpm"):
             converted(log, DVL % "", inputs=law)
     else:
         assert converted(log, DVL % "", inputs=law).inputs.values[:, 2] == pytest.approx(np.full(TIME.size, 5.0))
@@ -598,21 +600,21 @@ def test_propeller_that_loses_thrust_with_speed(converted):
         (
             [(GYROSCOPE % "").replace("p: p", "p: pp")],
             INPUT_MAP,
-            "columns.p: memory: there is no column in imu named 'pp'",
+            "columns.p: memory: no column in imu named 'pp'",
         ),
         (
             [(GYROSCOPE % "").replace("imu", "imo")],
             INPUT_MAP,
-            "table: memory: there is no table named 'imo'; there is 'imu'",
+            "table: memory: no table named 'imo'; expected 'imu'",
         ),
-        ([(GYROSCOPE % "").replace("p: p", "p: flag")], INPUT_MAP, "holds text, not numbers"),
-        ([(GYROSCOPE % ", log: b")], INPUT_MAP, "sensors.gyroscope.log: there is no log named 'b' in `logs`"),
+        ([(GYROSCOPE % "").replace("p: p", "p: flag")], INPUT_MAP, "has text; expected numbers"),
+        ([(GYROSCOPE % ", log: b")], INPUT_MAP, "sensors.gyroscope.log: no log named 'b'"),
         ([GYROSCOPE % ", time: zero"], INPUT_MAP, "sensors.gyroscope.time: 'zero' never changes"),
         ([GYROSCOPE % ", time: flag"], INPUT_MAP, "sensors.gyroscope.time: 'x' is not a time"),
         ([GYROSCOPE % ", time: {column: t, offset: 1 h}", DVL % ""], INPUT_MAP, "no time in common: gyroscope is from"),
-        ([GYROSCOPE % ", exclude: [0, 1 h]"], INPUT_MAP, "no valid sample is left"),
+        ([GYROSCOPE % ", exclude: [0, 1 h]"], INPUT_MAP, "no valid samples"),
         ([GYROSCOPE % ", unit: turn/ms"], INPUT_MAP, "sensors.gyroscope: reaches"),
-        ([(ATTITUDE % ", mount: backward").replace("phi: roll, ", "")], INPUT_MAP, "with all three angles"),
+        ([(ATTITUDE % ", mount: backward").replace("phi: roll, ", "")], INPUT_MAP, "all three angles"),
         ([(GYROSCOPE % "").replace("0.01", "estimate").replace("p: p", "p: zero")], INPUT_MAP, "repeat the one before"),
         ([(GYROSCOPE % "").replace("p: p", "p: inches")], INPUT_MAP, "the log states the unit 'inch' of 'inches'"),
         ([GYROSCOPE % ""], "{table: in, rudder: {column: dr, scale: 100}}", "inputs.rudder: deflects"),
@@ -629,11 +631,11 @@ def test_propeller_that_loses_thrust_with_speed(converted):
         (
             [GYROSCOPE % ""],
             "{table: in, thrust: {revolutions: {column: dr, unit: rpm}, a: 1, b: -1}}",
-            "needs the speed, but no `dvl`",
+            "needs the speed",
         ),
     ],
 )
-def test_map_that_does_not_fit_the_log(converted, sensors, inputs, message):
+def test_map_that_does_not_fit_log_raises_config_error(converted, sensors, inputs, message):
     velocity, rates, angles = motion()
     table = imu(rates, angles) | {"zero": 0 * TIME, "flag": np.full(TIME.size, "x"), "inches": (TIME, "inch")}
     log = MemoryLog(**{"imu": table, "dvl": dvl(velocity), "depth": {"t": TIME, "z": TIME}, "in": INPUTS})
@@ -642,40 +644,40 @@ def test_map_that_does_not_fit_the_log(converted, sensors, inputs, message):
     assert message in str(caught.value)
 
 
-def test_the_same_mistake_is_said_once(converted):
+def test_same_error_is_reported_once(converted):
     _, rates, angles = motion()
     log = MemoryLog(**{"imu": imu(rates, angles), "in": INPUTS})
     with pytest.raises(ConfigError) as caught:
         converted(log, GYROSCOPE % "", inputs=INPUT_MAP.replace("table: in", "table: in, time: tt"))
-    assert str(caught.value).count("there is no column in in named 'tt'; there is 't' (nearest of 4)") == 1
+    assert str(caught.value).count("no column in in named 'tt'") == 1
 
 
-def test_a_log_without_rows_is_said_once(converted):
+def test_log_without_rows_is_reported_once(converted):
     empty = {name: values[:0] for name, values in (imu(TIME[:, None] * np.ones(3), TIME[:, None] * np.ones(3))).items()}
     with pytest.raises(ConfigError) as caught:
         converted(MemoryLog(**{"imu": empty, "in": INPUTS}), GYROSCOPE % "", ATTITUDE % "")
     assert str(caught.value).count("logs.log: imu has no rows") == 1
 
 
-def test_inputs_that_stay_zero_are_told_from_those_without_a_column(converted):
+def test_zero_inputs_are_distinguished_from_unmapped(converted):
     _, rates, angles = motion()
     log = MemoryLog(**{"imu": imu(rates, angles), "in": INPUTS | {"none": 0 * TIME}})
     found = converted(log, GYROSCOPE % "", inputs="{table: in, fins: {right: none}, surge_force: none}")
     assert found.remarks == ("elevator, surge_force: zero all the time", "rudder, roll_moment: not in the map, so zero")
 
 
-def test_all_mistakes_are_said_at_once_with_their_places(converted):
+def test_all_errors_are_reported_with_positions(converted):
     _, rates, angles = motion()
     log = MemoryLog(**{"imu": imu(rates, angles), "in": INPUTS})
     with pytest.raises(ConfigError) as caught:
         converted(log, (GYROSCOPE % "").replace("q: q", "q: qq"), (ATTITUDE % "").replace("pitch", "pich"), DVL % "")
-    said = str(caught.value)
-    assert "map.yaml:7:46: sensors.gyroscope.columns.q: memory: there is no column in imu named 'qq'" in said
-    assert "there is no column in imu named 'pich'; there is 'pitch'" in said
-    assert "sensors.dvl.table: memory: there is no table named 'dvl'; there is 'imu', 'in'" in said
+    message = str(caught.value)
+    assert "map.yaml:7:46: sensors.gyroscope.columns.q: memory: no column in imu named 'qq'" in message
+    assert "no column in imu named 'pich'; expected 'pitch'" in message
+    assert "sensors.dvl.table: memory: no table named 'dvl'" in message
 
 
-def test_an_input_may_be_a_constant(converted):
+def test_input_may_be_constant(converted):
     velocity, *_ = motion()
     log = MemoryLog(**{"dvl": dvl(velocity), "in": INPUTS})
     found = converted(log, DVL % "", inputs="{table: in, rudder: dr, elevator: 0, surge_force: {constant: 10.9 N}}")
@@ -691,7 +693,7 @@ def test_an_input_may_be_a_constant(converted):
 
 
 @pytest.mark.parametrize(("silent", "said"), [(0.5, False), (1.5, True)])
-def test_fins_that_end_before_the_sensors_are_said(converted, silent, said):
+def test_fins_that_end_early_are_reported(converted, silent, said):
     velocity, *_ = motion()
     fins = {"t": TIME - silent, "dr": INPUTS["dr"]}
     remarks = converted(

@@ -31,7 +31,7 @@ def test_quaternions_are_those_of_scipy(angles):
 
 
 @given(ANGLES, ANGLES)
-def test_product_is_one_turn_after_the_other(first, second):
+def test_product_composes_rotations(first, second):
     a, b = quaternion_of_euler(np.array([first, second]))
     both = scipy_rotation([first]) * scipy_rotation([second])
     assert rotation(product(a, b)) == pytest.approx(both.as_matrix()[0], abs=1e-14)
@@ -42,12 +42,12 @@ def test_axes_by_hand():
     assert rotate(rotation(ENU_TO_NED), np.array([[1.0, 2.0, 3.0]])) == pytest.approx(np.array([[2.0, 1.0, -3.0]]))
 
 
-def test_missing_component_spoils_only_what_it_has_a_part_in():
+def test_missing_component_affects_dependent_components_only():
     values = np.array([[np.nan, 2.0, 3.0]])
     turned = rotate(rotation(FLU_TO_FRD), values)
     assert np.isnan(turned[0, 0])
     assert turned[0, 1:].tolist() == [-2.0, -3.0]
 
 
-def test_quaternion_of_zeros_is_no_attitude():
+def test_zero_quaternion_gives_nan():
     assert np.isnan(euler_of_quaternion(np.zeros((1, 4)))).all()

@@ -23,7 +23,7 @@ def test_gaps_outside_excluded_spans_are_unintended(use, exclude, gaps):
 
 
 @pytest.mark.parametrize(("interval", "gap", "said"), [(0.01, 0.9, False), (0.01, 1.1, True), (1.0, 9.0, False)])
-def test_a_gap_is_longer_than_a_second_and_ten_intervals(interval, gap, said):
+def test_gap_exceeds_one_second_and_ten_intervals(interval, gap, said):
     time = np.cumsum(np.insert(np.full(100, interval), 50, gap))
     assert bool(unintended_gaps(time, (), ())) == said
     assert unintended_gaps(time[:1], (), ()) == ()

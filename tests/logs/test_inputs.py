@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auvid_cli.data.signals import noise_standard_deviation
+from auvid_cli.logs.convert import Channel, hold, mix, propeller_thrust, thruster_force
 from auvid_cli.logs.frames import interpolate, velocity_at_origin
-from auvid_cli.logs.inputs import Channel, hold, mix, propeller_thrust, thruster_force
 
 DEFLECTION = st.floats(-0.5, 0.5)
 # Place of a fin's middle, (y, z) seen from behind, and the direction in which a positive one pushes: to starboard,
@@ -29,7 +29,7 @@ TAILS = (
 
 @pytest.mark.parametrize("tail", TAILS)
 @given(st.data())
-def test_rudder_and_elevator_push_as_the_fins_do(tail, data):
+def test_mixed_rudder_and_elevator_have_force_of_fins(tail, data):
     fins = {name: data.draw(DEFLECTION) for name in tail}
     mixed = mix({name: np.array([angle]) for name, angle in fins.items()})
     for name in tail:
@@ -45,13 +45,13 @@ def test_rudder_and_elevator_push_as_the_fins_do(tail, data):
     assert mixed.elevator[0] * by_elevator == pytest.approx(upwards, abs=1e-14)
 
 
-def test_differential_fins_are_neither():
+def test_differential_fins_are_neither_rudder_nor_elevator():
     mixed = mix({"top": np.array([0.1]), "right": np.array([0.2]), "left": np.array([-0.2])})
     assert (mixed.rudder[0], mixed.elevator[0]) == pytest.approx((0.1, 0.0), abs=1e-15)
     assert mixed.rest == pytest.approx(0.2 * np.sqrt(2 / 3))
 
 
-def test_inputs_hold_until_the_next_of_their_own():
+def test_channels_hold_until_next_value():
     rudder = Channel(np.array([0.0, 1.0, 3.0]), np.array([1.0, 2.0, 3.0]))
     thrust = Channel(np.array([0.5, 2.0]), np.array([10.0, 20.0]))
     time, held = hold({"rudder": rudder, "thrust": thrust})
@@ -76,7 +76,7 @@ def test_lever_arm_by_hand():
     )
 
 
-def test_interpolation_over_the_jump_of_an_angle_and_not_over_gaps():
+def test_interpolation_handles_angle_jumps_and_gaps():
     time = np.array([0.0, 1.0, 2.0, 3.0, 20.0, 20.5])
     angle = np.array([[3.1], [-3.1], [-3.1], [-3.1], [0.0], [np.nan]])
     found = interpolate(time, angle, np.array([-0.1, 0.5, 1.0, 10.0, 20.0, 20.2]), is_angle=True)[:, 0]

@@ -9,7 +9,7 @@ NUMBER = st.one_of(st.just(np.nan), st.integers(0, 2).map(float))
 
 
 @given(st.lists(st.tuples(NUMBER, NUMBER), min_size=1, max_size=30))
-def test_rows_that_bring_nothing_new_are_left_out(rows):
+def test_repeated_rows_are_left_out(rows):
     """Against a walk that remembers the last number of each component, missing ones in between or not."""
     last, kept = {}, []
     for k, row in enumerate(rows):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from auvid_cli.design.envelope import Band, Extent
+from auvid_cli.design.mission import Band
 from auvid_cli.design.posterior import Posterior
-from auvid_cli.design.search import Design, Reached, WeakCoefficient
-from auvid_cli.design.trials import Flight, Trial
+from auvid_cli.design.search import Design, SearchProgress, WeakCoefficient
+from auvid_cli.design.trials import Extent, Trial, TrialRun
 from auvid_cli.report.figures.timeline import mission_figure
 from auvid_cli.report.screens import print_design, sentences
 
@@ -21,7 +21,7 @@ KEPT, LEFT = dict.fromkeys(("box", "roll"), 0.0), {"box": 0.0, "roll": 0.2}
 def trial(percent, *, outside=0, lost=0):
     """Four vehicles, some of which leave the envelope and some of which are lost."""
     extent = Extent(100.0, 20.0, 0.3, 0.4, 1.0, 5e3)
-    flights = [Flight(np.full(3, percent), None if k < lost else extent) for k in range(4)]
+    flights = [TrialRun(np.full(3, percent), None if k < lost else extent) for k in range(4)]
     measure = np.array([np.inf if k < lost else np.log(percent) for k in range(4)])
     return Trial(None, flights, measure, [LEFT if k < outside else KEPT for k in range(4 - lost)])
 
@@ -35,7 +35,7 @@ def design():
         trials = {"designed": designed, "spiral": spiral, "zigzag": trial(8.0, lost=4), "doublets": trial(0.5)}
         poor = (WeakCoefficient("N_uvl", 31.0, "cannot be told from N_url: correlation 0.97"),)
         gain = trials["designed" if chosen == "spiral" else chosen].mean_gain_over(spiral)
-        end = Reached(1, 13, designed), SYMBOLS
+        end = SearchProgress(1, 13, designed), SYMBOLS
         return Design(None, chosen, gain, trials, poor, None, posterior, 40.0, GROWTH, *end)
 
     return make

@@ -1,6 +1,6 @@
-"""Logs of ArduPilot and MAVLink: DataFlash (.BIN) and telemetry (.tlog). A table for each kind of message.
+"""Logs of ArduPilot (DataFlash, .BIN) and MAVLink telemetry (.tlog): a table for each kind of message.
 
-A message that is cut off at the end of a log, where power went off, is left out.
+A message that is cut off at the end of a log is left out.
 """
 
 import mmap
@@ -15,41 +15,38 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pymavlink.DFReader import FORMAT_TO_STRUCT, DFFormat, DFReader_binary
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from auvid_cli.data.files import refusing_damage
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
 
-try:
-    from pymavlink.DFReader import FORMAT_TO_STRUCT, DFFormat, DFReader_binary
-    from pymavlink.dialects.v20 import ardupilotmega as mavlink
-except ModuleNotFoundError as error:
-    raise FileError("reading ArduPilot logs needs the package pymavlink: pip install 'auvid[ardupilot]'") from error
-
-_SECONDS = {"TimeUS": 1e6, "TimeMS": 1e3}
+_TICKS_PER_SECOND = {"TimeUS": 1e6, "TimeMS": 1e3}
 _HEADER_BYTES = 3
 _LIST_LENGTH = 32
 _ELEMENT = re.compile(r"(?P<name>.+)\[(?P<index>\d+)\]")
 
-# A telemetry log is a stamp and a message, again and again; a message has so many bytes besides what it carries.
+# A telemetry log alternates time stamps and messages.
 _STAMP_BYTES = 8
-_VERSION_1, _VERSION_2 = mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2
-_OVERHEAD = {_VERSION_1: 8, _VERSION_2: 12}
-_SHORTEST_PACKET, _HEAD_BYTES = 8, 10
+_VERSION_2 = mavlink.PROTOCOL_MARKER_V2
+_OVERHEAD = {mavlink.PROTOCOL_MARKER_V1: 8, _VERSION_2: 12}  # bytes of a message without its payload
+_MIN_PACKET_BYTES = 8
+_HEAD_BYTES = 10
 
 
 class DataFlashLog(Log):
-    """What the autopilot writes on its card; its time is counted from when it was switched on.
+    """Log on the card of the autopilot; its time counts from power-on.
 
-    Of a message that several of a kind send, such as IMU, there is a table of all and one of each, IMU[0].
+    A message with several instances, such as IMU, has a table with all of them and one for each: IMU[0].
     """
 
     def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """List the columns of each kind of message that has a time and was sent, with the units the log states."""
+        """Return the columns of each kind of message that has a time and was sent."""
         return self._tables
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Read columns by name, scaled to the unit that is stated."""
+        """Return columns in their stated units."""
         wanted = look_up(self, table, columns)
         kind, instance = _split(table)
         form, rows = self._rows(kind)
@@ -62,7 +59,7 @@ class DataFlashLog(Log):
         tables = {}
         for kind in sorted(self._index):
             form, rows = self._rows(kind)
-            if len(rows) and not _SECONDS.keys().isdisjoint(form.columns):
+            if len(rows) and not _TICKS_PER_SECOND.keys().isdisjoint(form.columns):
                 tables[kind] = tuple(_columns(form))
                 for instance in np.unique(rows[form.instance_field]) if form.instance_field else ():
                     tables[f"{kind}[{instance}]"] = tables[kind]
@@ -70,10 +67,10 @@ class DataFlashLog(Log):
 
     @cached_property
     def _index(self) -> dict[str, tuple[DFFormat, list[int]]]:
-        """Return how each kind of message is written, and where."""
+        """Return the format and the offsets of each kind of message."""
         complaints = StringIO()
         refusing = refusing_damage(lambda reason: f"{self.path}: is damaged: {reason}")
-        # The library prints a line for each byte that it does not understand, and goes on.
+        # The library prints a line for each invalid byte and continues.
         out, err = redirect_stdout(complaints), redirect_stderr(complaints)
         with refusing, out, err, closing(_Reader(str(self.path))) as reader:
             index = {name: (reader.formats[k], reader.offsets[k]) for name, k in reader.name_to_id.items()}
@@ -82,12 +79,12 @@ class DataFlashLog(Log):
         return index
 
     def _rows(self, kind: str) -> tuple[DFFormat, NDArray[np.void]]:
-        """Read the messages of a kind as they are written."""
+        """Return the format and the rows of a kind of message, as stored."""
         form, offsets = self._index[kind]
         try:
             layout = np.dtype([(name, _dtype(code)) for name, code in zip(form.columns, form.format, strict=True)])
         except ValueError as error:
-            raise FileError(f"{self.path}: is damaged where it says how {kind} is written: {error}") from error
+            raise FileError(f"{self.path}: damaged format of {kind}: {error}") from error
         with self.path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             starts = (offset + _HEADER_BYTES for offset in offsets)
             messages = (data[start : start + layout.itemsize] for start in starts)
@@ -96,18 +93,18 @@ class DataFlashLog(Log):
 
 
 class _Reader(DFReader_binary):
-    """The library's reader without its haste and its guess of the date."""
+    """The library's reader without its compiled scan and its guess of the date."""
 
     def init_arrays_fast(self, progress_callback: None = None) -> None:
-        """Look for the messages in Python: what is compiled complains past it, straight to the terminal."""
+        """Index the messages in Python, because the compiled scan prints errors to the terminal itself."""
         self.init_arrays(progress_callback)
 
     def init_clock(self) -> None:
-        """Let time count from when the autopilot was switched on: the date would be sought in the whole log."""
+        """Count time from power-on; the search for the date would read the whole log."""
 
 
 def _dtype(code: str) -> np.dtype[Any]:
-    """Return the type of a field as it is written."""
+    """Return the stored type of a field."""
     if code == "a":
         return np.dtype(("<i2", (_LIST_LENGTH,)))
     written = FORMAT_TO_STRUCT[code][0]
@@ -126,27 +123,27 @@ def _columns(form: DFFormat) -> Iterator[LogColumn]:
 
 def _values(form: DFFormat, rows: NDArray[np.void], column: LogColumn) -> ColumnValues:
     if column.name == LOG_TIME:
-        name = next(name for name in _SECONDS if name in form.columns)
-        return rows[name] / _SECONDS[name]
+        name = next(name for name in _TICKS_PER_SECOND if name in form.columns)
+        return rows[name] / _TICKS_PER_SECOND[name]
     if column.is_text:
-        # What follows the zero byte in a text is whatever was in memory.
+        # Bytes after the zero byte of a text are arbitrary.
         return np.array([text.split(b"\0")[0].decode("utf-8", "backslashreplace") for text in rows[column.name]], str)
     name, index = _split(column.name)
     values = (rows[name] if index is None else rows[name][:, index]).astype(np.float64)
     factor = form.msg_mults[form.columns.index(name)]
-    # The factors are 0.01 and 1e-7, which have no exact binary form; their inverses have.
+    # Factors such as 0.01 have no exact binary form; their inverses have.
     return values if factor is None else values / round(1.0 / factor)
 
 
 class TelemetryLog(Log):
-    """What a ground station hears from the vehicle over MAVLink; its time is that of the ground station."""
+    """MAVLink messages that a ground station received, with the time of the ground station."""
 
     def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """List the columns of each kind of message, with the units that MAVLink states."""
+        """Return the columns of each kind of message, with the units of MAVLink."""
         return self._tables
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Read columns by name, in MAVLink's own units."""
+        """Return columns in the units of MAVLink."""
         wanted = look_up(self, table, columns)
         values = {column.name: [] if column.is_text else array("d") for column in wanted}
         places = {column.name: _split(column.name) for column in wanted if column.name != LOG_TIME}
@@ -157,30 +154,30 @@ class TelemetryLog(Log):
                 message = parser.decode(bytearray(packet))
             except (mavlink.MAVError, struct.error) as error:
                 raise FileError(f"{self.path}: byte {start}: a damaged {table} message: {error}") from error
-            for name, estimated_values in values.items():
+            for name, column_values in values.items():
                 if name == LOG_TIME:
-                    estimated_values.append(seconds)
+                    column_values.append(seconds)
                 else:
                     field, index = places[name]
                     value = getattr(message, field)
-                    estimated_values.append(value if index is None else value[index])
+                    column_values.append(value if index is None else value[index])
         return {name: np.array(column, None if isinstance(column, array) else str) for name, column in values.items()}
 
     @cached_property
     def _tables(self) -> dict[str, tuple[LogColumn, ...]]:
         kinds = {mavlink.mavlink_map[number] for number in {_number(packet) for _, _, packet in self._packets()}}
         if not kinds:
-            raise FileError(f"{self.path}: holds no MAVLink message that is known")
+            raise FileError(f"{self.path}: no known MAVLink message")
         return {kind.msgname: tuple(_message_columns(kind)) for kind in sorted(kinds, key=lambda kind: kind.msgname)}
 
     def _packets(self, number: int | None = None) -> Iterator[tuple[int, float, bytes]]:
-        """Yield place, time in s since the epoch, and bytes of each known message, or of those of one number."""
+        """Yield offset, time in s since 1970 and bytes of each known message, or of those of one kind."""
         data = self.path.read_bytes()
         start = 0
-        while start + _STAMP_BYTES + _SHORTEST_PACKET <= len(data):
+        while start + _STAMP_BYTES + _MIN_PACKET_BYTES <= len(data):
             head = data[start + _STAMP_BYTES : start + _STAMP_BYTES + _HEAD_BYTES]
             if head[0] not in _OVERHEAD:
-                raise FileError(f"{self.path}: byte {start}: no MAVLink message where one must begin: is damaged")
+                raise FileError(f"{self.path}: byte {start}: damaged: expected a MAVLink message here")
             signed = head[0] == _VERSION_2 and head[2] & mavlink.MAVLINK_IFLAG_SIGNED
             length = head[1] + _OVERHEAD[head[0]] + (mavlink.MAVLINK_SIGNATURE_BLOCK_LEN if signed else 0)
             end = start + _STAMP_BYTES + length
@@ -194,13 +191,13 @@ class TelemetryLog(Log):
 
 
 def _number(packet: bytes) -> int:
-    """Return the number of the kind of a message."""
+    """Return the kind of a message, as a number."""
     return int.from_bytes(packet[7:10], "little") if packet[0] == _VERSION_2 else packet[5]
 
 
 def _message_columns(kind: Any) -> Iterator[LogColumn]:
     yield LogColumn(LOG_TIME, "s")
-    # Lengths come in the order in which fields are sent.
+    # Lengths are in the order of transmission.
     lengths = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
     for name, written in zip(kind.fieldnames, kind.fieldtypes, strict=True):
         length = lengths[name]
@@ -212,6 +209,6 @@ def _message_columns(kind: Any) -> Iterator[LogColumn]:
 
 
 def _split(column: str) -> tuple[str, int | None]:
-    """Split off the place in its list, if a field is one."""
+    """Return a name and its index, if it is an element of a list."""
     element = _ELEMENT.fullmatch(column)
     return (element["name"], int(element["index"])) if element else (column, None)

@@ -1,7 +1,7 @@
-"""Logs that are files of named arrays: NumPy archives and MATLAB files.
+"""Files of named arrays as logs: NumPy archives and MATLAB files.
 
-Arrays of one length make a table. Those of the file itself are the table without a name, those of a struct are a table
-that is called as the struct is; where lengths differ, each length is a table called by its first array.
+Arrays of equal length form a table, which has the name of their struct, or no name without a struct. If lengths differ,
+each length forms a table with the name of its first array.
 """
 
 from abc import abstractmethod
@@ -22,11 +22,12 @@ from auvid_cli.data.hdf5 import numbers_in, open_hdf5
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import ColumnValues, Log, LogColumn, look_up
 
-# Wider arrays and longer lists of structs are pictures and the like, no columns.
-_MOST_COLUMNS = 100
+_MAX_COLUMNS = 100  # of an array, or structs of a list; larger ones, such as images, are left out
 
 _Path = tuple[str, ...]
-_NUMBERS, _TEXT = "biuf", "UM"
+# Kinds of dtypes.
+_NUMBERS = "biuf"
+_TEXT = "UM"
 
 
 class _Shape(NamedTuple):
@@ -35,7 +36,7 @@ class _Shape(NamedTuple):
 
 
 class _Place(NamedTuple):
-    """Where the values of a column are: an array, and one of its rows or columns if it has two dimensions."""
+    """Array of a column, and the index of its row (`across`) or column if it has two dimensions."""
 
     path: _Path
     number: int | None
@@ -47,14 +48,14 @@ class ArrayLog(Log):
     """A file of named arrays."""
 
     def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """List the columns by the names of their arrays, ``name[0]``, ``name[1]`` of an array with two dimensions."""
+        """Return the columns by array name; ``name[0]``, ``name[1]`` for an array with two dimensions."""
         return {
             table: tuple(LogColumn(name, is_text=place.is_text) for name, place in columns.items())
             for table, columns in self._places.items()
         }
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Read columns by name; of the file's variables only those are loaded that hold them."""
+        """Return columns by name; only the variables with these columns are loaded."""
         places = {column.name: self._places[table][column.name] for column in look_up(self, table, columns)}
         values: dict[str, ColumnValues] = {}
         for variable in dict.fromkeys(place.path[0] for place in places.values()):
@@ -76,19 +77,19 @@ class ArrayLog(Log):
         }
         places = _tabulate(shapes)
         if not places:
-            raise FileError(f"{self.path}: holds no arrays of numbers")
+            raise FileError(f"{self.path}: no arrays of numbers")
         return places
 
     def _refusing_damage(self) -> AbstractContextManager[None]:
-        return refusing_damage(lambda reason: f"{self.path}: is damaged or not what it is called: {reason}")
+        return refusing_damage(lambda reason: f"{self.path}: damaged, or of another kind than its name: {reason}")
 
     @abstractmethod
     def _variables(self) -> Sequence[str]:
-        """Return the names of what the file holds."""
+        """Return the names of the variables in the file."""
 
     @abstractmethod
     def _arrays(self, variable: str) -> Iterator[tuple[_Path, Any]]:
-        """Find the arrays of numbers or text that a variable holds, each with its path, vectors with one dimension."""
+        """Yield path and array for all numbers and text in a variable; vectors have one dimension."""
 
 
 class NumpyLog(ArrayLog):
@@ -100,7 +101,7 @@ class NumpyLog(ArrayLog):
 
     def _arrays(self, variable: str) -> Iterator[tuple[_Path, NDArray[Any]]]:
         with self._refusing_damage(), np.load(self.path) as archive:
-            # What is no array in it comes as bytes.
+            # Members that are not arrays are returned as bytes.
             array = np.asarray(archive[variable])
         if array.dtype.names is None:
             yield from _if_usable((variable,), np.squeeze(array))
@@ -119,13 +120,13 @@ class MatlabLog(ArrayLog):
 
     @cached_property
     def _content(self) -> dict[str, Any]:
-        # A damaged file may bring down the process that reads it.
+        # In another process, because a damaged file may crash the reader.
         with self._refusing_damage(), WorkerPool(1, "spawn") as worker:
             return worker.submit(loadmat, self.path, struct_as_record=False, squeeze_me=True).result()
 
 
 class MatlabHdf5Log(ArrayLog):
-    """A MATLAB file of version 7.3: its arrays of numbers and structs of such."""
+    """A MATLAB file of version 7.3: arrays of numbers, and structs of them."""
 
     def _variables(self) -> Sequence[str]:
         with self._refusing_damage(), open_hdf5(self.path, foreign=True) as file:
@@ -145,20 +146,20 @@ class MatlabHdf5Log(ArrayLog):
 
 
 def _values(dataset: h5py.Dataset) -> NDArray[Any]:
-    """Read a dataset as MATLAB shows it; empty if it is text or cells, which are stored elsewhere."""
+    """Return a dataset as MATLAB shows it; empty for text and cells, which are stored elsewhere."""
     kind = dataset.attrs.get("MATLAB_class", b"double")
     return np.empty(0) if kind in (b"char", b"cell") else np.squeeze(dataset[()].T)
 
 
 def _flatten(path: _Path, content: Any) -> Iterator[tuple[_Path, NDArray[Any]]]:
-    """Return the arrays of a MATLAB variable, those of structs by their fields."""
+    """Yield path and array for a MATLAB variable and the fields of its structs."""
     if isinstance(content, mat_struct):
         for field in vars(content)["_fieldnames"]:
             yield from _flatten((*path, field), getattr(content, field))
     elif isinstance(content, np.ndarray) and content.dtype == object:
         if content.size and all(isinstance(element, str) for element in content.flat):
             yield from _if_usable(path, content.astype(str))
-        elif content.size <= _MOST_COLUMNS:
+        elif content.size <= _MAX_COLUMNS:
             for k, element in enumerate(content.flat):
                 yield from _flatten((*path[:-1], f"{path[-1]}[{k}]"), element)
     elif isinstance(content, np.ndarray):
@@ -166,8 +167,8 @@ def _flatten(path: _Path, content: Any) -> Iterator[tuple[_Path, NDArray[Any]]]:
 
 
 def _if_usable(path: _Path, array: NDArray[Any]) -> Iterator[tuple[_Path, NDArray[Any]]]:
-    """Return an array if it is one of numbers or text with more than one row and few columns."""
-    few = array.ndim == 1 or (array.ndim == 2 and min(array.shape) <= _MOST_COLUMNS)
+    """Yield path and array if it has numbers or text, more than one row and few columns."""
+    few = array.ndim == 1 or (array.ndim == 2 and min(array.shape) <= _MAX_COLUMNS)
     if array.size > 1 and few and array.dtype.kind in _NUMBERS + _TEXT:
         yield path, array
 
@@ -178,7 +179,7 @@ def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
     groups: dict[tuple[str, int], list[_Path]] = {}
     across = {}
     for path, (shape, _) in shapes.items():
-        # Time may run along the rows; the vectors beside an array tell.
+        # Time may run along the rows, as the lengths of vectors show.
         across[path] = len(shape) == 2 and shape[0] not in vectors and shape[1] in vectors
         struct = path[0] if len(path) > 1 else ""
         groups.setdefault((struct, shape[1] if across[path] else shape[0]), []).append(path)

@@ -1,4 +1,4 @@
-"""Delimited text files: rows in their layout, to columns with units."""
+"""Logs of delimited text, plain or compressed with gzip."""
 
 import codecs
 import gzip
@@ -28,51 +28,34 @@ from auvid_cli.logs.formats.text_layout import (
     split_row,
 )
 
-_BLOCK_BYTES = 1 << 24
-_LONGEST_LINE = 1 << 26
+_BLOCK_BYTES = 1 << 24  # read at a time
+_MAX_LINE_BYTES = 1 << 26
+_HEAD_BYTES = 1 << 17  # from which the layout is found
+_CHUNK_ROWS = 100_000
 _WHITE = np.frombuffer(b" \t\r\n", np.uint8)
 _GZIP = b"\x1f\x8b"
-_OPEN_QUOTE = "a quotation mark is left open, or a field goes on in the next line"
-_HEAD_BYTES = 1 << 17
-_CHUNK_ROWS = 100_000
+_OPEN_QUOTE = "a quotation mark is not closed, or a field continues on the next line"
 
 
 class TextRows(NamedTuple):
-    """What is known of all rows of a text log.
-
-    Attributes
-    ----------
-    lines : int
-        Of the log.
-    filler : frozenset of int
-        Lines after the header that hold no values, counted from 1.
-    encoding : str
-    """
+    """Number of lines of a text log, lines after the header without values (counted from 1), and encoding."""
 
     lines: int
     filler: frozenset[int]
     encoding: str
 
     def numbers(self, header: Header) -> NDArray[np.int64]:
-        """Return the lines that hold values, counted from 1."""
+        """Return the numbers of the lines with values, from 1."""
         return np.setdiff1d(np.arange(header.line + 1, self.lines + 1), list(self.filler))
 
 
 def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
-    """Count the rows, find the lines to leave out, and check that every row has its fields.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Of the log, to be named in errors.
-    file : binary file
-        The log from its beginning.
-    header : Header
+    """Count the lines of a log, and check the number of fields in each row.
 
     Raises
     ------
     FileError
-        If a row has fields too many or too few, or zero bytes where power went off.
+        If a row has too many or too few fields, or zero bytes after a power cut.
     """
     lines = 0
     filler: set[int] = set()
@@ -85,7 +68,9 @@ def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
         starts = np.concatenate(([0], ends[:-1] + 1))
         if (zero := block.find(0)) >= 0:
             number = lines + int(np.searchsorted(ends, zero)) + 1
-            raise FileError(f"{path}:{number}: zero bytes, as after a power cut: delete this row and what follows it")
+            raise FileError(
+                f"{path}:{number}: zero bytes, as after a power cut: delete this row and all following ones"
+            )
         fields = _count_fields(data, ends, header.delimiter)
         suspects = (fields != header.fields) | _may_be_filler(data[starts], header.delimiter)
         for k in np.flatnonzero(suspects):
@@ -96,20 +81,22 @@ def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
             if is_filler(line, header.delimiter):
                 filler.add(number)
             elif (n_fields := len(split_row(line, header.delimiter))) != header.fields:
-                raise FileError(f"{path}:{number}: a row of {n_fields} fields where the others have {header.fields}")
+                raise FileError(
+                    f"{path}:{number}: row with {n_fields} fields; expected {header.fields} as in the others"
+                )
         lines += len(ends)
     return TextRows(lines, frozenset(filler), encoding)
 
 
 def _whole_lines(path: Path, file: IO[bytes]) -> Iterator[bytes]:
-    """Yield blocks of whole lines, each ended by a line feed."""
+    """Yield blocks of whole lines that end with a line feed."""
     rest = b""
     while block := file.read(_BLOCK_BYTES):
         whole, feed, rest = (rest + block).rpartition(b"\n")
         if feed:
             yield whole + feed
-        elif len(rest) > _LONGEST_LINE:
-            raise FileError(f"{path}: has a line of more than {_LONGEST_LINE >> 20} MB, and is no table")
+        elif len(rest) > _MAX_LINE_BYTES:
+            raise FileError(f"{path}: a line of more than {_MAX_LINE_BYTES >> 20} MB; expected a table")
     if rest:
         yield rest + b"\n"
 
@@ -125,7 +112,7 @@ def _decodes(decoder: codecs.IncrementalDecoder, block: bytes) -> bool:
 
 
 def _count_fields(data: NDArray[np.uint8], ends: NDArray[np.int64], delimiter: str) -> NDArray[np.int64]:
-    """Count the fields of each line, as if none were quoted."""
+    """Return the number of fields in each line, as if none were quoted."""
     if delimiter == BLANKS:
         blank = np.isin(data, _WHITE)
         marks = np.flatnonzero(~blank & np.concatenate(([True], blank[:-1])))
@@ -135,20 +122,13 @@ def _count_fields(data: NDArray[np.uint8], ends: NDArray[np.int64], delimiter: s
 
 
 def _may_be_filler(first: NDArray[np.uint8], delimiter: str) -> NDArray[np.bool_]:
-    """Say whether lines begin like filler, by their first bytes."""
+    """Return whether lines begin like filler, by their first bytes."""
     signs = "".join(mark[0] for mark in COMMENT_MARKS) + delimiter + ' \t\r\n"'
     return np.isin(first, np.frombuffer(signs.encode(), np.uint8))
 
 
 class DelimitedLog(Log):
-    """A log of delimited text, plain or compressed with gzip.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    layout : TextLayout
-        What its header does not tell.
-    """
+    """A log of delimited text; `layout` states what its header does not show."""
 
     def __init__(self, path: Path, layout: TextLayout) -> None:
         super().__init__(path)
@@ -158,22 +138,22 @@ class DelimitedLog(Log):
         if len(head) == _HEAD_BYTES:
             head, feed, _ = head.rpartition(b"\n")
             if not feed:
-                raise FileError(f"{path}:1: a line of more than {_HEAD_BYTES >> 10} kB where names should be")
-        # As the rows are counted: at nothing but a line feed.
+                raise FileError(f"{path}:1: a line of more than {_HEAD_BYTES >> 10} kB; expected names of columns")
+        # Only a line feed ends a line, as in `survey`.
         lines = _decode(head).removesuffix("\n").split("\n")
         self._header: Header = read_header(path, lines, layout)
 
     def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """List the columns by their headings."""
+        """Return the columns by their headings."""
         return {"": self._header.columns}
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Read columns by name, after every row has been checked for its fields."""
+        """Return columns by name after a check of all rows."""
         positions = {column.name: self._header.columns.index(column) for column in look_up(self, table, columns)}
         try:
             values = self._read(list(positions.values()), strict=True)
         except ValueError:
-            # Blanks around numbers, or what is no number: slower, but it knows the line.
+            # Blanks around numbers, or invalid numbers: slower, but errors name the line.
             values = self._read(list(positions.values()), strict=False)
         return {name: values[position] for name, position in positions.items()}
 
@@ -193,7 +173,7 @@ class DelimitedLog(Log):
             raise FileError(f"{self.path}: cannot be read: {error}") from error
 
     def _read(self, positions: Sequence[int], strict: bool) -> dict[int, ColumnValues]:
-        """Read columns by position; if strict, numbers are what pandas takes for one, or it raises ValueError."""
+        """Return columns by position; if strict, ValueError for numbers that pandas does not parse."""
         header, rows = self._header, self._rows
         count = rows.lines - header.line - len(rows.filler)
         numeric = {k: np.empty(count) for k in positions if not header.columns[k].is_text}
@@ -215,7 +195,7 @@ class DelimitedLog(Log):
         return {**numeric, **texts}
 
     def _chunks(self, positions: Sequence[int], fast: set[int]) -> Iterator[pd.DataFrame]:
-        """Read some rows after the other, as numbers or, what is not fast, as text."""
+        """Yield rows in chunks; columns in `fast` as numbers, others as text."""
         header, rows = self._header, self._rows
         if rows.lines == header.line + len(rows.filler):
             return
@@ -241,7 +221,7 @@ class DelimitedLog(Log):
             raise FileError(f"{self.path}: {_OPEN_QUOTE} ({error})") from error
 
     def _numbers(self, fields: Iterable[str], position: int, start: int) -> NDArray[np.float64]:
-        """Convert a column's fields, from the row `start` on, to numbers; a field that is none is named by its line."""
+        """Convert a column's fields, from the row `start`, to numbers; errors name the line."""
         column, is_flag = self._header.columns[position], self._header.is_flag[position]
         suffix, decimal = self._header.suffixes[position], self._header.decimal
         numbers = []
@@ -257,8 +237,7 @@ class DelimitedLog(Log):
             else:
                 line = self._rows.numbers(self._header)[row]
                 expected = "true or false" if is_flag else f"a number in {suffix}" if suffix else "a number"
-                others = ", as in the other rows" if suffix else ""
-                raise FileError(f"{self.path}:{line}: {column.name!r} is {field!r}, which is not {expected}{others}")
+                raise FileError(f"{self.path}:{line}: {column.name!r} is {field!r}; expected {expected}")
         return np.array(numbers)
 
 

@@ -1,4 +1,4 @@
-"""What every reader of a log gives: topics with columns and units, joined or trimmed where several files overlap."""
+"""Interface of a log: tables of columns with units, and several files joined to one log."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from auvid_cli.errors import FileError
 
-# s since the epoch, or since the log's own zero: when a row was recorded, and when its sender says it was measured.
-LOG_TIME, HEADER_STAMP = "@log_time", "@header_stamp"
-# Of a log that consists of several files: which of them a row is from, counted from 1.
-FILE = "@file"
+# Columns that readers add, times in s since 1970 or since the log's own zero.
+LOG_TIME = "@log_time"  # time of recording
+HEADER_STAMP = "@header_stamp"  # time of measurement by the sender
+FILE = "@file"  # number of the file of a row, from 1, in a log of several files
 ColumnValues = NDArray[np.float64] | NDArray[np.str_]
 Array = NDArray[np.float64]
 
@@ -26,11 +26,11 @@ class LogColumn(NamedTuple):
     Attributes
     ----------
     name : str
-        Without its unit, if the log writes that into it; of a message's field the dotted path, ``pose.position.x``.
+        Name without unit, or dotted path of a message's field, such as ``pose.position.x``.
     unit : str
-        As the log states it; empty if it does not.
+        Unit that the log states; empty without one.
     is_text : bool
-        Whether its values are text, such as ``12:03.5``.
+        Whether the values are text, such as ``12:03.5``.
     """
 
     name: str
@@ -39,7 +39,7 @@ class LogColumn(NamedTuple):
 
 
 class Log(ABC):
-    """An opened log, of which only what is asked for is read.
+    """An opened log, of which only requested columns are read.
 
     Attributes
     ----------
@@ -51,29 +51,29 @@ class Log(ABC):
 
     @abstractmethod
     def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """List the columns of each table: a topic, a kind of message; where all is one table its name is empty.
+        """Return the columns of each table (topic or kind of message); a single table has an empty name.
 
-        Bags and message logs have the columns `LOG_TIME` and, where messages have a header, `HEADER_STAMP`.
+        Message logs have the columns `LOG_TIME` and, if messages have a header, `HEADER_STAMP`.
         """
 
     @abstractmethod
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Read columns of a table by name, all of one length, in the order of the log; NaN where a number is missing.
+        """Return columns of equal length in the order of the log; NaN if a number is missing.
 
         Raises
         ------
         FileError
-            If there is no such table or column, or if the file is damaged; the message says where.
+            If a table or column is missing, or the file is damaged.
         """
 
 
 def look_up(log: Log, table: str, names: Sequence[str]) -> tuple[LogColumn, ...]:
-    """Find columns of a log's table by name.
+    """Return columns of a table by name.
 
     Raises
     ------
     FileError
-        If there is no such table, or no such column in it.
+        If a table or column is missing.
     """
     tables = log.tables()
     if table not in tables:
@@ -85,12 +85,12 @@ def look_up(log: Log, table: str, names: Sequence[str]) -> tuple[LogColumn, ...]
     return tuple(columns[name] for name in names)
 
 
-def missing(log: Log, what: str, name: str, known: Collection[str]) -> str:
-    """Say that a name is not there, and which is near."""
-    near = get_close_matches(name, known, n=3, cutoff=0.5)
-    some = near or list(known)[:5]
-    of = "" if len(some) == len(known) else f" ({'nearest' if near else 'first'} of {len(known)})"
-    return f"{log.path}: there is no {what} named {name!r}; there is {', '.join(map(repr, some)) or 'none at all'}{of}"
+def missing(log: Log, what: str, name: str, names: Collection[str]) -> str:
+    """Return the message for a missing name, with similar names."""
+    near = get_close_matches(name, names, n=3, cutoff=0.5)
+    some = near or list(names)[:5]
+    of = "" if len(some) == len(names) else f" ({'nearest' if near else 'first'} of {len(names)})"
+    return f"{log.path}: no {what} named {name!r}; expected {', '.join(map(repr, some)) or 'none'}{of}"
 
 
 class JoinedLog(Log):
@@ -99,12 +99,12 @@ class JoinedLog(Log):
     Parameters
     ----------
     parts : sequence of Log
-        A table need not be in all of them; of its columns those count that are wherever it is.
+        A table may be missing in some of them. Its columns are those that all parts with this table have.
 
     Raises
     ------
     FileError
-        If a column has another unit, or is text, in only some of them.
+        If a column has different units, or is text in only some parts.
     """
 
     def __init__(self, parts: Sequence[Log]) -> None:
@@ -112,19 +112,19 @@ class JoinedLog(Log):
         self._parts = tuple(parts)
 
     def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """List the columns of each table, and `FILE`."""
+        """Return the columns of each table, and `FILE`."""
         return self._tables
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Read columns of a table by name."""
+        """Return columns of a table by name."""
         look_up(self, table, columns)
-        # Without any other column a part would not say how many rows it has.
+        # At least one stored column, for the number of rows.
         stored = [name for name in columns if name != FILE] or [self._tables[table][0].name]
         parts = enumerate(zip(self._parts, self._contents, strict=True), 1)
-        having = {k: part.read(table, stored) for k, (part, content) in parts if table in content}
-        joined = {c: cast(ColumnValues, np.concatenate([values[c] for values in having.values()])) for c in stored}
+        by_part = {k: part.read(table, stored) for k, (part, content) in parts if table in content}
+        joined = {c: cast(ColumnValues, np.concatenate([values[c] for values in by_part.values()])) for c in stored}
         joined[FILE] = np.repeat(
-            np.array([*having], np.float64), [values[stored[0]].size for values in having.values()]
+            np.array([*by_part], np.float64), [values[stored[0]].size for values in by_part.values()]
         )
         return {name: joined[name] for name in columns}
 
@@ -141,24 +141,16 @@ class JoinedLog(Log):
                 common[table] = tuple(c for c in common.get(table, columns) if c.name in others)
                 for column in common[table]:
                     if others[column.name] != column:
-                        raise FileError(
-                            f"{part.path}: column {column.name!r} is in {others[column.name].unit or 'no unit'}, in "
-                            f"{self.path} before it in {column.unit or 'no unit'}: they do not continue each other"
-                        )
+                        unit, usual = others[column.name].unit or "no unit", column.unit or "no unit"
+                        problem = f"column {column.name!r} is in {unit}"
+                        raise FileError(f"{part.path}: {problem}; expected {usual} as in {self.path}")
         return {table: (*columns, LogColumn(FILE)) for table, columns in common.items()}
 
 
 class Overlap(NamedTuple):
-    """Span in which a file and those before it both have rows.
+    """Time span, s, in which a file (counted from 1) and earlier files both have rows.
 
-    Attributes
-    ----------
-    file : int
-        Place of the later file among all, from 1.
-    begin, end : float
-        s.
-    own : bool
-        Whether each has measurements of its own there; else one repeats the other.
+    `own` tells whether both have measurements of their own; otherwise one repeats the other.
     """
 
     file: int
@@ -168,18 +160,18 @@ class Overlap(NamedTuple):
 
 
 def find_overlaps(time: Array, files: Array, values: Array) -> list[Overlap]:
-    """Find the files that begin before those before them end.
+    """Return the overlaps of each file with all files before it.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
-        s, NaN where there is none.
+        s, NaN if missing.
     files : ndarray, shape (n,)
-        File of each row, counted from 1, never falling.
+        File of each row, from 1, not decreasing.
     values : ndarray, shape (n, c)
     """
-    known = np.isfinite(time)
-    time, files, values = time[known], files[known], values[known]
+    timed = np.isfinite(time)
+    time, files, values = time[timed], files[timed], values[timed]
     starts = np.flatnonzero(np.diff(files, prepend=files[:1]))
     overlaps = []
     for start, stop in zip(starts, (*starts[1:], time.size), strict=True):
@@ -187,7 +179,7 @@ def find_overlaps(time: Array, files: Array, values: Array) -> list[Overlap]:
         end = min(time[:start].max(), time[start:stop].max())
         inside = (time >= begin) & (time <= end)
         before, after = np.flatnonzero(inside[:start]), start + np.flatnonzero(inside[start:stop])
-        # A row at the end of one file and at the beginning of the next is no span.
+        # A common row at the border of two files does not count.
         if begin < end and before.size and after.size:
             common, first, second = np.intersect1d(time[before], time[after], return_indices=True)
             repeats = np.array_equal(values[before[first]], values[after[second]], equal_nan=True)

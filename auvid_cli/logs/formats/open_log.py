@@ -1,9 +1,10 @@
-"""Opening a log of whatever kind, judged by what is in it and not by how it is called."""
+"""Open a log of any kind, which is recognised by its content."""
 
 import gzip
 import re
 import zipfile
 import zlib
+from collections.abc import Callable
 from enum import Enum
 from pathlib import Path
 from typing import assert_never
@@ -25,7 +26,7 @@ _MAVLINK_MARKERS = b"\xfe\xfd"
 
 
 class _Kind(Enum):
-    """What a file looks like, and how such files must be called: the libraries that read them go by the name."""
+    """Kind of a log, and the suffix that the library which reads it requires."""
 
     BAG1 = "a ROS 1 bag", ".bag"
     MCAP = "an MCAP bag", ".mcap"
@@ -40,6 +41,15 @@ class _Kind(Enum):
     ALOG = "a MOOS log", ".alog"
 
 
+_EXTRAS = {
+    _Kind.BAG1: ("ROS bags", "ros"),
+    _Kind.MCAP: ("ROS bags", "ros"),
+    _Kind.SQLITE: ("ROS bags", "ros"),
+    _Kind.DATAFLASH: ("ArduPilot logs", "ardupilot"),
+    _Kind.TELEMETRY: ("ArduPilot logs", "ardupilot"),
+    _Kind.ULOG: ("PX4 logs", "px4"),
+    _Kind.LSF: ("IMC logs", "imc"),
+}
 _BY_MAGIC = {
     b"#ROSBAG V2.0": _Kind.BAG1,
     b"\x89MCAP0\r\n": _Kind.MCAP,
@@ -50,9 +60,9 @@ _BY_MAGIC = {
     b"ULog\x01\x12\x35": _Kind.ULOG,
     b"\x54\xfe": _Kind.LSF,
 }
-# What people hand over by mistake, and what they can do about it.
+# Common mistakes.
 _ADVICE_BY_MAGIC = {
-    b"\x89HDF\r\n\x1a\n": "looks like an HDF5 file that is no MATLAB 7.3 file",
+    b"\x89HDF\r\n\x1a\n": "looks like an HDF5 file of another kind than MATLAB 7.3",
     b"\x93NUMPY": "looks like a single NumPy array: save its columns by name with numpy.savez",
     b"\xff\xfe": "looks like UTF-16 text: save it as UTF-8",
     b"\xfe\xff": "looks like UTF-16 text: save it as UTF-8",
@@ -63,26 +73,26 @@ _ADVICE_BY_MAGIC = {
 
 
 def open_log(path: Path, layout: TextLayout | None = None) -> Log:
-    """Open a log; of bags this may be a folder.
+    """Open a log, or a bag that is a folder.
 
     Parameters
     ----------
     path : pathlib.Path
     layout : TextLayout, optional
-        How a text log is laid out; what it leaves open is found out.
+        Layout of a text log; unknown parts of it are detected.
 
     Raises
     ------
     FileError
-        If it is missing, empty, of no kind that can be read, called as if it were of another, or damaged; if reading it
-        needs a package that is not installed.
+        If the file is missing, empty, damaged, of an unknown kind, or named like another kind, or if a package that
+        reads it is not installed.
     """
     if path.is_dir():
         if not (path / "metadata.yaml").is_file():
-            raise FileError(f"{path}: is a folder without metadata.yaml, so no ROS 2 bag: give a file in it")
+            raise FileError(f"{path}: folder without metadata.yaml; expected a ROS 2 bag or a file: give a file in it")
         for part in path.iterdir():
             _check_regular(part)
-        return _open_bag(path)
+        return _open(path, _Kind.SQLITE)
     _check_regular(path)
     kind = _kind_of(path)
     if kind is None:
@@ -96,29 +106,34 @@ def open_log(path: Path, layout: TextLayout | None = None) -> Log:
 
 
 def _open(path: Path, kind: _Kind) -> Log:
+    try:
+        return _reader(kind)(path)
+    except ModuleNotFoundError as error:
+        if kind not in _EXTRAS:
+            raise
+        logs, extra = _EXTRAS[kind]
+        package = str(error.name).partition(".")[0]
+        raise FileError(f"reading {logs} needs the package {package}: pip install 'auvid[{extra}]'") from error
+
+
+def _reader(kind: _Kind) -> Callable[[Path], Log]:
     match kind:
         case _Kind.BAG1 | _Kind.MCAP | _Kind.SQLITE:
-            return _open_bag(path)
+            from auvid_cli.logs.formats.ros import BagLog
+
+            return BagLog
         case _Kind.DATAFLASH | _Kind.TELEMETRY:
             from auvid_cli.logs.formats.ardupilot import DataFlashLog, TelemetryLog
 
-            return DataFlashLog(path) if kind is _Kind.DATAFLASH else TelemetryLog(path)
-        case _Kind.ULOG:
-            from auvid_cli.logs.formats.ulog import ULogLog
+            return DataFlashLog if kind is _Kind.DATAFLASH else TelemetryLog
+        case _Kind.ULOG | _Kind.LSF | _Kind.ALOG:
+            from auvid_cli.logs.formats.vehicle_logs import AlogLog, LsfLog, ULogLog
 
-            return ULogLog(path)
-        case _Kind.LSF:
-            from auvid_cli.logs.formats.lsf import LsfLog
-
-            return LsfLog(path)
-        case _Kind.ALOG:
-            from auvid_cli.logs.formats.alog import AlogLog
-
-            return AlogLog(path)
+            return {_Kind.ULOG: ULogLog, _Kind.LSF: LsfLog, _Kind.ALOG: AlogLog}[kind]
         case _Kind.NPZ | _Kind.MAT | _Kind.MAT_HDF5:
             from auvid_cli.logs.formats.arrays import MatlabHdf5Log, MatlabLog, NumpyLog
 
-            return {_Kind.NPZ: NumpyLog, _Kind.MAT: MatlabLog, _Kind.MAT_HDF5: MatlabHdf5Log}[kind](path)
+            return {_Kind.NPZ: NumpyLog, _Kind.MAT: MatlabLog, _Kind.MAT_HDF5: MatlabHdf5Log}[kind]
     assert_never(kind)
 
 
@@ -129,25 +144,19 @@ def _check_regular(path: Path) -> None:
         raise FileError(f"{path}: {error}") from None
 
 
-def _open_bag(path: Path) -> Log:
-    from auvid_cli.logs.formats.ros import BagLog
-
-    return BagLog(path)
-
-
 def _kind_of(path: Path) -> _Kind | None:
-    """Find the kind of a file that is not text."""
+    """Return the kind of a file; None for delimited text."""
     try:
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
         if not head:
-            raise FileError(f"{path}: is empty")
+            raise FileError(f"{path}: empty file")
         if head.startswith(b"\x1f\x8b"):
             with gzip.open(path) as file:
                 head = file.read(_HEAD_BYTES)
             if _is_text(head):
                 return None
-            raise FileError(f"{path}: is compressed, and no text inside: unpack it with gunzip first")
+            raise FileError(f"{path}: compressed file without text; expected text inside: unpack it with gunzip first")
     except (OSError, EOFError, zlib.error) as error:
         raise FileError(f"{path}: cannot be read: {error}") from error
     for magic, kind in _BY_MAGIC.items():
@@ -169,7 +178,7 @@ def _kind_of(path: Path) -> _Kind | None:
     if len(head) > 8 and head[8] in _MAVLINK_MARKERS and not _is_text(head):
         return _Kind.TELEMETRY
     if not _is_text(head):
-        raise FileError(f"{path}: is of no kind that can be read; readable are {_READABLE}")
+        raise FileError(f"{path}: unknown kind of file; expected {_READABLE}")
     return None
 
 
@@ -184,6 +193,6 @@ def _kind_of_zip(path: Path) -> _Kind:
 
 
 def _is_text(head: bytes) -> bool:
-    # After a power cut zero bytes may follow what was written.
+    # Zero bytes may follow the text after a power cut.
     written = head.rstrip(b"\0")
     return bool(written) and not _NEVER_IN_TEXT.search(written)

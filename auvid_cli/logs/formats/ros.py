@@ -1,4 +1,4 @@
-"""Logs of ROS: bags of ROS 1, and of ROS 2 as a folder, an .mcap or a .db3 file. A table for each topic."""
+"""Bags of ROS 1, and of ROS 2 as a folder, an .mcap or a .db3 file: a table for each topic."""
 
 import re
 from array import array
@@ -9,20 +9,15 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 from auvid_cli.data.files import refusing_damage
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, missing
 
-try:
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-except ModuleNotFoundError as error:
-    raise FileError("reading ROS bags needs the package rosbags: pip install 'auvid[ros]'") from error
-
-# Longer lists are pictures, scans and the like: they can be read by their index, but are not offered.
-_LONGEST_OFFERED = 100
-_NANOSECONDS = 10**9
+_MAX_LIST_LENGTH = 100  # elements that become columns; longer lists, such as images, are read by an index only
+_NANOSECONDS = 10**9  # in 1 s
 _STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 _REPAIR = {".bag": "rosbag reindex", ".mcap": "mcap recover"}
 
@@ -33,23 +28,23 @@ class _Topic(NamedTuple):
 
 
 class BagLog(Log):
-    """A bag. Its messages are decoded by the definitions in it, or if it has none by those of ROS 2 itself."""
+    """A bag. Messages are decoded by its own definitions, or without any by those of ROS 2."""
 
     def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """List the columns of each topic, of a list without a fixed length as many as its first message has.
+        """Return the columns of each topic; the first message determines the length of lists.
 
-        Of a topic without messages, or whose messages are not defined in the bag, that is the time of the log alone.
+        A topic without messages or without a definition has the time of the log only.
         """
         return {name: topic.columns for name, topic in self._topics.items()}
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Read fields of a topic's messages by dotted paths; NaN or empty where a list is too short for an index."""
+        """Return fields by dotted paths; NaN or an empty text if a list is too short for an index."""
         if table not in self._topics:
             raise FileError(missing(self, "topic", table, self._topics))
         topic = self._topics[table]
         offered = {column.name: column for column in topic.columns}
         for name in columns:
-            # A list may be longer than it was in the first message.
+            # A list may be longer than in the first message.
             if name not in offered and (topic.note or "[" not in name):
                 raise FileError(missing(self, f"field in {table}", name, offered) + topic.note)
         values = {name: [] if name in offered and offered[name].is_text else array("d") for name in columns}
@@ -60,8 +55,8 @@ class BagLog(Log):
                     try:
                         values[name].append(extract(stamp, message))
                     except (AttributeError, TypeError):
-                        known = [column.name for column in _leaves("", message)]
-                        raise FileError(missing(self, f"number in {table}", name, known)) from None
+                        fields_there = [column.name for column in _leaves("", message)]
+                        raise FileError(missing(self, f"number in {table}", name, fields_there)) from None
         return {
             name: np.array(column, dtype=None if isinstance(column, array) else str) for name, column in values.items()
         }
@@ -75,7 +70,7 @@ class BagLog(Log):
     def _topic(self, reader: AnyReader, topic: str, msgtype: str) -> _Topic:
         time = (LogColumn(LOG_TIME),)
         if msgtype not in reader.typestore.fielddefs:
-            return _Topic(time, f": its messages are {msgtype}, and the bag does not say what that is")
+            return _Topic(time, f": the bag does not define its messages, {msgtype}")
         _, message = next(self._messages(reader, topic), (0, None))
         if message is None:
             return _Topic(time, ": the topic has no messages")
@@ -94,7 +89,7 @@ class BagLog(Log):
             reader.close()
 
     def _messages(self, reader: AnyReader, topic: str) -> Iterator[tuple[int, Any]]:
-        """Yield the messages of a topic with the time of the log in ns; if their type is not known, None for each."""
+        """Yield the time of the log, ns, and the message (None if its type is unknown) for each message of a topic."""
         connections = [connection for connection in reader.connections if connection.topic == topic]
         count = 0
         with refusing_damage(lambda reason: self._damaged(f"after {count} messages of {topic}", reason)):
@@ -105,18 +100,18 @@ class BagLog(Log):
 
     def _damaged(self, where: str, reason: str) -> str:
         repair = _REPAIR.get(self.path.suffix, "ros2 bag reindex")
-        return f"{self.path}: {where}: {reason}; a bag that was cut short may be mended with {repair}"
+        return f"{self.path}: {where}: {reason}; a truncated bag may be repaired with {repair}"
 
 
 def _leaves(prefix: str, value: Any) -> Iterator[LogColumn]:
-    """Return the columns that a message, a field of it, or an element of a list holds."""
+    """Yield the columns of a message, a field or an element of a list."""
     if is_dataclass(value):
         for field in fields(value):
-            # Constants of the type are fields too, with a default.
+            # Constants of the type are fields with a default.
             if field.name not in vars(type(value)):
                 yield from _leaves(f"{prefix}.{field.name}" if prefix else field.name, getattr(value, field.name))
     elif isinstance(value, list | bytes | np.ndarray):
-        if len(value) <= _LONGEST_OFFERED:
+        if len(value) <= _MAX_LIST_LENGTH:
             for k, element in enumerate(value):
                 yield from _leaves(f"{prefix}[{k}]", element)
     else:
@@ -124,7 +119,7 @@ def _leaves(prefix: str, value: Any) -> Iterator[LogColumn]:
 
 
 def _extractor(name: str, beyond: float | str) -> Callable[[int, Any], Any]:
-    """Make what takes a column's value from time in ns and message; `beyond` stands beyond the end of a list."""
+    """Return a function from time, ns, and message to a column's value; `beyond` is used beyond the end of a list."""
     if name == LOG_TIME:
         return lambda stamp, message: stamp / _NANOSECONDS
     if name == HEADER_STAMP:
@@ -146,5 +141,5 @@ def _extractor(name: str, beyond: float | str) -> Callable[[int, Any], Any]:
 
 
 def _seconds(stamp: Any) -> float:
-    # One division of integers rounds once.
+    # A single division of integers rounds only once.
     return (stamp.sec * _NANOSECONDS + stamp.nanosec) / _NANOSECONDS

@@ -1,4 +1,4 @@
-"""Layout of text files: delimiter, header and units."""
+"""Layout of text logs: delimiter, header and units."""
 
 import csv
 import re
@@ -14,42 +14,42 @@ from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LogColumn
 
 MISSING_VALUES = ("", "nan", "NaN", "NAN", "-nan", "null", "NULL", "None", "N/A", "n/a", "NA", "-", "--")
-_NO_FINITE = re.compile(r"[-+]?(?:inf(?:inity)?|nan)", re.IGNORECASE)
-# A letter right behind a number is rather a name, as of a 3D fix.
+_NOT_FINITE = re.compile(r"[-+]?(?:inf(?:inity)?|nan)", re.IGNORECASE)
+# A letter directly after a number belongs to a name, such as "3D".
 _WITH_UNIT = re.compile(
     r"(?P<number>[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?|nan|NaN)(?:\s+|(?=..|[sm%°]))"
     r"(?P<unit>[^\W\d].*|[%°].*)"
 )
-# What vehicles log: a unit of anything else is taken for a word.
+# SI units of quantities that vehicles log; units of other quantities count as words.
 _MEASURED = (*EXAMPLES, "dimensionless", "K", "Pa", "V", "A", "W", "T")
 _NO_UNIT = ("", "-", "--")
 _SLOCUM = "dbd_label:"
 COMMENT_MARKS = ("#", "%", "//")
 FLAGS = {"true": 1.0, "false": 0.0}
 BLANKS = " "
-# Of two that split the lines equally well the first is taken: text may hold commas, and every row may hold blanks.
+# In order of preference, because text may contain commas, and every row may contain blanks.
 _DELIMITERS = (";", "\t", "|", ",", BLANKS)
 _UNIT = re.compile(r"(?P<name>.*\S)\s*[(\[](?P<unit>[^()\[\]]*[^()\[\]\d][^()\[\]]*)[)\]]")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 
 
 def is_number(field: str, decimal: str = ".", missing: Sequence[str] = ()) -> bool:
-    """Say whether a field holds a number, or what stands for a missing one."""
+    """Whether a field is a number or stands for a missing one."""
     if field in MISSING_VALUES or field in missing:
         return True
     number = field.replace(decimal, ".")
-    # Not whatever Python takes for a number: no program writes 1_000 or digits of other scripts.
-    return bool(NUMBER.fullmatch(number) or _NO_FINITE.fullmatch(number))
+    # Stricter than `float`, which accepts 1_000 and digits of other scripts.
+    return bool(NUMBER.fullmatch(number) or _NOT_FINITE.fullmatch(number))
 
 
 def split_unit(field: str) -> tuple[str, str]:
-    """Split a field into a number and the unit behind it; into all of it and nothing if it is no such number."""
+    """Return number and unit of a field; the whole field and an empty text if it has no such form."""
     match = _WITH_UNIT.fullmatch(field)
     return (match["number"], match["unit"]) if match else (field, "")
 
 
 def find_suffix(values: Sequence[str], decimal: str, missing: Sequence[str]) -> str:
-    """Find the unit of the first cell that has one, if each of the others is a number, with a unit or without."""
+    """Return the first unit in cells that are all numbers with or without a unit; empty otherwise."""
     units = []
     for value in values:
         if not is_number(value, decimal, missing):
@@ -61,14 +61,9 @@ def find_suffix(values: Sequence[str], decimal: str, missing: Sequence[str]) -> 
 
 
 def are_units(cells: Sequence[str], samples: Sequence[Sequence[str]]) -> bool:
-    """Say whether a row below the names holds units: nothing else, or words such as bool beside one above numbers.
+    """Whether a row below the names has units: only units, or also words such as bool and a unit above numbers.
 
-    Parameters
-    ----------
-    cells : sequence of str
-        Of that row.
-    samples : sequence of sequence of str
-        What stands below, column by column.
+    `samples` are the cells below it, column by column.
     """
     units = [unit for unit in map(bare_unit, cells) if unit]
     if not units or any(is_number(unit) for unit in units):
@@ -80,40 +75,34 @@ def are_units(cells: Sequence[str], samples: Sequence[Sequence[str]]) -> bool:
 
 
 def holds_numbers(values: Sequence[str]) -> bool:
-    """Say whether cells hold numbers, with a decimal point or comma, one of them at least, and nothing else."""
+    """Whether cells are numbers, with a decimal point or comma, and at least one is not missing."""
     given = [value for value in values if value not in MISSING_VALUES]
     return bool(given) and all(is_number(value) or is_number(value, ",") for value in given)
 
 
 def bare_unit(cell: str) -> str:
-    """Take the brackets off a cell below a name; empty if it states no unit."""
+    """Return the unit of a cell without brackets; empty if it states none."""
     unit = cell.strip("()[] ")
     return "" if unit in _NO_UNIT else unit
 
 
 @cache
 def is_unit(text: str) -> bool:
-    """Say whether a text is a unit of anything that vehicles log; a number is none, although 1 may be stated as one."""
+    """Whether a text is a unit of a quantity that vehicles log; a number is not."""
     return not is_number(text) and any(_size(text, measured) is not None for measured in _MEASURED)
 
 
 def agreed_unit(where: str, heading: str, under: str, suffix: str) -> str:
-    """Return the unit on which heading, row under it and cells agree, those of them that state a known one.
-
-    Raises
-    ------
-    FileError
-        If they state different ones; `where` says of which column.
-    """
-    known = [unit for unit in (suffix, under, heading) if unit and is_unit(unit)]
+    """Return the unit that heading, row of units and cells state; FileError (at `where`) if they disagree."""
+    units = [unit for unit in (suffix, under, heading) if unit and is_unit(unit)]
     for measured in _MEASURED:
-        if len({_size(unit, measured) for unit in known}) > 1:
-            raise FileError(f"{where} has more than one unit: {', '.join(dict.fromkeys(known))}")
-    return known[0] if known else heading
+        if len({_size(unit, measured) for unit in units}) > 1:
+            raise FileError(f"{where} has more than one unit: {', '.join(dict.fromkeys(units))}")
+    return units[0] if units else heading
 
 
 def _size(text: str, unit: str) -> float | None:
-    """Return the size of a unit in another one, if there is any."""
+    """Return a unit in units of another; None for different quantities."""
     try:
         return unit_factor(text, unit)
     except ValueError:
@@ -121,20 +110,20 @@ def _size(text: str, unit: str) -> float | None:
 
 
 class TextLayout(NamedTuple):
-    """How a text log is laid out, as far as its reader is told.
+    """Stated parts of the layout of a text log; None is detected.
 
     Attributes
     ----------
     delimiter : str, optional
-        Between the fields of a row; a blank stands for any number of blanks and tabs.
+        A blank means any number of blanks and tabs.
     header_row : int, optional
-        Line of the names, counted from 1.
+        Line of the names, from 1.
     decimal : str, optional
-        The decimal point, "." or ",".
+        Decimal point, "." or ",".
     missing : tuple of str
-        What stands for a missing number, besides nothing, NaN, null, N/A and the like.
+        Marks of a missing number in addition to `MISSING_VALUES`.
     names : tuple of str
-        Of the columns, where the log has none, or instead of those down to its `header_row`.
+        Names of the columns, instead of those in the log.
     """
 
     delimiter: str | None = None
@@ -145,22 +134,21 @@ class TextLayout(NamedTuple):
 
 
 class Header(NamedTuple):
-    """What the head of a text log says about all of it.
+    """Layout of a text log.
 
     Attributes
     ----------
-    delimiter : str
-    decimal : str
+    delimiter, decimal : str
     line : int
-        Of the names, or of the units under them, counted from 1; rows begin after it. 0 if there are none.
+        Last line of the header, from 1; 0 without a header.
     fields : int
-        Of each row; one more than there are columns if rows end with a delimiter.
+        Fields of each row: one more than columns if rows end with a delimiter.
     columns : tuple of LogColumn
-        A column without a name is called by its number, ``#3``.
+        A column without a name has its number, such as ``#3``.
     is_flag : tuple of bool
-        Whether a column's values are "true" and "false".
+        Whether the values of a column are "true" and "false".
     suffixes : tuple of str
-        Unit that each cell of a column ends with; empty where cells are bare.
+        Unit at the end of each cell of a column; empty without one.
     """
 
     delimiter: str
@@ -173,60 +161,50 @@ class Header(NamedTuple):
 
 
 def split_row(line: str, delimiter: str) -> list[str]:
-    """Split a row into fields without the blanks around them; a row that cannot be split is one field."""
+    """Return the fields of a row without surrounding blanks; an invalid row is one field."""
     if delimiter == BLANKS:
         return line.split()
     try:
         fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     except csv.Error:
-        # A carriage return within, or a field of megabytes.
+        # A carriage return inside, or a field of megabytes.
         return [line]
     return [field.strip() for field in fields]
 
 
 def is_filler(line: str, delimiter: str) -> bool:
-    """Say whether a line is a comment, blank, or a row of empty fields."""
+    """Whether a line is a comment, blank, or a row of empty fields."""
     return not line.replace(delimiter, "").strip() or line.lstrip().startswith(COMMENT_MARKS)
 
 
 def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
-    """Find out how a text log is laid out.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Of the log, to be named in errors.
-    lines : sequence of str
-        The first lines of the log, the last of them whole.
-    layout : TextLayout
-        What is known of it.
+    """Return the layout of a text log from its first lines and the stated parts of it.
 
     Raises
     ------
     FileError
-        If the lines are no table, if it has no names where they should be, or if heading, row of units and cells state
-        different units.
+        If the lines are not a table, if names are missing, or if heading, row of units and cells state different units.
     """
     if layout.delimiter is not None and len(layout.delimiter) != 1:
-        raise FileError(f"{path}: the delimiter {layout.delimiter!r} must be one character, such as ',' or '\\t'")
+        raise FileError(f"{path}: delimiter {layout.delimiter!r}; expected one character, such as ',' or '\\t'")
     delimiter = layout.delimiter or _find_delimiter(path, lines)
     line = layout.header_row or (0 if layout.names else _find_header(path, lines, delimiter))
     if line > len(lines):
-        raise FileError(f"{path}:{line}: no header here: the log has {len(lines)} lines")
+        raise FileError(f"{path}:{line}: no header in this line; the log has {len(lines)} lines")
     names = list(layout.names) or split_row(_uncomment(lines[line - 1]), delimiter)
     if all(map(is_number, names)):
-        raise FileError(f"{path}:{line}: a row of numbers where `header_row` says that the names are")
+        raise FileError(f"{path}:{line}: a row of numbers; expected names in the `header_row`")
     units = split_row(_uncomment(lines[line]), delimiter) if line < len(lines) else []
     below = _columns(list(_split_rows(lines[line + 1 :], delimiter).values()), len(names))
     has_units = len(units) >= len(names) and not layout.names and are_units(units, below)
-    # Below the units of a Slocum glider stand how many bytes each number took.
+    # A Slocum glider writes the size of each number, bytes, below the units.
     last = line + has_units + (has_units and lines[0].startswith(_SLOCUM))
     rows = list(_split_rows(lines[last:], delimiter).values())
     fields = _usual_length(rows) or len(names)
     ends_with_delimiter = fields == len(names) + 1 and all(row[-1] == "" for row in rows)
     if fields != len(names) and not ends_with_delimiter:
         if layout.names:
-            raise FileError(f"{path}: the map gives {len(names)} `names` to rows of {fields} fields")
+            raise FileError(f"{path}: {len(names)} `names` in the map for rows of {fields} fields")
         raise FileError(f"{path}:{line}: {len(names)} names above rows of {fields} fields")
     decimal = layout.decimal or _find_decimal(rows, delimiter)
     samples = _columns(rows, len(names))
@@ -246,7 +224,7 @@ def _uncomment(line: str) -> str:
 
 
 def _find_delimiter(path: Path, lines: Sequence[str]) -> str:
-    """Find the delimiter that splits most of the last lines into equally many fields."""
+    """Return the delimiter that splits most lines into the same number of fields."""
     lengths = {delimiter: [len(row) for row in _split_rows(lines, delimiter).values()] for delimiter in _DELIMITERS}
     agreeing = {
         delimiter: max((lengths_of_rows.count(n) for n in {*lengths_of_rows} - {1}), default=0)
@@ -254,17 +232,17 @@ def _find_delimiter(path: Path, lines: Sequence[str]) -> str:
     }
     delimiter = max(agreeing, key=lambda delimiter: agreeing[delimiter])
     if agreeing[delimiter] == 0:
-        raise FileError(f"{path}: looks like text, but not like a table: no delimiter splits its lines")
+        raise FileError(f"{path}: text without a delimiter; expected a table")
     return delimiter
 
 
 def _split_rows(lines: Sequence[str], delimiter: str) -> dict[int, list[str]]:
-    """Split the lines that are no filler into fields, by the number of the line from 0."""
+    """Return the fields of lines that are not filler, by line number from 0."""
     return {k: split_row(line, delimiter) for k, line in enumerate(lines) if not is_filler(line, delimiter)}
 
 
 def _usual_length(rows: Sequence[Sequence[str]]) -> int:
-    """Return how many fields most rows have."""
+    """Return the most common number of fields."""
     return Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
 
 
@@ -277,7 +255,7 @@ def _find_header(path: Path, lines: Sequence[str], delimiter: str) -> int:
     fields = rows[first]
     if _are_names(fields, [row for row in rows.values() if len(row) == usual][1:]):
         return first + 1
-    # Above the numbers the names may stand in a comment, or lack the delimiter that ends each row.
+    # Names above the numbers may be in a comment, or lack the delimiter at the end.
     above = [split_row(_uncomment(line), delimiter) for line in lines[max(first - 2, 0) : first]]
     fits = [len(names) in (len(fields), len(fields) - 1) for names in above]
     if len(above) == 2 and all(fits) and are_units(above[1], _columns(list(rows.values()), len(fields))):
@@ -285,13 +263,13 @@ def _find_header(path: Path, lines: Sequence[str], delimiter: str) -> int:
     if fits and fits[-1]:
         return first
     raise FileError(
-        f"{path}:{first + 1}: a row of {len(fields)} fields, but no names above it: add a line of names, or state the "
+        f"{path}:{first + 1}: a row of {len(fields)} fields and no names above it: add a line of names, or state the "
         "`names` of the log in the map"
     )
 
 
 def _are_names(fields: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
-    """Say whether a row is one of names, by the rows below: if a number is above numbers and no text is, it is none."""
+    """Whether a row has names: not if all fields above numbers are numbers themselves."""
     numbers = [holds_numbers([field]) for field in fields]
     below = _columns(rows, len(fields))
     above_numbers = [number for number, cells in zip(numbers, below, strict=True) if holds_numbers(cells)]
@@ -301,7 +279,7 @@ def _are_names(fields: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _columns(rows: Sequence[Sequence[str]], number: int) -> list[list[str]]:
-    """Return the cells of each column, from rows that may be cut short."""
+    """Return the cells of each column; rows may be too short."""
     return [[row[k] for row in rows if k < len(row)] for k in range(number)]
 
 
@@ -318,11 +296,11 @@ def _are_flags(values: Sequence[str]) -> bool:
 
 
 def _named(headings: Sequence[str]) -> list[tuple[str, str]]:
-    """Name and unit of each column, the names all different."""
+    """Return name and unit of each column; names are unique."""
     matches = [_UNIT.fullmatch(heading) for heading in headings]
     names = [match["name"] if match else heading for match, heading in zip(matches, headings, strict=True)]
     units = [match["unit"].strip() if match else "" for match in matches]
-    # "Depth (m)" and "Depth (ft)" are told apart by their whole headings.
+    # "Depth (m)" and "Depth (ft)" keep their whole headings.
     names = [name if names.count(name) == 1 else heading for name, heading in zip(names, headings, strict=True)]
     taken: set[str] = set()
     for k, name in enumerate(names):

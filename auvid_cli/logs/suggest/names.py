@@ -1,4 +1,4 @@
-"""What columns are usually called, to guess what they hold."""
+"""Usual names of sensors, inputs and times in logs."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -9,7 +9,7 @@ import numpy as np
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
 
 _VELOCITY, _TO_GROUND = r"(v|(ground_?)?vel(ocity)?|linear|dvl_v\w*)[_.]?", r"_vel(ocity)?(_wrt_ground)?"
-# By sensor and component: what the end of a column's name, in small letters, with blanks and dashes as underscores, is.
+# By sensor and component: pattern of the end of a name in lower case, with underscores for blanks and dashes.
 SENSOR_NAMES: dict[str, dict[str, str]] = {
     "gyroscope": {
         "p": r"(gyro\w*_)?p|(gyro?|g|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?x|roll_?(rate|speed)",
@@ -33,17 +33,17 @@ SENSOR_NAMES: dict[str, dict[str, str]] = {
     },
     "depth": {"down": r"down|(dfs_)?depth|position\.z"},
 }
-# Of a velocity along the axes of the earth, by component of a DVL.
+# Velocity along north, east and down, by component of a DVL.
 EARTH_VELOCITY: dict[str, str] = {
     component: rf"(dvl_)?(v|vel|velocity)[_.]?({word[0]}|{word})|{word}_?(v|vel|velocity)"
     for component, word in zip("uvw", ("north", "east", "down"), strict=True)
 }
-# PX4 numbers its components, w first.
+# PX4 numbers the components, w first.
 QUATERNION_NAMES: dict[str, str] = {
     axis: rf"(orientation|quaternion|quat|q)[_.]{axis}|q{axis}|q\[{number}\]" for number, axis in enumerate("wxyz")
 }
 _OF_QUATERNION = "|".join(QUATERNION_NAMES.values())
-# Which of several fins or thrusters, where a number does not say it.
+# Sides of fins and thrusters.
 SIDES = (
     r"(port|starboard|stbd|left|right|bow|front|fore|fwd|rear|aft|stern|upper|lower|vert(ical)?|lat(eral)?|[fr][lr])"
 )
@@ -61,7 +61,7 @@ INPUT_NAMES: dict[str, str] = {
     "thrust.share": rf"({SIDES}_)*thruster{_WHICH}(_(cmd|command|input))?{_WHICH}|motor_speed_cmd|throttle",
     "roll_moment": r"roll_moment",
 }
-# By SI unit: what a name may end with to say another one.
+# By SI unit: endings of names that state a unit.
 NAMED_UNITS: dict[str, dict[str, str]] = {
     "rad/s": {"dps": "deg/s", "deg_s": "deg/s", "degs": "deg/s", "rad_s": "rad/s", "rads": "rad/s"}
     | {"degree_per_second": "deg/s", "radian_per_second": "rad/s"},
@@ -75,14 +75,13 @@ NAMED_UNITS: dict[str, dict[str, str]] = {
     "N": {"n": "N"},
 }
 _ANY_UNIT = rf"(_({'|'.join(end for ends in NAMED_UNITS.values() for end in ends)}))?"
-# What stands before a name, of whose it is, and behind it, of what was done to it.
-_OWNER, _FILTERED = r"((platform|vehicle|auv|nav|m)_)?", r"(_filt(ered)?)?"
-# How MOOS, Slocum gliders and others call what is sent to fins and propeller.
-_SENT = r"((desired|commanded|cmd|c)_)?"
+_OWNER = r"((platform|vehicle|auv|nav|m)_)?"
+_FILTERED = r"(_filt(ered)?)?"
+_COMMANDED = r"((desired|commanded|cmd|c)_)?"  # before inputs of MOOS, Slocum gliders and others
 _SOME_TIME = r"(t|time|timestamp|stamp)_\w+|\w+_(t|time|timestamp|stamp)"
 _TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
 _BARE_FIELD = re.compile(r"(data|value|xyz)(\[(?P<index>[012])\])?|(?P<axis>[xyz])")
-# What messages of ROS hold that refer to forward-left-up axes and east-north-up by convention (REP 103).
+# Fields of ROS messages in forward-left-up and east-north-up axes (REP 103).
 _REP_103 = {
     "sensor_msgs/Imu": ("orientation.w", "angular_velocity.x", "linear_acceleration.x"),
     "nav_msgs/Odometry": ("pose.pose.orientation.w", "twist.twist.linear.x"),
@@ -91,50 +90,47 @@ _REP_103 = {
     "geometry_msgs/PoseWithCovarianceStamped": ("pose.pose.position.x", "pose.pose.orientation.w"),
     "geometry_msgs/PoseStamped": ("pose.position.x", "pose.orientation.w"),
 }
-
-
-# Words of what somebody wanted, and of what a navigation filter made of all sensors: one by itself, or a whole table.
 _SET_POINT = re.compile(
     r"(^|[_./ ])(desired|target|goal|ref|reference|set_?points?|sp|cmd|command(ed|s)?|next)([_./ ]|$)"
 )
-# Where a word begins within DesiredHeading.
-_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_FILTER_MADE = (
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")  # start of a word within DesiredHeading
+_FILTER_WORDS = (
     r"global_position_int|local_position|odom|ekf|[xn]kf\d|kalman|estimat|dead_?reckon|(^|[_./])nav(_|state|solution)"
 )
-_FILTER_OUTPUT, _FILTER_TABLE = re.compile(_FILTER_MADE), re.compile(rf"{_FILTER_MADE}|filtered")
+_FILTER_OUTPUT = re.compile(_FILTER_WORDS)
+_FILTER_TABLE = re.compile(rf"{_FILTER_WORDS}|filtered")
 
 
 class Match(NamedTuple):
-    """Columns of a table that look like what is wanted."""
+    """Columns of a table by component."""
 
     table: str
     columns: dict[str, LogColumn]
 
     @property
     def is_filter_output(self) -> bool:
-        """Say whether any of it is by its name what a navigation filter made of all sensors."""
+        """Whether the table or a column has the name of a navigation filter's output."""
         return is_filter_output(self.table, *(column.name for column in self.columns.values()))
 
 
 def find_columns(
     wanted: Mapping[str, str], tables: Mapping[str, tuple[LogColumn, ...]], hint: str = "", unit: str = ""
 ) -> list[Match]:
-    """Find columns by component of what is wanted, table by table: most of them first, then those called like the hint.
+    """Return the matching columns of each table; measurements and tables with most components first.
 
-    What a navigation filter made comes after what was measured; set-points count only where inputs are wanted.
+    Set-points are left out, except for inputs.
 
     Parameters
     ----------
     wanted : mapping of str to str
-        Pattern of the names, by component.
+        Pattern of the names by component.
     tables : mapping of str to tuple of LogColumn
     hint : str
-        Part of a table's name.
+        Word that a preferred table contains.
     unit : str
-        SI unit; a name may end with what stands for it or another one in `NAMED_UNITS`.
+        SI unit, for endings of names in `NAMED_UNITS`.
     """
-    whose = f"{_OWNER}{_SENT}" if wanted is INPUT_NAMES else _OWNER
+    whose = f"{_OWNER}{_COMMANDED}" if wanted is INPUT_NAMES else _OWNER
     ending = rf"(_({'|'.join(NAMED_UNITS[unit])}))?" if unit in NAMED_UNITS else _ANY_UNIT
     places = []
     for table, columns in tables.items():
@@ -147,10 +143,10 @@ def find_columns(
         ]
         matches = {}
         for component, pattern in wanted.items():
-            called = rf"{whose}({pattern}){_FILTERED}{ending}{_FILTERED}"
-            matching = [c for c in numbers if any(_is_called(name, called) for name in _spoken(table, c))]
+            full_name = rf"{whose}({pattern}){_FILTERED}{ending}{_FILTERED}"
+            matching = [c for c in numbers if any(_is_called(name, full_name) for name in _possible_names(table, c))]
             if matching:
-                # Of "velocity.x" and "target.velocity.x" the shorter.
+                # "velocity.x" rather than "target.velocity.x".
                 matches[component] = min(matching, key=lambda c: (is_filter_output("", c.name), len(c.name)))
         if matches:
             places.append(Match(table, matches))
@@ -158,14 +154,15 @@ def find_columns(
 
 
 def is_set_point(table: str, name: str) -> bool:
-    """Say whether a column is by its name, or by that of its table, what somebody wanted, and no measurement."""
+    """Whether a table or column has the name of a set-point."""
     return any(_SET_POINT.search(_plain(_CAMEL.sub("_", text))) is not None for text in (table, name))
 
 
 def is_filter_output(table: str, *names: str) -> bool:
-    """Say whether a table, or one of its columns, is by its name what a navigation filter made of all sensors."""
-    made = (_FILTER_OUTPUT.search(_plain(name)) for name in names)
-    return _FILTER_TABLE.search(_plain(table)) is not None or any(made)
+    """Whether a table or one of its columns has the name of a navigation filter's output."""
+    if _FILTER_TABLE.search(_plain(table)):
+        return True
+    return any(_FILTER_OUTPUT.search(_plain(name)) for name in names)
 
 
 def _rank(place: Match) -> tuple[bool, int]:
@@ -173,16 +170,16 @@ def _rank(place: Match) -> tuple[bool, int]:
 
 
 def named_unit(name: str, unit: str) -> str:
-    """Find the unit that the end of a column's name states, of those for an SI unit; empty if it states none."""
+    """Return the unit that a name ends with, one that converts to the SI unit; empty if there is none."""
     ends = NAMED_UNITS.get(unit, {})
-    called = f"_{_plain(name)}"
-    return next((ends[end] for end in sorted(ends, key=len, reverse=True) if called.endswith(f"_{end}")), "")
+    plain = f"_{_plain(name)}"
+    return next((ends[end] for end in sorted(ends, key=len, reverse=True) if plain.endswith(f"_{end}")), "")
 
 
 def find_in_logs(
     logs: Mapping[str, Log], wanted: Mapping[str, str], hint: str = "", unit: str = ""
 ) -> tuple[str, Match] | None:
-    """Find log and columns with the most of what is wanted, of those whose numbers ever change; none that is empty."""
+    """Return the log and columns with most of the wanted components, of tables whose numbers change."""
     places = [(name, place) for name, log in logs.items() for place in find_columns(wanted, log.tables(), hint, unit)]
     for name, place in sorted(places, key=lambda place: _rank(place[1]), reverse=True):
         values = logs[name].read(place.table, [column.name for column in place.columns.values()])
@@ -194,7 +191,7 @@ def find_in_logs(
 
 
 def is_over_ground(columns: Mapping[str, LogColumn]) -> bool:
-    """Say whether columns of a velocity, by component, are called by north and east."""
+    """Whether the columns of a velocity are named by north and east."""
     return all(
         component in columns
         and _is_called(columns[component].name, rf"{_OWNER}({EARTH_VELOCITY[component]}){_ANY_UNIT}")
@@ -203,13 +200,13 @@ def is_over_ground(columns: Mapping[str, LogColumn]) -> bool:
 
 
 def standard_message(columns: Iterable[LogColumn]) -> str:
-    """Return the kind of message, of those whose axes ROS fixes, that has such columns; empty if it is none."""
+    """Return the ROS message with fixed axes that has such columns; empty if there is none."""
     names = {column.name for column in columns}
     return next((kind for kind, fields in _REP_103.items() if names.issuperset(fields)), "")
 
 
 def find_time(columns: Iterable[LogColumn]) -> LogColumn | None:
-    """Find the column that most likely holds the times."""
+    """Return the column that most probably contains the times; None without any."""
     columns = list(columns)
     for name in (HEADER_STAMP, LOG_TIME):
         if name in [column.name for column in columns]:
@@ -221,8 +218,8 @@ def find_time(columns: Iterable[LogColumn]) -> LogColumn | None:
     return None
 
 
-def _spoken(table: str, column: LogColumn) -> tuple[str, ...]:
-    """Return what a column is called, with its unit too; where a message is nothing but numbers, by its topic."""
+def _possible_names(table: str, column: LogColumn) -> tuple[str, ...]:
+    """Return the name of a column with and without its unit; for a message of bare numbers those of its topic."""
     field = _BARE_FIELD.fullmatch(column.name)
     if not table or field is None:
         return (column.name, f"{column.name}_{column.unit}")

@@ -1,4 +1,4 @@
-"""Columns of a log that a suggested map uses, and the YAML with comments that it is written in."""
+"""Columns of a log with units and times for a suggested map, and YAML with comments."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,7 +13,7 @@ from auvid_cli.logs.clock import FARTHEST, order_rows, to_seconds
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
 from auvid_cli.logs.frames import euler_of_quaternion
 from auvid_cli.logs.suggest.names import QUATERNION_NAMES, Match, find_time, named_unit
-from auvid_cli.logs.suggest.ties import Track
+from auvid_cli.logs.suggest.relations import Track
 from auvid_cli.text import printable
 from auvid_cli.vehicle.parameters import SENSORS
 
@@ -22,39 +22,30 @@ _PLAIN = re.compile(r"[A-Za-z_/][\w./-]*", re.ASCII)
 Flow: TypeAlias = "str | int | Mapping[str, Flow] | tuple[Flow, ...] | None"
 Value: TypeAlias = "Flow | list[Line] | list[YamlEntry]"
 Array = NDArray[np.float64]
-# Larger than that is not in SI; sizes of the 99 % quantile that other units have, from the largest on.
+# By SI unit: 99 % quantile above which another unit is more probable, the largest first.
 _OTHER_UNITS: dict[str, tuple[tuple[float, str], ...]] = {
     "rad": ((2.0 * np.pi, "deg"),),
     "rad/s": ((3.0, "deg/s"),),
     "m/s": ((200.0, "mm/s"), (20.0, "cm/s")),
     "m/s^2": ((3000.0, "mm/s^2"), (300.0, "cm/s^2")),
 }
-# What a mean specific force along the vertical is rather in g.
-_ONE_G = (0.8, 1.2)
+_ONE_G = (0.8, 1.2)  # range of a mean vertical specific force that is probably in g
 
 
 class Phrase(str):
-    """Text with blanks that is to stand without quotes, such as a number with its unit."""
+    """Text with blanks that is written without quotes, such as a number with its unit."""
 
     __slots__ = ()
 
 
 class Comment(NamedTuple):
-    """A line that is nothing but a comment."""
+    """A line with a comment only."""
 
     text: str
 
 
 class YamlEntry(NamedTuple):
-    """A key and its value, with a comment behind.
-
-    Attributes
-    ----------
-    key : str
-    value : Value
-        A list of lines is a block of its own; a mapping and a tuple stand in braces and brackets.
-    comment : str
-    """
+    """A key, its value (a list of lines is written as a block of its own) and a comment after it."""
 
     key: str
     value: "Value"
@@ -65,12 +56,12 @@ Line: TypeAlias = YamlEntry | Comment
 
 
 def commented_text(lines: Iterable[Line]) -> str:
-    """Write a mapping."""
+    """Return lines as the YAML text of a mapping."""
     return "".join(f"{printable(line)}\n" for line in _block(lines, ""))
 
 
 def quoted(name: str) -> str:
-    """Quote a name as YAML needs it."""
+    """Return a name in the quotes that YAML needs for it."""
     if _PLAIN.fullmatch(name) and name.lower() not in _WORDS_OF_YAML:
         return name
     if not name.isprintable():
@@ -108,7 +99,7 @@ def _flow(value: Flow) -> str:
 
 
 def row_entries(logs: Mapping[str, Log], name: str, table: str, delay: float = 0.0) -> Iterator[YamlEntry]:
-    """Say where columns stand, as far as it must be said, and by how much, s, their times are late."""
+    """Yield log, table and time of columns; `delay` is how late their times are, s."""
     if len(logs) > 1:
         yield YamlEntry("log", name)
     if table:
@@ -117,33 +108,42 @@ def row_entries(logs: Mapping[str, Log], name: str, table: str, delay: float = 0
     if delay and time is not None:
         time = dict(time) if isinstance(time, Mapping) else {"column": time}
         time["offset"] = Phrase(f"{-delay:.2f} s")
-        comment = f"check: {abs(delay):.2f} s {'later' if delay > 0.0 else 'earlier'} than the others, by their changes"
+        direction = "later" if delay > 0.0 else "earlier"
+        comment = f"check: its changes are {abs(delay):.2f} s {direction} than those of related signals"
     yield YamlEntry("time", time, comment)
 
 
+def place_of(logs: Mapping[str, Log], name: str, table: str) -> dict[str, Flow] | None:
+    """Return log, table and time of a single column in another table; None if that has no times."""
+    time, _ = time_of(logs[name], table)
+    if time is None:
+        return None
+    place: dict[str, Flow] = {"log": name} if len(logs) > 1 else {}
+    return place | ({"table": table} if table else {}) | {"time": time}
+
+
 def time_of(log: Log, table: str) -> tuple[Flow, str]:
-    """Say where a table's times stand, and comment on it; nowhere if no column looks like times."""
+    """Return the time of a table as the map states it, and a comment on it; None if no column looks like times."""
     columns = log.tables()[table]
     time = find_time(columns)
     if time is None:
         some = ", ".join(column.name for column in columns[:8])
-        return None, f"required: the column with the times; there is {some}"
+        return None, f"required: the column with the times, for example of {some}"
     if time.name == HEADER_STAMP and not np.unique(log.read(table, [HEADER_STAMP])[HEADER_STAMP]).size > 1:
-        return LOG_TIME, "check: the header stamps never change"
+        return LOG_TIME, "check: used because the header stamps never change"
     if time.name in (HEADER_STAMP, LOG_TIME):
-        return time.name, "check: the clock of the others too?"
-    if time.is_text or (time.unit and _is_time(time.unit)):
-        return {"column": time.name}, "check: as text, mm:ss.s, HH:MM:SS or dates" if time.is_text else ""
+        return time.name, "check: same clock as the other sensors?"
+    if time.is_text or (time.unit and _is_unit_of_time(time.unit)):
+        return {"column": time.name}, "check: text, mm:ss.s, HH:MM:SS or dates" if time.is_text else ""
     numbers = np.asarray(log.read(table, [time.name])[time.name], np.float64)
     steps = np.diff(numbers[np.abs(numbers) < FARTHEST])
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
     unit = "s" if step < 50.0 else "ms" if step < 5e3 else "us" if step < 5e6 else "ns"
-    said = f"the log says {time.unit!r}; " if time.unit else ""
-    return {"column": time.name, "unit": unit}, f"check: {said}its median step is {step:.4g}"
+    stated = f"the log states the unit {time.unit!r}; " if time.unit else ""
+    return {"column": time.name, "unit": unit}, f"check: {stated}unit by the median step of {step:.4g}"
 
 
-def _is_time(unit: str) -> bool:
-    """Say whether the unit that a log states is one of time: that of a Slocum glider is called timestamp."""
+def _is_unit_of_time(unit: str) -> bool:
     try:
         unit_factor(unit, "s")
     except ValueError:
@@ -152,21 +152,19 @@ def _is_time(unit: str) -> bool:
 
 
 class Found(NamedTuple):
-    """A sensor that was found by names.
+    """Columns with the names of a sensor.
 
     Attributes
     ----------
-    sensor : str
-    log : str
+    sensor, log : str
     match : Match
     numbers : dict of ndarray
-        By component, as the log has them.
+        Numbers of the log by component.
     unit : str
-        Guessed, unless it is stated.
     comment : str
-        Why that unit.
+        Reason for the unit.
     is_stated : bool
-        Whether the log or a name states the unit.
+        Whether the log or a name states the unit; otherwise it is guessed.
     """
 
     sensor: str
@@ -179,11 +177,11 @@ class Found(NamedTuple):
 
     @property
     def is_quaternion(self) -> bool:
-        """Say whether it is an attitude as a quaternion."""
+        """Whether the columns are a quaternion."""
         return set(self.numbers) == set(QUATERNION_NAMES)
 
     def si(self) -> dict[str, Array]:
-        """Return the components in SI, a quaternion as angles; what nothing measures is missing."""
+        """Return the components in SI, a quaternion as angles; implausible values are NaN."""
         if self.is_quaternion:
             angles = euler_of_quaternion(np.column_stack([self.numbers[axis] for axis in "wxyz"]))
             return dict(zip(("phi", "theta", "psi"), angles.T, strict=True))
@@ -196,14 +194,14 @@ class Found(NamedTuple):
 
 
 def found_in(logs: Mapping[str, Log], sensor: str, name: str, match: Match) -> Found:
-    """Read what was found of a sensor, and guess its unit."""
+    """Read the columns of a sensor and determine their unit."""
     values = logs[name].read(match.table, [column.name for column in match.columns.values()])
     numbers = {component: np.asarray(values[column.name], np.float64) for component, column in match.columns.items()}
     return Found(sensor, name, match, numbers, *_unit(list(match.columns.values()), numbers, SENSORS[sensor][0].unit))
 
 
 def tracks_of(log: Log, table: str, signals: Mapping[str, Array]) -> dict[str, Track]:
-    """Return signals with their times; none if the table has no column that looks like times, or one is no time."""
+    """Return signals with their times in s; empty if the table has no valid times."""
     flow, _ = time_of(log, table)
     if flow is None:
         return {}
@@ -221,22 +219,22 @@ def tracks_of(log: Log, table: str, signals: Mapping[str, Array]) -> dict[str, T
 
 
 def _unit(columns: Sequence[LogColumn], numbers: Mapping[str, Array], si: str) -> tuple[str, str, bool]:
-    """Guess the unit of columns, say why, and whether the log states it."""
+    """Return the unit of columns, the reason for it, and whether it is stated."""
     units = {column.unit for column in columns}
     if len(units) == 1 and (unit := units.pop()):
         try:
             unit_factor(unit, si)
         except ValueError:
-            return si, f"check: the log says {unit!r}", False
-        return unit, "as the log says", True
+            return si, f"check: the log states the unknown unit {unit!r}", False
+        return unit, "unit stated by the log", True
     largest = max(float(np.nanmax(np.abs(values), initial=0.0)) for values in numbers.values())
     named = {named_unit(column.name, si) for column in columns}
     if len(named) == 1 and (unit := named.pop()):
-        return unit, f"as the name says; check: values reach {largest:.4g}", True
+        return unit, f"unit by the name; check: values reach {largest:.4g}", True
     known = np.concatenate([np.abs(values[np.isfinite(values)]) for values in numbers.values()])
     usual = float(np.quantile(known, 0.99)) if known.size else 0.0
     size = largest if si.startswith("rad") else usual
     unit = next((unit for least, unit in _OTHER_UNITS.get(si, ()) if size > least), si)
     if si == "m/s^2" and "fz" in numbers and _ONE_G[0] < abs(float(np.nanmean(numbers["fz"]))) < _ONE_G[1]:
         unit = "g"
-    return unit, f"check: values reach {largest:.4g}", False
+    return unit, f"check: unit guessed, because values reach {largest:.4g}", False

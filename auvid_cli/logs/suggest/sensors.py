@@ -1,4 +1,4 @@
-"""The part of a suggested map that says what each sensor measures, by names, units, values and evidence."""
+"""Sensors of a suggested map, by names, units, values and evidence."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.signals import estimate_noise
 from auvid_cli.logs.formats.log import Log
-from auvid_cli.logs.suggest.judge import OVER_GROUND, TRIPLES, USUAL_AXES, Evidence
+from auvid_cli.logs.suggest.evidence import OVER_GROUND, TRIPLES, USUAL_AXES, Evidence
 from auvid_cli.logs.suggest.names import (
     EARTH_VELOCITY,
     QUATERNION_NAMES,
@@ -19,6 +19,7 @@ from auvid_cli.logs.suggest.names import (
     is_over_ground,
     standard_message,
 )
+from auvid_cli.logs.suggest.relations import Track
 from auvid_cli.logs.suggest.rows import (
     Comment,
     Flow,
@@ -27,25 +28,28 @@ from auvid_cli.logs.suggest.rows import (
     Phrase,
     YamlEntry,
     found_in,
+    place_of,
     row_entries,
     time_of,
     tracks_of,
 )
-from auvid_cli.logs.suggest.ties import Track
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
 
-# Axes of the earth that go with those of the body.
-_EARTH = {"FRD": "NED", "FLU": "ENU"}
-# m/s^2, of a mean specific force that tells up from down; rad, of a roll from where on a sensor hangs upside down.
-_SOME_GRAVITY, _HANGING = 5.0, 0.75 * np.pi
-# Of rows that are as the one before: more than that are rather a slower sensor's last value.
-_MANY_REPEATS = 0.5
-# Of log likelihoods: what conventions and words say of axes and of the sign of a heading.
-_CONVENTION, _QUATERNION, _HANGS, _HEADING, _EAST, _OF_HEADING = 6.0, 2.0, 2.0, 1.5, 8.0, 4.0
+_EARTH_AXES = {"FRD": "NED", "FLU": "ENU"}
+_MIN_GRAVITY = 5.0  # m/s^2, mean specific force that shows the direction of gravity
+_UPSIDE_DOWN = 0.75 * np.pi  # rad, least median roll of a sensor that hangs upside down
+_MANY_REPEATS = 0.5  # share of rows that repeat the one before
+# Log likelihoods by conventions and names.
+_CONVENTION = 6.0  # of the axes of a standard message, or of a velocity called by north and east
+_QUATERNION = 2.0  # of FLU axes for a quaternion
+_HANGING = 2.0  # of FLU axes for the DVL of a vehicle with an attitude upside down
+_HEADING = 1.5  # of the sign of a heading called so
+_EAST = 8.0  # of the opposite sign if its name contains ENU
+_BODY_AXES = 4.0  # of FRD axes then
 _FLAG = re.compile(r"(?P<whose>.*?)[_. ]?(valid|validity|is_valid|lock(ed)?)", re.IGNORECASE)
-# What columns of a sensor, and its flags, are called by.
+# Words in the names of a sensor's flags.
 _WORDS = {
     "gyroscope": ("gyro", "imu", "rate"),
     "accelerometer": ("acc", "imu"),
@@ -56,23 +60,23 @@ _WORDS = {
 
 
 class FoundSensor(NamedTuple):
-    """A sensor that was found by names, and components of it that stand elsewhere."""
+    """Columns of a sensor in its main table, and its components in other tables."""
 
     main: Found
     apart: list[Found]
 
     @property
     def parts(self) -> list[Found]:
-        """Return all its places."""
+        """Return the main columns and the others."""
         return [self.main, *self.apart]
 
 
 def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
-    """Find what looks like a sensor by names."""
+    """Return the sensors whose names a log contains."""
     places = {
         sensor: find_in_logs(logs, wanted, sensor, SENSORS[sensor][0].unit) for sensor, wanted in SENSOR_NAMES.items()
     }
-    # Not in one place with names of the body's axes: a velocity is along these or along the others.
+    # Names of earth axes only if there are none of body axes: a velocity has one or the other.
     places["dvl"] = places["dvl"] or find_in_logs(logs, EARTH_VELOCITY, "dvl", SENSORS["dvl"][0].unit)
     quaternion, angles = find_in_logs(logs, QUATERNION_NAMES), places["attitude"]
     if quaternion is not None and len(quaternion[1].columns) == 4:
@@ -88,7 +92,7 @@ def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
 
 
 def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
-    """Find the components that another table holds, each measured, unless what was found is a filter's as well."""
+    """Return components from other tables; outputs of a filter only if the main columns are such too."""
     apart, sensor = [], main.sensor
     for component, pattern in SENSOR_NAMES[sensor].items():
         missing = {} if component in main.numbers else {component: pattern}
@@ -101,23 +105,23 @@ def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
 
 
 def sensor_tracks(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, Track]:
-    """Return the components of all sensors in SI, a roll of a sensor that hangs upside down set upright."""
+    """Return the components of all sensors in SI, with an upside-down roll turned upright."""
     tracks: dict[str, Track] = {}
     for sensor in sensors.values():
         for part in sensor.parts:
             log, signals = logs[part.log], part.si()
             if flag := flag_of(sensors, log, part):
-                said = np.asarray(log.read(part.match.table, [flag])[flag], np.float64)
-                known = said == _meaning_valid(said)
-                signals = {symbol: np.where(known, values, np.nan) for symbol, values in signals.items()}
+                flags = np.asarray(log.read(part.match.table, [flag])[flag], np.float64)
+                is_valid = flags == _valid_value(flags)
+                signals = {symbol: np.where(is_valid, values, np.nan) for symbol, values in signals.items()}
             tracks |= tracks_of(log, part.match.table, signals)
-    if "phi" in tracks and _hangs(tracks["phi"].values):
+    if "phi" in tracks and _is_upside_down(tracks["phi"].values):
         tracks["phi"] = tracks["phi"]._replace(values=tracks["phi"].values + np.pi)
     return {symbol: track for symbol, track in tracks.items() if np.isfinite(track.values).any()}
 
 
 def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, dict[str, float]]:
-    """Return what names and conventions say of axes and signs, see `weigh`."""
+    """Return log likelihoods of axes and signs by names and conventions, see `likely_signs`."""
     expected: dict[str, dict[str, float]] = {}
     for name, (main, apart) in sensors.items():
         convention = _convention(logs[main.log], main.match.table)
@@ -127,145 +131,148 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
             expected[name] = {"FLU": _QUATERNION}
         for part in (main, *apart):
             if "psi" in part.match.columns:
-                called = part.match.columns["psi"].name.lower()
-                expected["psi"] = {"+": -_EAST if "enu" in called else _HEADING if "heading" in called else 0.0}
-                if "enu" in called and convention is None:
-                    # What is said of the heading alone leaves the body's axes as they are.
-                    expected.setdefault(name, {"FRD": _OF_HEADING})
+                column = part.match.columns["psi"].name.lower()
+                expected["psi"] = {"+": -_EAST if "enu" in column else _HEADING if "heading" in column else 0.0}
+                if "enu" in column and convention is None:
+                    # The name of a heading does not concern the body axes.
+                    expected.setdefault(name, {"FRD": _BODY_AXES})
     if "dvl" in sensors and is_over_ground(sensors["dvl"].main.match.columns):
         expected["dvl"] = {OVER_GROUND: _CONVENTION}
     attitude = sensors.get("attitude")
-    if attitude is not None and "dvl" in sensors and "phi" in (angles := attitude.main.si()) and _hangs(angles["phi"]):
-        expected.setdefault("dvl", {"FLU": _HANGS})
+    if (
+        attitude is not None
+        and "dvl" in sensors
+        and "phi" in (angles := attitude.main.si())
+        and _is_upside_down(angles["phi"])
+    ):
+        expected.setdefault("dvl", {"FLU": _HANGING})
     return expected
 
 
-def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], judged: Evidence) -> Iterator[Line]:
+def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], evidence: Evidence) -> Iterator[Line]:
     """Yield the lines below `sensors:`."""
     for name, sensor in sensors.items():
-        comment = "check: by its name what a navigation filter made of others, no measurement"
+        comment = "check: by its name the output of a navigation filter, not a measurement"
         yield YamlEntry(
             name,
-            list(_sensor(logs, sensors, sensor, judged)),
+            list(_sensor(logs, sensors, sensor, evidence)),
             comment if sensor.main.match.is_filter_output else "",
         )
     if not sensors:
         yield Comment(
-            "required: no column looks like a sensor, and what a navigation filter made is none: log what measures "
-            "the motion itself (velocities u, v, w of a DVL; turn rates p, q, r; roll, pitch and yaw; depth), see "
+            "required: no column looks like a sensor, and outputs of a navigation filter do not count: log measured "
+            "motion (velocities u, v, w of a DVL; turn rates p, q, r; roll, pitch and yaw; depth), see "
             "docs/how-to/import-logs.md"
         )
 
 
 def _sensor(
-    logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], found: FoundSensor, judged: Evidence
+    logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], found: FoundSensor, evidence: Evidence
 ) -> Iterator[Line]:
     main, name = found.main, found.main.sensor
     log = logs[main.log]
     convention = _convention(log, main.match.table)
-    frame = _frame(name, judged, convention[0] if convention is not None else "")
-    yield from row_entries(logs, main.log, main.match.table, judged.delays.get(name, 0.0))
+    frame = _frame(name, evidence, convention[0] if convention is not None else "")
+    yield from row_entries(logs, main.log, main.match.table, evidence.delays.get(name, 0.0))
     if main.is_quaternion:
         yield YamlEntry("quaternion", [YamlEntry(axis, column.name) for axis, column in main.match.columns.items()])
     else:
-        yield YamlEntry("columns", list(_columns(logs, found, frame, judged)))
-        unit = judged.units.get(name, main.unit)
-        why = main.comment if unit == main.unit else f"check: in {main.unit} it would not agree with the others"
+        yield YamlEntry("columns", list(_columns(logs, found, frame, evidence)))
+        unit = evidence.units.get(name, main.unit)
+        why = main.comment if unit == main.unit else f"check: in {main.unit} it would not agree with related signals"
         yield YamlEntry("unit", unit, why)
-    yield from _axes(log, found, frame, judged)
+    yield from _axes(log, found, frame, evidence)
     yield from _repeats(main.numbers)
     yield from _valid(sensors, log, main)
     si = main.si()
     noise = [estimate_noise(signal, SENSORS[name][0].unit == "rad").standard_deviation for signal in si.values()]
-    known = ", ".join(f"{deviation:.2g}" for deviation in noise if deviation > 0.0)
-    hint = f"; the signals look like {known} {SENSORS[name][0].unit}" if known and not main.is_quaternion else ""
-    yield YamlEntry("standard_deviation", None, f"required: noise by the data sheet, or estimate{hint}")
+    scatter = ", ".join(f"{deviation:.2g}" for deviation in noise if deviation > 0.0)
+    hint = f"; scatter of the signals: {scatter} {SENSORS[name][0].unit}" if scatter and not main.is_quaternion else ""
+    yield YamlEntry("standard_deviation", None, f"required: noise by the data sheet, or the word estimate{hint}")
 
 
-def _frame(sensor: str, judged: Evidence, convention: str) -> str:
-    """Return the usual axes that are nearest to the signs of a sensor's components; of equal ones those expected."""
-    if sensor == "dvl" and judged.over_ground:
-        return judged.over_ground
-    signs = [judged.verdict.signs.get(symbol, 0) for symbol in TRIPLES.get(sensor, ())]
+def _frame(sensor: str, evidence: Evidence, convention: str) -> str:
+    """Return the usual axes nearest to the signs of a sensor; the convention decides between equals."""
+    if sensor == "dvl" and evidence.over_ground:
+        return evidence.over_ground
+    signs = [evidence.verdict.signs.get(symbol, 0) for symbol in TRIPLES.get(sensor, ())]
 
     def distance(axes: str) -> tuple[int, bool]:
-        reversed_ones = sum(sign == -usual for sign, usual in zip(signs, USUAL_AXES[axes], strict=False))
-        return reversed_ones, axes != convention
+        n_reversed = sum(sign == -usual for sign, usual in zip(signs, USUAL_AXES[axes], strict=False))
+        return n_reversed, axes != convention
 
     return min(USUAL_AXES, key=distance)
 
 
-def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, judged: Evidence) -> Iterator[Line]:
+def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: Evidence) -> Iterator[Line]:
     name, present = found.main.sensor, set[str]()
     for part in found.parts:
         for component, column in part.match.columns.items():
             present.add(component)
             place: dict[str, Flow] = {}
             if part is not found.main:
-                time, _ = time_of(logs[part.log], part.match.table)
-                place = {"log": part.log} if len(logs) > 1 else {}
-                place |= ({"table": part.match.table} if part.match.table else {}) | {"time": time}
-                place |= {"unit": part.unit}
+                place = (place_of(logs, part.log, part.match.table) or {}) | {"unit": part.unit}
             axis = TRIPLES.get(name, (component,)).index(component)
             usual = USUAL_AXES.get(frame, (1, 1, 1))[axis]
-            is_judged = name != "dvl" or not judged.over_ground
-            reversed_one = is_judged and judged.verdict.signs.get(component, usual) != usual
+            is_reversed = evidence.verdict.signs.get(component, usual) != usual
             more: dict[str, Flow] = {}
-            if reversed_one:
-                more = {"sign": -1, "offset": Phrase("90 deg")} if component == "psi" else {"sign": -1}
             comment = ""
-            if reversed_one:
-                comment = f"counts the other way: {judged.words([component])}"
-            bare = not place and not more
-            yield YamlEntry(component, column.name if bare else {**place, "column": column.name, **more}, comment)
+            if is_reversed and not (name == "dvl" and evidence.over_ground):
+                more = {"sign": -1, "offset": Phrase("90 deg")} if component == "psi" else {"sign": -1}
+                comment = f"check: opposite sign; {evidence.words([component])}"
+            entry = {**place, "column": column.name, **more} if place or more else column.name
+            yield YamlEntry(component, entry, comment)
     missing = [quantity.symbol for quantity in SENSORS[name] if quantity.symbol not in present]
     if missing:
         yield Comment(f"check: no column found for {', '.join(missing)}")
 
 
-def _axes(log: Log, found: FoundSensor, frame: str, judged: Evidence) -> Iterator[Line]:
-    """Name the axes of a sensor that has some, and what speaks for them."""
+def _axes(log: Log, found: FoundSensor, frame: str, evidence: Evidence) -> Iterator[Line]:
+    """Yield the axes of a sensor that has some, with the evidence for them."""
     name = found.main.sensor
     if name not in TRIPLES:
         return
     convention = _convention(log, found.main.match.table)
-    said = judged.words([symbol for symbol in TRIPLES[name] if symbol in judged.verdict.signs])
+    reasons = [evidence.words([symbol for symbol in TRIPLES[name] if symbol in evidence.verdict.signs])]
     if convention is not None:
-        said = f"{said}; {convention[1]}"
+        reasons.append(convention[1])
     elif found.main.is_quaternion:
-        said = f"{said}; FLU is usual for quaternions in ROS"
-    if judged.over_ground and name == "dvl":
-        named = is_over_ground(found.main.match.columns)
-        said = f"{'by its names' if named else 'its direction goes with the heading, so'} it is over ground; check"
-    yield YamlEntry("frame", frame, said if "check" in said else f"check: {said or 'nothing tells'}")
+        reasons.append("FLU is usual for quaternions in ROS")
+    if evidence.over_ground and name == "dvl":
+        is_named = is_over_ground(found.main.match.columns)
+        reasons = [
+            "velocity over ground " + ("by its names" if is_named else "because its direction follows the heading")
+        ]
+    words = "; ".join(reason for reason in reasons if reason)
+    yield YamlEntry("frame", frame, f"check: {words or 'no evidence for the axes'}")
     if name == "attitude":
-        meaning = "NED, psi from north clockwise, or ENU, from east anticlockwise"
-        yield YamlEntry("reference", _EARTH[frame], f"check: {meaning}")
+        meaning = "NED (psi clockwise from north) or ENU (anticlockwise from east)?"
+        yield YamlEntry("reference", _EARTH_AXES[frame], f"check: {meaning}")
         angles = found.main.si()
-        if "phi" in angles and _hangs(angles["phi"]):
+        if "phi" in angles and _is_upside_down(angles["phi"]):
             yield YamlEntry("mount", Phrase("upside down"), "check: roll is about 180 deg")
 
 
-def _hangs(roll: Array) -> bool:
-    known = np.abs(np.arctan2(np.sin(roll), np.cos(roll)))
-    return bool(np.isfinite(known).any()) and float(np.nanmedian(known)) > _HANGING
+def _is_upside_down(roll: Array) -> bool:
+    size = np.abs(np.arctan2(np.sin(roll), np.cos(roll)))
+    return bool(np.isfinite(size).any()) and float(np.nanmedian(size)) > _UPSIDE_DOWN
 
 
 def _valid(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> Iterator[Line]:
     if flag := flag_of(sensors, log, main):
-        value = _meaning_valid(np.asarray(log.read(main.match.table, [flag])[flag], np.float64))
+        value = _valid_value(np.asarray(log.read(main.match.table, [flag])[flag], np.float64))
         values = (True, 1) if value == 1 else (value,)
-        yield YamlEntry("valid", {"column": flag, "values": values}, "check: which values mean valid")
+        yield YamlEntry("valid", {"column": flag, "values": values}, "check: values of valid rows")
 
 
-def _meaning_valid(flags: Array) -> int:
-    """Guess which value of a flag means valid: 1, or of a number with a bit for each component the one with all."""
+def _valid_value(flags: Array) -> int:
+    """Return the probable value of valid rows: 1, or the largest of bit fields that never are 1."""
     largest = float(np.max(flags, initial=0.0, where=np.isfinite(flags)))
     return int(largest) if largest > 1.0 and not (flags == 1.0).any() else 1
 
 
 def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
-    """Find the flag of a table that is this sensor's own: by what it is called, or as the only sensor of the table."""
+    """Return the column that flags this sensor's rows: by its name, or because the table has no other sensor."""
     sharing = [
         other for other in sensors.values() if (other.main.log, other.main.match.table) == (main.log, main.match.table)
     ]
@@ -278,12 +285,12 @@ def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
         named = [sensor for sensor, words in _WORDS.items() if any(word in whose for word in words)]
         if main.sensor in named or (not named and len(sharing) == 1):
             own.append(column.name)
-    # Of "velocity_valid" and "beams[0].valid" that of the whole message.
+    # "velocity_valid" rather than "beams[0].valid".
     return min(own, key=lambda name: name.count("."), default="")
 
 
 def _convention(log: Log, table: str) -> tuple[str, str] | None:
-    """Guess the axes of all sensors of a message by a convention of ROS, unless gravity contradicts, and say why."""
+    """Return the axes of a standard message of ROS and the reason; gravity may contradict the convention."""
     columns = log.tables()[table]
     kind = standard_message(columns)
     if not kind:
@@ -291,17 +298,17 @@ def _convention(log: Log, table: str) -> tuple[str, str] | None:
     for place in find_columns({"fz": SENSOR_NAMES["accelerometer"]["fz"]}, {table: columns}):
         column = place.columns["fz"].name
         up = np.asarray(log.read(table, [column])[column], np.float64)
-        if np.isfinite(up).any() and (mean := float(np.nanmean(up))) < -_SOME_GRAVITY:
-            return "FRD", f"{kind} is FLU by REP 103, but {column} is {mean:.3g} on average"
+        if np.isfinite(up).any() and (mean := float(np.nanmean(up))) < -_MIN_GRAVITY:
+            return "FRD", f"{kind} is FLU by REP 103, but the mean of {column} is {mean:.3g}"
     return "FLU", f"{kind} is FLU by REP 103"
 
 
 def _repeats(numbers: Mapping[str, Array]) -> Iterator[Line]:
-    """Comment on rows of which most are as the one before."""
+    """Yield a comment if most rows repeat the one before."""
     values = np.column_stack([*numbers.values()])
     values = values[np.isfinite(values).any(axis=1)]
     same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
     share = float(same.all(axis=1).mean()) if len(values) > 1 else 0.0
     if share > _MANY_REPEATS:
         repeated = f"{100.0 * share:.0f} % of the rows repeat the one before"
-        yield Comment(f"check: {repeated}; `repeats: drop` leaves them out")
+        yield Comment(f"check: {repeated}; remove them with `repeats: drop`")

@@ -7,57 +7,50 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from auvid_cli.logs.formats.log import Log
+from auvid_cli.logs.suggest.evidence import weigh_evidence
 from auvid_cli.logs.suggest.inputs import FoundInputs, find_inputs, input_lines, input_tracks
-from auvid_cli.logs.suggest.judge import judge
 from auvid_cli.logs.suggest.names import is_filter_output, is_set_point
 from auvid_cli.logs.suggest.rows import Comment, Line, Phrase, YamlEntry, commented_text, time_of
 from auvid_cli.logs.suggest.sensors import FoundSensor, expected_of, find_sensors, flag_of, sensor_lines, sensor_tracks
 from auvid_cli.vehicle.parameters import PARAMETERS
 
-_LINE = 110
+_LINE_WIDTH = 110
 
 
 def unused_lines(
     logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], inputs: FoundInputs | None
 ) -> Iterator[Comment]:
-    """Name every column that is no sensor, flag, input or time; what is a set-point or a filter's by its name."""
-    used = {
-        (part.log, part.match.table, column.name)
-        for sensor in sensors.values()
-        for part in sensor.parts
-        for column in part.match.columns.values()
-    }
-    used |= {
-        (part.log, part.match.table, flag_of(sensors, logs[part.log], part))
-        for sensor in sensors.values()
-        for part in sensor.parts
-    }
+    """Yield comments that list the columns that the map does not use."""
+    used = set[tuple[str, str, str]]()
+    for part in (part for sensor in sensors.values() for part in sensor.parts):
+        used |= {(part.log, part.match.table, column.name) for column in part.match.columns.values()}
+        used.add((part.log, part.match.table, flag_of(sensors, logs[part.log], part)))
     if inputs is not None:
         used |= {(signal.log, signal.table, signal.column.name) for signal in inputs.signals.values()}
     for log in logs:
         for table, columns in logs[log].tables().items():
             time, _ = time_of(logs[log], table)
             times = time["column"] if isinstance(time, Mapping) else time
-            left = _runs(
-                f"{column.name}{_by_its_name(column.name)}"
+            unused = _joined_elements(
+                f"{column.name}{_kind_of_column(column.name)}"
                 for column in columns
                 if (log, table, column.name) not in used and column.name != times
             )
-            if left:
-                made = ", what a navigation filter made" if is_filter_output(table) else ""
-                made = ", set-points" if is_set_point(table, "") else made
+            if unused:
+                kind = " (output of a navigation filter)" if is_filter_output(table) else ""
+                kind = " (set-points)" if is_set_point(table, "") else kind
                 where = " ".join(part for part in (log if len(logs) > 1 else "", table) if part)
-                yield from _wrapped(f"not used{f' of {where}' if where else ''}{made}: {', '.join(left)}")
+                yield from _wrapped(f"not used{f' of {where}' if where else ''}{kind}: {', '.join(unused)}")
 
 
-def _by_its_name(column: str) -> str:
+def _kind_of_column(column: str) -> str:
     if is_set_point("", column):
         return " (a set-point?)"
-    return " (a navigation filter's?)" if is_filter_output("", column) else ""
+    return " (output of a navigation filter?)" if is_filter_output("", column) else ""
 
 
-def _runs(names: Iterable[str]) -> list[str]:
-    """Put elements of a list together, name[0] and what follows it."""
+def _joined_elements(names: Iterable[str]) -> list[str]:
+    """Return names in which the elements of a list are joined: ``name[0] to [2]``."""
     runs: list[str] = []
     stems: list[str] = []
     for name in names:
@@ -71,24 +64,26 @@ def _runs(names: Iterable[str]) -> list[str]:
 
 
 def _wrapped(text: str) -> Iterator[Comment]:
-    for line in textwrap.wrap(text, _LINE, break_long_words=False, break_on_hyphens=False, subsequent_indent="  "):
+    for line in textwrap.wrap(
+        text, _LINE_WIDTH, break_long_words=False, break_on_hyphens=False, subsequent_indent="  "
+    ):
         yield Comment(line)
 
 
 def suggest(logs: Sequence[Log], folder: Path) -> str:
-    """Write a map by the names, units and values in logs, and by what agrees best in them.
+    """Return a map suggested from names, units and values of logs, and from relations between their signals.
 
     Parameters
     ----------
     logs : sequence of Log
     folder : pathlib.Path
-        Where the map is to be: its paths are relative to it.
+        Folder of the map; its paths are relative to it.
 
     Returns
     -------
     str
-        YAML, in which ``# check:`` marks what was guessed, and null with ``# required:`` what only the user knows; what
-        the data say for a line stands beside it, and below it all columns that it leaves out.
+        YAML. ``# check:`` marks guesses, null with ``# required:`` values that only the user knows. Comments give the
+        evidence of a line. Unused columns are listed at the end.
 
     Raises
     ------
@@ -100,15 +95,17 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
     sensors, inputs = find_sensors(names), find_inputs(names)
     tracks = sensor_tracks(names, sensors) | input_tracks(names, inputs)
     guessed = {name: sensor.main.unit for name, sensor in sensors.items() if not sensor.main.is_stated}
-    judged = judge(tracks, expected_of(names, sensors), guessed)
+    evidence = weigh_evidence(tracks, expected_of(names, sensors), guessed)
     return commented_text(
         [
-            Comment("A map suggested by auvid: look at every line with `check:`, replace every null with `required:`."),
+            Comment(
+                "A map suggested by auvid: look at every line with `check:`, and replace every null with `required:`."
+            ),
             YamlEntry("name", next(iter(names))),
             YamlEntry("vehicle", _vehicle(), "or the path of a vehicle file, such as `auvid init` writes"),
             YamlEntry("logs", files),
-            YamlEntry("sensors", list(sensor_lines(names, sensors, judged))),
-            YamlEntry("inputs", list(input_lines(names, inputs, judged))),
+            YamlEntry("sensors", list(sensor_lines(names, sensors, evidence))),
+            YamlEntry("inputs", list(input_lines(names, inputs, evidence))),
             *unused_lines(names, sensors, inputs),
         ]
     )
@@ -118,7 +115,7 @@ def _log_names(logs: Sequence[Log]) -> dict[str, Log]:
     names: dict[str, Log] = {}
     for log in logs:
         name = re.sub(r"\W+", "_", log.path.name.split(".")[0], flags=re.ASCII).strip("_")
-        # A number would be no name in YAML.
+        # YAML would read a name that begins with a digit as a number.
         name = name if name[:1].isalpha() else f"log_{name}".rstrip("_")
         names[name if name not in names else f"{name}_{len(names) + 1}"] = log
     return names
@@ -126,11 +123,11 @@ def _log_names(logs: Sequence[Log]) -> dict[str, Log]:
 
 def _vehicle() -> list[Line]:
     size: list[Line] = [
-        YamlEntry("length", None, "required: of the hull, such as 1.6 m"),
-        YamlEntry("diameter", None, "required: of the hull, such as 0.19 m"),
+        YamlEntry("length", None, "required: length of the hull, such as 1.6 m"),
+        YamlEntry("diameter", None, "required: diameter of the hull, such as 0.19 m"),
     ]
     parameters = [
         YamlEntry(quantity.symbol, None, f"required: {quantity.meaning}, {quantity.unit}") for quantity in PARAMETERS
     ]
-    name = YamlEntry("name", Phrase("my vehicle"), "check: what you call it")
+    name = YamlEntry("name", Phrase("my vehicle"), "check: name of your vehicle")
     return [name, YamlEntry("size", size), YamlEntry("parameters", parameters)]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from auvid_cli.campaign.summary import Findings
 
     # They bring the compiled core along, which is loaded elsewhere, and said to be.
-    from auvid_cli.design.envelope import Band
+    from auvid_cli.design.mission import Band
     from auvid_cli.design.search import Design
     from auvid_cli.evaluation.assessment import Identifiability
     from auvid_cli.evaluation.evaluate import Evaluation

@@ -21,7 +21,7 @@ def message(number, layout, *values):
 
 
 def described(number, layout, name, codes, columns, units, multipliers):
-    """What tells how a message is written, and in which units."""
+    """Format and units of a message."""
     texts = [name.encode(), codes.encode(), columns.encode()]
     unit_texts = [units.encode(), multipliers.encode()]
     length = 3 + struct.calcsize("<" + layout)
@@ -56,7 +56,7 @@ def card(tmp_path):
     return path
 
 
-def test_a_table_for_each_message_that_was_sent(card):
+def test_each_sent_message_has_table(card):
     tables = open_log(card).tables()
     assert tables["ATT"] == (
         LogColumn(LOG_TIME, "s"),
@@ -71,7 +71,7 @@ def test_a_table_for_each_message_that_was_sent(card):
     assert "FMT" not in tables
 
 
-def test_what_was_written_is_read(card):
+def test_written_values_are_read(card):
     log = open_log(card)
     k = np.arange(COUNT)
     attitude = log.read("ATT", ["Yaw", "Roll", LOG_TIME])
@@ -86,7 +86,7 @@ def test_what_was_written_is_read(card):
     assert text["List[7]"].tolist() == [7.0]
 
 
-def test_a_message_cut_off_at_the_end_is_left_out(card):
+def test_truncated_last_message_is_left_out(card):
     end = card.read_bytes().index(b"ArduSub")
     card.write_bytes(card.read_bytes()[:end])
     log = open_log(card)
@@ -94,7 +94,7 @@ def test_a_message_cut_off_at_the_end_is_left_out(card):
     assert len(log.read("ATT", ["Yaw"])["Yaw"]) == COUNT
 
 
-def test_a_log_damaged_in_its_middle_is_one_clear_error(card, capfd):
+def test_damaged_log_raises_file_error_with_byte(card, capfd):
     whole = bytearray(card.read_bytes())
     start = whole.index(message(140, "Q", 1_200_000))
     whole[start : start + 5] = bytes(5)
@@ -104,16 +104,16 @@ def test_a_log_damaged_in_its_middle_is_one_clear_error(card, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_what_the_log_does_not_have_is_answered_with_the_nearest(card):
-    with pytest.raises(FileError, match="no column in ATT named 'Rol'; there is 'Roll'"):
+def test_missing_name_raises_file_error_with_nearest(card):
+    with pytest.raises(FileError, match=r"no column in ATT named 'Rol'.*'Roll'"):
         open_log(card).read("ATT", ["Rol"])
-    with pytest.raises(FileError, match="no table named 'IMU2'; there is 'IMU'"):
+    with pytest.raises(FileError, match=r"no table named 'IMU2'.*'IMU'"):
         open_log(card).read("IMU2", ["GyrX"])
 
 
 @pytest.fixture(params=[mavlink1, mavlink2], ids=["version 1", "version 2"])
 def telemetry(request, tmp_path):
-    """Path of a log of attitudes at 10 Hz, quaternions, a text, and a message that nobody knows."""
+    """Path of a log of attitudes at 10 Hz, quaternions, a text, and an unknown message."""
     dialect = request.param
     sender = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
     packets = [(0, dialect.MAVLink_statustext_message(6, b"dive").pack(sender))]
@@ -131,7 +131,7 @@ def telemetry(request, tmp_path):
     return path
 
 
-def test_telemetry_is_read_with_the_units_of_mavlink(telemetry):
+def test_telemetry_has_units_of_mavlink(telemetry):
     log = open_log(telemetry)
     tables = log.tables()
     assert list(tables) == ["ATTITUDE", "ATTITUDE_QUATERNION_COV", "STATUSTEXT"]
@@ -150,7 +150,7 @@ def test_telemetry_is_read_with_the_units_of_mavlink(telemetry):
 
 
 @pytest.mark.parametrize("dialect", [mavlink1, mavlink2], ids=["version 1", "version 2"])
-def test_a_list_beside_numbers_in_telemetry_leaves_them_numbers(dialect, tmp_path):
+def test_list_in_telemetry_keeps_other_fields_numeric(dialect, tmp_path):
     sender = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
     vector = dialect.MAVLink_debug_vect_message(b"field", 7, 1.0, 2.0, 3.0)
     path = tmp_path / "vector.tlog"
@@ -160,14 +160,14 @@ def test_a_list_beside_numbers_in_telemetry_leaves_them_numbers(dialect, tmp_pat
     assert open_log(path).read("DEBUG_VECT", ["z"])["z"].tolist() == [3.0]
 
 
-def test_telemetry_cut_off_at_the_end_keeps_what_is_whole(telemetry):
+def test_truncated_telemetry_keeps_whole_messages(telemetry):
     telemetry.write_bytes(telemetry.read_bytes()[:-5])
     log = open_log(telemetry)
     assert len(log.read("ATTITUDE", ["yaw"])["yaw"]) == COUNT
     assert len(log.read("ATTITUDE_QUATERNION_COV", ["q[2]"])["q[2]"]) == COUNT - 1
 
 
-def test_damaged_telemetry_is_one_clear_error(telemetry):
+def test_damaged_telemetry_raises_file_error_with_byte(telemetry):
     whole = bytearray(telemetry.read_bytes())
     start = whole.index(struct.pack(">Q", EPOCH * 10**6 + 100_000))
     altered = whole.copy()
@@ -176,5 +176,5 @@ def test_damaged_telemetry_is_one_clear_error(telemetry):
     with pytest.raises(FileError, match=f"byte {start}: a damaged ATTITUDE message"):
         open_log(telemetry).read("ATTITUDE", ["yaw"])
     telemetry.write_bytes(whole[:start] + b"noise" + whole[start:])
-    with pytest.raises(FileError, match=f"byte {start}: no MAVLink message where one must begin"):
+    with pytest.raises(FileError, match=f"byte {start}: damaged"):
         open_log(telemetry).tables()

@@ -50,11 +50,11 @@ def read(log, *names):
     ],
     ids=lambda value: value if "\n" not in value else "",
 )
-def test_the_layout_is_found_out(opened, text, what):
+def test_layout_is_detected(opened, text, what):
     assert read(opened(text), "time", "depth") == [[1.5, 3.0], [2.0, 0.4]], what
 
 
-def test_a_stated_layout_goes_before_what_is_found(opened):
+def test_stated_layout_overrides_detected(opened):
     log = opened("a,b\n1,2\ntime,depth\n3,4\n5,ERR\n", header_row=3, missing=("ERR",))
     assert read(log, "time") == [[3.0, 5.0]]
     np.testing.assert_array_equal(log.read("", ["depth"])["depth"], [4.0, np.nan])
@@ -88,13 +88,13 @@ def test_units_are_taken_from_the_headings(opened):
         'time,roll,note\ns,deg,-\n0.5,1 deg,dive,\n"1",-2.5e0 deg,turn,\n',
     ],
 )
-def test_units_stand_in_a_row_of_their_own_or_in_each_cell(opened, text):
+def test_units_in_own_row_or_cells_are_read(opened, text):
     log = opened(text)
     assert log.tables()[""] == (LogColumn("time", "s"), LogColumn("roll", "deg"), LogColumn("note", is_text=True))
     assert read(log, "time", "roll", "note") == [[0.5, 1.0], [1.0, -2.5], ["dive", "turn"]]
 
 
-def test_cells_with_units_may_be_missing_and_go_on_beyond_the_head(opened):
+def test_units_in_cells_continue_beyond_head(opened):
     rows = "".join(f"{k / 8} s,{k} %,{k / 4} m/s\n" for k in range(101_000))
     log = opened(f"t,share,u\n{rows}0 s,n/a,\n1 s,,nan m/s\n")
     assert [column.unit for column in log.tables()[""]] == ["s", "%", "m/s"]
@@ -104,13 +104,13 @@ def test_cells_with_units_may_be_missing_and_go_on_beyond_the_head(opened):
 
 
 @pytest.mark.parametrize("row", ["ok,auto", "10:31:54,5 apples", "2021-06-09,dive 3", "1,3D"])
-def test_words_are_no_units(opened, row):
+def test_words_are_not_units(opened, row):
     log = opened(f"a,b\n{row}\n{row}\n")
     assert log.tables()[""][1] == LogColumn("b", is_text=True)
     assert read(log, "b") == [[row.split(",")[1]] * 2]
 
 
-def test_two_columns_of_one_name_are_told_apart(opened):
+def test_columns_of_same_name_get_numbers(opened):
     assert read(opened("t,t,u\n1,2,3\n4,5,6\n"), "t", "t #2", "u") == [[1, 4], [2, 5], [3, 6]]
 
 
@@ -166,37 +166,37 @@ def test_numbers_come_back_to_the_last_digit(tmp_path_factory, values, delimiter
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("t,u\n1,2\n3\n5,6\n", r"log\.csv:3: a row of 1 fields where the others have 2"),
-        ("t,u\n1,2\n\n3,4,5\n5,6\n", r"log\.csv:4: a row of 3 fields where the others have 2"),
-        ("t,u\n" + "1,2\n# note\n" * 101_000 + "3,oops\n", r"log\.csv:202002: 'u' is 'oops', which is not a number"),
-        ("t,ok\n" + "1,true\n" * 20_000 + "3,perhaps\n", r"log\.csv:20002: 'ok' is 'perhaps', which is not true or"),
-        ("t,u\n1,2 m/s\n2,3 m/s\n3,4 knot\n", r"log\.csv:4: 'u' is '4 knot', which is not a number in m/s, as in"),
-        ("t,u\n" + "1,2 s\n" * 101_000 + "3,4 ms\n", r"log\.csv:101002: 'u' is '4 ms', which is not a number in s,"),
-        ("t,u\n1,2 m/s\n\n# note\n3,4\n", r"log\.csv:5: 'u' is '4', which is not a number in m/s"),
+        ("t,u\n1,2\n3\n5,6\n", r"log\.csv:3: row with 1 fields.*2"),
+        ("t,u\n1,2\n\n3,4,5\n5,6\n", r"log\.csv:4: row with 3 fields.*2"),
+        ("t,u\n" + "1,2\n# note\n" * 101_000 + "3,oops\n", r"log\.csv:202002: 'u' is 'oops'.*number"),
+        ("t,ok\n" + "1,true\n" * 20_000 + "3,perhaps\n", r"log\.csv:20002: 'ok' is 'perhaps'.*true or"),
+        ("t,u\n1,2 m/s\n2,3 m/s\n3,4 knot\n", r"log\.csv:4: 'u' is '4 knot'.*m/s"),
+        ("t,u\n" + "1,2 s\n" * 101_000 + "3,4 ms\n", r"log\.csv:101002: 'u' is '4 ms'.*in s"),
+        ("t,u\n1,2 m/s\n\n# note\n3,4\n", r"log\.csv:5: 'u' is '4'.*m/s"),
         ("t,u\ns,knot\n1,2 m/s\n", r"log\.csv:2: 'u' has more than one unit: m/s, knot"),
-        ("t,u\ns,m/s\n1,oops\n2,3\n4\n", r"log\.csv:5: a row of 1 fields where the others have 2"),
+        ("t,u\ns,m/s\n1,oops\n2,3\n4\n", r"log\.csv:5: row with 1 fields.*2"),
         ("t,u\n1,2\n3,4\n\0\0\0\0", r"log\.csv:4: zero bytes"),
-        ("t,u\n" + "1,2\n" * 50_000 + "3,5_0\n", r"log\.csv:50002: 'u' is '5_0', which is not a number"),
-        ("t,u\n" + "1,2\n" * 50_000 + "3,\u0665\n", r"log\.csv:50002: 'u' is '\u0665', which is not a number"),
-        ("t,u\n1,2\n3," + "5" * 200_000 + ",6\n", r"log\.csv:3: a row of 1 fields where"),
-        ("t,u\n1,2\n3,4\r5,6\n7,8\n", r"log\.csv:3: a row of 1 fields where"),
-        ("t," + "u" * 200_000 + "\n1,2\n3,4\n", r"log\.csv:1: a line of more than 128 kB where names should be"),
-        ("1,2\n3,4\n", r"log\.csv:1: a row of 2 fields, but no names above it"),
-        ("just\nwords\n", r"log\.csv: looks like text, but not like a table"),
+        ("t,u\n" + "1,2\n" * 50_000 + "3,5_0\n", r"log\.csv:50002: 'u' is '5_0'.*number"),
+        ("t,u\n" + "1,2\n" * 50_000 + "3,\u0665\n", r"log\.csv:50002: 'u' is '\u0665'.*number"),
+        ("t,u\n1,2\n3," + "5" * 200_000 + ",6\n", r"log\.csv:3: row with 1 fields"),
+        ("t,u\n1,2\n3,4\r5,6\n7,8\n", r"log\.csv:3: row with 1 fields"),
+        ("t," + "u" * 200_000 + "\n1,2\n3,4\n", r"log\.csv:1: a line of more than 128 kB.*names"),
+        ("1,2\n3,4\n", r"log\.csv:1: .*2 fields and no names"),
+        ("just\nwords\n", r"log\.csv: text without a delimiter"),
     ],
 )
-def test_a_bad_row_is_named_by_its_line(opened, text, complaint):
+def test_invalid_row_raises_file_error_with_line(opened, text, complaint):
     with pytest.raises(FileError, match=complaint):
         opened(text).read("", text.split("\n")[0].split(","))
 
 
-def test_a_quotation_mark_left_open_is_not_passed_over(opened):
+def test_open_quotation_mark_raises_file_error(opened):
     with pytest.raises(FileError, match="quotation mark"):
         read(opened('t,note,u\n1,"open,2\n3,4,5\n6,7,8\n'), "u")
 
 
-def test_a_missing_column_is_answered_with_the_nearest(opened):
-    with pytest.raises(FileError, match=r"no column named 'Deepth'; there is 'Depth'"):
+def test_missing_column_raises_file_error_with_nearest(opened):
+    with pytest.raises(FileError, match=r"no column named 'Deepth'.*'Depth'"):
         opened("Time (s),Depth (m)\n1,2\n2,2\n").read("", ["Deepth"])
     with pytest.raises(FileError, match="no table named 'dvl'"):
         opened("t,u\n1,2\n").read("dvl", ["u"])
@@ -214,18 +214,18 @@ def test_a_first_row_of_ones_is_no_row_of_units(opened):
     assert read(opened("time,u,v\n1,1,1\n2,1,1\n"), "time", "u") == [[1.0, 2.0], [1.0, 1.0]]
 
 
-def test_digits_of_other_scripts_are_text(opened):
+def test_other_digits_are_text(opened):
     assert opened("t,u\n1,\u0665\n2,5_0\n").tables()[""][1] == LogColumn("u", is_text=True)
 
 
-def test_a_line_without_end_is_no_table(tmp_path):
+def test_endless_line_raises_file_error(tmp_path):
     (tmp_path / "log.csv.gz").write_bytes(gzip.compress(b"t,u\n1,2\n" + b"5" * (1 << 27), compresslevel=1))
     with pytest.raises(FileError, match="a line of more than 64 MB"):
         open_log(tmp_path / "log.csv.gz").read("", ["t"])
 
 
-def test_a_header_row_of_numbers_is_refused(opened):
-    with pytest.raises(FileError, match=r"log\.csv:2: a row of numbers where `header_row` says that the names are"):
+def test_header_row_of_numbers_raises_file_error(opened):
+    with pytest.raises(FileError, match=r"log\.csv:2: a row of numbers.*`header_row`"):
         opened("time,u\n1,2\n3,4\n", header_row=2)
 
 
@@ -233,10 +233,10 @@ def test_a_header_row_of_numbers_is_refused(opened):
     ("name", "there"),
     [("spped", "'speed' (nearest of 7)"), ("zzz", "'time', 'speed', 'b1', 'b2', 'b3' (first of 7)")],
 )
-def test_names_that_are_left_out_are_counted(opened, name, there):
+def test_missing_name_states_number_of_names(opened, name, there):
     with pytest.raises(FileError) as caught:
         opened("time,speed,b1,b2,b3,b4,b5\n1,2,3,4,5,6,7\n").read("", [name])
-    assert str(caught.value).endswith(f"there is no column named {name!r}; there is {there}")
+    assert str(caught.value).endswith(f"no column named {name!r}; expected {there}")
 
 
 @pytest.mark.parametrize("word", ["bool", "text", "nodim", ""])
@@ -255,8 +255,8 @@ def test_a_row_of_text_below_names_is_no_row_of_units(opened):
 ALOG = "0.10 NAV_X uSim 12.5\n0.20 NAV_X uSim 12.6\n0.30 MODE pHelm DRIVE\n"
 
 
-def test_a_first_row_of_data_is_not_taken_for_names(opened):
-    with pytest.raises(FileError, match=r"log\.csv:1: .* no names above it.*`names`"):
+def test_first_row_of_data_is_not_names(opened):
+    with pytest.raises(FileError, match=r"log\.csv:1: .*no names.*`names`"):
         opened(ALOG)
 
 
@@ -270,8 +270,8 @@ def test_stated_names_take_the_place_of_others(opened):
     assert read(opened("a,b\n1,2\n3,4\n", names=("time", "u"), header_row=1), "u") == [[2.0, 4.0]]
 
 
-def test_stated_names_are_as_many_as_there_are_columns(opened):
-    with pytest.raises(FileError, match="3 `names` to rows of 2 fields"):
+def test_wrong_number_of_stated_names_raises_file_error(opened):
+    with pytest.raises(FileError, match=r"3 `names`.*2 fields"):
         opened("1,2\n3,4\n", names=("time", "u", "v"))
 
 

@@ -1,4 +1,4 @@
-"""What a log is, is judged by its content."""
+"""Kinds of logs are recognised by their content."""
 
 import gzip
 import io
@@ -26,7 +26,7 @@ def zipped(*names):
 @pytest.mark.parametrize(
     ("name", "content", "complaint"),
     [
-        ("log.csv", b"", "is empty"),
+        ("log.csv", b"", "empty"),
         ("log.csv", b"#ROSBAG V2.0\n", r"looks like a ROS 1 bag, whose name must end in \.bag"),
         ("log.bag", b"\x89MCAP0\r\n", r"looks like an MCAP bag, whose name must end in \.mcap"),
         (
@@ -46,30 +46,30 @@ def zipped(*names):
         ),
         ("log.bag.gz", gzip.compress(b"#ROSBAG V2.0\nE\0\0\0\x0a\0\0\0conn", mtime=0), "unpack it with gunzip first"),
         ("log.csv.gz", gzip.compress(b"t,u\n1,2\n", mtime=0)[:10] + bytes(range(255, 0, -1)), "cannot be read"),
-        ("log.dat", bytes(range(256)), "is of no kind that can be read"),
+        ("log.dat", bytes(range(256)), "unknown kind"),
     ],
 )
-def test_what_cannot_be_read_is_told_by_its_content(tmp_path, name, content, complaint):
+def test_unreadable_content_raises_file_error_with_hint(tmp_path, name, content, complaint):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(FileError, match=complaint):
         open_log(path)
 
 
-def test_text_may_have_any_name(tmp_path):
+def test_text_log_may_have_any_name(tmp_path):
     path = tmp_path / "20210609.log"
     path.write_text("t,u\n1,2\n")
     np.testing.assert_array_equal(open_log(path).read("", ["u"])["u"], [2.0])
 
 
-def test_what_is_not_there_is_said(tmp_path):
+def test_missing_file_raises_file_error(tmp_path):
     with pytest.raises(FileError, match="no such file"):
         open_log(tmp_path / "log.csv")
     with pytest.raises(FileError, match=r"folder without metadata\.yaml"):
         open_log(tmp_path)
 
 
-def test_a_pipe_or_a_device_is_no_log(tmp_path):
+def test_pipe_or_device_raises_file_error(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
     for path in (tmp_path / "pipe.csv", Path("/dev/zero")):
         with pytest.raises(FileError, match="is a pipe or a device, not a regular file"):
@@ -83,7 +83,7 @@ def test_a_pipe_or_a_device_is_no_log(tmp_path):
         ("pymavlink.DFReader", "ardupilot", "log.BIN", b"\xa3\x95\x80", "pymavlink: pip install 'auvid[ardupilot]'"),
     ],
 )
-def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, package, reader, name, content, extra):
+def test_missing_package_raises_file_error(tmp_path, monkeypatch, package, reader, name, content, extra):
     monkeypatch.delitem(sys.modules, f"auvid_cli.logs.formats.{reader}", raising=False)
     monkeypatch.setitem(sys.modules, package, None)
     path = tmp_path / name

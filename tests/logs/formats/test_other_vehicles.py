@@ -25,7 +25,7 @@ def ulog():
     return head + fields + added + b"".join(data(number, k) for k in range(3) for number in (0, 1))
 
 
-def test_a_px4_log_has_a_table_for_each_instance_of_a_topic(tmp_path):
+def test_px4_instances_have_tables(tmp_path):
     pytest.importorskip("pyulog")
     path = tmp_path / "flight.ulg"
     path.write_bytes(ulog())
@@ -39,7 +39,7 @@ def test_a_px4_log_has_a_table_for_each_instance_of_a_topic(tmp_path):
     assert [values.tolist() for values in found.values()] == [[1.0, 1.25, 1.5], [0.0, 0.5, 1.0], [1.0, 1.0, 1.0]]
 
 
-def test_a_damaged_px4_log_is_refused(tmp_path):
+def test_damaged_px4_log_raises_file_error(tmp_path):
     pytest.importorskip("pyulog")
     path = tmp_path / "flight.ulg"
     path.write_bytes(ulog()[:12])
@@ -47,7 +47,7 @@ def test_a_damaged_px4_log_is_refused(tmp_path):
         open_log(path).tables()
 
 
-def test_an_imc_log_has_a_table_for_each_kind_of_message(tmp_path):
+def test_imc_messages_have_tables(tmp_path):
     imcpy = pytest.importorskip("imcpy")
     packets = b""
     for k in range(4):
@@ -67,9 +67,7 @@ def test_an_imc_log_has_a_table_for_each_kind_of_message(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "content", "package"), [("a.ulg", ulog(), "pyulog"), ("a.lsf", b"\x54\xfe", "imcpy")])
-def test_a_package_that_is_not_there_is_named(tmp_path, monkeypatch, name, content, package):
-    module = "ulog" if package == "pyulog" else "lsf"
-    monkeypatch.delitem(sys.modules, f"auvid_cli.logs.formats.{module}", raising=False)
+def test_missing_package_raises_file_error(tmp_path, monkeypatch, name, content, package):
     monkeypatch.setitem(sys.modules, package, None)
     (tmp_path / name).write_bytes(content)
     with pytest.raises(FileError, match=rf"needs the package {package}: pip install"):
@@ -86,7 +84,7 @@ ALOG = """%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%
 """
 
 
-def test_a_moos_log_has_a_table_for_each_variable(tmp_path):
+def test_moos_variables_have_tables(tmp_path):
     path = tmp_path / "LOG_1.alog"
     path.write_text(ALOG)
     log = open_log(path)
@@ -94,11 +92,11 @@ def test_a_moos_log_has_a_table_for_each_variable(tmp_path):
     assert [values.tolist() for values in found.values()] == [[0.1, 0.2], [1.5, 1.6]]
     assert log.read("MODE", ["value"])["value"].tolist() == ["MODE@ACTIVE: SURVEYING"]
     path.write_text(ALOG + "0.3\n")
-    with pytest.raises(FileError, match=r"LOG_1\.alog:8: expected a time, a variable"):
+    with pytest.raises(FileError, match=r"LOG_1\.alog:8: .*expected time"):
         open_log(path).read("NAV_DEPTH", ["value"])
 
 
-def test_a_binary_log_of_a_glider_is_refused_with_its_own_tool(tmp_path):
+def test_binary_glider_log_raises_file_error_with_tool(tmp_path):
     path = tmp_path / "unit.dbd"
     path.write_bytes(b"dbd_label:    DBD(dinkum_binary_data)file\nencoding_ver:    5\n" + bytes(range(9)))
     with pytest.raises(FileError, match="Slocum glider: convert it with dbd2asc"):

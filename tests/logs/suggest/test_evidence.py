@@ -1,4 +1,4 @@
-"""Logs of one motion written in many ways: the suggested map restores it, by what the data say."""
+"""The suggested map restores one motion from logs in many conventions, by the evidence of the data."""
 
 from pathlib import Path
 
@@ -145,7 +145,7 @@ PAIRS = [
 
 
 @pytest.mark.parametrize("names", [*((name,) for name in MUTATIONS), *PAIRS], ids=" and ".join)
-def test_the_map_restores_what_was_written_otherwise(names, tmp_path):
+def test_suggested_map_restores_motion(names, tmp_path):
     columns = TRUTH
     for name in names:
         columns = MUTATIONS[name](columns)
@@ -173,21 +173,21 @@ def suggested(columns):
     return text, yaml.safe_load(text)
 
 
-def test_centimetres_that_look_like_millimetres_do_not_make_millimetres_of_the_depth():
-    """Of more than 2 m/s: numbers beyond 200 are first taken for mm/s."""
+def test_velocity_in_cm_keeps_depth_in_m():
+    """Velocities above 200 are first assumed to be in mm/s."""
     _, found = suggested(TRUTH | {name: 150.0 * TRUTH[name] for name in "uvw"} | {"down": 1.5 * TRUTH["down"]})
     assert (found["sensors"]["dvl"]["unit"], found["sensors"]["depth"]["unit"]) == ("cm/s", "m")
 
 
-def test_a_heading_from_east_is_turned_to_one_from_north():
+def test_heading_from_east_gets_sign_and_offset():
     columns = renamed("psi", "Yaw_ENU")(MUTATIONS["heading ENU"](TRUTH))
     text, found = suggested(columns)
     assert found["sensors"]["attitude"]["columns"]["psi"] == {"column": "Yaw_ENU", "sign": -1, "offset": "90 deg"}
-    assert "psi: {column: Yaw_ENU, sign: -1, offset: 90 deg} # counts the other way: evidence strong for psi" in text
+    assert "psi: {column: Yaw_ENU, sign: -1, offset: 90 deg} # check: opposite sign; strong evidence" in text
 
 
 @pytest.mark.parametrize("left_out", [(), ("p", "q", "r"), ("p", "q", "r", "u", "v", "w")])
-def test_a_depth_counted_from_the_start_does_not_turn_the_vertical_plane_over(left_out):
+def test_negative_depth_keeps_signs_of_vertical_plane(left_out):
     own = {name: values for name, values in TRUTH.items() if name not in ("fx", "fy", "fz", *left_out)}
     _, found = suggested(own | {"down": own["down"] - own["down"].max() - 0.5})
     assert found["sensors"]["depth"]["columns"] == {"down": "down"}
@@ -196,36 +196,36 @@ def test_a_depth_counted_from_the_start_does_not_turn_the_vertical_plane_over(le
     assert "sign" not in found["inputs"]["elevator"]
 
 
-def test_a_velocity_called_by_north_and_east_is_over_ground():
+def test_velocity_named_north_and_east_is_over_ground():
     called = ("vel_north", "vel_east", "vel_down")
     kept = {name: TRUTH[name] for name in (*SENSORS["gyroscope"], *SENSORS["attitude"], "down", "rudder", "elevator")}
     text, found = suggested(kept | dict(zip(called, GROUND.T, strict=True)))
     dvl = found["sensors"]["dvl"]
     assert (dvl["frame"], tuple(dvl["columns"].values())) == ("NED", called)
-    assert "by its names it is over ground; check" in text
+    assert "check: velocity over ground by its names" in text
     assert "not used" not in text
 
 
-def test_what_speaks_for_a_line_stands_beside_it():
+def test_comment_states_evidence_of_line():
     text, _ = suggested(TRUTH)
     line = next(line for line in text.splitlines() if "rudder: {" in line)
-    assert "evidence strong for rudder: r answers rudder (0.9" in line
+    assert "strong evidence for the sign of rudder: r responds to rudder (correlation 0.9" in line
 
 
-def test_nothing_is_claimed_where_nothing_tells():
+def test_comment_states_missing_evidence():
     text, _ = suggested({"u": TRUTH["u"], "rudder": TRUTH["rudder"]})
-    assert "rudder: {column: rudder, unit: rad} # check: unit;" in text
-    assert "nothing tells rudder" in text
+    assert "rudder: {column: rudder, unit: rad} # check: unit and sign;" in text
+    assert "no evidence for the sign of rudder" in text
 
 
-def test_the_flag_of_a_dvl_is_not_put_on_other_sensors():
+def test_flag_of_dvl_is_not_used_for_other_sensors():
     _, found = suggested(TRUTH | {"dvl_valid": np.ones(TIME.size)})
     assert [name for name, sensor in found["sensors"].items() if "valid" in sensor] == ["dvl"]
     _, found = suggested(TRUTH | {"valid": np.ones(TIME.size)})
     assert not [name for name, sensor in found["sensors"].items() if "valid" in sensor]
 
 
-def test_what_was_measured_without_bottom_lock_speaks_for_nothing():
+def test_rows_without_bottom_lock_are_no_evidence():
     lost = np.arange(TIME.size) % 300 > 250
     log = MUTATIONS["heading ENU"]({name: TRUTH[name] for name in (*"uvw", "theta", "psi", "rudder")})
     log = renamed("psi", "Yaw_ENU")(MUTATIONS["dvl FLU"](log))
@@ -236,17 +236,17 @@ def test_what_was_measured_without_bottom_lock_speaks_for_nothing():
     assert "not used" not in text
 
 
-def test_a_heading_from_east_says_nothing_of_the_axes_of_a_pitch():
+def test_heading_from_east_leaves_axes_of_pitch():
     log = renamed("psi", "Yaw_ENU")(
         MUTATIONS["heading ENU"]({name: TRUTH[name] for name in ("theta", "psi", "rudder")})
     )
     text, found = suggested(log)
     attitude = found["sensors"]["attitude"]
     assert (attitude["frame"], attitude["columns"]["theta"]) == ("FRD", "theta")
-    assert "nothing tells theta" in text
+    assert "no evidence for the sign of theta" in text
 
 
-def test_signals_that_hardly_agree_tell_no_delay():
+def test_weakly_correlated_signals_give_no_delay():
     heaving = np.convolve(np.random.default_rng(3).standard_normal(TIME.size), np.full(30, 0.025), "same")
     log = {name: TRUTH[name] for name in ("u", "theta", "w")}
     later = np.interp(TIME - 0.4, TIME, TRUTH["down"])
@@ -254,7 +254,7 @@ def test_signals_that_hardly_agree_tell_no_delay():
     assert "offset" not in found["sensors"]["depth"]["time"]
 
 
-def test_every_column_that_is_not_used_is_listed():
+def test_unused_columns_are_listed():
     text, found = suggested(TRUTH | {"battery": TIME, "desired_depth": TIME, "target.roll": TIME})
     assert found["sensors"]["attitude"]["columns"]["phi"] == "phi"
     assert text.endswith("# not used: battery, desired_depth (a set-point?), target.roll (a set-point?)\n")
@@ -272,21 +272,21 @@ class Topics(Columns):
         return {name: ({"t": TIME} | self.columns[table])[name] for name in columns}
 
 
-def test_a_word_within_a_name_tells_a_set_point_too():
+def test_word_within_name_marks_set_point():
     log = Topics({"DesiredHeading": {"value": TRUTH["psi"]}, "nav": {"yaw": TRUTH["psi"], "depthRef": TRUTH["down"]}})
     text = suggest([log], Path())
-    assert "# not used of DesiredHeading, set-points: value" in text
+    assert "# not used of DesiredHeading (set-points): value" in text
     assert "depthRef (a set-point?)" in text
 
 
-def test_gyroscope_and_accelerometer_may_be_called_by_one_letter():
+def test_one_letter_names_of_inertial_sensors_are_found():
     names = {"ax": "fx", "ay": "fy", "az": "fz", "gx": "p", "gy": "q", "gz": "r"}
     _, found = suggested({name: TRUTH[symbol] for name, symbol in names.items()})
     assert found["sensors"]["accelerometer"]["columns"] == {"fx": "ax", "fy": "ay", "fz": "az"}
     assert found["sensors"]["gyroscope"]["columns"] == {"p": "gx", "q": "gy", "r": "gz"}
 
 
-def test_a_reference_is_no_sensor_and_what_a_filter_made_is_named():
+def test_reference_is_left_out_and_filter_output_is_marked():
     angles = {name: TRUTH[name] for name in ("phi", "theta", "psi")}
     log = Topics(
         {"/reference": angles | {"depth": TRUTH["down"]}, "/ekf/state": angles, "/sensor": {"psi": TRUTH["psi"]}}
@@ -295,21 +295,21 @@ def test_a_reference_is_no_sensor_and_what_a_filter_made_is_named():
     found = yaml.safe_load(text)["sensors"]
     assert [*found] == ["attitude"]
     assert found["attitude"]["table"] == "/sensor"
-    assert "not used of /reference, set-points: phi, theta, psi, depth" in text
+    assert "not used of /reference (set-points): phi, theta, psi, depth" in text
     alone = suggest([Topics({"/ekf/state": angles})], Path())
-    assert "attitude: # check: by its name what a navigation filter made of others" in alone
+    assert "attitude: # check: by its name the output of a navigation filter" in alone
 
 
-def test_a_column_that_a_filter_made_is_named_and_comes_after_what_was_measured():
+def test_measured_column_is_preferred_to_filter_output():
     velocity, psi = {f"GLOBAL_POSITION_INT.v{axis}": TRUTH[name] for axis, name in zip("xy", "uv", strict=True)}, "psi"
     text, found = suggested(velocity | {"nav_heading": TRUTH[psi], "heading_filt": TRUTH[psi]})
-    assert "dvl: # check: by its name what a navigation filter made of others" in text
+    assert "dvl: # check: by its name the output of a navigation filter" in text
     assert found["sensors"]["attitude"]["columns"]["psi"] == "heading_filt"
     assert "attitude: #" not in text
-    assert text.endswith("# not used: nav_heading (a navigation filter's?)\n")
+    assert text.endswith("# not used: nav_heading (output of a navigation filter?)\n")
 
 
-def test_several_thrusters_are_not_one_surge_force():
+def test_several_thrusters_give_no_surge_force():
     log = Topics({f"/thruster_{k}/thrust": {"data": TIME} for k in range(4)} | {"/dvl": {"u": TRUTH["u"]}})
     text = suggest([log], Path())
     assert "surge_force" not in yaml.safe_load(text)["inputs"]
@@ -328,26 +328,26 @@ def test_several_thrusters_are_not_one_surge_force():
         ("thrust_fl", "thrust_fr"),
     ],
 )
-def test_thrusters_of_both_sides_are_not_one_surge_force(names):
+def test_thrusters_of_both_sides_give_no_surge_force(names):
     text, found = suggested(TRUTH | dict.fromkeys(names, TIME))
     assert not {"thrust", "surge_force"} & {*found["inputs"]}
     assert f"check: {', '.join(names)}: several thrusters are not one surge force" in text
 
 
-def test_a_thrust_that_never_changes_is_one_in_a_table_of_its_own_too():
+def test_constant_thrust_in_own_table_is_found():
     log = Topics({"DESIRED_RUDDER": {"value": TRUTH["rudder"]}, "DESIRED_THRUST": {"value": np.full(TIME.size, 40.0)}})
     found = yaml.safe_load(suggest([log], Path()))["inputs"]
     assert (found["table"], found["surge_force"]["table"]) == ("DESIRED_RUDDER", "DESIRED_THRUST")
 
 
-def test_angles_that_stand_apart_are_put_together():
+def test_angles_in_two_tables_form_one_attitude():
     log = Topics({"/tilt": {"roll": TRUTH["phi"], "pitch": TRUTH["theta"]}, "/compass": {"heading": TRUTH["psi"]}})
     attitude = yaml.safe_load(suggest([log], Path()))["sensors"]["attitude"]
     assert (attitude["table"], attitude["columns"]["theta"]) == ("/tilt", "pitch")
     assert attitude["columns"]["psi"]["table"] == "/compass"
 
 
-def test_what_moos_logs_variable_by_variable_is_put_together():
+def test_moos_variables_form_sensors_and_inputs():
     sent = {"DESIRED_RUDDER": "rudder", "DESIRED_ELEVATOR": "elevator"}
     measured = {"DVL_VX": "u", "DVL_VY": "v", "DVL_VZ": "w", "PITCH": "theta", "HEADING": "psi"}
     log = Topics({name: {"value": TRUTH[signal]} for name, signal in (sent | measured).items()})
@@ -358,7 +358,7 @@ def test_what_moos_logs_variable_by_variable_is_put_together():
     assert (found["inputs"]["table"], found["inputs"]["elevator"]["table"]) == (*sent,)
 
 
-def test_messages_of_imc_are_known_by_their_names_and_servos_by_their_ids():
+def test_imc_messages_and_servo_ids_are_found():
     axes = dict(zip("xyz", ("p", "q", "r"), strict=True))
     log = Topics(
         {
@@ -374,11 +374,11 @@ def test_messages_of_imc_are_known_by_their_names_and_servos_by_their_ids():
     found = yaml.safe_load(text)["sensors"]
     assert (found["gyroscope"]["table"], found["dvl"]["table"]) == ("AngularVelocity", "GroundVelocity")
     assert found["dvl"]["valid"] == {"column": "validity", "values": [7]}
-    assert "these may be fins: {table: SetServoPosition, column: value, rows: {column: id, values: [0]}}" in text
+    assert "possible fins: {table: SetServoPosition, column: value, rows: {column: id, values: [0]}}" in text
 
 
-def test_servos_of_a_text_log_are_known_by_the_name_of_its_file():
+def test_file_name_marks_servos_of_text_log():
     log = Columns({"id": np.arange(TIME.size) % 2.0, "value": TRUTH["rudder"]})
     log.path = Path("SetServoPosition.csv")
     text = suggest([log, Columns({name: TRUTH[name] for name in ("u", "psi")})], Path())
-    assert "these may be fins: {log: SetServoPosition, column: value, rows: {column: id, values: [0]}}" in text
+    assert "possible fins: {log: SetServoPosition, column: value, rows: {column: id, values: [0]}}" in text

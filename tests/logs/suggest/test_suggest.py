@@ -1,4 +1,4 @@
-"""The suggested map: what it finds in logs as they are written, and that it cannot be used unseen."""
+"""Suggested maps of logs, and refusal of a map that is not filled in."""
 
 import gzip
 from pathlib import Path
@@ -39,7 +39,7 @@ def suggested(tmp_path):
     return run
 
 
-def test_names_and_values_tell_sensors_units_and_inputs(suggested):
+def test_names_and_values_give_sensors_units_and_inputs(suggested):
     text, found = suggested(
         **{"timestamp": 1e3 * TIME, "gyro_x": 9 * WAVE, "gyro_y": WAVE, "gyro_z": WAVE, "acc_z": -9.8 + 0.1 * NOISE},
         **{"roll": 20 * WAVE, "pitch": 10 * WAVE, "true_heading (deg)": 180 + 90 * WAVE, "depth": -3 + WAVE},
@@ -60,46 +60,45 @@ def test_names_and_values_tell_sensors_units_and_inputs(suggested):
     assert "dvl" not in found["sensors"]
 
 
-def test_a_log_of_a_navigation_filter_alone_is_told_what_it_lacks(suggested):
+def test_log_of_navigation_filter_alone_requires_sensors(suggested):
     text, found = suggested(time=TIME, ekf_u=WAVE, ekf_roll=WAVE, ekf_yaw=WAVE)
     assert found["sensors"] is None
     (line,) = (line for line in text.splitlines() if "looks like a sensor" in line)
-    assert "what a navigation filter made is none" in line
+    assert "outputs of a navigation filter do not count" in line
     assert "velocities u, v, w of a DVL" in line
 
 
-def test_numbers_that_nothing_measures_do_not_count(suggested):
+def test_absurd_numbers_do_not_count(suggested):
     wild = WAVE.copy()
     wild[[50, 51]] = 1.7e308, -1.7e308
     _, found = suggested(timestamp=TIME, u=wild, v=WAVE, w=WAVE)
     assert found["sensors"]["dvl"]["columns"] == {"u": "u", "v": "v", "w": "w"}
 
 
-def test_noise_is_measured_and_left_to_the_user(suggested):
+def test_comment_gives_scatter_of_signal(suggested):
     text, found = suggested(t=TIME, u=2.0 + 0.03 * NOISE, rudder=0.1 * WAVE)
     assert found["sensors"]["dvl"]["standard_deviation"] is None
-    # Of white noise of this size.
-    assert "the signals look like 0.03" in text or "the signals look like 0.02" in text
+    assert "scatter of the signals: 0.03" in text or "scatter of the signals: 0.02" in text
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(
-    ("one", "other", "said"),
+    ("one", "other", "pair"),
     [
         ("fin_right", "fin_left", "right and left"),
         ("fin_stbd", "fin_port", "right and left"),
         ("fin_top", "fin_bottom", "top and bottom"),
     ],
 )
-def test_fins_that_go_against_each_other_are_said(suggested, one, other, said, sign):
+def test_opposite_fins_are_reported(suggested, one, other, pair, sign):
     text, found = suggested(t=TIME, u=WAVE, **{one: 20 * WAVE, other: sign * 20 * WAVE + 0.1 * NOISE})
-    keys = said.split(" and ")
+    keys = pair.split(" and ")
     assert [found["inputs"]["fins"][key]["column"] for key in keys] == [one, other]
-    assert (f"{said} go against each other" in text) == (sign < 0)
+    assert (f"{pair} move in opposite directions" in text) == (sign < 0)
 
 
-def test_ends_of_names_are_units(suggested):
-    """Although the numbers are so small that they might be radians."""
+def test_endings_of_names_give_units_of_sensors(suggested):
+    """The numbers are small enough for radians."""
     _, found = suggested(
         **{"t_ins": TIME, "p_dps": 0.1 * WAVE, "q_dps": 0.1 * WAVE, "r_dps": 0.1 * WAVE, "roll_deg": 0.1 * WAVE},
         **{"u_kn": WAVE, "depth_cm": 5 + WAVE, "acc_x_g": WAVE, "acc_z_g": -1 + 0.01 * WAVE, "rudder_deg": 20 * WAVE},
@@ -113,17 +112,17 @@ def test_ends_of_names_are_units(suggested):
         "depth": ("cm", "depth_cm"),
     }
     assert all(sensor["time"]["column"] == "t_ins" for sensor in found["sensors"].values())
-    # Of gravity, which the FRD axes of this one feel upwards.
+    # By the direction of gravity.
     assert found["sensors"]["accelerometer"]["frame"] == "FRD"
 
 
-def test_columns_called_by_sensor_and_component_are_found(suggested):
+def test_names_of_sensor_and_component_are_found(suggested):
     names = "gyro_p", "gyroscope_r", "accelerometer_fx", "dvl_u", "attitude_psi"
     _, found = suggested(t=TIME, **{name: WAVE for name in names})
     assert {column for sensor in found["sensors"].values() for column in sensor["columns"].values()} == {*names}
 
 
-def test_names_may_say_whose_a_column_is_its_unit_and_that_it_was_filtered(suggested):
+def test_names_with_owner_unit_and_filter_are_found(suggested):
     names = (
         "platform_pitch_angle_degree",
         "platform_roll_angle",
@@ -137,7 +136,7 @@ def test_names_may_say_whose_a_column_is_its_unit_and_that_it_was_filtered(sugge
     assert found["inputs"]["rudder"]["column"] == "platform_rudder_angle"
 
 
-def test_velocities_and_revolutions_of_a_platform_are_known_with_their_units(suggested):
+def test_platform_velocities_and_revolutions_have_units(suggested):
     names = [f"platform_{axis}_velocity_wrt_ground_meter_per_second" for axis in "xyz"]
     rate = "platform_propeller_rotation_rate_radian_per_second"
     _, found = suggested(t=TIME, **{name: 1.5 + 0.1 * WAVE for name in names}, **{rate: 30 + WAVE})
@@ -145,13 +144,13 @@ def test_velocities_and_revolutions_of_a_platform_are_known_with_their_units(sug
     assert found["inputs"]["thrust"]["revolutions"] == {"column": rate, "unit": "rad/s"}
 
 
-def test_fins_are_known_without_the_word(suggested):
+def test_fins_named_by_side_are_found(suggested):
     _, found = suggested(t=TIME, u=WAVE, top=WAVE, bottom=WAVE, port=WAVE, starboard=WAVE)
     fins = {key: fin["column"] for key, fin in found["inputs"]["fins"].items()}
     assert fins == {"top": "top", "bottom": "bottom", "left": "port", "right": "starboard"}
 
 
-def test_an_escaped_underscore_is_one(suggested):
+def test_escaped_underscore_is_understood(suggested):
     _, found = suggested(t=TIME, u=WAVE, **{r"pitch\_input": 0.1 * WAVE, r"yaw\_input": 0.1 * WAVE})
     assert [found["inputs"][key]["column"] for key in ("elevator", "rudder")] == [r"pitch\_input", r"yaw\_input"]
 
@@ -165,7 +164,7 @@ def test_an_escaped_underscore_is_one(suggested):
         (1500 + 400 * WAVE, {"centre": 1500, "scale": "0.25 percent"}),
     ],
 )
-def test_numbers_tell_the_unit_of_a_thruster(suggested, thruster, signal):
+def test_numbers_give_unit_of_thruster(suggested, thruster, signal):
     _, found = suggested(t=TIME, u=WAVE, thruster=thruster)
     assert found["inputs"]["thrust"]["share"] == {"column": "thruster", **signal}
 
@@ -181,21 +180,21 @@ def test_numbers_tell_the_unit_of_a_thruster(suggested, thruster, signal):
         ("rps", {"column": "rps", "unit": "turn/s"}),
     ],
 )
-def test_revolutions_are_known_by_name_or_unit(suggested, heading, signal):
+def test_revolutions_are_found_by_name_or_unit(suggested, heading, signal):
     _, found = suggested(**{"t": TIME, "u": WAVE, heading: 600 + 100 * WAVE})
     assert found["inputs"]["thrust"] == {"revolutions": signal, "a": None}
 
 
-def test_ends_of_names_are_units_of_inputs_too(suggested):
+def test_endings_of_names_give_units_of_inputs(suggested):
     _, found = suggested(t=TIME, u=WAVE, rudder_deg=0.5 * WAVE, thruster_pct=0.5 + 0.5 * WAVE)
     assert found["inputs"]["rudder"] == {"column": "rudder_deg", "unit": "deg"}
     assert found["inputs"]["thrust"]["share"] == {"column": "thruster_pct", "unit": "percent"}
 
 
-@pytest.mark.parametrize(("hold", "said"), [(4, "75 % of the rows repeat the one before; `repeats: drop`"), (1, None)])
-def test_rows_that_repeat_a_slower_sensor_are_said(suggested, hold, said):
+@pytest.mark.parametrize(("hold", "share"), [(4, "75 % of the rows repeat"), (1, None)])
+def test_repeated_rows_are_reported(suggested, hold, share):
     text, _ = suggested(t=TIME, u=2 + NOISE[(np.arange(TIME.size) // hold) * hold], rudder=WAVE)
-    assert said in text if said else "repeat" not in text
+    assert share in text if share else "repeat" not in text
 
 
 class Topics(Log):
@@ -212,7 +211,7 @@ class Topics(Log):
         return {name: self.topics[table][name] for name in columns}
 
 
-def test_topics_of_bare_numbers_are_called_by_their_topics():
+def test_topics_of_bare_numbers_are_found_by_topic():
     log = Topics(
         **{"__auv__depth": {"data": 3 + WAVE}, "__gyro": {f"data[{k}]": 0.1 * WAVE for k in range(3)}},
         **{"__fins__top": {"data": 20 * WAVE}, "__fins__stbd": {"data": 20 * WAVE}, "__rpm": {"data": 600 + WAVE}},
@@ -230,7 +229,7 @@ def test_topics_of_bare_numbers_are_called_by_their_topics():
     assert {signal["column"] for signal in signals.values()} == {"data"}
 
 
-def test_vectors_of_px4_are_known_by_their_topics_and_its_quaternion_by_numbers():
+def test_px4_vectors_and_quaternion_are_found():
     vectors = {f"xyz[{k}]": 0.1 * WAVE for k in range(3)}
     half = 0.1 * WAVE
     quaternion = {"q[0]": np.cos(half), "q[1]": np.sin(half), "q[2]": 0.0 * half, "q[3]": 0.0 * half}
@@ -245,31 +244,31 @@ def test_vectors_of_px4_are_known_by_their_topics_and_its_quaternion_by_numbers(
     }
     assert list(sensors["gyroscope"]["columns"].values()) == ["xyz[0]", "xyz[1]", "xyz[2]"]
     assert sensors["attitude"]["quaternion"] == {"w": "q[0]", "x": "q[1]", "y": "q[2]", "z": "q[3]"}
-    assert "vehicle_attitude_setpoint, set-points" in text
+    assert "vehicle_attitude_setpoint (set-points)" in text
 
 
-def test_validity_of_the_message_and_not_of_a_part_of_it():
+def test_validity_of_message_is_preferred_to_that_of_part():
     dvl = {"beams[0].valid": np.ones(TIME.size), "velocity_valid": np.ones(TIME.size), "velocity.x": WAVE}
     found = yaml.safe_load(suggest([Topics(__dvl=dvl)], Path()))
     assert found["sensors"]["dvl"]["valid"]["column"] == "velocity_valid"
 
 
-def test_what_a_slocum_glider_calls_time_and_fin_is_known(suggested):
+def test_time_and_fin_of_slocum_glider_are_found(suggested):
     headings = {"m_present_time (timestamp)": 1.6e9 + TIME, "m_depth (m)": 5 + WAVE, "c_fin (rad)": 0.2 * WAVE}
     text, found = suggested(**headings)
     assert found["sensors"]["depth"]["time"] == {"column": "m_present_time", "unit": "s"}
-    assert "check: the log says 'timestamp'" in text
+    assert "check: the log states the unit 'timestamp'" in text
     assert found["inputs"]["rudder"] == {"column": "c_fin"}
 
 
-def test_columns_that_may_be_fins_are_named_where_none_is_known(suggested):
+def test_possible_fins_are_listed_without_known_fin(suggested):
     text, _ = suggested(t=TIME, u=WAVE, rudder_left=WAVE, fin1=WAVE, confined=WAVE)
-    assert "no column looks like a fin or a propeller; these may be fins: rudder_left, fin1\n" in text
+    assert "no column looks like a fin or a propeller; possible fins: rudder_left, fin1\n" in text
 
 
-def test_a_list_that_may_be_fins_is_named():
+def test_list_of_possible_fins_is_listed():
     text = suggest([Topics(__fins={"data[0]": WAVE, "data[1]": WAVE}, __rpm={"data": 600 + WAVE})], Path())
-    assert "these may be fins: /fins data[0], /fins data[1]" in text
+    assert "possible fins: /fins data[0], /fins data[1]" in text
 
 
 IMU = [f"orientation.{axis}" for axis in "wxyz"]
@@ -277,7 +276,7 @@ IMU += [f"{stem}.{axis}" for stem in ("angular_velocity", "linear_acceleration")
 
 
 @pytest.mark.parametrize(("gravity", "frame", "reference"), [(9.8, "FLU", "ENU"), (-9.8, "FRD", "NED")])
-def test_sensors_of_one_standard_message_have_the_same_axes(gravity, frame, reference):
+def test_sensors_of_standard_message_have_same_axes(gravity, frame, reference):
     fields = {name: 0.1 * WAVE for name in IMU} | {"linear_acceleration.z": gravity + 0.1 * WAVE}
     odometry = {"pose.pose.orientation.w": np.ones(TIME.size), "twist.twist.linear.x": 1 + WAVE}
     text = suggest([Topics(__imu=fields, __odometry=odometry)], Path())
@@ -288,27 +287,27 @@ def test_sensors_of_one_standard_message_have_the_same_axes(gravity, frame, refe
     assert "sensor_msgs/Imu is FLU by REP 103" in text
 
 
-def test_sensor_upside_down_and_flag_of_validity(suggested):
-    # The roll of a sensor that hangs from the deck: near +-180 degrees.
+def test_upside_down_sensor_and_validity_flag_are_found(suggested):
+    # A sensor mounted upside down: roll near +-180 degrees.
     roll = np.degrees(np.arctan2(np.sin(np.pi + 0.1 * WAVE), np.cos(np.pi + 0.1 * WAVE)))
     _, found = suggested(t=TIME, roll=roll, att_valid=np.ones(TIME.size), rudder=WAVE)
     assert found["sensors"]["attitude"]["mount"] == "upside down"
     assert found["sensors"]["attitude"]["valid"] == {"column": "att_valid", "values": [True, 1]}
 
 
-def test_column_without_a_number_is_left_out(suggested):
+def test_column_without_numbers_is_left_out(suggested):
     text, found = suggested(t=TIME, u=WAVE, v=np.full(TIME.size, np.nan), rudder=WAVE)
     assert found["sensors"]["dvl"]["columns"] == {"u": "u"}
     assert "no column found for v, w" in text
 
 
-def test_fins_in_counts(suggested):
+def test_fins_in_counts_get_centre_and_scale(suggested):
     _, found = suggested(t=TIME, u=WAVE, **{"Fin Yaw T": 128 + 90 * WAVE, "Fin Pitch R": 128 + 5 * WAVE})
     assert found["inputs"]["fins"]["top"] == {"column": "Fin Yaw T", "centre": 128, "scale": None}
     assert found["inputs"]["fins"]["right"]["scale"] is None
 
 
-def test_quaternion_that_changes_is_the_attitude(tmp_path):
+def test_changing_quaternion_is_preferred(tmp_path):
     still, moving = {axis: np.ones(TIME.size) for axis in "wxyz"}, {axis: WAVE for axis in "wxyz"}
     first = written(tmp_path / "a.csv", t=TIME, **{f"orientation.{axis}": q for axis, q in still.items()})
     second = written(tmp_path / "b.csv", t=TIME, **{f"orientation.{axis}": q for axis, q in moving.items()})
@@ -318,7 +317,7 @@ def test_quaternion_that_changes_is_the_attitude(tmp_path):
     assert attitude["quaternion"]["w"] == "orientation.w"
 
 
-def test_clock_as_text_and_a_compressed_log(tmp_path):
+def test_compressed_log_with_text_clock_is_read(tmp_path):
     path = tmp_path / "log.csv.gz"
     rows = "\n".join(f"59:{50 + k % 10}.0,{k}.5,{k}" for k in range(20))
     path.write_bytes(gzip.compress(f"Time,Vehicle depth (m),depth (m)\n{rows}\n".encode()))
@@ -347,7 +346,7 @@ NAMES = st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs", "Zl
 @given(
     NAMES, NAMES, st.sampled_from(["roll", "u", "rudder", "depth"]), st.sampled_from(["", "%", "deg", "m", "#", "°"])
 )
-def test_whatever_things_are_called_the_map_is_yaml(table, stem, ending, unit):
+def test_map_with_any_names_is_valid_yaml(table, stem, ending, unit):
     column = LogColumn(f"{stem}.{ending}", unit)
     found = yaml.safe_load(suggest([OneColumn(Path(f"{stem.replace('/', '')}7.csv"), table, column)], Path()))
     assert isinstance(next(iter(found["logs"])), str)
@@ -357,7 +356,7 @@ def test_whatever_things_are_called_the_map_is_yaml(table, stem, ending, unit):
     assert (signals["column"] if isinstance(signals, dict) else signals) == column.name
 
 
-def test_import_refuses_what_is_not_filled_in(suggested, tmp_path):
+def test_map_with_missing_values_raises_config_error(suggested, tmp_path):
     text, _ = suggested(t=TIME, u=2.0 + WAVE, rudder=0.1 * WAVE)
     path = tmp_path / "map.yaml"
     path.write_text(text)
@@ -370,7 +369,7 @@ def test_import_refuses_what_is_not_filled_in(suggested, tmp_path):
 
 @given(st.text(st.characters(exclude_categories=["Cs"])))
 @example('\n" a: b\x1b\\\u202e')
-def test_any_name_of_a_column_comes_back_from_a_map(name):
+def test_quoted_name_survives_yaml(name):
     written = quoted(name)
     assert written.isprintable()
     assert yaml.safe_load(f"column: {written} # check\n") == {"column": name}

@@ -1,0 +1,147 @@
+"""Logs of PX4 (ULog), DUNE vehicles (IMC, .lsf) and MOOS (.alog)."""
+
+import struct
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.files import refusing_damage
+from auvid_cli.errors import FileError
+from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
+from auvid_cli.logs.formats.text_layout import is_number
+
+_TIMESTAMP = "timestamp"  # us, of PX4
+_VALUE = "value"
+# IMC: sync mark, kind, bytes of the fields, time, sender, its entity, receiver, its entity; a check sum at the end.
+_HEADER = struct.Struct("<HHHdHBHB")
+_FOOTER_BYTES = 2
+_SOURCES = ("src", "src_ent")
+
+
+class ULogLog(Log):
+    """Log of PX4: a table for each instance of a topic, in SI; `LOG_TIME` counts from power-on."""
+
+    def __init__(self, path: Path) -> None:
+        from pyulog import ULog
+
+        super().__init__(path)
+        self._reader = ULog
+
+    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
+        """Return the columns of each table."""
+        return {
+            table: (LogColumn(LOG_TIME), *(LogColumn(name) for name in fields if name != _TIMESTAMP))
+            for table, fields in self._topics.items()
+        }
+
+    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
+        """Return columns by name."""
+        look_up(self, table, columns)
+        fields = self._topics[table]
+        return {name: fields[_TIMESTAMP] * 1e-6 if name == LOG_TIME else fields[name] for name in columns}
+
+    @cached_property
+    def _topics(self) -> dict[str, dict[str, NDArray[np.float64]]]:
+        refusing = refusing_damage(lambda reason: f"{self.path}: is a damaged ULog: {reason}")
+        with self.path.open("rb") as file, refusing:
+            topics = self._reader(file).data_list
+        return {
+            topic.name if topic.multi_id == 0 else f"{topic.name}[{topic.multi_id}]": {
+                name: np.asarray(values, np.float64) for name, values in topic.data.items()
+            }
+            for topic in topics
+            if _TIMESTAMP in topic.data
+        }
+
+
+class LsfLog(Log):
+    """Log of DUNE: a table for each kind of message with its numeric fields and sender, in SI.
+
+    `LOG_TIME` is the time at which a message was sent. A message that is cut off at the end is left out.
+    """
+
+    def __init__(self, path: Path) -> None:
+        import imcpy
+
+        super().__init__(path)
+        self._deserialize = imcpy.Packet.deserialize
+
+    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
+        """Return the columns of each table."""
+        return {table: tuple(map(LogColumn, fields)) for table, fields in self._messages.items()}
+
+    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
+        """Return columns by name."""
+        look_up(self, table, columns)
+        return {name: np.array(self._messages[table][name], np.float64) for name in columns}
+
+    @cached_property
+    def _messages(self) -> dict[str, dict[str, list[float]]]:
+        tables: dict[str, dict[str, list[float]]] = {}
+        with refusing_damage(lambda reason: f"{self.path}: is a damaged IMC log: {reason}"):
+            for packet in _packets(self.path.read_bytes()):
+                message = self._deserialize(packet)
+                fields = tables.setdefault(message.msg_name, {LOG_TIME: []})
+                fields[LOG_TIME].append(message.timestamp)
+                for name in _numeric_fields(message):
+                    fields.setdefault(name, []).append(float(getattr(message, name)))
+        return tables
+
+
+def _packets(data: bytes) -> Iterator[bytes]:
+    start = 0
+    while start + _HEADER.size <= len(data):
+        size = _HEADER.size + _HEADER.unpack_from(data, start)[2] + _FOOTER_BYTES
+        if start + size <= len(data):
+            yield data[start : start + size]
+        start += size
+
+
+def _numeric_fields(message: Any) -> list[str]:
+    fields = [name for name in dir(type(message)) if isinstance(getattr(type(message), name), property)]
+    return [
+        name
+        for name in (*_SOURCES, *fields)
+        if isinstance(getattr(message, name), int | float) and name not in ("timestamp", "msg_id")
+    ]
+
+
+class AlogLog(Log):
+    """Log of pLogger (MOOS): a table for each variable with the time since the start of the log and the value."""
+
+    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
+        """Return the columns of each table."""
+        return {
+            name: (LogColumn(LOG_TIME), LogColumn(_VALUE, is_text=not self._is_numeric(name)))
+            for name in self._variables
+        }
+
+    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
+        """Return columns by name."""
+        look_up(self, table, columns)
+        times, values = self._variables[table]
+        arrays: dict[str, ColumnValues] = {LOG_TIME: np.array(times)}
+        arrays[_VALUE] = np.array(values, np.float64) if self._is_numeric(table) else np.array(values, np.str_)
+        return {name: arrays[name] for name in columns}
+
+    def _is_numeric(self, name: str) -> bool:
+        return all(map(is_number, self._variables[name][1]))
+
+    @cached_property
+    def _variables(self) -> dict[str, tuple[list[float], list[str]]]:
+        variables: dict[str, tuple[list[float], list[str]]] = {}
+        with self.path.open(encoding="utf-8", errors="replace") as file:
+            for number, line in enumerate(file, 1):
+                if line.startswith("%") or not line.strip():
+                    continue
+                time, *rest = line.split(maxsplit=3)
+                if len(rest) < 2 or not is_number(time):
+                    raise FileError(f"{self.path}:{number}: invalid row; expected time, variable, source and value")
+                times, values = variables.setdefault(rest[0], ([], []))
+                times.append(float(time))
+                values.append(rest[2].strip() if len(rest) > 2 else "")
+        return variables

@@ -1,0 +1,299 @@
+"""Signs, axes, units and delays of a suggested map, weighed by the evidence of kinematic relations."""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations, product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.log_columns import unit_factor
+from auvid_cli.logs.frames import interpolate
+from auvid_cli.logs.suggest.relations import CROSSED, RelationFit, Track, fit_relations
+from auvid_cli.vehicle.parameters import SENSORS
+
+Array = NDArray[np.float64]
+# Signs of components in the usual axes; an attitude in FLU axes refers to ENU.
+USUAL_AXES = {"FRD": (1, 1, 1), "FLU": (1, -1, -1)}
+TRIPLES = {
+    "attitude": ("phi", "theta", "psi"),
+    "gyroscope": ("p", "q", "r"),
+    "accelerometer": ("fx", "fy", "fz"),
+    "dvl": ("u", "v", "w"),
+}
+# Log likelihoods.
+_REVERSED_COST = 4.0  # of a component with another sign than its axes
+_FLU_COST = 1.0  # of axes other than FRD
+_GRAVITY = 8.0  # of fz by the direction of gravity
+_AHEAD = 4.0  # of u by going ahead
+_BELOW = 4.0  # of a positive depth
+_ABOVE = 0.5  # of a negative one, which may be a height or count from the start: less than `_REVERSED_COST`
+_EXCHANGED = 6.0  # by which the crossed responses of fins must exceed the others
+_STRENGTHS = ((8.0, "strong"), (2.5, "fair"))  # least log likelihoods of the words
+_MIN_GRAVITY = 5.0  # m/s^2
+_MIN_SPEED = 0.2  # m/s
+_MIN_COURSES = 30  # rows faster than that
+_MIN_ALIGNMENT = 0.8  # mean resultant length of course minus heading
+_MAX_SCATTER_RATIO = 0.25  # of the scatter about the heading to the scatter about the bow
+_UNIT_CORRELATION = 0.8  # from which a gain shows the unit
+_UNIT_TOLERANCE = 0.15  # of the logarithm of a gain
+_MIN_DELAY = 0.05  # s
+OVER_GROUND = "NED"  # axes of a velocity whose names contain north and east
+_EXCHANGE = {"rudder": "elevator", "elevator": "rudder"}
+# Candidates for a unit that was guessed.
+_UNITS = {
+    "gyroscope": ("rad/s", "deg/s"),
+    "attitude": ("rad", "deg"),
+    "depth": ("m", "mm", "cm", "ft"),
+    "dvl": ("m/s", "mm/s", "cm/s", "knot"),
+    "accelerometer": ("m/s^2", "g"),
+}
+
+
+class LikelySigns(NamedTuple):
+    """Signs with the largest likelihood.
+
+    Attributes
+    ----------
+    signs : dict of int
+        1 or -1 by symbol.
+    margins : dict of float
+        Decrease of the log likelihood if a symbol has the other sign.
+    """
+
+    signs: dict[str, int]
+    margins: dict[str, float]
+
+    def strength(self, symbol: str) -> str:
+        """Return the strength of the evidence for a sign as a word; empty without evidence."""
+        return next((word for limit, word in _STRENGTHS if self.margins.get(symbol, 0.0) >= limit), "")
+
+
+def likely_signs(
+    symbols: Sequence[str], fits: Sequence[RelationFit], expected: Mapping[str, Mapping[str, float]]
+) -> LikelySigns:
+    """Return the signs that agree best with relations and expectations.
+
+    Parameters
+    ----------
+    symbols : sequence of str
+    fits : sequence of RelationFit
+    expected : mapping of mappings
+        Log likelihoods by names, values and conventions: by sensor for each of its `USUAL_AXES`, and by symbol for its
+        present sign (``"+"``).
+    """
+    signs = np.array(list(product((1, -1), repeat=len(symbols))), np.int8).reshape(2 ** len(symbols), len(symbols))
+    by_symbol = {symbol: signs[:, k] for k, symbol in enumerate(symbols)}
+    score = np.zeros(len(signs))
+    for fit in fits:
+        score += fit.weight * np.prod([by_symbol[symbol] for symbol in fit.symbols if symbol in by_symbol], axis=0)
+    for sensor, triple in TRIPLES.items():
+        present = [(by_symbol[symbol], k) for k, symbol in enumerate(triple) if symbol in by_symbol]
+        if present:
+            score += _axes_likelihood(present, expected.get(sensor, {}))
+    for symbol, sign in by_symbol.items():
+        score += expected.get(symbol, {}).get("+", 0.0) * sign
+    best = int(score.argmax())
+    margins = {
+        symbol: float(score[best] - score[sign != sign[best]].max(initial=-np.inf))
+        for symbol, sign in by_symbol.items()
+    }
+    return LikelySigns({symbol: int(sign[best]) for symbol, sign in by_symbol.items()}, margins)
+
+
+def _axes_likelihood(present: Sequence[tuple[NDArray[np.int8], int]], expected: Mapping[str, float]) -> Array:
+    """Return the log likelihood of a sensor's signs, given the nearest usual axes."""
+    scores = []
+    for axes, usual in USUAL_AXES.items():
+        n_reversed = sum((sign != usual[k]).astype(np.float64) for sign, k in present)
+        scores.append(expected.get(axes, 0.0) - _FLU_COST * (axes != "FRD") - _REVERSED_COST * n_reversed)
+    return np.max(scores, axis=0)
+
+
+class Evidence(NamedTuple):
+    """Result of the relations between the signals of a log.
+
+    Attributes
+    ----------
+    fits : list of RelationFit
+    verdict : LikelySigns
+    over_ground : str
+        ``NED`` or ``ENU`` if the velocity of the DVL is over ground, else empty.
+    exchanged : bool
+        Whether rudder and elevator are exchanged.
+    delays : dict of float
+        Delay of the times of a sensor, s.
+    units : dict of str
+        Unit of a sensor whose unit was guessed wrong.
+    """
+
+    fits: list[RelationFit]
+    verdict: LikelySigns
+    over_ground: str
+    exchanged: bool
+    delays: dict[str, float]
+    units: dict[str, str]
+
+    def words(self, symbols: Sequence[str]) -> str:
+        """Return the evidence for the signs of some symbols: strength, relations and correlations."""
+        by_strength: dict[str, list[str]] = {}
+        for symbol in symbols:
+            by_strength.setdefault(self.verdict.strength(symbol), []).append(symbol.removeprefix("fins."))
+        relations = ", ".join(
+            f"{fit.words} (correlation {abs(fit.correlation):.2f})"
+            for fit in self.fits
+            if fit.weight and {*symbols} & {*fit.symbols}
+        )
+        unknown = ", ".join(by_strength.pop("", ()))
+        strengths = ", ".join(f"{word} evidence for the sign of {', '.join(of)}" for word, of in by_strength.items())
+        texts = [f"{strengths}: {relations or 'mean value'}"] if strengths else []
+        if unknown:
+            texts.append(f"no evidence for the sign of {unknown}")
+        return "; ".join(texts)
+
+
+def weigh_evidence(
+    tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float]], guessed: Mapping[str, str]
+) -> Evidence:
+    """Find units, exchanged fins, delays and signs, in this order, by the relations between signals.
+
+    Parameters
+    ----------
+    tracks : mapping of str to Track
+        Signals in SI by symbol.
+    expected : mapping of mappings
+        Log likelihoods by names and conventions, see `likely_signs`.
+    guessed : mapping of str to str
+        Assumed unit of each sensor whose unit is not stated.
+    """
+    tracks, units = dict(tracks), {}
+    is_named = OVER_GROUND in expected.get("dvl", {}) and {"u", "v"} <= {*tracks}
+    direction = 1 if is_named else _course_direction(tracks)
+    if direction:
+        tracks = _speed_as_surge(tracks)
+    fits = fit_relations(tracks)
+    for fit in fits:
+        for sensor, unit in _wrong_units(fit, guessed):
+            if sensor not in units:
+                units[sensor] = unit
+                tracks |= _rescaled(tracks, sensor, _unit_ratio(sensor, unit, guessed))
+    if units:
+        fits = fit_relations(tracks)
+    of_fins = [fit for fit in fits if {*_EXCHANGE} & {*fit.symbols}]
+    crossed = sum(abs(fit.weight) for fit in of_fins if CROSSED in fit.symbols)
+    as_named = sum(abs(fit.weight) for fit in of_fins if CROSSED not in fit.symbols)
+    exchanged = {*_EXCHANGE} <= {*tracks} and crossed > as_named + _EXCHANGED
+    if exchanged:
+        tracks = {_EXCHANGE.get(symbol, symbol): track for symbol, track in tracks.items()}
+        fits = fit_relations(tracks)
+    fits = [fit for fit in fits if CROSSED not in fit.symbols]
+    delays: dict[str, float] = {}
+    # One sensor at a time, because its delay affects all relations that contain it.
+    while (late := _latest_sensor(fits)) is not None and late[0] not in delays:
+        delays |= [late]
+        tracks = _without_delay(tracks, *late)
+        fits = [fit for fit in fit_relations(tracks) if CROSSED not in fit.symbols]
+    verdict = likely_signs(list(tracks), fits, _with_values(tracks, expected))
+    over_ground = ""
+    if direction:
+        over_ground = OVER_GROUND if is_named or direction * verdict.signs["psi"] > 0 else "ENU"
+    return Evidence(fits, verdict, over_ground, exchanged, delays, units)
+
+
+def _with_values(
+    tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float]]
+) -> dict[str, dict[str, float]]:
+    """Return the expectations with those added that follow from the mean values of signals."""
+    full = {key: dict(value) for key, value in expected.items()}
+    for symbol, positive, negative in (("down", _BELOW, -_ABOVE), ("u", _AHEAD, -_AHEAD), ("fz", -_GRAVITY, _GRAVITY)):
+        if symbol in tracks and np.isfinite(tracks[symbol].values).any():
+            mean = float(np.nanmean(tracks[symbol].values))
+            if symbol != "fz" or abs(mean) > _MIN_GRAVITY:
+                of_symbol = full.setdefault(symbol, {})
+                score = positive if mean > 0.0 else negative if mean < 0.0 else 0.0
+                of_symbol["+"] = of_symbol.get("+", 0.0) + score
+    return full
+
+
+def _course_direction(tracks: Mapping[str, Track]) -> int:
+    """Return 1 if a velocity's direction turns with the heading, -1 if against it, 0 if it is in body axes."""
+    if not {"u", "v", "psi"} <= {*tracks}:
+        return 0
+    u, v, psi = (tracks[symbol] for symbol in ("u", "v", "psi"))
+    heading = interpolate(psi.time, psi.values[:, None], u.time, is_angle=True)[:, 0]
+    if v.time.size != u.time.size:
+        return 0
+    usable = np.isfinite(heading) & (np.hypot(u.values, v.values) > _MIN_SPEED)
+    if np.count_nonzero(usable) < _MIN_COURSES:
+        return 0
+    course = np.arctan2(v.values[usable], u.values[usable])
+    about_bow, with_heading, against = (
+        float(abs(np.exp(1j * (course - sign * heading[usable])).mean())) for sign in (0.0, 1.0, -1.0)
+    )
+    best = max(with_heading, against)
+    if best < _MIN_ALIGNMENT or 1.0 - best > _MAX_SCATTER_RATIO * (1.0 - about_bow):
+        return 0
+    return 1 if with_heading > against else -1
+
+
+def _speed_as_surge(tracks: Mapping[str, Track]) -> dict[str, Track]:
+    """Replace a velocity over ground by its size as `u`, because the axes of its components are still unknown."""
+    size = np.hypot(tracks["u"].values, tracks["v"].values)
+    others = {symbol: track for symbol, track in tracks.items() if symbol not in ("v", "w")}
+    return others | {"u": tracks["u"]._replace(values=size)}
+
+
+def _wrong_units(fit: RelationFit, guessed: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Return sensors whose unit was guessed, with units that explain the gain of a relation."""
+    if abs(fit.correlation) < _UNIT_CORRELATION or abs(np.log(fit.gain)) < _UNIT_TOLERANCE:
+        return []
+    gains: dict[tuple[str, str], float] = {}
+    for place, symbol in enumerate(fit.symbols):
+        sensor = _sensor_of(symbol)
+        # Only its rate shows whether a pitch is in degrees; its sine is not proportional.
+        if sensor == "attitude" and fit.symbols[0] not in TRIPLES["gyroscope"]:
+            continue
+        for unit in _UNITS.get(sensor, ()) if sensor in guessed else ():
+            ratio = _unit_ratio(sensor, unit, guessed)
+            # Too large a unit increases the signal, which is the first symbol, or its prediction.
+            gains[sensor, unit] = 1.0 / ratio if place == 0 else ratio
+    single = [key for key, gain in gains.items() if abs(np.log(fit.gain / gain)) < _UNIT_TOLERANCE]
+    if single:
+        return single
+    for pair in combinations(gains, 2):
+        product_of_gains = gains[pair[0]] * gains[pair[1]]
+        if pair[0][0] != pair[1][0] and abs(np.log(fit.gain / product_of_gains)) < _UNIT_TOLERANCE:
+            return [*pair]
+    return []
+
+
+def _unit_ratio(sensor: str, unit: str, guessed: Mapping[str, str]) -> float:
+    """Return a unit in units of the guessed one."""
+    si = SENSORS[sensor][0].unit
+    return unit_factor(unit, si) / unit_factor(guessed[sensor], si)
+
+
+def _rescaled(tracks: Mapping[str, Track], sensor: str, factor: float) -> dict[str, Track]:
+    symbols = [quantity.symbol for quantity in SENSORS[sensor] if quantity.symbol in tracks]
+    return {symbol: tracks[symbol]._replace(values=factor * tracks[symbol].values) for symbol in symbols}
+
+
+def _latest_sensor(fits: Sequence[RelationFit]) -> tuple[str, float] | None:
+    """Return a late sensor and its delay, s, by the relation with the largest correlation that shows one."""
+    for fit in sorted(fits, key=lambda fit: abs(fit.correlation), reverse=True):
+        first, other = _sensor_of(fit.symbols[0]), _sensor_of(fit.symbols[-1])
+        if first != other and abs(fit.delay) >= _MIN_DELAY:
+            # Inertial sensors are more likely on time, so the other one is early or late.
+            return (other, -fit.delay) if first in ("gyroscope", "accelerometer") else (first, fit.delay)
+    return None
+
+
+def _without_delay(tracks: Mapping[str, Track], sensor: str, delay: float) -> dict[str, Track]:
+    return {
+        symbol: track._replace(time=track.time - delay) if _sensor_of(symbol) == sensor else track
+        for symbol, track in tracks.items()
+    }
+
+
+def _sensor_of(symbol: str) -> str:
+    return next((sensor for sensor, of in SENSORS.items() if symbol in [quantity.symbol for quantity in of]), "")
