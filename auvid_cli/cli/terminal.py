@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from auvid_cli.api.output import Advance, Progress
+from auvid_cli.api import COMPILED_FILTERS, Advance, Progress, load_vehicles
 from auvid_cli.cli.streams import DONE, INTERRUPTED, WRONG_INPUT, discard, hanging, print_error, print_os_error
 
 if TYPE_CHECKING:
@@ -185,13 +185,11 @@ class Terminal(Progress):
 
     def load_core(self) -> None:
         """Load the compiled core; two processes compile it if necessary."""
-        from auvid_cli.api import core
-
-        with self._compiling_beside(*core.FILTERS), self.compiling():
-            core.load_vehicles()
+        with self._compiling_in_parallel(*COMPILED_FILTERS), self.compiling():
+            load_vehicles()
 
     @contextmanager
-    def _compiling_beside(self, *modules: str) -> Iterator[None]:
+    def _compiling_in_parallel(self, *modules: str) -> Iterator[None]:
         """Compile modules in a second process during the block, if the first of them is not in the cache."""
         from auvid_cli.numerics import compile_elsewhere, is_compiled
 
