@@ -1,4 +1,4 @@
-"""What `import auvid_cli` offers."""
+"""Python interface of `auvid_cli`."""
 
 import builtins
 import doctest
@@ -207,7 +207,7 @@ def test_a_setting_in_place_of_an_experiment_is_sent_to_where_it_belongs():
 
 
 def test_what_is_recorded_cannot_be_set(here):
-    with pytest.raises(ConfigError, match=r"seed=3: would change nothing, the data of dataset\.h5 are already"):
+    with pytest.raises(ConfigError, match=r"seed=3: .*expected vehicle"):
         auvid.read_dataset("dataset.h5", "seed=3")
 
 
@@ -215,7 +215,7 @@ def test_what_is_recorded_cannot_be_set(here):
 def test_an_estimate_of_other_data_is_refused(function, here, other):
     estimate = auvid.read_estimate("tukf.h5")
     stranger = auvid.write_dataset("other.h5", other)
-    with pytest.raises(DataError, match="the estimate of tukf was made from another dataset"):
+    with pytest.raises(DataError, match=r"tukf: .*another dataset"):
         function(stranger, estimate)
     with pytest.raises(DataError, match="another dataset"):
         auvid.export_model(stranger, "tukf.h5", "json")
@@ -240,7 +240,7 @@ def test_no_file_takes_the_place_of_the_dataset(here, short_run):
         lambda: auvid.identify(dataset, "ckf", "mine.h5"),
         lambda: auvid.export_model(dataset, estimate, "json", "mine.h5"),
     ):
-        with pytest.raises(FileError, match="is the dataset itself, and would be lost"):
+        with pytest.raises(FileError, match="is the dataset itself"):
             write()
     assert Path("mine.h5").read_bytes() == content
 

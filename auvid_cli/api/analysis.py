@@ -45,8 +45,8 @@ def tune(
     Returns
     -------
     Tuning
-        ``noises`` with 95 % intervals, the ``gain`` in log-likelihood, the ``choice`` of a disturbance if it was asked
-        for, and the ``experiment`` with the tuned noise, for a dataset with `dataclasses.replace`; ``to_pandas()``
+        ``noises`` with 95 % intervals, the ``gain`` in log-likelihood, the ``choice`` of a disturbance if one was tried,
+        and the ``experiment`` with the tuned noise, for a dataset with `dataclasses.replace`; ``to_pandas()``
         makes a table.
 
     Raises

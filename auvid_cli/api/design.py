@@ -208,7 +208,7 @@ def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[floa
     task : DesignProblem
     design : Design
     remark : str
-        Source of the manoeuvre, for the settings file.
+        Source of the manoeuvre; a comment in the settings file.
     origin : tuple of float
         Latitude and longitude of the start, degrees.
     """

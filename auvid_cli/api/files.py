@@ -149,7 +149,7 @@ def write_dataset(path: str | Path, dataset: Dataset) -> Dataset:
     Raises
     ------
     FileError
-        If the file cannot be written.
+        If writing fails.
 
     Examples
     --------

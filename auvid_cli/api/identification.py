@@ -250,7 +250,7 @@ def identify_data_into(
         chosen = settings.with_judge(filters or settings.by_default())
         if filters and len(chosen) > len(set(filters)):
             progress.message(
-                f"{JUDGE.value} runs as well, because it judges the others (--set identification.judge=false: without it)"
+                f"{JUDGE.value} runs as well, because it judges the others; --set identification.judge=false omits it"
             )
         for doubt in doubts(vehicle):
             progress.message(f"note: vehicle {vehicle.name}: {doubt}")

@@ -45,7 +45,7 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
             init,
             (
                 "auvid init mine --like remus100",
-                "auvid init mine --length 2m --diameter .2m --mass 60kg --fin-span 10cm --fin-area 80cm^2",
+                "auvid init mine",
             ),
             OutlineCommand,
         ),

@@ -37,8 +37,8 @@ FilterOption = Annotated[
         "-f",
         metavar="FILTER",
         help=f"Filter to run: {', '.join(name.value for name in FilterName)}; repeatable. Default: "
-        "identification.filters. The smoother runs as well, because it judges the others "
-        "(identification.judge=false: without it).",
+        "identification.filters. The smoother runs as well, because it judges the others; "
+        "identification.judge=false omits it.",
         show_default=False,
     ),
 ]
