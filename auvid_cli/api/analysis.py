@@ -45,7 +45,7 @@ def tune(
     Returns
     -------
     Tuning
-        ``noises`` with 95 % intervals, the ``gain`` in log-likelihood, the ``choice`` of a disturbance if one was tried,
+        ``noises`` with 95 % intervals, the ``gain`` in log-likelihood, the ``choice`` of a disturbance if tried,
         and the ``experiment`` with the tuned noise, for a dataset with `dataclasses.replace`; ``to_pandas()``
         makes a table.
 
