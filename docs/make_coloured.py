@@ -15,7 +15,7 @@ from docs.section import replace_section
 
 
 def row(case: tuple[Hashable, ...], coefficients: pd.DataFrame) -> str:
-    """Say how often two standard deviations hold the truth, nominal and corrected."""
+    """Return how often two standard deviations contain the truth, nominal and corrected."""
     manoeuvre, attitude, name = case
     error = (coefficients["estimate"] - coefficients["true"]).abs()
     nominal, corrected = coefficients["standard_deviation"], coefficients["corrected_standard_deviation"]
