@@ -132,14 +132,7 @@ def design(
     loaded, files = experiment.load()
     for path in aim.given or ():
         refuse_log(path)
-    envelope = _envelope(
-        box=limits.box,
-        depth=limits.depth,
-        pitch=limits.pitch,
-        roll=limits.roll,
-        speed=limits.speed,
-        energy=limits.energy,
-    )
+    envelope = _envelope(limits)
     time = None if search.generations else _quantity("budget", search.budget, "s")
     duration = _quantity("duration", limits.duration, "s")
     fin_angle = None if limits.fins is None else _quantity("fins", limits.fins, "rad", 1.6)
@@ -190,14 +183,15 @@ def _quantity(option: str, text: str, unit: str, below: float = float("inf")) ->
     return value
 
 
-def _envelope(**limits: str | None) -> "Envelope":
+def _envelope(limits: EnvelopeOptions) -> "Envelope":
     """Return the envelope; report all invalid limits by the names of their options."""
     from pydantic import ValidationError
 
     from auvid_cli.config.manoeuvre import Envelope
 
+    texts = {name: getattr(limits, name) for name in Envelope.model_fields}
     try:
-        return Envelope.model_validate({name: text for name, text in limits.items() if text is not None})
+        return Envelope.model_validate({name: text for name, text in texts.items() if text is not None})
     except ValidationError as error:
         raise ConfigError("\n".join(_message(Envelope, detail) for detail in error.errors())) from None
 

@@ -171,9 +171,9 @@ def test_interrupted_campaign_reports_finished_runs(tmp_path):
         time.sleep(0.05)
     # As a terminal does it: the workers get it, too.
     os.killpg(process.pid, signal.SIGINT)
-    said, complaint = process.communicate(timeout=60)
+    output, complaint = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "of 1600 runs are done and kept; the same command goes on with the others" in said
+    assert "of 1600 runs are finished and kept" in output
     assert complaint == "auvid: interrupted; files already written are complete\n"
 
 

@@ -68,8 +68,8 @@ def test_smoother_runs_by_default_and_judges_filters(tmp_path):
 def test_fault_gives_advice_and_exit_code_1(tmp_path):
     result = auvid("run", *JUDGED, "--set", "sensors.gyroscope.bias=0.2 deg/s", "--filter", "smoother", cwd=tmp_path)
     assert result.exit_code == 1
-    said = " ".join(result.stdout.split())
-    assert re.search(r"Smoother (doubtful: the data look like a fault: bias of [pqr]|inconsistent)", said)
+    output = " ".join(result.stdout.split())
+    assert re.search(r"Smoother (doubtful: the data look like a fault: bias of [pqr]|inconsistent)", output)
     worst = max(table(tmp_path, "faults"), key=lambda row: abs(float(row["z"])))
     assert worst["fault"] in ("bias of p", "bias of q", "bias of r")
     assert abs(float(worst["size"])) == pytest.approx(0.0035, rel=0.3)
@@ -361,10 +361,10 @@ def test_check_prints_advice_and_exit_code(results, tmp_path):
     folder, _ = results
     result = auvid("check", "results/spiral", cwd=folder)
     assert result.exit_code == 1, result.stderr
-    said = " ".join(result.stdout.split())
-    assert re.search(r"CKF[^:]*: \d+ of \d+ passed, \d+ failed", said)
-    assert "FAIL" in said
-    assert re.search(r"coefficients \(identified\): The data do not determine these", said)
+    output = " ".join(result.stdout.split())
+    assert re.search(r"CKF[^:]*: \d+ of \d+ passed, \d+ failed", output)
+    assert "FAIL" in output
+    assert re.search(r"coefficients \(identified\): The data do not determine these", output)
     rows = list(csv.DictReader((folder / "results/spiral/tables/checks.csv").read_text(encoding="utf-8").splitlines()))
     assert {row["passed"] for row in rows} >= {"True", "False"}
     assert all(bool(row["advice"]) == (row["passed"] != "True") for row in rows)
@@ -376,8 +376,8 @@ def test_check_of_missing_folder_is_one_error(tmp_path):
 
 def test_as_log_writes_logs_and_keeps_existing_files(tmp_path):
     survey = ("simulate", "field", "--as-log", "--set", "manoeuvre.duration=20 s", "-o", tmp_path)
-    said = auvid(*survey).stdout
-    assert "next: auvid import --suggest" in said
+    output = auvid(*survey).stdout
+    assert "next: auvid import --suggest" in output
     written = {path.name for path in tmp_path.iterdir()}
     assert written - {".lock"} == {"fins.csv", "compass.csv", "dvl.csv", "depth.csv", "vehicle.yaml"}
     assert_one_clear_complaint(auvid(*survey), "fins.csv: exists already")

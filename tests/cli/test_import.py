@@ -159,7 +159,7 @@ inputs: {{rudder: dr}}
 
 
 @pytest.mark.parametrize(
-    ("begin", "said", "code"),
+    ("begin", "message", "code"),
     [
         (5.0, None, 0),  # goes on
         (4.55, "file 2 of the log overlaps those before it from 4.550 to 4.900 s by the log's clock: taken as they", 0),
@@ -170,7 +170,7 @@ inputs: {{rudder: dr}}
         ),
     ],
 )
-def test_overlapping_clocks_are_reported_or_refused(tmp_path, begin, said, code):
+def test_overlapping_clocks_are_reported_or_refused(tmp_path, begin, message, code):
     for name, start, speed in (("a", 0.0, 2.0), ("b", begin, 3.0)):
         time = start + np.arange(50) / 10
         to_csv(tmp_path / f"{name}.csv", ["time", "u", "dr"], time, speed + np.sin(time), 0.1 * np.cos(time))
@@ -178,7 +178,7 @@ def test_overlapping_clocks_are_reported_or_refused(tmp_path, begin, said, code)
     result = auvid_import("--map", tmp_path / "map.yaml", "-o", tmp_path / "d.h5")
     assert result.exit_code == code, result.output
     output = " ".join(result.output.split())
-    assert said in output if said else "file 2" not in output
+    assert message in output if message else "file 2" not in output
     if code:
         assert "map.yaml:5:11: sensors.dvl: " in output
 

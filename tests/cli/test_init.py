@@ -148,12 +148,12 @@ def test_a_dialogue_on_a_real_terminal_ends_with_a_folder(tmp_path):
     command = [sys.executable, "-m", "auvid_cli", "init", "mine"]
     with subprocess.Popen(command, cwd=tmp_path, stdin=theirs, stdout=theirs, stderr=theirs) as process:
         os.close(theirs)
-        said = b"".join(iter(lambda: _read(ours), b"")).decode()
+        output = b"".join(iter(lambda: _read(ours), b"")).decode()
     os.close(ours)
-    assert process.returncode == 0, said
-    assert "expected a length such as '0.2 m' or a bare number in m, got 'two'" in said
-    assert said.count("Span of one fin from root to tip, e.g. 10 cm:") == 2
-    assert "next: auvid run mine" in said
+    assert process.returncode == 0, output
+    assert "expected a length such as '0.2 m' or a bare number in m, got 'two'" in output
+    assert output.count("Span of one fin from root to tip, e.g. 10 cm:") == 2
+    assert "next: auvid run mine" in output
     assert {path.name for path in (tmp_path / "mine").iterdir()} == FILES
 
 

@@ -56,9 +56,9 @@ def test_tune_chooses_disturbance(simulated_with, tmp_path, run):
     write_dataset(tmp_path / "dataset.h5", dataset)
     result = run(tmp_path / "dataset.h5", "--disturbance")
     assert result.exit_code == 0, result.output
-    (said,) = [line for line in result.output.splitlines() if line.startswith("a disturbance that lasts is")]
-    assert said.startswith("a disturbance that lasts is left out: with it the log-likelihood is ")
-    assert "2 numbers more must bring" in said
+    (line,) = [line for line in result.output.splitlines() if line.startswith("a disturbance that lasts is")]
+    assert line.startswith("a disturbance that lasts is left out: with it the log-likelihood is ")
+    assert "2 numbers more must bring" in line
     tuned = read_dataset(tmp_path / "dataset.h5", str(tmp_path / "tuned.yaml")).experiment.identification
     assert tuned.estimate.biases == ()
 
@@ -78,13 +78,13 @@ def test_identify_prints_tuned_noise(simulated_with, tmp_path):
     settings = "--set=identification.noise=estimate", "--set=identification.judge=false"
     result = CliRunner().invoke(app, ["identify", f"{tmp_path}/dataset.h5", "--filter", "ckf", *settings])
     assert result.exit_code == 0, result.output
-    (said,) = [line for line in result.output.splitlines() if line.startswith("process noise that makes")]
+    (line,) = [line for line in result.output.splitlines() if line.startswith("estimated process noise")]
     identification = read_estimate(tmp_path / "estimates/ckf.h5").experiment.identification
     settings, force = identification.process_noise, identification.estimate.disturbance.force
-    pushes = f"force {force.standard_deviation[0]:.3g} over {force.time_constant[0]:.3g} s"
-    assert f"estimated disturbance, SI: {pushes}" in result.output
+    levels = f"force {force.standard_deviation[0]:.3g}, time constant {force.time_constant[0]:.3g} s"
+    assert f"estimated disturbance, SI: {levels}" in result.output
     densities = {name: getattr(settings, name)[0] for name in ("velocity", "rate", "attitude")}
-    assert said.endswith(", ".join(f"{name} {density:.3g}" for name, density in densities.items()))
+    assert line.endswith(", ".join(f"{name} {density:.3g}" for name, density in densities.items()))
 
 
 def test_invalid_dataset_is_one_line(tmp_path, run, capsys):
