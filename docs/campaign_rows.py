@@ -29,7 +29,7 @@ class CampaignRows(NamedTuple):
         own = self.rows[self.rows["kind"] == "coefficient"]
         return own.assign(error=(own["estimate"] - own["true"]).abs() / own["standard_deviation"])
 
-    def said(self) -> str:
+    def summary(self) -> str:
         """Return a sentence with the number of runs and their seeds."""
         seeds = self.runs["seed"]
         return (

@@ -30,7 +30,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("results/campaigns/biased"))
     rows = campaign_rows("biased", parser.parse_args().results)
     lines = [
-        rows.said(),
+        rows.summary(),
         "",
         "| attitude | filter | runs | average error %, mean ± sd | largest | judged | within 2 sd | fewest |",
         "| --- | --- | ---: | ---: | ---: | --- | ---: | --- |",

@@ -34,7 +34,7 @@ def main() -> None:
     rows = campaign_rows("coloured", parser.parse_args().results)
     coefficients = rows.coefficients[rows.coefficients["corrected_standard_deviation"].notna()]
     lines = [
-        rows.said(),
+        rows.summary(),
         "",
         "| manoeuvre | attitude | method | runs | within 2 nominal sd | within 2 corrected sd | fewest "
         "| corrected / nominal, median | largest |",

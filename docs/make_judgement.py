@@ -107,7 +107,7 @@ def main() -> None:
     options = parser.parse_args()
     rows = campaign_rows("judgement", options.results)
     lines = [
-        rows.said(),
+        rows.summary(),
         f"They are of {rows.runs['case'].nunique()} pairs of vehicle and manoeuvre. Right: all coefficients within",
         f"{_RIGHT:g} standard deviations of the truth; wrong: one beyond {_WRONG:g}. The share within two standard",
         "deviations and the largest error are of the identified coefficients of sound runs.",

@@ -97,7 +97,9 @@ def test_run_into_pipe_prints_summary_without_progress_bar(results):
 
 def test_single_steps_give_estimates_of_run(results, tmp_path):
     folder, _ = results
-    assert auvid("simulate", *SHORT, cwd=tmp_path).exit_code == 0
+    simulated = auvid("simulate", *SHORT, cwd=tmp_path)
+    assert simulated.exit_code == 0
+    assert simulated.stdout.splitlines()[-1] == f"next: auvid identify {Path('results/spiral/dataset.h5')}"
     assert auvid("identify", *SHORT, "--filter", "tukf", cwd=tmp_path).exit_code == 0
     assert auvid("report", cwd=tmp_path).exit_code == 0
     with (
