@@ -40,6 +40,8 @@ from auvid_cli.report.figures.draw import drawing
 from auvid_cli.report.screens import sentences
 
 Array = NDArray[np.float64]
+MISSION_FILES = ("manoeuvre.yaml", "inputs.csv", "track.geojson", "timeline.md", "checklist.md", "result.md")
+SEARCH_FILE = "search.json"
 
 
 def information_in_hand(experiment: Experiment, named: Mapping[str, Dataset]) -> InHand | None:
@@ -227,10 +229,6 @@ def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[floa
     )
 
 
-FILES = "manoeuvre.yaml", "inputs.csv", "track.geojson", "timeline.md", "checklist.md", "result.md"
-STATE = "search.json"
-
-
 class DesignSources(NamedTuple):
     """Sources of a design: an experiment, the files it was read from, an estimate file, and dataset files."""
 
@@ -251,7 +249,7 @@ def design_into(
     figure_formats: Collection[FigureFormat],
     progress: Progress,
 ) -> tuple[Design, list[Path]]:
-    """Design a run, and write the files that a crew needs into a folder; returns the design and the files.
+    """Design a run, and write the mission files into a folder; returns the design and the files.
 
     Parameters
     ----------
@@ -266,10 +264,10 @@ def design_into(
     overwrite, figure_formats, progress
         As for `auvid_cli.run`.
     """
-    experiment, paths = sources.experiment, [folder / name for name in FILES]
+    experiment, paths = sources.experiment, [folder / name for name in MISSION_FILES]
     refuse_unless(overwrite, next((f"{path}: exists already" for path in paths if path.exists()), ""))
     read = [*([] if sources.at is None else [sources.at]), *sources.given]
-    check_no_overlap([*paths, folder / STATE], [*sources.files, *read])
+    check_no_overlap([*paths, folder / SEARCH_FILE], [*sources.files, *read])
     with ExitStack() as stack:
         spread = None if scheduler is None else stack.enter_context(_spread_over(scheduler))
         estimate = None if sources.at is None else read_estimate(sources.at)
@@ -281,7 +279,7 @@ def design_into(
         for path in data:
             progress.message(f"information already available: {path}")
         key = search_key(experiment, wish, read)
-        reached = search_until(task, limits, folder / STATE, key, overwrite, progress)
+        reached = search_until(task, limits, folder / SEARCH_FILE, key, overwrite, progress)
         with progress.stage("compare"):
             design = conclude(task, reached)
             gain = "the spiral itself" if design.is_own else f"{design.chosen}, x{design.gain:.2f} over the spiral"
