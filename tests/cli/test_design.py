@@ -59,7 +59,7 @@ def test_interrupt_keeps_best_manoeuvre(tmp_path, monkeypatch):
         ),
         (("--pitch", "89 deg"), ("--pitch 89 deg: must be less than 1.48 rad",)),
         (("--speed", "2 m/s"), ("lower --speed",)),
-        (("--fins", "100 deg"), ("--fins 100 deg: expected more than 0 and below 1.6 rad",)),
+        (("--fins", "100 deg"), ("--fins 100 deg: must be larger than 0",)),
         (("--budget", "soon"), ("--budget: expected a time",)),
         (("--criterion", "A"), ("--criterion A: expected D or worst",)),
         (("--origin", "here"), ("--origin here: expected latitude and longitude",)),
@@ -88,7 +88,7 @@ def test_same_command_continues_search_and_other_settings_are_refused(tmp_path):
         if path.is_file() and path != state:
             path.unlink()
     other = auvid("design", *QUICK, "--seed", "5", cwd=tmp_path)
-    assert_one_clear_complaint(other, "search.json is of a search with other settings", "--overwrite")
+    assert_one_clear_complaint(other, "search.json: belongs to a search with other settings", "--overwrite")
     state.write_text('{"kind": "auvid design search", "costs": [[1], []]}')
     assert_one_clear_complaint(auvid("design", *QUICK, cwd=tmp_path), "search.json: is damaged")
 
@@ -105,7 +105,7 @@ def test_given_dataset_adds_its_information(tmp_path):
         tmp_path / "few.h5", simulate(remus("manoeuvre.duration=5 s", "identification.coefficients=[N_uudr]"))
     )
     refused = auvid("design", *QUICK, "--given", "few.h5", "--output", "third", cwd=tmp_path)
-    assert_one_clear_complaint(refused, "--given few.h5: holds X_u|u|", "identification.coefficients")
+    assert_one_clear_complaint(refused, "--given few.h5: keeps X_u|u|", "identification.coefficients")
 
 
 def remus(*overrides):

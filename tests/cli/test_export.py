@@ -137,7 +137,7 @@ def test_another_dataset_is_refused(own_results):
 def test_the_dataset_may_be_elsewhere(own_results, tmp_path):
     (own_results / "dataset.h5").rename(tmp_path / "mission.h5")
     lonely = own_results / "estimates/tukf.h5"
-    assert_one_clear_complaint(run(lonely, "--to", "json"), "no such dataset", "--dataset")
+    assert_one_clear_complaint(run(lonely, "--to", "json"), "dataset not found", "--dataset")
     assert run(lonely, "--to", "json", "--dataset", tmp_path / "mission.h5").exit_code == 0
 
 

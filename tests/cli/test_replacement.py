@@ -90,7 +90,7 @@ def test_every_written_file_is_listed_as_product(here):
             ("ckf.h5", "`identification`"),
         ),
         (("identify", dataset_in(HOME), "-f", "ukf", "--use", "1:5"), ("ckf.h5", "`identification`")),
-        (("export", HOME / "estimates/ckf.h5", "--to", "json", "-o", "notes.json"), ("notes.json: is there",)),
+        (("export", HOME / "estimates/ckf.h5", "--to", "json", "-o", "notes.json"), ("notes.json: exists",)),
     ],
 )
 def test_other_data_or_settings_are_refused_without_changes(here, command, words):
