@@ -1,7 +1,7 @@
 """auvid: hydrodynamic coefficients of an underwater vehicle from its own manoeuvre data.
 
-The names in `__all__` are the Python interface; each is loaded when it is first asked for, so that importing this
-package takes no time.
+The names in `__all__` are the Python interface. Each is loaded when it is first used, so that importing this package
+is fast.
 """
 
 from importlib import import_module

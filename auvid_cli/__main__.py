@@ -6,16 +6,16 @@ import sys
 
 from auvid_cli.cli.streams import INTERRUPTED, WRONG_INPUT, finish, prepare_streams, print_os_error
 
-# Before NumPy is loaded, here and in processes that this one starts: estimators and figures stand side by side already,
-# and beside them threads of linear algebra turned idly between short products, for a tenth of the processor time.
+# Linear algebra in one thread, because filters and figures already run in parallel (a tenth of the processor time).
+# Set before NumPy is loaded; child processes inherit it.
 for _library in ("OPENBLAS", "MKL", "OMP"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
-# Of the modules that a command loads nothing goes: to look for garbage there again and again took a tenth of its time.
+# Collect garbage less often: the loaded modules contain none, and searching them took a tenth of the time.
 gc.set_threshold(50_000)
 
 if "__mp_main__" in sys.modules:
-    # A worker process loads this program again first.
+    # A worker process imports this module first.
     from auvid_cli.child_processes import end_with_parent
 
     end_with_parent()
@@ -23,12 +23,12 @@ if "__mp_main__" in sys.modules:
 
 def main() -> None:
     """Run the command line."""
-    # A filter in Python would keep those that are compiled waiting whenever they come for more data.
+    # Short slices, so that a filter in Python does not keep compiled filters waiting for data.
     sys.setswitchinterval(1e-3)
     prepare_streams()
     code: int | str | None
     try:
-        # Here, because loading the commands takes a moment in which one may be interrupted as well.
+        # Import inside `try`, because the user may interrupt it.
         from auvid_cli.cli.app import app
 
         code = app()
@@ -37,11 +37,11 @@ def main() -> None:
     except KeyboardInterrupt:
         code = INTERRUPTED
     except OSError as error:
-        # Of the help, for example: no command has begun that would say so itself.
+        # For example while printing the help, outside of a command.
         print_os_error(error)
         code = WRONG_INPUT
     finally:
-        # Going through all that lives once more before the process ends would take half a second.
+        # Without this the last garbage collection takes half a second.
         gc.freeze()
     sys.exit(finish(code))
 

@@ -1,4 +1,4 @@
-"""Processor time of several runs side by side, on one core."""
+"""Processor time of several runs in turns, on one core."""
 
 import gc
 import os
@@ -20,12 +20,11 @@ _ONE_THREAD = {
     "JAX_PLATFORMS": "cpu",
 }
 
-# A run that is shorter is repeated within its turn, s.
-_TURN = 0.2
+_MIN_TIME = 0.2  # s; a shorter run is repeated within its turn
 
 
 def hold_to_one_core() -> None:
-    """Keep to one thread and one core; libraries read this when they are loaded, so it comes before them."""
+    """Use one thread and one core; call this before importing libraries, which read it at import."""
     os.environ.update(_ONE_THREAD)
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
@@ -42,7 +41,7 @@ def processor() -> str:
 
 
 def described_machine() -> dict[str, str]:
-    """Say what a measurement was made on, and when."""
+    """Return date, machine and load of a measurement."""
     return {
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
         "processor": f"{processor()}, {os.cpu_count()} cores",
@@ -55,14 +54,14 @@ def described_machine() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Timed:
-    """A run, and the processor time that it took in each round, s."""
+    """A run, and its processor time in each round, s."""
 
     run: Callable[[], object]
     seconds: list[float] = field(default_factory=list)
 
 
 def seconds_of(run: Callable[[], object], at_least: float = 0.0) -> float:
-    """Return the processor time of one run, the mean of as many as take `at_least`, s."""
+    """Return the mean processor time of a run, s, repeated for `at_least` s."""
     gc.collect()
     count, elapsed, start = 0, 0.0, time.process_time()
     while count == 0 or elapsed < at_least:
@@ -72,8 +71,8 @@ def seconds_of(run: Callable[[], object], at_least: float = 0.0) -> float:
 
 
 def round_robin(runs: Sequence[Timed], repetitions: int) -> None:
-    """Time all in turns, so that a noisy spell of the machine meets all."""
+    """Time all runs in turns, so that a busy machine affects all of them."""
     for repetition in range(repetitions):
         print(f"round {repetition + 1} of {repetitions}", file=sys.stderr)
         for timed in runs:
-            timed.seconds.append(seconds_of(timed.run, _TURN))
+            timed.seconds.append(seconds_of(timed.run, _MIN_TIME))

@@ -1,4 +1,4 @@
-"""What the runs of a campaign that ships found, as far as there are any."""
+"""Results of the finished runs of a shipped campaign."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -13,32 +13,24 @@ from auvid_cli.config.loading import find_campaign
 
 
 class CampaignRows(NamedTuple):
-    """Runs that are done.
-
-    Attributes
-    ----------
-    plan : CampaignPlan
-        Of all of them.
-    rows : pandas.DataFrame
-        Of everything that was measured, in the order of the plan.
-    """
+    """Plan of a campaign, and rows of its finished runs in the order of the plan."""
 
     plan: CampaignPlan
     rows: pd.DataFrame
 
     @property
     def runs(self) -> pd.DataFrame:
-        """Return a row for each run."""
+        """Return one row per run."""
         return self.rows[self.rows["kind"] == "run"]
 
     @property
     def coefficients(self) -> pd.DataFrame:
-        """Return a row for each coefficient of each run, with its `error`, standard deviations."""
+        """Return one row per coefficient and run, with its `error` in standard deviations."""
         own = self.rows[self.rows["kind"] == "coefficient"]
         return own.assign(error=(own["estimate"] - own["true"]).abs() / own["standard_deviation"])
 
-    def said(self) -> str:
-        """Say how many runs there are, and of which seeds."""
+    def summary(self) -> str:
+        """Return a sentence with the number of runs and their seeds."""
         seeds = self.runs["seed"]
         return (
             f"{len(seeds)} of the {self.plan.n_runs} runs of `auvid campaign {self.plan.campaign.name}`, seeds "
@@ -47,7 +39,7 @@ class CampaignRows(NamedTuple):
 
 
 def campaign_rows(name: str, results: Path) -> CampaignRows:
-    """Read them from a campaign's results folder."""
+    """Read the rows from the results folder of a campaign."""
     path = find_campaign(name)
     plan = CampaignPlan(*load_campaign(path), path)
     labels = plan.labels()
@@ -55,6 +47,6 @@ def campaign_rows(name: str, results: Path) -> CampaignRows:
 
 
 def fewest(within: pd.Series, coefficients: pd.DataFrame) -> str:
-    """Name the coefficient of which the smallest share is within something, with that share, for a cell of a table."""
+    """Return the coefficient with the smallest share of rows that are within, and this share, as text of a table."""
     shares = within.groupby(coefficients["name"]).mean()
     return f"{shares.idxmin()} {shares.min():.0%}".replace("|", r"\|")

@@ -1,4 +1,4 @@
-"""Write docs/api.md from the docstrings of what `import auvid_cli` offers: `python docs/make_api.py`."""
+"""Write docs/api.md from the docstrings of the public names of `auvid_cli`: `python docs/make_api.py`."""
 
 import inspect
 import re
@@ -10,19 +10,19 @@ import auvid_cli
 TARGET = Path(__file__).with_name("api.md")
 OPENING = """# Python API
 
-Made by `python docs/make_api.py` from the docstrings in the package; do not edit. The [tutorial](tutorial.md) has all
-of it at work.
+Made by `python docs/make_api.py` from the docstrings of the package; do not edit. The [tutorial](tutorial.md) uses all
+functions.
 
     import auvid_cli as auvid
 
-Importing takes no time: each name is loaded when it is first asked for. Functions say nothing on the terminal and
-write no file unless they are given its name. Paths are text or `pathlib.Path`, filters and forms are named by text.
-Numbers are SI, angles radians. Whatever is wrong with settings, files or data is an `auvid_cli.errors.AuvidError` with
-one clear message; an argument of another type than is said below is a `TypeError` with one as well.
+The import is fast, because each name is loaded when it is first used. Functions print nothing, and write a file only if
+they get its name. Paths are text or `pathlib.Path`; filters and formats are named by text. Numbers are SI, angles
+radians. Mistakes in settings, files or data raise an `auvid_cli.errors.AuvidError`. An argument of a wrong type raises
+a `TypeError`.
 
-Results are plain objects. `to_pandas()` makes one table of a result that is one (verdicts), and tables by their names
-of one that is several, with the names and columns of the CSV files that the commands write. `to_xarray()` labels what
-is over time, by the names of the data files, with units; it needs `pip install 'auvid[xarray]'`.
+`to_pandas()` makes a table of a result, or several tables by name, with the names and columns of the CSV files that the
+commands write. `to_xarray()` makes labelled arrays over time with units and the names of the data files; it needs
+`pip install 'auvid[xarray]'`.
 
 """
 SECTION = re.compile(r"^(\w+)\n-+\n", re.MULTILINE)
@@ -55,7 +55,7 @@ def described(thing, name: str, *, with_signature: bool = True) -> str:
 
 
 def entries(body: str) -> str:
-    """Return the entries of a section as a list: what it is, then what is said of it."""
+    """Return the entries of a section as a Markdown list."""
     found = re.findall(r"^(\S.*)\n((?:[ ]+.*\n?)*)", body.strip() + "\n", re.MULTILINE)
     return "".join(f"- `{what}`" + (f": {flat(said)}" if said.strip() else "") + "\n" for what, said in found)
 

@@ -1,4 +1,4 @@
-"""Draw the rooms and what they import, as the code has it: `python docs/make_architecture.py` writes the picture."""
+"""Draw the rooms and their imports from the source code: `python docs/make_architecture.py` writes the picture."""
 
 import ast
 from graphlib import TopologicalSorter
@@ -28,7 +28,7 @@ def _imported(room: Path) -> set[str]:
 
 
 def reduced(graph: dict[str, set[str]]) -> dict[str, set[str]]:
-    """Leave out the edges that longer ways stand for; the graph must have no cycle."""
+    """Return the transitive reduction of an acyclic graph."""
     above: dict[str, set[str]] = {}
     for room in TopologicalSorter(graph).static_order():
         above[room] = graph[room].union(*(above[other] for other in graph[room]))

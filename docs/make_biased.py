@@ -1,4 +1,4 @@
-"""What biased sensors cost, into docs/studies.md: `python -m docs.make_biased`.
+"""Study: effect of biased sensors on the estimates. Writes docs/studies.md: `python -m docs.make_biased`.
 
 From the runs of `auvid campaign biased` that there are, whichever share of them.
 """
@@ -14,7 +14,7 @@ from docs.section import replace_section
 
 
 def row(attitude: str, name: str, runs: pd.DataFrame, coefficients: pd.DataFrame) -> str:
-    """Say what a filter makes of all seeds."""
+    """Return the results of a filter over all seeds."""
     percent = runs["steady_state_error_percent"]
     grades = ", ".join(f"{count} {grade}" for grade, count in runs["grade"].value_counts().items())
     within = coefficients["error"] <= 2.0
@@ -30,7 +30,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("results/campaigns/biased"))
     rows = campaign_rows("biased", parser.parse_args().results)
     lines = [
-        rows.said(),
+        rows.summary(),
         "",
         "| attitude | filter | runs | average error %, mean ± sd | largest | judged | within 2 sd | fewest |",
         "| --- | --- | ---: | ---: | ---: | --- | ---: | --- |",

@@ -15,7 +15,7 @@ from docs.section import replace_section
 
 
 def row(case: tuple[Hashable, ...], coefficients: pd.DataFrame) -> str:
-    """Say how often two standard deviations hold the truth, nominal and corrected."""
+    """Return how often two standard deviations contain the truth, nominal and corrected."""
     manoeuvre, attitude, name = case
     error = (coefficients["estimate"] - coefficients["true"]).abs()
     nominal, corrected = coefficients["standard_deviation"], coefficients["corrected_standard_deviation"]
@@ -34,7 +34,7 @@ def main() -> None:
     rows = campaign_rows("coloured", parser.parse_args().results)
     coefficients = rows.coefficients[rows.coefficients["corrected_standard_deviation"].notna()]
     lines = [
-        rows.said(),
+        rows.summary(),
         "",
         "| manoeuvre | attitude | method | runs | within 2 nominal sd | within 2 corrected sd | fewest "
         "| corrected / nominal, median | largest |",

@@ -1,4 +1,4 @@
-"""What a designed run is worth, into docs/studies.md: `python -m docs.make_design`, two hours on two cores.
+"""Study: value of a designed run. Writes docs/studies.md: `python -m docs.make_design`, two hours on two cores.
 
 Shown by identification, not by the criterion: vehicles that the search has not seen are simulated with the designed run
 and with the spiral, equally long, and identified with three sets of sensors. One run is designed for each vehicle, with

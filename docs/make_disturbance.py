@@ -1,8 +1,8 @@
 """Whether a disturbance is found as it was simulated, into docs/studies.md: `python -m docs.make_disturbance`.
 
 Each seed is tuned with sizes, time constants and sensors stated twice as large as they are; then, with nothing stated,
-it is chosen by likelihood whether there is one, where there is and where there is none. Some twenty minutes. What is
-found is kept in files, line by line, and seeds that stand there are not done again.
+it is chosen by likelihood whether there is one, where there is and where there is none. Some twenty minutes.
+Results are kept in files; finished seeds are not repeated.
 """
 
 from math import radians
@@ -56,7 +56,7 @@ def chosen(settings: tuple[str, ...], seed: int) -> pd.DataFrame:
 
 
 def choices(rows: pd.DataFrame) -> list[str]:
-    """Say how often a disturbance was kept."""
+    """Return how often a disturbance was kept."""
     lines = [
         "| what pushes | kept | gain in log-likelihood, least | median | largest | needed |",
         "| --- | ---: | ---: | ---: | ---: | ---: |",

@@ -1,4 +1,4 @@
-"""What comes of a log from the field, over seeds, into docs/studies.md: `python -m docs.make_field`, half an hour.
+"""Study: results from field logs over seeds. Writes docs/studies.md: `python -m docs.make_field`, half an hour.
 
 Each seed has a survey, a disturbance and a vehicle file of its own; with each is done what docs/own-log.md does. What
 was found is kept in a file, line by line, and seeds that stand there are not done again.
@@ -136,7 +136,7 @@ def found_of_all(case: str, seed: int) -> pd.DataFrame:
     with tempfile.TemporaryDirectory() as folder:
         experiment = auvid.load_experiment("field", f"seed={seed}")
         if case == "replayed":
-            # A vehicle that nobody steers may leave the water, which no map is suggested for.
+            # An uncontrolled vehicle may leave the water; no map can be suggested then.
             survey_of(experiment, Path(folder))
             experiment = replayed(experiment, Path(folder))
         return pd.DataFrame([all_of_it(experiment, Path(folder))])

@@ -1,4 +1,4 @@
-"""What four published vehicles have of what their shape gives, into docs/theory.md: `python -m docs.make_geometry`."""
+"""Compare four published vehicles with their geometry, into docs/theory.md: `python -m docs.make_geometry`."""
 
 from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.config.vehicle import VehicleSettings

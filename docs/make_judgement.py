@@ -1,4 +1,4 @@
-"""What the judgement is worth, into docs/studies.md: `python -m docs.make_judgement`.
+"""Study: reliability of the judgement. Writes docs/studies.md: `python -m docs.make_judgement`.
 
 From the runs of `auvid campaign judgement` that there are, whichever share of them; and from faults planted one by one
 into data of each manoeuvre, with white angles, a minute on one core.
@@ -82,7 +82,7 @@ def planted(manoeuvre: str, seed: int) -> list[str]:
 
 
 def judged(runs: pd.DataFrame, coefficients: pd.DataFrame) -> list[str]:
-    """Say for each filter and attitude how many runs are right, and how many of these are called sound."""
+    """Return for each filter and attitude how many runs are right, and how many of these are judged sound."""
     rows = []
     for (attitude, name), own in runs.groupby(["attitude", "filter"], sort=False):
         errors = coefficients[coefficients["run"].isin(own["run"])]
@@ -107,7 +107,7 @@ def main() -> None:
     options = parser.parse_args()
     rows = campaign_rows("judgement", options.results)
     lines = [
-        rows.said(),
+        rows.summary(),
         f"They are of {rows.runs['case'].nunique()} pairs of vehicle and manoeuvre. Right: all coefficients within",
         f"{_RIGHT:g} standard deviations of the truth; wrong: one beyond {_WRONG:g}. The share within two standard",
         "deviations and the largest error are of the identified coefficients of sound runs.",

@@ -1,7 +1,7 @@
 """Inputs at 10 Hz, held and 50 ms late, over seeds, into docs/studies.md: `python -m docs.make_late`, some minutes.
 
-The vehicle moves with inputs at 100 Hz; ten a second are recorded, and stamped 50 ms after they were given. What was
-found is kept in a file, line by line, and seeds that stand there are not done again.
+The vehicle moves with inputs at 100 Hz; ten a second are recorded, and stamped 50 ms after they were given.
+Results are kept in a file; finished seeds are not repeated.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -43,7 +43,7 @@ _WAYS = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a seed came to: the grade, the coefficient that is farthest off, and the delay that was found, ms."""
+    """Result of a seed: grade, coefficient with the largest error, and estimated delay, ms."""
 
     grade: str
     sigmas: float

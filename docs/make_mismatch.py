@@ -33,7 +33,7 @@ _LEAST, _MOST = 0.90, 0.98
 
 
 class Case(NamedTuple):
-    """What is wrong, as settings of what happens, and what the smoother is told to look for."""
+    """A model error: settings of the simulation, and settings of the smoother."""
 
     true: tuple[str, ...]
     told: tuple[str, ...] = ()
@@ -61,7 +61,7 @@ CASES = {
 
 
 def data(manoeuvre: tuple[str, ...], case: Case, seed: int) -> Dataset:
-    """Simulate what happens, as the smoother is told of it."""
+    """Simulate a case, with the settings of the smoother."""
     settings = (*manoeuvre, *_SENSORS, f"seed={seed}")
     told = auvid.load_experiment("spiral", WIDE_PRIOR, *settings, *case.told)
     return replace(auvid.simulate(auvid.load_experiment("spiral", WIDE_PRIOR, *settings, *case.true)), experiment=told)
@@ -80,7 +80,7 @@ def found(case: Case, seed: int) -> pd.DataFrame:
 
 
 def table(rows: pd.DataFrame) -> list[str]:
-    """Say of each case how often bands hold, by signal and horizon; what has no band holds nothing."""
+    """Return how often the bands contain the truth, by case, signal and horizon."""
     lines = [
         f"| wrong | seeds | {' | '.join(f'{signal}, {h:g} s' for signal in _SIGNALS for h in _HORIZONS)} |",
         f"| --- | ---: | {' | '.join(['---:'] * len(_SIGNALS) * len(_HORIZONS))} |",

@@ -143,7 +143,7 @@ PAIRS = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """What comes of a log: whether a suggested map restores it; by the map of the good log the rest.
+    """Result of a log: whether a suggested map restores it, and the verdicts with the map of the good log.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ class Outcome:
         What an import or an inspection fails, or else what it notes and does not of the good log; empty if nothing.
     grade : str
     sigmas : float or None
-        Of the coefficient that is farthest off; None where nothing was estimated.
+        Error of the worst coefficient; None if nothing was estimated.
     """
 
     restored: bool
@@ -204,7 +204,7 @@ class GoodLog:
         return replace(dataset, experiment=parse_run(settings, "dive", ["identification.integration_step=0.05 s"]))
 
     def is_restored(self, dataset: Dataset) -> bool:
-        """Say whether a dataset has the signals of the good log."""
+        """Whether a dataset has the signals of the good log."""
         time = self.columns["t"] - self.columns["t"][0]
         found = {
             quantity.symbol: np.interp(time, record.time, np.unwrap(values) if quantity.unit == "rad" else values)
@@ -243,7 +243,7 @@ class GoodLog:
             failed, noted = (", ".join(name for name in doubts if doubts[name] is each) for each in (True, False))
             return Outcome(restored, failed or (noted and f"{_NOTED}{noted}"), *self._judged(dataset))
         except AuvidError as error:
-            # Without the place where it stands, which is another on each machine.
+            # Without the folder, which differs between machines.
             return Outcome(restored, "refused: " + str(error).splitlines()[0].partition("map.yaml:")[2], "-", None)
 
     def _judged(self, dataset: Dataset) -> tuple[str, float | None]:

@@ -9,7 +9,7 @@ from playwright.sync_api import sync_playwright
 
 _TARGET = Path(__file__).with_name("images") / "page.png"
 _WIDTH, _MARGIN = 1120, 12
-# What is left out of the picture, so that all kinds of parts are on it.
+# Parts left out of the picture, so that every kind of part fits.
 _LEFT_OUT = "#coefficients figure, #coefficients h3, #convergence .plot:nth-child(n + 4)"
 
 

@@ -1,8 +1,8 @@
 """Whether an informed prior pays, into docs/studies.md: `python -m docs.make_prior`, some minutes.
 
 A REMUS 100 each of whose coefficients is some 30 % off its file, another one for each seed, is simulated on four
-manoeuvres and identified by the smoother from four priors. No prior knows of the vehicle that is simulated. What was
-found is kept in a file, line by line, and runs that stand there are not done again.
+manoeuvres and identified by the smoother from four priors. No prior knows of the vehicle that is simulated.
+Results are kept in a file; finished runs are not repeated.
 """
 
 from dataclasses import replace
@@ -18,7 +18,7 @@ from auvid_cli.errors import SimulationError
 from docs.resumable import all_rows, asked
 from docs.section import replace_section
 
-# Of the logarithm of what each coefficient is, of what its file says.
+# Logarithm of the true coefficient over the value in the vehicle file.
 _OFF = 0.3
 _SENSORS = (
     "sensors.gyroscope={rate: 20 Hz, noise: 0.1 deg/s}",

@@ -26,7 +26,7 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, PARAMETERS, POSITION, SENSORS
 
 TARGET = Path(__file__).with_name("reference.md")
-# Beside the code that reads it: to load the settings classes takes longer than a shell may wait.
+# A file next to the code that reads it, because loading the settings classes takes too long for completion.
 KEYS = Path(__file__).parents[1] / "auvid_cli/cli/setting_keys.txt"
 UNITS = Path(__file__).parents[1] / "auvid_cli/config/usual_units.json"
 SHIPPED = Path(__file__).parents[1] / "configs"
@@ -38,7 +38,7 @@ Made by `python docs/make_reference.py` from the tables and settings classes in 
 
 
 def reference() -> str:
-    """Write the whole page."""
+    """Return the page."""
     rows = [(c.symbol, c.unit, c.meaning, c.equation, c.group) for c in COEFFICIENTS]
     page = OPENING + "## The 22 coefficients\n\n" + table(("symbol", "unit", "meaning", "enters", "group"), rows)
     for title, quantities in (
@@ -72,13 +72,13 @@ def reference() -> str:
 
 
 def setting_keys() -> str:
-    """Write the keys of an experiment, one a line, without those that a shell would take for something else."""
+    """Return the keys of an experiment, one per line, without keys that a shell would misread."""
     keys = {*SECTIONS, *leaves("", Experiment)}
     return "".join(f"{key}\n" for key in sorted(keys) if "|" not in key)
 
 
 def usual_units() -> str:
-    """Write what pint says of units that stand in what ships, and of those that numbers are brought to, one a line."""
+    """Return the sizes, by pint, of units in shipped files and of SI units, one per line."""
     texts = [text for path in SHIPPED.rglob("*.yaml") for text in words(yaml.safe_load(path.read_text("utf-8")))]
     written = {unit for _, example in EXAMPLES.values() for unit in unit_of(example)}
     written |= {unit for text in texts for unit in unit_of(text)}
@@ -98,7 +98,7 @@ def words(tree: Any) -> Iterator[str]:
 
 
 def unit_of(text: str) -> Iterator[str]:
-    """Yield what stands behind the number of a quantity, if it is a unit."""
+    """Yield the unit of a quantity, if it has one."""
     number = NUMBER.match(text)
     if number and (unit := text[number.end() :].strip()):
         try:
@@ -135,7 +135,7 @@ def table(header, rows) -> str:
 
 
 def collect(path: str, model: type[BaseModel], found: dict[type[BaseModel], str]) -> None:
-    """Collect the settings classes reachable from one, each once, with the first key under which it stands."""
+    """Collect all settings classes reachable from one, with the first key of each."""
     if model in found:
         return
     found[model] = path
@@ -167,7 +167,7 @@ def section(path: str, model: type[BaseModel]) -> str:
 
 
 def unit(model: type[BaseModel], name: str, field) -> str:
-    """Say what a key takes."""
+    """Return the unit or type of a key."""
     for item in field.metadata:
         if isinstance(item, Unit):
             return item.unit
@@ -184,7 +184,7 @@ def unit(model: type[BaseModel], name: str, field) -> str:
 
 
 def limits(field) -> str:
-    """Say between what a number may be; what is written as an amount may also be 0 where that means none."""
+    """Return the range of a number; an amount may also be 0 if that means none."""
     low, high = "", ""
     for item in field.metadata:
         if isinstance(item, Unit):
@@ -211,7 +211,7 @@ def plain(number: float) -> str:
 
 
 def default(field) -> str:
-    """Say what holds if a key is left out."""
+    """Return the default of a key."""
     if field.is_required():
         return "required"
     value = field.default

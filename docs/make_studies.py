@@ -1,4 +1,4 @@
-"""What the estimates are worth: `python -m docs.make_studies`, some twenty minutes on two cores.
+"""Studies of the accuracy of estimates: `python -m docs.make_studies`, some twenty minutes on two cores.
 
 Twenty seeds of each setting for every filter, and what other manoeuvres can say of each vehicle; writes
 `docs/studies.md`.

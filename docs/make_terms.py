@@ -22,7 +22,7 @@ _SETTINGS = (
     "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.1 deg}",
     "sensors.dvl={rate: 5 Hz, noise: 0.5 cm/s}",
 )
-# Rows of the equations, factors, and how large, as a share of the natural magnitude.
+# Row of the equations, factors, and size relative to the natural magnitude.
 _PLANTED = (
     (5, ("|v|", "r"), -1.0),
     (1, ("|v|", "r"), -1.0),
@@ -61,7 +61,7 @@ def found(planted: Coefficient | None, share: float, seed: int) -> pd.DataFrame:
 
 
 def table(rows: pd.DataFrame) -> list[str]:
-    """Say of each planted term in how many seeds it was found, alone or not, and how far its size was off."""
+    """Return for each planted term how often it was found, alone or with others, and the error of its size."""
     lines = [
         "| planted | seeds | found | found first, no other | one hardly told from it first | nothing found |",
         "| --- | ---: | ---: | ---: | ---: | ---: |",

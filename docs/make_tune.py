@@ -1,7 +1,6 @@
-"""Whether tuned noise is that which was simulated, into docs/studies.md: `python -m docs.make_tune`.
+"""Study: does tuning find the simulated noise? Writes docs/studies.md: `python -m docs.make_tune`.
 
-Each seed is tuned with everything stated twice as large as it is. What is found is kept in a file, line by line, and
-seeds that stand there are not done again.
+All noise in the settings is twice the true noise. Results are kept in a file; finished seeds are not repeated.
 """
 
 from math import sqrt
@@ -24,8 +23,8 @@ RUN = (
     "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.1 deg, standard_deviation: 0.2 deg}",
     "sensors.dvl={rate: 5 Hz, noise: 0.5 cm/s, standard_deviation: 1 cm/s}",
 )
-# White noise in the accelerations, SI / Hz^0.5: a force that is drawn anew at each of the inputs' ticks, of a vehicle
-# whose masses do not couple axes.
+# White noise in the accelerations, SI / Hz^0.5: a new random force at each tick of the inputs, for a vehicle without
+# mass coupling between axes.
 _WHITE, _TICK = 5e-3, 0.01
 _FORCE = [_WHITE * mass / sqrt(_TICK) for mass in (60.603, 99.356, 99.3461)]
 _MOMENT = [_WHITE * inertia / sqrt(_TICK) for inertia in (0.98290933, 29.4507, 28.8229)]
@@ -33,15 +32,7 @@ _UNCOUPLED = ("zG", "Y_rdot", "Z_qdot", "M_wdot", "N_vdot")
 
 
 class Case(NamedTuple):
-    """What is simulated.
-
-    Attributes
-    ----------
-    settings : tuple of str
-        Beside those of all cases.
-    true : dict of float
-        By the setting that is tuned, within those of the identification, SI.
-    """
+    """A simulated case: additional settings, and the true noise by its setting, SI."""
 
     settings: tuple[str, ...]
     true: dict[str, float]
@@ -60,7 +51,7 @@ CASES = {
     ),
 }
 
-# Process noise acts from one measurement to the next: what comes of it where these are farther apart.
+# Process noise acts between measurements, so a slower sensor is a case of its own.
 SLOW_GYROSCOPE = "sensors.gyroscope.rate=20 Hz"
 CASES |= {
     f"{name}, gyroscope at 20 Hz": case._replace(settings=(*case.settings, SLOW_GYROSCOPE))
@@ -78,7 +69,7 @@ def found(case: Case, seed: int, disturbance: bool = False) -> pd.DataFrame:
 
 
 def table(rows: pd.DataFrame) -> list[str]:
-    """Say of each noise how often its interval holds the truth."""
+    """Return a table of how often the interval of each noise contains the truth."""
     lines = [
         "| disturbance | noise | unit | true | stated | found, median | half the interval, median | "
         "intervals that hold the truth |",

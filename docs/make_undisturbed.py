@@ -1,7 +1,7 @@
-"""What noise from the data costs where there is none, into docs/studies.md: `python -m docs.make_undisturbed`, an hour.
+"""Study: cost of tuning the noise without a disturbance. `python -m docs.make_undisturbed`, an hour.
 
 The smoother on the experiment `raw_inertial`: the default spiral with biased sensors, of which nothing disturbs the
-motion. What was found is kept in a file, line by line, and seeds that stand there are not done again.
+motion. Results are kept in a file; finished seeds are not repeated.
 """
 
 import numpy as np
@@ -36,7 +36,7 @@ def found(settings: tuple[str, ...], seed: int) -> pd.DataFrame:
 
 
 def table(rows: pd.DataFrame) -> list[str]:
-    """Say of each case what came of it."""
+    """Return the results of each case."""
     lines = [
         "| process noise | seeds | completed | average error %, mean ± sd | largest | error / bound, RMS | "
         "sd / bound, median | within 2 sd | densities, median |",

@@ -1,4 +1,4 @@
-"""Studies of many seeds that go on where they stopped: what was found is kept in a file, line by line."""
+"""Studies of many seeds that can be interrupted: finished runs are kept in a file, one row each."""
 
 import argparse
 from collections.abc import Callable, Iterable
@@ -7,20 +7,20 @@ from typing import NamedTuple
 
 import pandas as pd
 
-# The default experiment as it was when these studies were made: a wide prior, and a gentle start of the spiral.
+# Settings of the default experiment when these studies were made: a wide prior, and a gentle start of the spiral.
 WIDE_PRIOR = "identification.prior.factor=3"
 EARLIER_SPIRAL = "manoeuvre=manoeuvres/spiral_gentle.yaml", WIDE_PRIOR
 
 
 class Asked(NamedTuple):
-    """How many seeds are asked for, and where rows are kept."""
+    """Number of seeds, and the file of the rows."""
 
     seeds: int
     rows: Path
 
 
 def asked(description: str | None, name: str, seeds: int) -> Asked:
-    """Read the command line of a study, which has so many seeds unless it says otherwise."""
+    """Read the command line of a study; `seeds` is the default number of seeds."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=seeds)
     parser.add_argument("--rows", type=Path, default=Path(f"results/studies/{name}.csv"))
@@ -28,7 +28,7 @@ def asked(description: str | None, name: str, seeds: int) -> Asked:
 
 
 def all_rows(file: Path, runs: Iterable[tuple[str, int]], found: Callable[[str, int], pd.DataFrame]) -> pd.DataFrame:
-    """Do the runs, a case and a seed each, that do not stand in the file; return all rows that do then."""
+    """Do the runs (case and seed) that are not in the file yet; return all rows of the file."""
     file.parent.mkdir(parents=True, exist_ok=True)
     done = set[tuple[str, int]]()
     if file.exists():

@@ -1,4 +1,4 @@
-"""Where measured tables stand: between two marks in the documentation."""
+"""Measured tables of the documentation, between two marks on a page."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ _DOCS = Path(__file__).parent
 
 
 def replace_section(name: str, text: str, page: str = "performance") -> None:
-    """Put text between the marks of a section of a page, in place of what is there."""
+    """Replace the text between the marks of a section of a page."""
     path = _DOCS / f"{page}.md"
     begin, end = f"<!-- {name}: measured -->\n", f"<!-- {name}: end -->"
     before, found, rest = path.read_text(encoding="utf-8").partition(begin)

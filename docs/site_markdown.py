@@ -1,8 +1,8 @@
-"""What Python-Markdown, which builds the site, reads otherwise than GitHub, which shows the same pages.
+"""Extension of Python-Markdown, so that the site shows the same as GitHub.
 
 Equations are LaTeX in a fence called ``math``, or within a line between a dollar sign with a backtick and a backtick
 with a dollar sign. They become MathML while the site is built, which browsers draw by themselves, without a script.
-What is no LaTeX ends the build. In tables a bar within code has a backslash before it, which is not meant to be seen.
+Invalid LaTeX ends the build. In tables, the backslash before a bar in code is removed.
 """
 
 import re
@@ -25,7 +25,7 @@ def mathml(latex: str, *, block: bool) -> str:
     Raises
     ------
     SuperFencesException
-        What cannot be read; of any other exception a fence would become code.
+        If the equation is invalid. After any other exception the fence would become code.
     """
     try:
         return LatexToMathML(fancy_error=False).convert_with_local_state(latex, displaystyle=block)
@@ -34,7 +34,7 @@ def mathml(latex: str, *, block: bool) -> str:
 
 
 def fence(source: str, *_: Any, **__: Any) -> str:
-    """Return what stands for a fence, as ``pymdownx.superfences`` asks for it."""
+    """Return the HTML of a fence, for ``pymdownx.superfences``."""
     return f'<div class="equation" tabindex="0">{mathml(source, block=True)}</div>'
 
 

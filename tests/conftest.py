@@ -18,15 +18,15 @@ import hypothesis
 import numpy as np
 import pytest
 
-from auvid_cli.api import core
+from auvid_cli.api import COMPILED_FILTERS, load_vehicles
 from auvid_cli.numerics import compile_elsewhere, is_compiled
 
 # Where nothing is compiled yet, in two processes, as commands do it: the workers of the tests do not run before.
-if not is_compiled(core.FILTERS[0]):
-    _partner = compile_elsewhere(*core.FILTERS)
+if not is_compiled(COMPILED_FILTERS[0]):
+    _partner = compile_elsewhere(*COMPILED_FILTERS)
     import auvid_cli.simulation.simulate  # noqa: F401
 
-    core.load_vehicles()
+    load_vehicles()
     _partner.wait()
 
 from auvid_cli.api import evaluation, results

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while the smoother runs
-from auvid_cli.api.arguments import checked
-from auvid_cli.api.files import read_dataset
-from auvid_cli.api.output import Progress
+from auvid_cli.api import Progress
+from auvid_cli.api.files import checked, read_dataset
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
@@ -28,35 +27,34 @@ from auvid_cli.report.text_tables import write_csv_tables
 def tune(
     dataset: Dataset, sensors: bool = False, on_pass: Callable[[], None] | None = None, disturbance: bool = False
 ) -> Tuning:
-    """Find the process noise, and that of the sensors if asked, that makes a dataset most likely.
+    """Estimate the process noise, and optionally the sensor noise, of a dataset by maximum likelihood.
 
     Parameters
     ----------
     dataset : Dataset
-        Its truth is not looked at.
+        Its truth is not used.
     sensors : bool, default False
-        Whether the standard deviations of the sensors are found along; else they count as stated.
+        Whether the standard deviations of the sensors are estimated as well.
     on_pass : callable, optional
-        Called before each pass through the data, there or back, of which there are some dozens; what it raises ends
-        the search.
+        Called before each forward or backward pass through the data (some dozens). An exception from it ends the
+        search.
     disturbance : bool, default False
-        Whether data are tuned without a disturbance and with one, of which it is found how large it is and how long it
-        lasts, and which is kept if it is worth the numbers that it takes. Else there is one if settings ask for it, and
-        it lasts as long as they say.
+        Whether to tune without and with a disturbance. Its size and time constant are estimated, and it is kept if the
+        data justify the additional parameters. Otherwise the settings decide.
 
     Returns
     -------
     Tuning
-        ``noises`` with 95 % intervals, the ``gain`` in log-likelihood, the ``choice`` of a disturbance if there was
-        one, and the ``experiment`` with the tuned noise, to put into a dataset with `dataclasses.replace`;
-        ``to_pandas()`` makes a table.
+        ``noises`` with 95 % intervals, the ``gain`` in log-likelihood, the ``choice`` of a disturbance if tried,
+        and the ``experiment`` with the tuned noise, for a dataset with `dataclasses.replace`; ``to_pandas()``
+        makes a table.
 
     Raises
     ------
     ConfigError
-        If a coefficient that is to be held has no value.
+        If a fixed coefficient has no value.
     DataError
-        If no sensor can be used, or no trajectory follows the data with the noise that is stated.
+        If no sensor is usable, or no trajectory follows the data with the noise of the settings.
 
     Examples
     --------
@@ -75,31 +73,31 @@ def find_terms(
     most: int = 4,
     say: Callable[[str], None] | None = None,
 ) -> TermFindings:
-    """Find terms of the equations of motion that the model of a dataset lacks.
+    """Find terms of the equations of motion that are missing in the model of a dataset.
 
     Parameters
     ----------
     dataset : Dataset
-        Its truth is not looked at. The last third is held out.
+        Its truth is not used. The last third is held out.
     any_symmetry : bool, default False
-        Whether terms are looked for, too, that a vehicle has only if port and starboard differ.
+        Whether to try terms that break the symmetry of port and starboard as well.
     most : int, default 4
-        How many terms are tried, each in a model of its own.
+        Largest number of terms to add.
     say : callable, optional
-        Called with what is being done; what it raises ends the search.
+        Called with a description of each step. An exception from it ends the search.
 
     Returns
     -------
     TermFindings
-        ``found``, the terms that make held-out data likelier; ``experiment``, with these to be estimated;
-        ``to_pandas()`` makes a table of all that were looked at.
+        ``found``: terms that raise the likelihood of the held-out data; ``experiment``: settings that estimate them;
+        ``to_pandas()`` makes a table of all candidates.
 
     Raises
     ------
     ConfigError
-        If a coefficient that is to be held has no value.
+        If a fixed coefficient has no value.
     DataError
-        If no sensor can be used, or the smoother does not settle.
+        If no sensor is usable, or the smoother does not converge.
 
     Examples
     --------
@@ -111,18 +109,7 @@ def find_terms(
 
 
 class TunedResults(NamedTuple):
-    """Results of `tune_into`.
-
-    Attributes
-    ----------
-    tuning : Tuning
-    fits : list of (Estimate, Judgement)
-        The smoother with the stated noise, and with the tuned noise.
-    files : list of pathlib.Path
-        Tables that were written.
-    settings : pathlib.Path
-        File of settings for `identify`.
-    """
+    """Tuned noise, smoother estimates before and after, written tables, and the settings file for `identify`."""
 
     tuning: Tuning
     fits: list[tuple[Estimate, Judgement]]
@@ -131,7 +118,7 @@ class TunedResults(NamedTuple):
 
 
 class FoundTerms(NamedTuple):
-    """Results of `find_terms_into`: findings, tables, and the file of settings for `identify` if a term was found."""
+    """Found terms, written tables, and the settings file for `identify` if a term was found."""
 
     findings: TermFindings
     files: list[Path]
@@ -152,7 +139,7 @@ def tune_into(
     dataset, folder = read_dataset(path, *changes), output or folder_of_dataset(path)
     with locked(folder):
         _prepare(folder, path, dataset, overwrite, "tuned.yaml")
-        with progress.stage("fit with the stated noise") as label:
+        with progress.stage("fit with the noise of the settings") as label:
             before, passes = identify(dataset, JUDGE), 0
 
             def count() -> None:
@@ -178,11 +165,11 @@ def find_terms_into(
     any_symmetry: bool,
     most: int,
 ) -> FoundTerms:
-    """Find terms that the model of a dataset file lacks, and write terms.yaml and a table into its results folder."""
+    """Find terms missing in the model of a dataset file, and write terms.yaml and a table into its results folder."""
     dataset, folder = read_dataset(path, *overrides), output or folder_of_dataset(path)
     with locked(folder):
         _prepare(folder, path, dataset, overwrite, "terms.yaml")
-        with progress.stage("fit of the model as it is") as label:
+        with progress.stage("fit of the present model") as label:
             findings = find_terms(dataset, any_symmetry, most, label)
         files = write_csv_tables({"terms": findings.rows()}, folder / "tables")
         if not findings.found:
@@ -192,7 +179,7 @@ def find_terms_into(
 
 
 def _prepare(folder: Path, path: Path, dataset: Dataset, overwrite: bool, name: str) -> None:
-    """Copy a dataset into its results folder; refuse a result of that name that would replace an input."""
+    """Copy a dataset into its results folder; check that a result of that name replaces no input."""
     files = [path, *dataset.experiment.data_files()]
     put_copy(path, dataset, folder, files, overwrite)
     check_no_overlap([folder / name, *tables_and_figures(folder)], files)

@@ -1,4 +1,4 @@
-"""Campaigns: an experiment over seeds, filters and settings."""
+"""Campaigns: an experiment with many seeds, filters and settings."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -6,7 +6,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
-from auvid_cli.api.output import Progress
+from auvid_cli.api import Progress
 from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.cluster import cluster_client, n_threads, perform_groups, run_group, shortened_group
 from auvid_cli.campaign.plan import CampaignPlan
@@ -24,10 +24,10 @@ from auvid_cli.report.figures.draw import drawing
 from auvid_cli.report.page.campaign_page import campaign_page
 from auvid_cli.report.page.render import write_page
 
-# A forecast times a few groups of runs on the first seconds of their data.
+# A forecast measures a few groups of runs on the first seconds of their data.
 N_PROBES = 6
 PROBE_DURATION = 5.0  # s of data
-PROBE_TIME = 2.0  # s, after which no further group is timed
+PROBE_TIME = 2.0  # s; no further group is measured after that
 
 
 class Workers(NamedTuple):
@@ -38,19 +38,7 @@ class Workers(NamedTuple):
 
 
 class CampaignOptions(NamedTuple):
-    """Options of a campaign.
-
-    Attributes
-    ----------
-    workers : Workers
-    retry : bool
-        Whether runs that failed are repeated.
-    again : bool
-        Whether all runs are repeated, also finished ones.
-    keep_estimates : bool
-        Whether the whole estimate of each new run is written.
-    figure_formats : tuple of FigureFormat
-    """
+    """Workers, whether to repeat failed runs or all runs, whether to write each estimate, and formats of figures."""
 
     workers: Workers
     retry: bool
@@ -60,20 +48,7 @@ class CampaignOptions(NamedTuple):
 
 
 class CampaignResult(NamedTuple):
-    """Results of a campaign.
-
-    Attributes
-    ----------
-    findings : Findings or None
-        Statistics; None if no run is finished.
-    files : list of pathlib.Path
-        Tables, page and figures.
-    page : pathlib.Path
-    remarks : list of str
-        How many runs are finished, kept apart, and failed.
-    is_complete : bool
-        Whether all runs are finished.
-    """
+    """Statistics (None if no run is finished), written files, remarks, and whether all runs are finished."""
 
     findings: Findings | None
     files: list[Path]
@@ -83,54 +58,48 @@ class CampaignResult(NamedTuple):
 
 
 def plan_campaign(name: str, overrides: Sequence[str], output: Path | None) -> tuple[CampaignPlan, Path]:
-    """Return the runs of a campaign, and its results folder.
-
-    Raises
-    ------
-    ConfigError
-        With every mistake in its settings.
-    """
+    """Return the runs of a campaign, and its results folder."""
     path = find_campaign(name)
     campaign, tree = load_campaign(path, overrides)
     return CampaignPlan(campaign, tree, path), output or folder_of_run("campaigns") / campaign.name
 
 
 def forecast(plan: CampaignPlan, folder: Path, options: CampaignOptions, progress: Progress) -> None:
-    """Report the number of runs, and an estimate of the time for those that are left."""
+    """Report the number of runs, and the expected time for the remaining ones."""
     store = Store(folder, plan.columns)
     done, failed = _done_and_failed(store, plan.labels()) if store.finished() or store.failures else (set(), set())
     progress.message(
-        f"{plan.campaign.name}: {plan.n_runs} runs: combinations of settings {plan.campaign.n_cells}, filters "
-        f"{len(plan.filters)}, seeds {plan.campaign.n_seeds}; {len(done)} finished, {len(failed)} failed"
+        f"{plan.campaign.name}: {plan.n_runs} runs: {plan.campaign.n_cells} combinations of settings, "
+        f"{len(plan.filters)} filters, {plan.campaign.n_seeds} seeds; {len(done)} finished, {len(failed)} failed"
     )
-    left = plan.n_runs - len(_skipped(done, failed, options))
-    if not left:
-        progress.message("0 left to do; --retry tries again what failed, --again repeats all")
+    remaining = plan.n_runs - len(_skipped(done, failed, options))
+    if not remaining:
+        progress.message("0 runs remain; --retry repeats failed runs, --again repeats all runs")
         return
     threads = options.workers.processes
     if options.workers.scheduler is not None:
         with cluster_client(options.workers.scheduler, None) as client:
             threads = n_threads(client)
-    with progress.stage("try some runs"):
+    with progress.stage("measure some runs"):
         seconds, failure = _seconds_of_a_run(plan)
     if seconds is None:
         progress.message(
-            f"how long {left} runs take is not known: tried on {PROBE_DURATION:g} s of data they fail: {failure}"
+            f"{remaining} runs remain; duration unknown, because test runs ({PROBE_DURATION:g} s) failed: {failure}"
         )
         return
     progress.message(
-        f"{left} runs take about {_duration(seconds * left / threads)} on {threads} workers like this machine, after "
-        f"some seconds to start; by a few of them on {PROBE_DURATION:g} s of data, tried here"
+        f"{remaining} runs take about {_duration(seconds * remaining / threads)} on {threads} workers like this "
+        f"machine, plus some seconds to start (measured on {PROBE_DURATION:g} s of data of a few runs)"
     )
 
 
 def _seconds_of_a_run(plan: CampaignPlan) -> tuple[float | None, str]:
-    """Return the time of a run, s, measured on shortened ones; if those fail, None and the reason."""
+    """Return the time per run, s, measured on shortened runs; if they fail, None and the reason."""
     taken, failure, begin = [], "", perf_counter()
     for example in plan.examples(N_PROBES):
         group, share = shortened_group(example, PROBE_DURATION)
         if not taken:
-            # Not timed: the first run also loads modules.
+            # Not measured, because the first run also loads modules.
             run_group(group)
         start = perf_counter()
         performed = run_group(group)
@@ -143,17 +112,17 @@ def _seconds_of_a_run(plan: CampaignPlan) -> tuple[float | None, str]:
 
 
 def run_campaign(plan: CampaignPlan, folder: Path, options: CampaignOptions, progress: Progress) -> CampaignResult:
-    """Do the runs that are not done yet, and evaluate and write all.
+    """Do the remaining runs; evaluate all runs and write the results.
 
     Raises
     ------
     ClusterError
-        If a scheduler does not answer, or no longer.
+        If the scheduler does not answer.
     FileError
-        If results cannot be read or written.
+        If reading or writing results fails.
     """
     if dataset_in(folder).exists():
-        raise FileError(f"{dataset_in(folder)}: results of a run stand here; name another folder with --output")
+        raise FileError(f"{dataset_in(folder)}: this folder has results of a run; choose another folder with --output")
     refuse_other_page(page_in(folder))
     with locked(folder):
         return _run(plan, folder, options, progress)
@@ -161,7 +130,7 @@ def run_campaign(plan: CampaignPlan, folder: Path, options: CampaignOptions, pro
 
 def _run(plan: CampaignPlan, folder: Path, options: CampaignOptions, progress: Progress) -> CampaignResult:
     labels = plan.labels()
-    with progress.stage("look at what is there"):
+    with progress.stage("read earlier results"):
         store = Store(folder, plan.columns)
         if options.again:
             store.set_aside()
@@ -170,7 +139,7 @@ def _run(plan: CampaignPlan, folder: Path, options: CampaignOptions, progress: P
         done, failed = _done_and_failed(store, labels)
         skipped = _skipped(done, failed, options)
     if options.keep_estimates and done and not options.again:
-        progress.message(f"{len(done)} runs are finished, and estimates are only written of new ones; --again does all")
+        progress.message(f"{len(done)} runs are already finished, without their estimates; --again repeats them")
     if len(skipped) < len(labels):
         estimates = folder / "estimates" if options.keep_estimates else None
         try:
@@ -178,21 +147,21 @@ def _run(plan: CampaignPlan, folder: Path, options: CampaignOptions, progress: P
         finally:
             store.merge()
     if options.again:
-        # Restore runs that were not repeated, or failed this time.
+        # Restore the earlier results of runs that were not repeated, or failed this time.
         n_failed = len(store.failures)
         store.conform(labels)
-        if standing := n_failed - len(store.failures):
-            progress.message(f"{standing} runs failed when they were repeated: their earlier results are kept")
+        if restored := n_failed - len(store.failures):
+            progress.message(f"{restored} repeated runs failed; their earlier results are kept")
     return _report(plan, folder, store, labels, options, progress)
 
 
 def _done_and_failed(store: Store, labels: Mapping[str, Mapping[str, Label]]) -> tuple[set[str], set[str]]:
-    """Return which of the planned runs a store has results of, and which failed."""
+    """Return the planned runs that are finished, and those that failed."""
     return store.finished() & labels.keys(), {failure.run for failure in store.failures} & labels.keys()
 
 
 def _skipped(done: set[str], failed: set[str], options: CampaignOptions) -> set[str]:
-    """Return which of the runs that were done or failed are left as they are."""
+    """Return the finished and failed runs that are not repeated."""
     if options.again:
         return set()
     return done if options.retry else done | failed
@@ -207,7 +176,7 @@ def _work(
     estimates: Path | None,
     progress: Progress,
 ) -> None:
-    ended, failed, left = len(skipped), 0, total - len(skipped)
+    ended, failed, remaining = len(skipped), 0, total - len(skipped)
     with ExitStack() as stack:
         with progress.stage("start the workers"):
             client = stack.enter_context(cluster_client(options.workers.scheduler, options.workers.processes))
@@ -220,9 +189,11 @@ def _work(
                 store.add(group)
                 ended += len(group)
                 failed += sum(bool(performed.failure) for performed in group)
-                advance(ended - len(skipped), left, f", {failed} failed")
+                advance(ended - len(skipped), remaining, f", {failed} failed")
         except KeyboardInterrupt:
-            progress.message(f"{ended} of {total} runs are done and kept; the same command goes on with the others")
+            progress.message(
+                f"{ended} of {total} runs are finished and kept; the same command continues with the others"
+            )
             raise
 
 
@@ -251,12 +222,12 @@ def _report(
             paths += figures.finish(advance)
     n_runs = int((rows["kind"] == "run").sum()) - len(failures)
     remarks = [f"{folder / 'results'}: {n_runs} of {len(labels)} runs"]
-    if apart := len(store.finished() - labels.keys()):
-        remarks.append(f"{folder / 'earlier'}: {apart} runs of other settings, kept apart")
+    if n_other := len(store.finished() - labels.keys()):
+        remarks.append(f"{folder / 'earlier'}: {n_other} runs with other settings")
     if failures:
         remarks.append(
-            f"{folder / 'failures.csv'}: {len(failures)} runs failed, the first because: {failures[0].reason}; "
-            "--retry tries them again"
+            f"{folder / 'failures.csv'}: {len(failures)} runs failed; first reason: {failures[0].reason}; "
+            "--retry repeats them"
         )
     return CampaignResult(findings, paths, page_in(folder), remarks, n_runs == len(labels))
 

@@ -1,12 +1,11 @@
-"""Data and tables without compiled code: imported logs, inspection, comparison of results."""
+"""Steps that need no compiled code: import of logs, inspection, comparison of results."""
 
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
-from auvid_cli.api.arguments import checked
-from auvid_cli.api.files import read_dataset
-from auvid_cli.api.output import Progress, write_and_draw
+from auvid_cli.api import Progress, write_and_draw
+from auvid_cli.api.files import checked, read_dataset
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.config.log_map import load_map
 from auvid_cli.data.checks import read_result_tables
@@ -31,22 +30,7 @@ from auvid_cli.logs.suggest.suggest import suggest
 
 
 class MappedLogs:
-    """Logs with the map by which they are to be converted; see `import_logs`.
-
-    Parameters
-    ----------
-    map_file : pathlib.Path
-    logs : sequence of str
-
-    Attributes
-    ----------
-    settings : LogMap
-
-    Raises
-    ------
-    ConfigError
-        With all mistakes of the map.
-    """
+    """Logs and their map; see `import_logs`."""
 
     def __init__(self, map_file: Path, logs: Sequence[str]) -> None:
         self.settings, self._tree = load_map(map_file)
@@ -57,39 +41,30 @@ class MappedLogs:
         return [*self._tree.files(), *recorded_files(self._files)]
 
     def convert(self) -> tuple[Dataset, Conversion]:
-        """Return the dataset, and a summary of what was done.
-
-        Raises
-        ------
-        ConfigError
-            With all places of the map that do not fit the logs.
-        FileError
-            If a log is missing or damaged.
-        """
+        """Return the dataset, and a summary of the conversion."""
         return dataset_from_logs(self.settings, self._tree, self._files)
 
 
 @checked
 def import_logs(map_file: str | Path, *logs: str | Path) -> Dataset:
-    """Convert CSV, NumPy or MATLAB files, ROS bags or ArduPilot logs by a map; see docs/how-to/import-logs.md.
+    """Convert logs (CSV, NumPy, MATLAB, ROS bags, ArduPilot) to a dataset; see docs/how-to/import-logs.md.
 
     Parameters
     ----------
     map_file : str or pathlib.Path
-        YAML file that says what is what in the logs; ``auvid import --suggest`` writes a first one.
+        YAML file that assigns columns of the logs to signals; ``auvid import --suggest`` writes a first one.
     *logs : str or pathlib.Path
-        Files in the order of the map's ``logs``, or ``NAME=FILE``. Default: those in the map.
+        Files in the order of ``logs`` in the map, or ``NAME=FILE``. Default: the files in the map.
 
     Returns
     -------
     Dataset
-        SI, its time from the first sample on; ``experiment.recording`` says where it comes from and what was
-        remarkable.
+        SI; t = 0 is the first sample. ``experiment.recording`` has its sources and remarks.
 
     Raises
     ------
     ConfigError
-        With all mistakes of the map, and all places where it does not fit the logs.
+        With all mistakes of the map, and all entries that do not fit the logs.
     FileError
         If a log is missing or damaged.
 
@@ -106,20 +81,12 @@ def import_logs(map_file: str | Path, *logs: str | Path) -> Dataset:
 def import_into(
     file: Path | None, logs: MappedLogs, overwrite: bool, progress: Progress
 ) -> tuple[Path, Dataset, Conversion]:
-    """Convert logs into a dataset file; returns its path, the dataset, and a summary of what was done.
-
-    Raises
-    ------
-    ConfigError
-        If the map does not fit the logs.
-    FileError
-        If a log cannot be read, the dataset cannot be written, or another one is there and `overwrite` is false.
-    """
+    """Convert logs to a dataset file; returns its path, the dataset, and a summary of the conversion."""
     path, inputs = file or dataset_in(folder_of_run(logs.settings.name)), logs.inputs()
     check_no_overlap([path], inputs)
     with progress.stage("read the logs"):
         dataset, conversion = logs.convert()
-    # Other files may be in folders that are no results folders.
+    # Lock results folders only: other folders may hold files of other programs.
     in_results_folder = path == dataset_in(path.parent)
     with progress.stage("write the dataset"), locked(path.parent) if in_results_folder else nullcontext():
         put_dataset(path, dataset, inputs, overwrite, other_run(path, dataset.experiment))
@@ -127,27 +94,15 @@ def import_into(
 
 
 def suggest_map(logs: Sequence[Path], folder: Path) -> str:
-    """Suggest a map of logs, to be checked and filled in; paths in its text are relative to `folder`.
-
-    Raises
-    ------
-    FileError
-        If a log is missing or damaged.
-    """
+    """Return a first map of logs, which the user must complete; its paths are relative to `folder`."""
     return suggest([open_log(log) for log in logs], folder)
 
 
 def suggest_into(file: Path | None, logs: Sequence[Path], progress: Progress) -> str:
-    """Suggest a map of logs, and write it to a new file if one is named.
-
-    Raises
-    ------
-    FileError
-        If that file exists: a user may have edited it.
-    """
+    """Return a first map of logs, and write it to `file` unless that is None; an existing file is never replaced."""
     if file is not None and file.exists():
-        raise FileError(f"{file}: exists already; name another file for the suggested map, or remove it")
-    with progress.stage("look at the logs"):
+        raise FileError(f"{file}: exists already; remove it, or choose another file for the suggested map")
+    with progress.stage("read the logs"):
         text = suggest_map(logs, Path() if file is None else file.parent)
     if file is not None:
         write_text(file, text)
@@ -161,19 +116,19 @@ def inspect(dataset: Dataset, use: tuple[float, float] | None = None) -> Inspect
     Parameters
     ----------
     dataset : Dataset
-        Its truth is not looked at.
+        Its truth is not used.
     use : tuple of float, optional
-        Begin and end, s, of the part to look at. Default: all.
+        Begin and end, s, of the part to inspect. Default: all.
 
     Returns
     -------
     Inspection
-        Its ``checks`` are the verdicts; ``to_pandas()`` makes a table of them.
+        ``checks`` are the verdicts; ``to_pandas()`` makes a table of them.
 
     Raises
     ------
     DataError
-        If there are no data in that part.
+        If that part has no data.
 
     Examples
     --------
@@ -194,23 +149,8 @@ def inspect_into(
 ) -> tuple[Dataset, Inspection, list[Path], Path]:
     """Inspect a dataset file, and write the verdicts into its results folder.
 
-    Parameters
-    ----------
-    output : pathlib.Path or None
-        Results folder.
-    path : pathlib.Path
-    overrides : sequence of str
-        Settings of the dataset to change; of ``identification.use.spans`` there may be one, and only it is inspected.
-    overwrite, figure_formats, progress
-        As of `run`.
-
-    Returns
-    -------
-    dataset : Dataset
-        The part that was inspected.
-    inspection : Inspection
-    files : list of pathlib.Path
-    page : pathlib.Path
+    Only the span of ``identification.use.spans`` is inspected, if the overrides set one. Returns the inspected part of
+    the dataset, the verdicts, the written files, and the page.
     """
     from auvid_cli.report.page.pages import inspection_page
 
@@ -221,7 +161,7 @@ def inspect_into(
     if overrides:
         spans = dataset.experiment.identification.use.spans
         if len(spans) != 1:
-            raise ConfigError(f"--use: one part is inspected at a time, and there are {len(spans)}")
+            raise ConfigError(f"--use: {len(spans)} parts given; expected one")
         dataset = within(dataset, *spans[0])
     files = [path, *dataset.experiment.data_files()]
     with locked(folder):
@@ -251,16 +191,11 @@ def compare_results(
     ----------
     first, second : pathlib.Path
     relative : float or None
-        Share that values may differ by. None: 0.01, and none of estimates.
+        Largest relative difference. None: 0.01; estimates are compared by `deviations` instead.
     by_column : mapping of float
-        Other shares of some columns.
+        Largest relative difference of single columns.
     deviations : float or None
-        Standard deviations that an estimate may differ by. None: 0.01.
-
-    Raises
-    ------
-    FileError
-        If a folder has no tables, or a file is another table.
+        Largest difference of an estimate, in standard deviations. None: 0.01.
     """
     tolerance = Tolerance(relative, by_column, DEVIATIONS if deviations is None else deviations)
     names = first.resolve().name, second.resolve().name

@@ -1,4 +1,4 @@
-"""Design of the next run, step by step, and the files that a crew needs for it."""
+"""Design of the next run, and the mission files for the crew."""
 
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while a design is searched for
 from auvid_cli._version import __version__
+from auvid_cli.api import Progress
 from auvid_cli.api.files import read_dataset, read_estimate
-from auvid_cli.api.output import Progress
 from auvid_cli.campaign.cluster import cluster_client
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.config.experiment import Experiment
@@ -47,18 +47,20 @@ from auvid_cli.report.figures.draw import drawing
 from auvid_cli.report.screens import sentences
 
 Array = NDArray[np.float64]
+MISSION_FILES = ("manoeuvre.yaml", "inputs.csv", "track.geojson", "timeline.md", "checklist.md", "result.md")
+SEARCH_FILE = "search.json"
 
 
 def information_in_hand(experiment: Experiment, named: Mapping[str, Dataset]) -> EarlierInformation | None:
-    """Return what finds the Fisher information of datasets about an experiment's coefficients; None without any.
+    """Return a function that computes the Fisher information of existing datasets; None without datasets.
 
-    With process noise, about the trajectory along the measurements, by the settings of each dataset. Errors that are
-    estimated there beside the coefficients are known no better than by their priors, and count as that.
+    The information is that about the coefficients of the experiment, with process noise, linearised along the estimated
+    trajectory. Sensor errors that are estimated as well have only their priors.
 
     Parameters
     ----------
     experiment : Experiment
-        For which a run is designed.
+        Experiment of the designed run.
     named : mapping
         Datasets, by the names of their files.
     """
@@ -70,8 +72,8 @@ def information_in_hand(experiment: Experiment, named: Mapping[str, Dataset]) ->
     def in_hand(values: Mapping[str, float]) -> Array:
         total = np.zeros((len(symbols), len(symbols)))
         for name, dataset in named.items():
-            known, matrix = _information(name, dataset, values, wanted)
-            places = [symbols.index(symbol) for symbol in known]
+            informed, matrix = _information(name, dataset, values, wanted)
+            places = [symbols.index(symbol) for symbol in informed]
             total[np.ix_(places, places)] += matrix
         return total
 
@@ -81,40 +83,33 @@ def information_in_hand(experiment: Experiment, named: Mapping[str, Dataset]) ->
 def _information(
     name: str, dataset: Dataset, values: Mapping[str, float], wanted: Sequence[str]
 ) -> tuple[list[str], Array]:
-    """Return the coefficients that a dataset tells of, and the information about them, SI."""
+    """Return the coefficients that a dataset estimates, and their Fisher information, SI."""
     estimated = dataset.experiment.identification.estimated(dataset.experiment.vehicle)
     if odd := [symbol for symbol in estimated if symbol not in values]:
-        raise DataError(f"--given {name}: estimates {odd[0]}, which the vehicle of this design does not have")
+        raise DataError(f"--given {name}: estimates {odd[0]}; expected only coefficients of the vehicle of this design")
     if held := [symbol for symbol in wanted if symbol not in estimated]:
         raise DataError(
-            f"--given {name}: holds {', '.join(held)}, so that what it says of the others presumes it; hold it here as "
-            "well (--set identification.coefficients=...)"
+            f"--given {name}: keeps {', '.join(held)} fixed; expected the same in this design "
+            "(--set identification.coefficients=...)"
         )
     about = probable_motion(resolve_settings(prepare(dataset)), values)
     if about is None:
         raise DataError(
-            f"--given {name}: no trajectory follows its measurements with the coefficients of this design; name an "
-            "estimate from it (--at FILE)"
+            f"--given {name}: no trajectory follows its measurements with the coefficients of this design; use an "
+            "estimate from this dataset (--at FILE)"
         )
     information = information_with_process_noise(about)
     inside = [place for place, symbol in enumerate(information.symbols) if symbol in estimated]
-    beside = [place for place, symbol in enumerate(information.symbols) if symbol not in estimated]
-    across = information.matrix[np.ix_(inside, beside)]
-    errors = information.matrix[np.ix_(beside, beside)] + np.eye(len(beside))
+    others = [place for place, symbol in enumerate(information.symbols) if symbol not in estimated]
+    across = information.matrix[np.ix_(inside, others)]
+    errors = information.matrix[np.ix_(others, others)] + np.eye(len(others))
     matrix = information.matrix[np.ix_(inside, inside)] - across @ np.linalg.solve(errors, across.T)
     unit = information.prior_std[inside]
     return [information.symbols[place] for place in inside], matrix / np.outer(unit, unit)
 
 
 class Mission(NamedTuple):
-    """Files for a crew.
-
-    Attributes
-    ----------
-    band : Band
-    texts : dict of str
-        Texts of the files, by name.
-    """
+    """Mission of a designed manoeuvre: the range of motions of all trial vehicles, and texts of files by name."""
 
     band: Band
     texts: dict[str, str]
@@ -128,23 +123,18 @@ def designing(
     given: Mapping[str, Dataset] | None = None,
     spread: Map | None = None,
 ) -> Iterator[DesignProblem]:
-    """Set a task that all cores work at, or what else spreads it, see `make_problem`.
+    """Yield a design problem that is computed in parallel.
 
     Parameters
     ----------
     experiment : Experiment
     wish : Requirement
     estimate : Estimate, optional
-        Vehicles are drawn from it.
+        Estimate that trial vehicles are drawn from.
     given : mapping of Dataset, optional
-        Data that are there already, by the names of their files: what they say counts as known.
+        Existing datasets, whose information is available, by the names of their files.
     spread : callable, optional
-        As `map`.
-
-    Raises
-    ------
-    ConfigError, DataError
-        As `make_problem`, and if data cannot be counted.
+        Parallel `map`. Default: threads on all cores.
     """
     in_hand = information_in_hand(experiment, given or {})
     if spread is not None:
@@ -155,7 +145,7 @@ def designing(
 
 
 class SearchLimits(NamedTuple):
-    """When a search ends: after a number of generations, or where that is None after a time, s."""
+    """End of a search: number of generations, or if that is None a time, s."""
 
     generations: int | None
     time: float | None
@@ -172,24 +162,19 @@ def search_until(
     limits : SearchLimits
         Limits of this search together with an earlier one that it continues.
     file : pathlib.Path
-        State of the search, written after each generation; the search continues from one that is there.
+        State of the search, written after each generation; the search continues from an existing one.
     key : str
-        See `search_key`: a state of another search is refused, unless it may be overwritten.
+        Result of `search_key`; a state with another key is refused unless `overwrite`.
     overwrite : bool
     progress : Progress
-
-    Raises
-    ------
-    FileError
-        If the file is of another search, damaged, or cannot be written.
     """
     earlier = read_search(file)
     if earlier is not None and earlier.key != key:
-        refuse_unless(overwrite, f"{file} is of a search with other settings")
+        refuse_unless(overwrite, f"{file}: belongs to a search with other settings")
         earlier = None
     before, spent = ((), 0.0) if earlier is None else (earlier.costs, earlier.elapsed)
     if before:
-        progress.message(f"goes on after {len(before)} generations and {spent:.0f} s ({file})")
+        progress.message(f"continues after {len(before)} generations and {spent:.0f} s ({file})")
     start, latest = monotonic() - spent, None
     with progress.bars("design") as (advance,):
         try:
@@ -206,31 +191,33 @@ def search_until(
         except KeyboardInterrupt:
             if latest is None:
                 raise
-            progress.message("interrupted: the best so far is kept; with --overwrite the same command goes on")
+            progress.message(
+                "interrupted: the best manoeuvre is kept; the same command with --overwrite continues the search"
+            )
     assert latest is not None, "a search has a first generation"
     return latest
 
 
 def searching(task: DesignProblem, before: tuple[tuple[float, ...], ...] = ()) -> Iterator[SearchProgress]:
-    """Look for better manoeuvres, without an end, perhaps on from the costs of an earlier search."""
+    """Yield better and better manoeuvres without an end; continue from the costs of an earlier search."""
     return search(task.space, task.search_set, task.experiment.seed, before)
 
 
 def search_key(experiment: Experiment, wish: Requirement, files: Iterable[Path]) -> str:
-    """Return the same for the same search: of settings, wishes and the contents of files."""
+    """Return a digest of all that determines a search: version, settings, requirement, contents of files."""
     parts = [__version__, dump_experiment(experiment), repr(wish), *map(digest, files)]
     return sha256("\n".join(parts).encode()).hexdigest()
 
 
 def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[float, float]) -> Mission:
-    """Make the files of a manoeuvre.
+    """Return the mission files of a manoeuvre.
 
     Parameters
     ----------
     task : DesignProblem
     design : Design
     remark : str
-        Where it comes from, for the settings.
+        Source of the manoeuvre; a comment in the settings file.
     origin : tuple of float
         Latitude and longitude of the start, degrees.
     """
@@ -249,10 +236,6 @@ def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[floa
             "checklist.md": checklist_markdown(manoeuvre, vehicle, around),
         },
     )
-
-
-FILES = "manoeuvre.yaml", "inputs.csv", "track.geojson", "timeline.md", "checklist.md", "result.md"
-STATE = "search.json"
 
 
 class DesignSources(NamedTuple):
@@ -275,7 +258,7 @@ def design_into(
     figure_formats: Collection[FigureFormat],
     progress: Progress,
 ) -> tuple[Design, list[Path]]:
-    """Design a run, and write the files that a crew needs into a folder; returns the design and the files.
+    """Design a run, and write the mission files into a folder; returns the design and the files.
 
     Parameters
     ----------
@@ -288,32 +271,26 @@ def design_into(
     origin : tuple of float
         Latitude and longitude of the start, degrees.
     overwrite, figure_formats, progress
-        As of `auvid_cli.run`.
-
-    Raises
-    ------
-    FileError
-        If an earlier design is there, and `overwrite` is false.
-    ClusterError
-        If the scheduler does not answer, or its workers have another version of auvid.
+        As for `auvid_cli.run`.
     """
-    experiment, paths = sources.experiment, [folder / name for name in FILES]
-    standing = next((path for path in paths if path.exists()), None)
-    refuse_unless(overwrite, "" if standing is None else f"{standing} is there already")
+    experiment, paths = sources.experiment, [folder / name for name in MISSION_FILES]
+    refuse_unless(overwrite, next((f"{path}: exists already" for path in paths if path.exists()), ""))
     read = [*([] if sources.at is None else [sources.at]), *sources.given]
-    check_no_overlap([*paths, folder / STATE], [*sources.files, *read])
+    check_no_overlap([*paths, folder / SEARCH_FILE], [*sources.files, *read])
     with ExitStack() as stack:
         spread = None if scheduler is None else stack.enter_context(_spread_over(scheduler))
         estimate = None if sources.at is None else read_estimate(sources.at)
         data = {str(path): read_dataset(path) for path in sources.given}
         task = stack.enter_context(designing(experiment, wish, estimate, data, spread))
-        progress.message(f"{experiment.vehicle.name}: {wish.draws} drawn from {task.distribution.origin}")
+        progress.message(
+            f"{experiment.vehicle.name}: {wish.draws} trial vehicles drawn from {task.distribution.origin}"
+        )
         for name in uncounted_information(experiment):
-            progress.message(f"note: not counted: {name}")
+            progress.message(f"note: not included in the design: {name}")
         for path in data:
-            progress.message(f"known already: what {path} says")
+            progress.message(f"information already available: {path}")
         key = search_key(experiment, wish, read)
-        reached = search_until(task, limits, folder / STATE, key, overwrite, progress)
+        reached = search_until(task, limits, folder / SEARCH_FILE, key, overwrite, progress)
         with progress.stage("compare"):
             design = conclude(task, reached)
             gain = (
@@ -332,7 +309,7 @@ def design_into(
 
 @contextmanager
 def _spread_over(scheduler: str) -> Iterator[Map]:
-    """Connect to a Dask scheduler and yield a function that tries manoeuvres on its workers, as `map`."""
+    """Connect to a Dask scheduler, and yield a `map` that simulates trials on its workers."""
     with cluster_client(scheduler, None) as client:
-        # A client of this process is not awaited.
+        # The client is synchronous, so the result is not awaited.
         yield lambda work, items: cast("list[TrialRun]", client.gather(client.map(work, list(items), pure=False)))

@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from auvid_cli.api.arguments import checked
-from auvid_cli.api.files import refuse_estimates_of_others
+from auvid_cli.api.files import check_same_dataset, checked
 from auvid_cli.data.checks import Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
@@ -22,25 +21,13 @@ from auvid_cli.validation.validate import validate as predict
 
 
 def prepare_checked(dataset: Dataset, *estimates: Estimate) -> PreparedData:
-    """Prepare a dataset for the evaluation of estimates that were made from it.
-
-    Raises
-    ------
-    DataError
-        If an estimate was made from another dataset, or no sensor can be used.
-    """
-    refuse_estimates_of_others(dataset, estimates)
+    """Prepare a dataset for the evaluation of its estimates; refuse estimates of another dataset."""
+    check_same_dataset(dataset, estimates)
     return prepare(dataset)
 
 
 class Evaluator:
-    """Evaluates estimates of the same data, and finds each of their bounds once.
-
-    Parameters
-    ----------
-    prepared : PreparedData
-        From which the estimates are made.
-    """
+    """Evaluates estimates of the same data, and computes the bounds of each only once."""
 
     def __init__(self, prepared: PreparedData) -> None:
         self._prepared = prepared
@@ -52,7 +39,7 @@ class Evaluator:
         return self._prepared.dataset
 
     def find_bounds(self, estimate: Estimate) -> None:
-        """Find the bounds of an estimate before they are asked for, while other filters are still at work."""
+        """Compute the bounds of an estimate in advance, while other filters still run."""
         self._bounds_of(estimate)
 
     def evaluate(self, estimates: Sequence[Estimate]) -> Evaluation:
@@ -60,32 +47,32 @@ class Evaluator:
         return evaluation.evaluate(self._prepared, list(estimates), self._bounds_of)
 
     def check(self, estimates: Sequence[Estimate]) -> Checks:
-        """List all verdicts on estimates, see `check`."""
+        """Return all verdicts on estimates, see `check`."""
         return check_estimates(self._prepared, estimates, self._bounds_of)
 
 
 @checked
 def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
-    """Compare estimates with the truth of their dataset, where it has one, with their bounds, and with each other.
+    """Compare estimates with the truth of their dataset (if it has one), with their bounds, and with each other.
 
     Parameters
     ----------
     dataset : Dataset
-        From which the estimates were made.
+        Dataset of the estimates.
     *estimates : Estimate
-        The smoother judges the other filters, if its estimate is among them. Without it no filter is judged, and no
-        coefficient counts as identified.
+        Include the smoother, which judges the other filters. Without it no filter is judged, and no coefficient
+        counts as identified.
 
     Returns
     -------
     Evaluation
         Coefficients with their errors and Cramér-Rao bounds, a summary of each filter, errors of free runs,
-        consistency, sensor errors, faults; ``to_pandas()`` makes tables of them by these names.
+        consistency, sensor errors, faults. ``to_pandas()`` makes a table of each.
 
     Raises
     ------
     DataError
-        If an estimate was made from another dataset. Only data that come from a file are recognised.
+        If an estimate was made from another dataset (known only for datasets from files).
 
     Examples
     --------
@@ -98,24 +85,24 @@ def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
 
 @checked
 def check(dataset: Dataset, *estimates: Estimate) -> Checks:
-    """Return verdicts on estimates: each a statistic, its threshold, and advice where it fails.
+    """Return verdicts on estimates: statistic, threshold, and advice after a failure.
 
     Parameters
     ----------
     dataset : Dataset
-        From which the estimates were made.
+        Dataset of the estimates.
     *estimates : Estimate
-        As of `evaluate`.
+        As for `evaluate`.
 
     Returns
     -------
     Checks
-        A list of `Check`; ``passed`` is None of a mere note. ``to_pandas()`` makes a table.
+        List of `Check`; ``passed`` is None for a note. ``to_pandas()`` makes a table.
 
     Raises
     ------
     DataError
-        If an estimate was made from another dataset. Only data that come from a file are recognised.
+        If an estimate was made from another dataset (known only for datasets from files).
 
     Examples
     --------
@@ -127,7 +114,7 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
 
 
 def judge(*estimates: Estimate) -> dict[str, Judgement]:
-    """Judge estimates of the same data, by filter; the smoother's judges the others, if it is among them."""
+    """Return a judgement per filter for estimates of the same data; the smoother, if included, judges the others."""
     return judgement.judge(estimates)
 
 
@@ -139,19 +126,19 @@ def identifiability(dataset: Dataset, at: Mapping[str, float] | None = None) -> 
     ----------
     dataset : Dataset
     at : mapping of float, optional
-        Coefficients by symbol, SI, at which to look, such as ``estimate.final_coefficients()``. Default: the true ones
-        of a simulation, else those of the vehicle.
+        Coefficients by symbol, SI, that the bounds hold at, such as ``estimate.final_coefficients()``. Default: true
+        coefficients of a simulation, otherwise those of the vehicle.
 
     Returns
     -------
     Identifiability
-        Cramér-Rao bounds with their classes, and groups that go together, which ``to_pandas()`` makes tables of; shares
-        of the sensors, correlation, and bounds by duration, which ``to_xarray()`` labels.
+        ``to_pandas()`` makes tables of the Cramér-Rao bounds and of the groups of confounded coefficients;
+        ``to_xarray()`` has the contributions of the sensors, correlations, and bounds by duration.
 
     Raises
     ------
     DataError
-        If a coefficient to be estimated has no value, or the model blows up with these values.
+        If an estimated coefficient has no value, or the simulation diverges with these values.
 
     Examples
     --------
@@ -166,30 +153,30 @@ def identifiability(dataset: Dataset, at: Mapping[str, float] | None = None) -> 
 def validate(
     data: Dataset | Sequence[Dataset], estimate: Estimate, training: Dataset | None = None, *, anew: bool = False
 ) -> Validation:
-    """Return how well an identified model predicts data that it has not seen, and how honest its uncertainty is.
+    """Test how well an identified model predicts other data, and whether its uncertainty is realistic.
 
     Parameters
     ----------
     data : Dataset or sequence of Dataset
-        Other runs than the estimate was made from. Several datasets, and all segments of each, are judged together.
+        Runs that the estimate has not seen. All segments of all datasets are judged together.
     estimate : Estimate
     training : Dataset, optional
-        Dataset that the estimate was made from. Copies of it, or of a part, are then refused as `data`; data in memory
-        are recognised in no other way. The bands then include how much worse than stated it is predicted.
+        Dataset of the estimate. With it, copies of this dataset or of its parts are refused as `data` (data in memory
+        are not recognised otherwise), and the error bands include its prediction errors.
     anew : bool
-        Whether thrust, fin trims and ballast, if they are estimated, are estimated again in each run, even where they
-        are constants of the estimate: a trim may differ between days.
+        Whether thrust, fin trims and ballast, if estimated, are estimated again in each run, even constant ones. A trim
+        may differ between days.
 
     Returns
     -------
     Validation
-        Predictions by signal and horizon, next to the prior and an unchanged motion; numbers of manoeuvres; verdicts;
-        ``to_pandas()`` makes tables of these; ``run`` is the free run of the longest segment, with ``to_xarray()``.
+        Prediction errors by signal and horizon, compared with the prior and an unchanged motion; numbers of manoeuvres;
+        verdicts. ``to_pandas()`` makes tables; ``run.to_xarray()`` is the free run of the longest segment.
 
     Raises
     ------
     DataError
-        If the estimate has seen the data or did not end well, or the data are too short.
+        If the estimate has seen the data or diverged, or the data are too short.
 
     Examples
     --------

@@ -1,17 +1,17 @@
-"""Identified models and runs for other programs."""
+"""Export of identified models and runs to other programs."""
 
 from pathlib import Path
 
 from auvid_cli._version import __version__
-from auvid_cli.api.arguments import checked
+from auvid_cli.api import Progress
 from auvid_cli.api.files import (
+    check_same_dataset,
+    checked,
     estimate_and_file,
     read_dataset,
     read_estimate,
-    refuse_estimates_of_others,
     refuse_to_replace,
 )
-from auvid_cli.api.output import Progress
 from auvid_cli.config.enums import FormatName, named
 from auvid_cli.config.loading import dump_experiment
 from auvid_cli.data.dataset import Dataset
@@ -30,36 +30,29 @@ from auvid_cli.export.recording import RECORDING_LOSSES, topics_of
 
 
 class Export:
-    """An identified model, to be written in one form.
+    """An identified model in one format.
 
     Parameters
     ----------
     dataset : Dataset
-        From which the estimate was made.
+        Dataset of the estimate.
     estimate : Estimate
     target : FormatName
     source : pathlib.Path or None
-        File of the estimate: the model names it, and the smoother's file next to it judges it. None: in memory.
+        File of the estimate; ``smoother.h5`` in the same folder judges it. None: the estimate is only in memory.
 
     Attributes
     ----------
     file_name : str
-        By vehicle and filter, with the suffix of the form.
+        Default name of the file.
     remarks : list of str
-        Caveats about the model, and features that the form does not support.
-
-    Raises
-    ------
-    ConfigError
-        If the form is not one of a model.
-    DataError
-        If the filter did not end well.
+        Caveats about the model, and features that the format does not support.
     """
 
     def __init__(self, dataset: Dataset, estimate: Estimate, target: FormatName, source: Path | None) -> None:
         sha256, reference = ("", None) if source is None else (digest(source), read_reference(source, estimate))
         if target.is_of_a_run:
-            raise ConfigError(f"{target}: holds a run, not a model; export_run writes it")
+            raise ConfigError(f"{target}: is a format of runs; expected a format of models. Use export_run")
         self._target, self._form = target, FORMATS[target]
         self._model = model_found_by(estimate, dataset, sha256, reference)
         self._losses = self._form.losses(self._model)
@@ -67,45 +60,31 @@ class Export:
         self.remarks = [*caveats(self._model), *unsupported_lines(self._losses)]
 
     def write(self, file: Path) -> None:
-        """Write the file; an existing one is replaced.
-
-        Raises
-        ------
-        ConfigError
-            If its name cannot be used for this form.
-        FileError
-            If it cannot be written.
-        """
+        """Write the file; an existing one is replaced."""
         write_text(file, self.text(file))
 
     def text(self, file: Path) -> str:
-        """Return the text of a file of that name.
-
-        Raises
-        ------
-        ConfigError
-            If the name cannot be used for this form.
-        """
+        """Return the text of the file; its name becomes the name of the function or model."""
         check_stem(self._target, file.stem)
         return self._form.file_text(self._model, self._losses, file.stem)
 
 
 @checked
 def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str, file: str | Path | None = None) -> str:
-    """Return an estimate as a model for other programs; its heading lists what the form does not support.
+    """Return an estimate as a model for another program. Its header lists unsupported features.
 
     Parameters
     ----------
     dataset : Dataset
-        From which the estimate was made.
+        Dataset of the estimate.
     estimate : Estimate, str or pathlib.Path
-        One in memory, or a file, whose SHA-256 the model then names. A coefficient counts as identified if the estimate
-        is sound; that of a filter is judged by the smoother's, in ``smoother.h5`` next to it.
+        In memory, or a file. A coefficient counts as identified if the estimate is sound; ``smoother.h5`` in the same
+        folder judges the estimate of a filter.
     target : str
         ``"yaml"`` (a vehicle file), ``"json"``, ``"python"`` (needs only NumPy), ``"matlab"``, ``"sdf"`` (Gazebo),
         ``"holoocean"``, ``"simulator"`` (Python Vehicle Simulator) or ``"mss"`` (Marine Systems Simulator).
     file : str or pathlib.Path, optional
-        To write the model to; an existing file is replaced. Default: nothing is written.
+        File to write; an existing file is replaced. Default: none.
 
     Returns
     -------
@@ -115,11 +94,11 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     Raises
     ------
     ConfigError
-        If there is no such form, or the name of the file cannot be used for it.
+        If the format is unknown, or does not allow the name of the file.
     DataError
-        If the filter did not end well, or the estimate was made from another dataset.
+        If the filter diverged, or the estimate was made from another dataset.
     FileError
-        If a file cannot be read or written, or the model's is that of the dataset.
+        If reading or writing fails, or the file is the dataset itself.
 
     Examples
     --------
@@ -129,7 +108,7 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     """
     form = named(FormatName, target, "form of a model")
     found, source = estimate_and_file(estimate)
-    refuse_estimates_of_others(dataset, [found])
+    check_same_dataset(dataset, [found])
     export = Export(dataset, found, form, source)
     text = export.text(Path(export.file_name if file is None else file))
     if file is not None:
@@ -140,28 +119,7 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
 
 
 class RunExport:
-    """A run, to be written as an MCAP file.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        From which the estimate was made.
-    estimate : Estimate
-    source : pathlib.Path or None
-        File of the estimate: the smoother's file next to it judges it. None: in memory.
-
-    Attributes
-    ----------
-    file_name : str
-        By vehicle and filter.
-    remarks : list of str
-        Caveats about the estimate, and data that the file does not hold.
-
-    Raises
-    ------
-    DataError
-        If ROS cannot state the times of the run.
-    """
+    """A run as an MCAP file; parameters and attributes as for `Export`."""
 
     def __init__(self, dataset: Dataset, estimate: Estimate, source: Path | None) -> None:
         experiment = estimate.experiment
@@ -178,13 +136,7 @@ class RunExport:
         self.remarks = [*caveats_of(judge_one(estimate, reference)), *RECORDING_LOSSES]
 
     def write(self, file: Path) -> None:
-        """Write the file; an existing one is replaced.
-
-        Raises
-        ------
-        FileError
-            If it cannot be written, or the packages for it are not installed.
-        """
+        """Write the file; an existing one is replaced."""
         from auvid_cli.export.mcap_file import write_mcap
 
         write_mcap(file, self._topics, self._origin)
@@ -194,19 +146,19 @@ class RunExport:
 def export_run(dataset: Dataset, estimate: Estimate | str | Path, file: str | Path) -> Path:
     """Write a run as an MCAP file, for Foxglove, Rerun and ROS 2.
 
-    ``/pose``, ``/velocity``, ``/path`` and ``/tf`` are the estimated motion, dead reckoned from its first place, in the
-    axes of ROS: east, north, up, and forward, port, up (REP 103). ``/states`` has the coefficients and all else that
-    was estimated, ``/innovations/SENSOR`` each measurement minus its prediction, both with standard
-    deviations, SI; ``/truth`` is the true motion, where the dataset has it. It needs the extra ``ros``.
+    ``/pose``, ``/velocity``, ``/path`` and ``/tf`` are the estimated motion, dead reckoned from the first position, in
+    the axes of ROS: east, north, up, and forward, port, up (REP 103). ``/states`` has all estimated states with the
+    coefficients, and ``/innovations/SENSOR`` each measurement minus its prediction, both with standard deviations, SI.
+    ``/truth`` is the true motion of a simulation. This function needs the extra ``ros``.
 
     Parameters
     ----------
     dataset : Dataset
-        From which the estimate was made.
+        Dataset of the estimate.
     estimate : Estimate, str or pathlib.Path
-        One in memory, or a file. It may have diverged.
+        In memory, or a file. It may have diverged.
     file : str or pathlib.Path
-        To write to; an existing file is replaced.
+        File to write; an existing file is replaced.
 
     Returns
     -------
@@ -216,9 +168,9 @@ def export_run(dataset: Dataset, estimate: Estimate | str | Path, file: str | Pa
     Raises
     ------
     DataError
-        If the estimate was made from another dataset, or ROS cannot state the times of the run.
+        If the estimate was made from another dataset, or its times are outside the range of ROS.
     FileError
-        If a file cannot be read or written, that of the dataset would be replaced, or mcap or rosbags is not installed.
+        If reading or writing fails, the file is the dataset itself, or mcap or rosbags is not installed.
 
     Examples
     --------
@@ -226,7 +178,7 @@ def export_run(dataset: Dataset, estimate: Estimate | str | Path, file: str | Pa
     'dive.mcap'
     """
     found, source = estimate_and_file(estimate)
-    refuse_estimates_of_others(dataset, [found])
+    check_same_dataset(dataset, [found])
     export = RunExport(dataset, found, source)
     check_no_overlap([Path(file)], [] if source is None else [source])
     refuse_to_replace(dataset, Path(file))
@@ -237,40 +189,35 @@ def export_run(dataset: Dataset, estimate: Estimate | str | Path, file: str | Pa
 def export_into(
     file: Path | None, path: Path, target: FormatName, dataset: Path | None, overwrite: bool, progress: Progress
 ) -> tuple[Path, list[str]]:
-    """Write the model or the run of an estimate file; returns the file, and remarks on what it does not hold.
+    """Export the model or the run of an estimate file; returns the written file, and remarks.
 
     Parameters
     ----------
     file : pathlib.Path or None
-        Default: ``export/VEHICLE_FILTER.*`` next to the dataset.
+        None: ``export/VEHICLE_FILTER.*`` in the results folder.
     path : pathlib.Path
         Estimate file.
     target : FormatName
     dataset : pathlib.Path or None
-        Dataset file that the estimate was made from. None: dataset.h5 of its results folder.
+        Dataset file of the estimate. None: dataset.h5 in its results folder.
     overwrite : bool
-        Whether a file is replaced that was not exported from the same data.
+        Whether to replace a file that was not exported from the same data.
     progress : Progress
-
-    Raises
-    ------
-    FileError
-        If the dataset is missing or another one, or the file may not be replaced.
     """
     folder = folder_of_estimate(path)
     dataset_file = dataset or folder / "dataset.h5"
     scan([path, dataset_file])
     estimate = read_estimate(path)
     if not dataset_file.is_file():
-        raise FileError(f"{dataset_file}: no such dataset; name the one that {path} was made from with --dataset")
+        raise FileError(f"{dataset_file}: dataset not found; choose the dataset of {path} with --dataset")
     data = read_dataset(dataset_file)
     if data.sha256 != estimate.dataset_sha256:
-        raise FileError(f"{dataset_file}: is not the dataset that {path} was made from; name that one with --dataset")
+        raise FileError(f"{dataset_file}: is not the dataset of {path}; choose that dataset with --dataset")
     with progress.stage("bounds"):
         export = RunExport(data, estimate, path) if target.is_of_a_run else Export(data, estimate, target, path)
     found = file or folder / "export" / export.file_name
     check_no_overlap([found], [path, dataset_file])
     if found.exists() and exported_from(found) != data.sha256:
-        refuse_unless(overwrite, f"{found}: is there, and was not exported from the same data")
+        refuse_unless(overwrite, f"{found}: exists, and was not exported from the same data")
     export.write(found)
     return found, export.remarks

@@ -1,10 +1,15 @@
-"""Experiments, datasets and estimates from files."""
+"""Experiments, datasets and estimates from files, and the check of arguments by type."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import wraps
+from inspect import signature
 from pathlib import Path
+from typing import ParamSpec, TypeVar
 
-from auvid_cli.api.arguments import checked
+from pydantic import ConfigDict, ValidationError, validate_call
+from pydantic_core import ErrorDetails
+
 from auvid_cli.config import loading
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import Override, find_experiment
@@ -14,6 +19,46 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import ConfigError, DataError, FileError
 
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+LOADERS = {"Experiment": "load_experiment", "Dataset": "read_dataset", "Estimate": "read_estimate"}
+
+
+def checked(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Return a function that first checks its arguments by their annotations.
+
+    Raises
+    ------
+    TypeError
+        For an argument of another type; the message names the argument, the expected type and the actual type.
+    """
+    names = list(signature(function).parameters)
+    validated = validate_call(config=ConfigDict(arbitrary_types_allowed=True, strict=True))(function)
+
+    @wraps(function)
+    def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        try:
+            return validated(*args, **kwargs)
+        except ValidationError as error:
+            if error.title != function.__name__:
+                raise
+            raise TypeError(f"{function.__name__}: {_description(names, error.errors(include_url=False))}") from None
+
+    return call
+
+
+def _description(names: list[str], errors: list[ErrorDetails]) -> str:
+    """Return one line about the first invalid argument."""
+    place, *_ = errors[0]["loc"]
+    messages = dict.fromkeys(error["msg"] for error in errors if error["loc"][0] == place)
+    expected = " or ".join(messages).replace("Input should be", "must be")
+    # All arguments of `*estimates` have the same name.
+    name = place if isinstance(place, str) else names[min(place, len(names) - 1)]
+    value = errors[0]["input"]
+    hint = next((loader for kind, loader in LOADERS.items() if kind in expected), "")
+    is_name = hint and isinstance(value, str | Path)
+    return f"{name}: {expected}; got {type(value).__name__}" + (f" {str(value)!r}, see {hint}" if is_name else "")
+
 
 @checked
 def load_experiment(source: str | Path | None = None, *overrides: str) -> Experiment:
@@ -22,20 +67,20 @@ def load_experiment(source: str | Path | None = None, *overrides: str) -> Experi
     Parameters
     ----------
     source : str or pathlib.Path, optional
-        A YAML file, or the name of an experiment that ships with auvid, such as ``"remus100"``. Default: the spiral.
+        YAML file, or name of a shipped experiment, such as ``"remus100"``. Default: ``"spiral"``.
     *overrides : str
-        ``KEY=VALUE`` each, with units, or a YAML file of settings, as behind ``--set`` on the command line; applied in
-        turn.
+        ``KEY=VALUE``, with units, or a YAML file of settings, as after ``--set`` on the command line; applied in this
+        order.
 
     Returns
     -------
     Experiment
-        Resolved settings in SI.
+        Resolved settings, SI.
 
     Raises
     ------
     ConfigError
-        With every mistake at once, each at its file, line and column.
+        With all mistakes, each with file, line and column.
 
     Examples
     --------
@@ -54,20 +99,19 @@ def read_dataset(path: str | Path, *overrides: str) -> Dataset:
     ----------
     path : str or pathlib.Path
     *overrides : str
-        ``KEY=VALUE`` each, or a YAML file of settings: changes of ``identification.*``, ``vehicle.*`` or ``name``
-        in the settings inside.
+        ``KEY=VALUE``, or a YAML file of settings; only ``identification.*``, ``vehicle.*`` and ``name`` can change.
 
     Returns
     -------
     Dataset
-        Inputs, sensors and, where a simulation made it, the truth; SI.
+        Inputs, sensors and, after a simulation, the truth; SI.
 
     Raises
     ------
     FileError
-        If it is missing, damaged, foreign, of a newer schema, or has impossible values.
+        If it is missing, damaged, not a file of auvid, of a newer schema, or has impossible values.
     ConfigError
-        If the settings inside, with the overrides, are not valid, or an override changes recorded data.
+        If its settings are invalid after the overrides, or an override would change recorded data.
 
     Examples
     --------
@@ -78,33 +122,33 @@ def read_dataset(path: str | Path, *overrides: str) -> Dataset:
     for override in overrides:
         for key in Override.parse(override).keys:
             if not f"{key}.".startswith(("identification.", "vehicle.", "name.")):
-                what = override if "=" in override else f"{override}: {key}"
+                place = override if "=" in override else f"{override}: {key}"
                 raise ConfigError(
-                    f"{what}: would change nothing, the data of {path} are already recorded; "
-                    "only vehicle.*, identification.* and name can be set for a dataset"
+                    f"{place}: has no effect, because the data of {path} are already recorded; "
+                    "expected vehicle.*, identification.* or name"
                 )
     return dataset_file.read_dataset(Path(path), overrides)
 
 
 @checked
 def write_dataset(path: str | Path, dataset: Dataset) -> Dataset:
-    """Write a dataset, whole or not at all; an existing file is replaced.
+    """Write a dataset; an existing file is replaced, and after an error no partial file is left.
 
     Parameters
     ----------
     path : str or pathlib.Path
-        HDF5, see docs/formats.md for its groups and units.
+        HDF5 file; docs/formats.md lists its groups and units.
     dataset : Dataset
 
     Returns
     -------
     Dataset
-        The same with the SHA-256 of the file, by which estimates name the data that they are made from.
+        The dataset with the SHA-256 of the file, which estimates refer to.
 
     Raises
     ------
     FileError
-        If the file cannot be written.
+        If writing fails.
 
     Examples
     --------
@@ -118,7 +162,7 @@ def write_dataset(path: str | Path, dataset: Dataset) -> Dataset:
 
 @checked
 def read_estimate(path: str | Path) -> Estimate:
-    """Read an estimate file; of a very long one evenly spaced events, as many as an evaluation needs.
+    """Read an estimate file; a very long one is thinned out to evenly spaced events.
 
     Parameters
     ----------
@@ -132,7 +176,7 @@ def read_estimate(path: str | Path) -> Estimate:
     Raises
     ------
     FileError
-        If it is missing, damaged, foreign, of a newer schema, or has impossible values.
+        If it is missing, damaged, not a file of auvid, of a newer schema, or has impossible values.
 
     Examples
     --------
@@ -144,32 +188,20 @@ def read_estimate(path: str | Path) -> Estimate:
 
 
 def estimate_and_file(estimate: Estimate | str | Path) -> tuple[Estimate, Path | None]:
-    """Return an estimate, read if it is a file, and its file if there is one."""
+    """Return an estimate, read from a file if necessary, and its file if there is one."""
     if isinstance(estimate, Estimate):
         return estimate, None
     return read_estimate(Path(estimate)), Path(estimate)
 
 
-def refuse_estimates_of_others(dataset: Dataset, estimates: Iterable[Estimate]) -> None:
-    """Refuse estimates that were made from the file of another dataset.
-
-    Raises
-    ------
-    DataError
-        If an estimate was made from another dataset.
-    """
+def check_same_dataset(dataset: Dataset, estimates: Iterable[Estimate]) -> None:
+    """Raise a DataError if an estimate was made from the file of another dataset."""
     for estimate in estimates:
         if estimate.dataset_sha256 and dataset.sha256 and estimate.dataset_sha256 != dataset.sha256:
-            raise DataError(f"the estimate of {estimate.filter} was made from another dataset than this one")
+            raise DataError(f"estimate of {estimate.filter}: was made from another dataset; expected this dataset")
 
 
 def refuse_to_replace(dataset: Dataset, file: Path) -> None:
-    """Refuse to replace the dataset: recorded data are lost for good.
-
-    Raises
-    ------
-    FileError
-        If the file is that of the dataset.
-    """
+    """Raise a FileError if the file to be written is the file of the dataset."""
     if dataset.sha256 and file.is_file() and digest(file) == dataset.sha256:
-        raise FileError(f"{file}: is the dataset itself, and would be lost; name another file")
+        raise FileError(f"{file}: is the dataset itself; expected another file name")

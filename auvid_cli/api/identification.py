@@ -1,4 +1,4 @@
-"""Identification with one filter, or with several at the same time."""
+"""Identification with one filter, or with several in parallel."""
 
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -8,10 +8,9 @@ from threading import Event
 from typing import NamedTuple
 
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while a filter runs
-from auvid_cli.api.arguments import checked
-from auvid_cli.api.files import read_dataset, refuse_to_replace
-from auvid_cli.api.output import Advance, Progress
-from auvid_cli.config.enums import FilterName, named
+from auvid_cli.api import Advance, Progress
+from auvid_cli.api.files import checked, read_dataset, refuse_to_replace
+from auvid_cli.config.enums import JUDGE, FilterName, named
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.sanity import sanity_warnings
@@ -38,7 +37,7 @@ from auvid_cli.inspection.inspect import contradictions_of_unused
 
 @checked
 def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None) -> Estimate:
-    """Estimate coefficients and motion from a dataset, by its settings; its truth is not looked at.
+    """Estimate coefficients and motion from a dataset with its settings. The truth is not used.
 
     Parameters
     ----------
@@ -46,23 +45,23 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     filter_name : str
         ``"ekf"``, ``"ckf"``, ``"tukf"``, ``"ukf"``, ``"smoother"`` or ``"output_error"``.
     file : str or pathlib.Path, optional
-        To write the estimate to as it is made, for hours of data; an existing file is replaced. The estimate is then
-        the one that `read_estimate` reads.
+        File to write while the filter runs, for hours of data; an existing file is replaced. The result is then the
+        estimate that `read_estimate` returns.
 
     Returns
     -------
     Estimate
-        Mean and standard deviation of the augmented state, shape (events, states), SI. One that diverged ends early,
-        and its ``status`` says why.
+        Mean and standard deviation of the augmented state, shape (events, states), SI. After a divergence it ends
+        early, and ``status`` gives the reason.
 
     Raises
     ------
     ConfigError
-        If there is no such filter, or the settings cannot be used with it.
+        If the filter is unknown, or the settings are invalid for it.
     DataError
-        If no sensor can be used, or the inputs end too early.
+        If no sensor is usable, or the inputs end too early.
     FileError
-        If the file cannot be written, or is the dataset itself.
+        If writing fails, or the file is the dataset itself.
 
     Examples
     --------
@@ -78,19 +77,8 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     return record_estimate(Path(file), run.header, run.run)
 
 
-class SideBySide:
-    """Filters on the same data, each in a thread of its own; if one fails, all end.
-
-    Parameters
-    ----------
-    prepared : PreparedData
-    filters : sequence of FilterName
-
-    Raises
-    ------
-    ConfigError, DataError
-        As of `auvid_cli.api.identification.identify`.
-    """
+class ParallelFilters:
+    """Filters on the same data, one thread per filter; if one fails, all end."""
 
     def __init__(self, prepared: PreparedData, filters: Sequence[FilterName]) -> None:
         self._stopping = Event()
@@ -99,32 +87,27 @@ class SideBySide:
     def record(
         self, paths: Sequence[Path], bars: Sequence[Advance], on_estimate: Callable[[Estimate], None]
     ) -> list[Estimate]:
-        """Run them, and write each estimate as it comes.
+        """Run all filters, and write the estimates into files.
 
         Parameters
         ----------
         paths : sequence of pathlib.Path
-            A file for each filter.
+            One file per filter.
         bars : sequence of Advance
-            For each filter, called as it goes with the seconds of data that are done, and all.
+            One callback per filter, called with the processed and the total duration of the data, s.
         on_estimate : callable
-            Called with each estimate as soon as it is there.
-
-        Raises
-        ------
-        FileError
-            If a file cannot be written.
+            Called with each finished estimate.
         """
         with ThreadPoolExecutor(os.cpu_count()) as threads:
             try:
                 jobs = zip(self._runs, paths, bars, strict=True)
-                # Batch estimators take longest, and begin first.
+                # Batch estimators take longest, so they start first.
                 by_length = sorted(jobs, key=lambda job: not job[0].estimator.in_one_batch)
                 futures = {job[1]: threads.submit(_record, *job) for job in by_length}
                 for future in as_completed(futures.values()):
                     on_estimate(future.result())
             finally:
-                # After an error or an interrupt the other filters end at their next chunk.
+                # After an error or an interrupt the other filters stop at their next chunk.
                 self._stopping.set()
         return [futures[path].result() for path in paths]
 
@@ -134,49 +117,49 @@ class SideBySide:
 
 
 class _StoppedError(Exception):
-    """End of a filter because another one failed, or the user interrupted."""
+    """A filter was stopped because another one failed, or the user interrupted."""
 
 
 def _record(filter_run: FilterRun, path: Path, advance: Advance) -> Estimate:
     begin, end = filter_run.span
 
-    def watch(chunk: EstimateChunk) -> None:
+    def update_bar(chunk: EstimateChunk) -> None:
         if chunk.time.size:
             advance(chunk.time[-1] - begin, end - begin)
 
-    return record_estimate(path, filter_run.header, filter_run.run, watch)
+    return record_estimate(path, filter_run.header, filter_run.run, update_bar)
 
 
 def estimate_delays_and_noise(prepared: PreparedData, progress: Progress) -> PreparedData:
-    """Return the data with the delays and the noise that make them most likely, where the settings ask for these."""
+    """Estimate the delays and the noise by maximum likelihood if the settings ask for it; return the changed data."""
     settings = prepared.experiment.identification
-    asked = ("delays", settings.estimates_delays), ("noise", settings.noise != "stated")
-    sought = [name for name, is_asked in asked if is_asked]
-    if not sought:
+    wanted = ("delays", settings.estimates_delays), ("noise", settings.noise != "stated")
+    names = [name for name, is_wanted in wanted if is_wanted]
+    if not names:
         return prepared
-    with progress.stage(f"find the {' and the '.join(sought)}"):
+    with progress.stage(f"estimate the {' and the '.join(names)}"):
         found = resolve_settings(prepared)
     if found.delays is not None:
         values = zip(found.delays.symbols, found.delays.value, found.delays.deviation, strict=True)
         texts = (f"{symbol} {1e3 * value:.1f} ± {1e3 * deviation:.1f} ms" for symbol, value, deviation in values)
-        progress.message(f"delays that make the data most likely: {', '.join(texts)}")
+        progress.message(f"estimated delays: {', '.join(texts)}")
     if settings.noise == "stated":
         return found
-    stated, tuned = (data.experiment.identification.process_noise.model_dump() for data in (prepared, found))
+    given, tuned = (data.experiment.identification.process_noise.model_dump() for data in (prepared, found))
     densities = ", ".join(
         f"{name} {_triple(density if isinstance(density, tuple) else (density,))}"
         for name, density in tuned.items()
-        if density != stated[name]
+        if density != given[name]
     )
-    progress.message(f"process noise that makes the data most likely, SI: {densities}")
+    progress.message(f"estimated process noise, SI: {densities}")
     estimate = found.experiment.identification.estimate
     if BiasName.DISTURBANCE in estimate.biases:
-        pushes = ", ".join(
-            f"{name} {_triple(of.standard_deviation)} over {_triple(of.time_constant)} s"
-            for name, of in (("force", estimate.disturbance.force), ("moment", estimate.disturbance.moment))
-            if any(of.standard_deviation)
+        levels = ", ".join(
+            f"{name} {_triple(axes.standard_deviation)}, time constant {_triple(axes.time_constant)} s"
+            for name, axes in (("force", estimate.disturbance.force), ("moment", estimate.disturbance.moment))
+            if any(axes.standard_deviation)
         )
-        progress.message(f"disturbance that makes the data most likely, SI: {pushes}")
+        progress.message(f"estimated disturbance, SI: {levels}")
     return found
 
 
@@ -192,7 +175,7 @@ def identify_into(
     progress: Progress,
     on_estimate: Callable[[Estimate], None] = lambda estimate: None,
 ) -> list[Estimate]:
-    """Run filters on a dataset side by side, each writing its estimate as it goes.
+    """Run filters on a dataset in parallel, and write their estimates.
 
     Parameters
     ----------
@@ -201,20 +184,15 @@ def identify_into(
     prepared : PreparedData
     filters : iterable of FilterName
     overwrite : bool
-        Whether estimates of other data or other settings there are replaced, with all that was made from them.
+        Whether estimates of other data or settings are replaced, with all files derived from them.
     progress : Progress
     on_estimate : callable
-        Called with each estimate as soon as it is written.
-
-    Raises
-    ------
-    FileError
-        If there are such estimates, and `overwrite` is false.
+        Called with each written estimate.
     """
     names = list(dict.fromkeys(filters))
     others = other_estimates(folder, prepared.experiment, prepared.dataset.sha256, names)
     refuse_unless(overwrite, next(iter(others.values()), ""))
-    runs = SideBySide(prepared, names)
+    runs = ParallelFilters(prepared, names)
     paths = [folder / "estimates" / f"{name.value}.h5" for name in names]
     with progress.bars(*(name.value for name in names), unit=" s of data") as bars:
         estimates = runs.record(paths, bars, on_estimate)
@@ -227,20 +205,7 @@ def identify_into(
 
 
 class IdentifiedData(NamedTuple):
-    """Results of `identify_data_into`.
-
-    Attributes
-    ----------
-    estimates : list of Estimate
-    judgements : dict of Judgement
-        By filter.
-    contradictions : list of Check
-        Failed comparisons of an unused sensor with used ones.
-    folder : pathlib.Path
-        Results folder.
-    files : list of pathlib.Path
-        Estimate files.
-    """
+    """Estimates with their judgements by filter, failed comparisons of unused sensors with used ones, and files."""
 
     estimates: list[Estimate]
     judgements: dict[str, Judgement]
@@ -257,20 +222,18 @@ def identify_data_into(
     overwrite: bool,
     progress: Progress,
 ) -> IdentifiedData:
-    """Estimate the coefficients of a dataset with several filters into its results folder, and judge the estimates.
+    """Run filters on a dataset, write the estimates into its results folder, and judge them.
 
     Parameters
     ----------
     output : pathlib.Path or None
-        Results folder.
+        Results folder. None: the default one.
     data : pathlib.Path, or Experiment and its files
         A dataset file, or an experiment that has been simulated into the folder.
     overrides : sequence of str
-        Settings of a dataset file to change.
+        Overrides of the settings in a dataset file.
     filters : sequence of FilterName or None
-        Default: those of the settings. The smoother, which judges them, always runs.
-    overwrite, progress
-        As of `auvid_cli.run`.
+        None: ``identification.filters``. The smoother runs as well, because it judges the others.
     """
     if isinstance(data, Path):
         dataset, folder = read_dataset(data, *overrides), output or folder_of_dataset(data)
@@ -284,6 +247,10 @@ def identify_data_into(
             put_copy(data, dataset, folder, files, overwrite)
         settings, vehicle = dataset.experiment.identification, dataset.experiment.vehicle
         chosen = settings.with_judge(filters or settings.default_filters())
+        if filters and len(chosen) > len(set(filters)):
+            progress.message(
+                f"{JUDGE.value} runs as well, because it judges the others; --set identification.judge=false omits it"
+            )
         for warning in sanity_warnings(vehicle):
             progress.message(f"note: vehicle {vehicle.name}: {warning}")
         prepared = estimate_delays_and_noise(prepare(dataset), progress)

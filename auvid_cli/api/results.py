@@ -1,15 +1,14 @@
-"""Whole steps of the work in a results folder: run, report, check, identifiability, validation."""
+"""Complete steps in a results folder: run, report, check, identifiability, validation."""
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while a filter runs
-from auvid_cli.api.arguments import checked
+from auvid_cli.api import Progress, write_and_draw
 from auvid_cli.api.evaluation import Evaluator, check, identifiability, predict, prepare
-from auvid_cli.api.files import read_dataset, read_estimate
+from auvid_cli.api.files import checked, read_dataset, read_estimate
 from auvid_cli.api.identification import estimate_delays_and_noise, identify_into
-from auvid_cli.api.output import Progress, write_and_draw
 from auvid_cli.api.simulation import simulate_into
 from auvid_cli.config.enums import FigureFormat, FilterName, named
 from auvid_cli.config.experiment import Experiment
@@ -43,23 +42,7 @@ from auvid_cli.validation.results import Validation
 
 
 class RunResult(NamedTuple):
-    """A results folder, and what is in it.
-
-    Attributes
-    ----------
-    dataset : Dataset
-    estimates : list of Estimate
-        In the order of the filters.
-    evaluation : Evaluation
-        As of `evaluate`.
-    checks : Checks
-        As of `check`.
-    folder : pathlib.Path
-    files : list of pathlib.Path
-        Tables and figures.
-    page : pathlib.Path
-        The page that shows all.
-    """
+    """Contents of a results folder; `estimates` are in the order of the filters, `files` are tables and figures."""
 
     dataset: Dataset
     estimates: list[Estimate]
@@ -81,7 +64,7 @@ def run(
     inputs: Sequence[Path] = (),
     progress: Progress | None = None,
 ) -> RunResult:
-    """Simulate an experiment, identify with each filter, evaluate, and write all into a results folder.
+    """Simulate an experiment, run its filters, evaluate them, and write everything into a results folder.
 
     Parameters
     ----------
@@ -90,32 +73,33 @@ def run(
     output : str or pathlib.Path, optional
         Results folder. Default: ``results/NAME``.
     filters : sequence of str, optional
-        Such as ``["ckf", "tukf"]``. Default: those of the settings. The smoother, which judges them, always runs.
+        Such as ``["ckf", "tukf"]``. Default: ``identification.filters``. The smoother runs as well, because it judges
+        the others.
     overwrite : bool, default False
         Whether results of other settings in the folder are replaced.
     figure_formats : sequence of str, default ("png",)
         ``"png"``, ``"pdf"`` or ``"svg"``; at least one.
     inputs : sequence of pathlib.Path, optional
-        Files that must not be overwritten, such as those of the settings.
+        Files that must not be overwritten, such as the settings files.
     progress : Progress, optional
-        Its methods are called as the work goes on, see `auvid_cli.api.output`. Default: silent.
+        Its methods are called during the work, see `auvid_cli.api.Progress`. Default: silent.
 
     Returns
     -------
     RunResult
-        ``dataset``, ``estimates``, ``evaluation``, ``checks``; the ``folder``, its ``page``, and the ``files`` of
-        tables and figures.
+        ``dataset``, ``estimates``, ``evaluation``, ``checks``; the ``folder``, its ``page``, and ``files``, the tables
+        and figures.
 
     Raises
     ------
     ConfigError
-        If there is no such filter or format, or the settings cannot be used.
+        If a filter or format is unknown, or the settings are invalid.
     SimulationError
-        If the vehicle leaves the model's validity.
+        If the vehicle leaves the range in which the model is valid.
     DataError
-        If no sensor can be used.
+        If no sensor is usable.
     FileError
-        If the folder has results of other settings and `overwrite` is false, or a file cannot be written.
+        If the folder has results of other settings and `overwrite` is false, or writing fails.
 
     Examples
     --------
@@ -137,19 +121,13 @@ def run(
             dataset = simulate_into(folder, experiment, inputs, overwrite, progress, chosen)
             prepared = estimate_delays_and_noise(prepare(dataset), progress)
             evaluator = Evaluator(prepared)
-            # The bounds of the first estimates are found while the slowest filter is still running.
+            # Compute the bounds of the first estimates while the slowest filter is still running.
             estimates = identify_into(folder, prepared, chosen, overwrite, progress, evaluator.find_bounds)
             return _report(folder, evaluator, estimates, figures, progress)
 
 
 def report(folder: Path, figure_formats: Collection[FigureFormat], progress: Progress) -> RunResult:
-    """Evaluate a results folder, and write its tables, figures and page.
-
-    Raises
-    ------
-    FileError
-        If something is missing or does not belong together, or a file cannot be written.
-    """
+    """Evaluate a results folder, and write its tables, figures and page."""
     with locked(folder):
         refuse_other_page(page_in(folder))
         dataset, estimates = read_results(folder)
@@ -170,7 +148,7 @@ def _report(
     files = write_tables(evaluation, folder / "tables")
     files += write_csv_tables({"checks": checks.rows()}, folder / "tables")
     with progress.stage("page"):
-        # Laid out while other processes draw.
+        # The page is made while other processes draw.
         page = write_page(run_page(dataset, estimates, evaluation, checks), page_in(folder))
     with progress.bars("figures") as (advance,):
         files += figures.finish(advance)
@@ -179,7 +157,7 @@ def _report(
 
 
 def check_into(folder: Path, progress: Progress) -> tuple[Checks, Path]:
-    """Check every estimate of a results folder; returns the verdicts, and the table that they are written to."""
+    """Check every estimate of a results folder; returns the verdicts and the written table."""
     with locked(folder):
         dataset, estimates = read_results(folder)
         with progress.stage("check"):
@@ -189,7 +167,7 @@ def check_into(folder: Path, progress: Progress) -> tuple[Checks, Path]:
 
 
 class BoundsResult(NamedTuple):
-    """Bounds of a dataset, the coefficients they are linearised at, in words, and the files that show them."""
+    """Bounds of a dataset, a description of the coefficients that they hold at, and the written files."""
 
     dataset: Dataset
     bounds: Identifiability
@@ -207,20 +185,18 @@ def identifiability_into(
     figure_formats: Collection[FigureFormat],
     progress: Progress,
 ) -> BoundsResult:
-    """Find what data tell of each coefficient at best, and write it into a results folder.
+    """Compute the best possible accuracy of each coefficient, and write it into a results folder.
 
     Parameters
     ----------
     output : pathlib.Path or None
-        Results folder.
+        Results folder. None: the default one.
     data : pathlib.Path, or Experiment and its files
         A dataset file, or an experiment that is simulated into the folder.
     overrides : sequence of str
-        Settings of a dataset file to change.
+        Overrides of the settings in a dataset file.
     at : pathlib.Path or None
-        Estimate file at whose coefficients the bounds hold. None: the true ones, or those of the vehicle file.
-    overwrite, figure_formats, progress
-        As of `run`.
+        Estimate file with the coefficients that the bounds hold at. None: true coefficients, or the vehicle file.
     """
     earlier = [] if at is None else [at]
     read = read_dataset(data, *overrides) if isinstance(data, Path) else None
@@ -252,13 +228,13 @@ def identifiability_into(
 
 
 def _coefficients(dataset: Dataset, estimate: Path | None) -> tuple[dict[str, float] | None, str]:
-    """Return the coefficients of an estimate file, if one is named, and where all come from in words."""
+    """Return the coefficients of an estimate file, or None, and a description of their source."""
     if estimate is None:
-        return None, "the true coefficients" if dataset.truth is not None else "those of the vehicle file"
-    earlier, where = read_estimate(estimate), f"those of {estimate}"
+        return None, "the true coefficients" if dataset.truth is not None else "the coefficients of the vehicle file"
+    earlier, where = read_estimate(estimate), f"the coefficients of {estimate}"
     vehicle = earlier.experiment.vehicle.name
     if vehicle != dataset.experiment.vehicle.name:
-        where += f", which is of another vehicle ({vehicle})"
+        where += f" (of another vehicle: {vehicle})"
     return earlier.final_coefficients(), where
 
 
@@ -272,25 +248,14 @@ def validate_into(
     figure_formats: Collection[FigureFormat],
     progress: Progress,
 ) -> tuple[Validation, list[Path], Path]:
-    """Predict datasets by an estimate, and write the results next to the first; returns these, files, and the page.
+    """Validate an estimate with other datasets, and write the results into a folder (default: of the first dataset).
 
-    Parameters
-    ----------
-    output : pathlib.Path or None
-        Results folder.
-    estimate_file : pathlib.Path
-    dataset_files : sequence of pathlib.Path
-    overrides : sequence of str
-        Settings of the datasets to change.
-    anew : bool
-        As of `validate`.
-    overwrite, figure_formats, progress
-        As of `run`.
+    Returns the validation, the written files, and the page.
     """
     scan([estimate_file, *dataset_files])
     estimate = read_estimate(estimate_file)
     datasets = [read_dataset(path, *overrides) for path in dataset_files]
-    with progress.stage("compare with the estimate's own data"):
+    with progress.stage("compare with the data of the estimate"):
         training = _training_dataset(estimate_file, estimate)
         segments = [part for dataset in datasets for part in unseen_segments(dataset, estimate, training)]
     folder, inputs = output or folder_of_dataset(dataset_files[0]), [estimate_file, *dataset_files]
@@ -315,7 +280,7 @@ def validate_into(
 
 
 def _training_dataset(path: Path, estimate: Estimate) -> Dataset | None:
-    """Read the dataset that an estimate of a results folder was made from, if it is still there."""
+    """Return the dataset of an estimate in a results folder, or None if it is missing or was changed."""
     dataset = dataset_in(path.resolve().parents[1])
     if dataset.is_file() and digest(dataset) == estimate.dataset_sha256:
         return read_dataset(dataset)

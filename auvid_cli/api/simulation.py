@@ -1,11 +1,11 @@
-"""Simulation of an experiment, and vehicles and folders to begin with."""
+"""Simulation of an experiment, first folders, and vehicles from their geometry."""
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from auvid_cli.api.arguments import checked
-from auvid_cli.api.output import Progress
+from auvid_cli.api import Progress
+from auvid_cli.api.files import checked
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import parse_drawing
@@ -32,19 +32,19 @@ def simulate(experiment: Experiment) -> Dataset:
     Parameters
     ----------
     experiment : Experiment
-        See `load_experiment`; the same seed gives the same data.
+        See `load_experiment`. The same seed gives the same data.
 
     Returns
     -------
     Dataset
-        Inputs, sensors and truth, SI.
+        Inputs, sensors and truth; SI.
 
     Raises
     ------
     SimulationError
-        If the vehicle leaves the model's validity.
+        If the vehicle leaves the range in which the model is valid.
     ConfigError
-        If the vehicle's parameters are impossible or a recorded manoeuvre cannot be read.
+        If parameters of the vehicle are impossible, or reading a recorded manoeuvre fails.
 
     Examples
     --------
@@ -63,10 +63,9 @@ def simulate_into(
     progress: Progress,
     filters: Collection[FilterName] = (),
 ) -> Dataset:
-    """Simulate an experiment into ``folder/dataset.h5`` and read it back, as any later step would.
+    """Simulate an experiment, write ``folder/dataset.h5``, and read it back.
 
-    The caller holds the lock of the folder. The same settings give the same data, and then the file and all that was
-    made from it stay as they are.
+    The caller holds the lock of the folder. If the data are the same as before, existing results are kept.
 
     Parameters
     ----------
@@ -75,18 +74,13 @@ def simulate_into(
     inputs : sequence of pathlib.Path
         Files that the experiment was read from.
     overwrite : bool
-        Whether results of another run may be replaced, as soon as the new data are written.
+        Whether results of another run may be replaced.
     progress : Progress
     filters : collection of FilterName
-        Filters that will be run on the data.
-
-    Raises
-    ------
-    FileError
-        If the folder has results of another run, and `overwrite` is false.
+        Filters that will run on the data.
     """
     path = dataset_in(folder)
-    # Another process checks the files that are there, while this one needs the first of them.
+    # Check the existing files in a second process meanwhile.
     begin_scan([path, *estimates_in(folder).values()])
     objection = other_run(path, experiment)
     if not objection and filters and path.exists():
@@ -95,7 +89,7 @@ def simulate_into(
     with progress.stage("simulate"):
         simulated = simulation.simulate(experiment)
     put_dataset(path, simulated, inputs, overwrite, objection)
-    # Hours of data fill much of the memory.
+    # Free the memory before the data are read again.
     del simulated
     with progress.stage("read the dataset"):
         dataset = read_dataset(path)
@@ -105,20 +99,14 @@ def simulate_into(
 
 
 def simulate_log(experiment: Experiment) -> dict[str, str]:
-    """Simulate an experiment, and return the texts of the files that another vehicle would have logged, by name."""
+    """Simulate an experiment, and return the texts of CSV logs like those of a real vehicle, by file name."""
     return field_log(simulation.simulate(experiment))
 
 
 def simulate_log_into(
     folder: Path, experiment: Experiment, inputs: Sequence[Path], overwrite: bool, progress: Progress
 ) -> list[Path]:
-    """Write the files of `simulate_log` into a folder, and return them.
-
-    Raises
-    ------
-    FileError
-        If one of them exists, and `overwrite` is false.
-    """
+    """Write the files of `simulate_log` into a folder, and return their paths."""
     with locked(folder):
         with progress.stage("simulate"):
             texts = {folder / name: text for name, text in simulate_log(experiment).items()}
@@ -130,23 +118,16 @@ def simulate_log_into(
 
 
 def new_folder(folder: Path, options: Mapping[str, str | int], like: str | None) -> FirstFolder:
-    """Write a folder to begin with.
+    """Write a first folder.
 
     Parameters
     ----------
     folder : pathlib.Path
         New or empty.
     options : mapping
-        Keys of an outline; with `like` none but ``speed``.
+        Keys of an outline; only ``speed`` with `like`.
     like : str or None
-        Name of the shipped vehicle to start at.
-
-    Raises
-    ------
-    ConfigError
-        If the options are wrong, no such vehicle ships, or it survives no spiral.
-    FileError
-        If the folder is not empty or cannot be written.
+        Name of a shipped vehicle to start with.
     """
     if like is None:
         first = folder_of_outline(folder, outline_of_options(options))
@@ -168,7 +149,7 @@ def _speed(options: Mapping[str, str | int]) -> float | None:
 
 
 def sanity(first: FirstFolder) -> tuple[list[SanityRow], list[str]]:
-    """Return the vehicle's properties next to usual ones, and notes on doubtful ones."""
+    """Return the properties of the vehicle with usual values, and notes on implausible ones."""
     return [*sanity_rows(first.vehicle, first.spiral)], [*sanity_notes(first.vehicle, first.spiral)]
 
 
@@ -180,32 +161,32 @@ def vehicle_from_geometry(
     geometry: Mapping[str, Any],
     file: str | Path | None = None,
 ) -> str:
-    """Make a vehicle file of what a drawing says: inertia, added mass and the 22 coefficients, with how sure each is.
+    """Return a vehicle file from a drawing: inertia, added mass and 22 coefficients, with their uncertainties.
 
     Parameters
     ----------
     name : str
     mass : float or str
-        With all water inside, kg or with a unit.
+        Mass with all water inside, kg or with a unit.
     size : mapping
-        Keys of `vehicle.size`: ``length``, ``diameter``, perhaps ``density``; m and kg/m^3, or with units.
+        Keys of `vehicle.size`: ``length``, ``diameter``, optionally ``density``; m and kg/m^3, or with units.
     geometry : mapping
         Keys of `vehicle.geometry`.
     file : str or pathlib.Path, optional
-        To write it to; one that stands there is replaced. Default: nothing is written.
+        File to write; an existing file is replaced. Default: none.
 
     Returns
     -------
     str
-        A vehicle file. Each value that is derived has its standard deviation, the formula's number in the theory, and
-        a source.
+        Text of the vehicle file. Each derived value has its standard deviation, the number of its equation in the
+        theory, and a source.
 
     Raises
     ------
     ConfigError
-        With every mistake at once.
+        With all mistakes.
     FileError
-        If the file cannot be written.
+        If writing fails.
 
     Examples
     --------

@@ -1,1 +1,1 @@
-"""One thin module per command; the heavy parts are imported only when a command runs."""
+"""The command line: parse, call `api`, print. A command imports what it needs when it runs, so that help is fast."""

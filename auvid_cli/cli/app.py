@@ -17,7 +17,7 @@ from auvid_cli.cli.tuning import terms, tune
 
 
 class Entry(NamedTuple):
-    """A command: its name, its function, and examples below its help, of at most 80 columns each."""
+    """A command with its function and the examples below its help (at most 80 columns each)."""
 
     name: str
     function: Callable[..., None]
@@ -26,7 +26,7 @@ class Entry(NamedTuple):
 
 
 GROUPS: dict[str, tuple[Entry, ...]] = {
-    "Begin with data of your own": (
+    "Start with your own data": (
         Entry(
             "import",
             import_log,
@@ -38,12 +38,15 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
             ("auvid inspect results/dive/dataset.h5", "auvid inspect results/dive/dataset.h5 --use 0:80"),
         ),
     ),
-    "Begin with a simulation": (
+    "Start with a simulation": (
         Entry("list", list_shipped, ("auvid list", "auvid list vehicles")),
         Entry(
             "init",
             init,
-            ("auvid init mine --length 2 m --diameter .2 m --mass 60 kg", "auvid init mine --like remus100"),
+            (
+                "auvid init mine --like remus100",
+                "auvid init mine",
+            ),
             OutlineCommand,
         ),
         Entry(
@@ -64,7 +67,7 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
             ),
         ),
     ),
-    "Go to sea": (
+    "Plan the next run": (
         Entry(
             "design",
             design,
@@ -88,7 +91,7 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
         Entry("tune", tune, ("auvid tune results/dive/dataset.h5 --sensors",)),
         Entry("terms", terms, ("auvid terms results/dive/dataset.h5 --use 0:120",)),
     ),
-    "Judge": (
+    "Judge the results": (
         Entry("report", report, ("auvid report results/dive",)),
         Entry("check", check, ("auvid check results/dive", "auvid check results/dive --verbose")),
         Entry(
@@ -97,7 +100,7 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
             ("auvid validate results/spiral/estimates/ckf.h5 results/zigzag/dataset.h5",),
         ),
     ),
-    "Go on": (
+    "Use the results": (
         Entry(
             "compare",
             compare,
@@ -122,7 +125,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
-    epilog="What a command takes, with examples: auvid COMMAND -h",
+    epilog="Options and examples of a command: auvid COMMAND -h",
 )
 for title, entries in GROUPS.items():
     for entry in entries:
@@ -145,7 +148,7 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and stop.")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """Identify the hydrodynamic coefficients of an underwater vehicle from its own manoeuvre data."""

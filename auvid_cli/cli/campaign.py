@@ -1,4 +1,4 @@
-"""auvid campaign: many runs."""
+"""auvid campaign: an experiment with many seeds, filters and settings."""
 
 import os
 from pathlib import Path
@@ -18,16 +18,16 @@ def campaign(
         str,
         typer.Argument(
             metavar="CAMPAIGN",
-            help="Campaign file, or the name of one that ships with auvid.",
+            help="Campaign file, or the name of a shipped campaign (`auvid list campaigns`).",
             autocompletion=complete_campaign,
         ),
     ],
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Dask scheduler to use, such as tcp://HOST:8786. Default: this machine."),
+        typer.Option(metavar="ADDRESS", help="Dask scheduler, such as tcp://HOST:8786. Default: this machine only."),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Processes on this machine. Default: one for each core.")
+        int | None, typer.Option(metavar="N", min=1, help="Number of processes on this machine. Default: one per core.")
     ] = None,
     settings: Annotated[
         list[str] | None,
@@ -37,25 +37,27 @@ def campaign(
         Path | None,
         typer.Option("--output", "-o", metavar="DIR", help="Results folder. Default: results/campaigns/NAME."),
     ] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Also try the runs again that failed.")] = False,
-    again: Annotated[bool, typer.Option("--again", help="Do all runs again, also those that are finished.")] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Repeat the runs that failed.")] = False,
+    again: Annotated[bool, typer.Option("--again", help="Repeat all runs, also the finished ones.")] = False,
     keep_estimates: Annotated[
-        bool, typer.Option("--keep-estimates", help="Also write the whole estimate of each new run: some 20 MB each.")
+        bool,
+        typer.Option("--keep-estimates", help="Also write the complete estimate of each new run (20 MB each)."),
     ] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say how many runs there are and about how long they take, and stop.")
+        bool, typer.Option("--dry-run", help="Print the number of runs and their approximate duration, and exit.")
     ] = False,
     figures: FigureOptions,
     console: TerminalOptions,
 ) -> int:
-    """Run an experiment over seeds, filters and settings, on all cores or a cluster, and report statistics.
+    """Repeat an experiment with many seeds, filters and settings, and report statistics.
 
-    Finished runs are never repeated: the same command goes on with an interrupted campaign, and reports a finished one.
+    The runs use all cores, or a cluster. Finished runs are not repeated: the same command continues an interrupted
+    campaign.
     """
     if scheduler is not None and workers is not None:
-        raise ConfigError("--workers is for this machine, and --scheduler has workers of its own: say one of them")
+        raise ConfigError("--workers and --scheduler: expected one of them; a scheduler has its own workers")
     terminal = console.terminal()
-    # The workers find the compiled core in its cache.
+    # Compile before the workers start: they load the core from the cache.
     with terminal.compiling():
         from auvid_cli.api.campaign import CampaignOptions, Workers, forecast, plan_campaign, run_campaign
         from auvid_cli.report.campaign_tables import print_findings

@@ -1,4 +1,4 @@
-"""Help of commands: whole paragraphs, examples below them, and no Python types."""
+"""Help of commands: paragraphs, examples below them, and no Python types."""
 
 from collections.abc import Callable, Sequence
 from inspect import cleandoc
@@ -8,19 +8,18 @@ from rich.markup import escape
 from typer import BadParameter
 from typer.core import TyperCommand, TyperGroup
 
-# Settings of each parser: both names of the help.
-BOTH_HELPS = {"help_option_names": ["-h", "--help"]}
+BOTH_HELPS = {"help_option_names": ["-h", "--help"]}  # context settings of each command
 
 
 class Command(TyperCommand):
     """Command whose help shows no Python types of flags and arguments."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """Return the parameters, as typer's own."""
+        """Return the parameters, without the types of flags and arguments."""
         return _without_types(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse words; remove the prefix of pydantic from error messages."""
+        """Parse the command line; remove the prefix of pydantic from error messages."""
         try:
             return super().parse_args(ctx, args)
         except BadParameter as error:
@@ -29,15 +28,15 @@ class Command(TyperCommand):
 
 
 class Group(TyperGroup):
-    """All commands together, likewise."""
+    """Group of commands whose help shows no Python types."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """Return the parameters, as typer's own."""
+        """Return the parameters, without the types of flags and arguments."""
         return _without_types(super().get_params(ctx))
 
 
 def paragraphs(function: Callable[..., None]) -> str:
-    """Return the docstring of a command with each paragraph in one line, which the terminal breaks."""
+    """Return the docstring of a command, one line per paragraph."""
     return "\n\n".join(" ".join(part.split()) for part in cleandoc(function.__doc__ or "").split("\n\n"))
 
 

@@ -32,18 +32,22 @@ def import_log(
         list[str] | None,
         typer.Argument(
             metavar="LOG",
-            help="Log files or bags, in the order of the map's `logs`, or NAME=FILE. Default: those that it names.",
+            help="Log file or bag, in the order of `logs` in the map, or NAME=FILE. Default: the files in the map.",
             show_default=False,
         ),
     ] = None,
     map_file: Annotated[
         Path | None,
         typer.Option(
-            "--map", "-m", metavar="MAP", help="YAML file that says what is what in the logs.", show_default=False
+            "--map",
+            "-m",
+            metavar="MAP",
+            help="YAML file that assigns columns of the logs to signals.",
+            show_default=False,
         ),
     ] = None,
     suggest: Annotated[
-        bool, typer.Option("--suggest", help="Look at the logs and write a first map, to be checked and filled in.")
+        bool, typer.Option("--suggest", help="Write a first map from the logs; check and complete it by hand.")
     ] = False,
     output: Annotated[
         Path | None,
@@ -51,38 +55,38 @@ def import_log(
             "--output",
             "-o",
             metavar="FILE",
-            help="Dataset, or with --suggest the map. Default: results/NAME/dataset.h5; a map goes to the screen.",
+            help="Dataset, or with --suggest the map. Default: results/NAME/dataset.h5; a map is printed.",
             show_default=False,
         ),
     ] = None,
     overwrite: OverwriteOption = False,
     console: TerminalOptions,
 ) -> None:
-    """Convert a vehicle's logs to a dataset, or suggest the map by which to do so."""
+    """Convert logs of a vehicle to a dataset, or suggest the map that this needs."""
     with interrupts_deferred():
         from auvid_cli.api.data import MappedLogs, import_into, suggest_into
         from auvid_cli.report.screens import print_import_report
 
     terminal = console.terminal()
     if suggest and map_file is not None:
-        raise ConfigError("--suggest writes a map and --map reads one: say one of them")
+        raise ConfigError("--suggest and --map: expected one of them; --suggest writes a map, --map reads one")
     if suggest and not logs:
-        raise ConfigError("name the logs that a map is to be suggested from: auvid import --suggest LOG")
+        raise ConfigError("--suggest: expected log files, as in: auvid import --suggest LOG")
     if suggest:
         text = suggest_into(output, [Path(log) for log in logs or ()], terminal)
         if output is None:
             print(text, end="")
         else:
-            terminal.print_wrapped(f"{output}: look at every line with `check:` and fill in what is required, then")
-            terminal.print(f"auvid import --map {output}")
+            terminal.print_wrapped(f"{output}: check every line marked `check:` and fill in the required values")
+            terminal.print(f"next: auvid import --map {output}")
         return
     if map_file is None:
-        raise ConfigError("say --map MAP to import logs, or --suggest to have a map suggested from them")
+        raise ConfigError("missing --map MAP; to get a first map from the logs, use --suggest")
     mapped = MappedLogs(map_file, logs or [])
     terminal.print_sanity_warnings(mapped.settings.vehicle)
     path, _, conversion = import_into(output, mapped, overwrite, terminal)
     print_import_report(terminal.out, conversion.summaries, conversion.remarks)
-    terminal.print_wrapped(f"{path}: t = 0 is {conversion.origin:.6f} s by the log's clock")
+    terminal.print_wrapped(f"{path}: t = 0 is {conversion.origin:.6f} s on the clock of the log")
     terminal.print(f"next: auvid inspect {path}")
 
 
@@ -95,7 +99,7 @@ def inspect(
         typer.Option(
             "--use",
             metavar="BEGIN:END",
-            help="Look at this time of the data only, s, such as 0:80. Default: all.",
+            help="Inspect only this part of the data, s, such as 0:80. Default: all.",
             show_default=False,
         ),
     ] = None,
@@ -103,11 +107,11 @@ def inspect(
     figures: FigureOptions,
     console: VerdictTerminalOptions,
 ) -> int:
-    """Judge recorded data before anybody identifies from them: signs, units, axes, clocks, gaps, spikes, excitation.
+    """Check recorded data before identification: signs, units, axes, clocks, gaps, spikes, excitation.
 
-    Prints what did not pass, each with what to do about it: FAIL is to be mended first (exit code 1), note is worth
-    knowing. The results folder gets all verdicts (tables/inspection.csv), what was recorded when (figures/timeline),
-    and both on a page (inspection.html).
+    Prints each check that did not pass, with advice. Fix a FAIL first (exit code 1); a note is for information. Writes
+    all verdicts (tables/inspection.csv), a timeline of the samples (figures/timeline) and a page (inspection.html)
+    into the results folder.
     """
     from auvid_cli.api.data import inspect_into
     from auvid_cli.report.screen import print_checks
@@ -122,34 +126,34 @@ def inspect(
     part = "".join(f" --use {span}" for span in use or ())
     fails = len(inspection.checks.failed())
     if fails:
-        verdicts = "1 verdict fails" if fails == 1 else f"{fails} verdicts fail"
+        checks = "1 check fails" if fails == 1 else f"{fails} checks fail"
         terminal.print_wrapped(
-            f"{verdicts}. Next: mend the map and import again with --overwrite, or leave out bad times with "
-            "--use BEGIN:END; then `auvid inspect` again"
+            f"{checks}. Next: correct the map and import again with --overwrite, or leave out bad times with "
+            "--use BEGIN:END; then run `auvid inspect` again"
         )
     else:
-        terminal.print_wrapped(f"nothing fails. Next: {_next(inspected, f'{dataset}{part}')}")
+        terminal.print_wrapped(f"no check fails. Next: {_next(inspected, f'{dataset}{part}')}")
     if figures.show:
         terminal.open_page(page)
     return VERDICT_FAILED if fails else DONE
 
 
 def _next(dataset: "Dataset", name: str) -> str:
-    """Return the commands that work with the known properties of the vehicle."""
+    """Return the next commands; they depend on which coefficients have values."""
     settings = dataset.experiment.identification
     known = dataset.known_coefficients()
     stated = dataset.experiment.vehicle.stated_coefficients()
     if without_value := [symbol for symbol in settings.fixed(dataset.experiment.vehicle) if symbol not in stated]:
         return (
-            f"state values of {', '.join(without_value)} in the vehicle file, or estimate them "
-            "(identification.coefficients leaves them out)"
+            f"add values of {', '.join(without_value)} to the vehicle file, or estimate them as well "
+            "(add them to identification.coefficients)"
         )
     if all(symbol in known for symbol in settings.estimated(dataset.experiment.vehicle)):
-        return f"`auvid identifiability {name}`, then `auvid identify` alike"
+        return f"`auvid identifiability {name}`, then `auvid identify {name}`"
     filters = settings.with_judge(settings.default_filters())
     return (
-        f"`auvid identify {name}`, then `auvid identifiability {name} --at` with its estimate "
-        f"estimates/{filters[0].value}.h5, for the vehicle file does not state every coefficient"
+        f"`auvid identify {name}`, then `auvid identifiability {name} --at estimates/{filters[0].value}.h5` "
+        "with that estimate, because the vehicle file does not have every coefficient"
     )
 
 
@@ -162,8 +166,8 @@ def export(
         typer.Option(
             "--to",
             metavar="FORM",
-            help=f"Form of the model, {', '.join(form.value for form in FormatName if not form.is_of_a_run)}, "
-            "or of the run, mcap.",
+            help=f"Format of the model: {', '.join(form.value for form in FormatName if not form.is_of_a_run)}; "
+            "or mcap for the whole run.",
         ),
     ],
     output: Annotated[
@@ -172,7 +176,7 @@ def export(
             "--output",
             "-o",
             metavar="FILE",
-            help="File to write. Default: export/VEHICLE_FILTER.* in the results folder.",
+            help="Output file. Default: export/VEHICLE_FILTER.* in the results folder.",
             show_default=False,
         ),
     ] = None,
@@ -181,14 +185,17 @@ def export(
         typer.Option(
             "--dataset",
             metavar="DATASET",
-            help="Dataset that the estimate was made from. Default: dataset.h5 of the results folder.",
+            help="Dataset of the estimate. Default: dataset.h5 in the results folder.",
             show_default=False,
         ),
     ] = None,
     overwrite: OverwriteOption = False,
     console: TerminalOptions,
 ) -> None:
-    """Write an identified model, or with `--to mcap` a whole run, for other programs, and say what they cannot hold."""
+    """Write an identified model, or a whole run (`--to mcap`), in the format of another program.
+
+    Prints the features that the format does not support.
+    """
     refuse_log(dataset)
     terminal = console.terminal()
     with terminal.compiling():

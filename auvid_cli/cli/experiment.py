@@ -39,7 +39,7 @@ def run(
     console: TerminalOptions,
     dry_run: DryRunOption = False,
 ) -> int:
-    """Simulate an experiment, identify with every filter named there, report: report.html, tables, figures."""
+    """Simulate an experiment, run its filters, and write a report (report.html), tables and figures."""
     if not dry_run:
         from auvid_cli.report.figures.workers import load_ahead
 
@@ -73,16 +73,16 @@ def simulate(
         bool,
         typer.Option(
             "--as-log",
-            help="Write no dataset but CSV files, as a vehicle of somebody else would have logged the run, and a "
-            "vehicle file that is 30 % off.",
+            help="Write CSV logs like those of a real vehicle instead of a dataset, and a vehicle file with errors "
+            "of 30 %.",
         ),
     ] = False,
     output: OutputOptions,
     console: TerminalOptions,
     dry_run: DryRunOption = False,
 ) -> int:
-    """Simulate an experiment's vehicle and sensors into results/NAME/dataset.h5."""
-    from auvid_cli.data.files import folder_of_run, locked
+    """Simulate the vehicle and sensors of an experiment, and write results/NAME/dataset.h5."""
+    from auvid_cli.data.files import dataset_in, folder_of_run, locked
 
     loaded, files = experiment.load()
     if dry_run:
@@ -95,6 +95,7 @@ def simulate(
         terminal.print_sanity_warnings(loaded.vehicle)
         with locked(folder):
             simulate_into(folder, loaded, files, output.overwrite, terminal)
+        terminal.print(f"next: auvid identify {shlex.quote(str(dataset_in(folder)))}")
         return DONE
     written = simulate_log_into(folder, loaded, files, output.overwrite, terminal)
     terminal.print_lines(written)
@@ -113,7 +114,7 @@ def identify(
     console: TerminalOptions,
     dry_run: DryRunOption = False,
 ) -> int:
-    """Estimate coefficients from a dataset into results/NAME/estimates/FILTER.h5."""
+    """Estimate coefficients from a dataset, and write results/NAME/estimates/FILTER.h5."""
     changes = settings.overrides()
     data = dataset_or_experiment(source, changes)
     if dry_run:
@@ -131,9 +132,9 @@ def identify(
     code = _exit_code(result.judgements)
     terminal.print(f"next: auvid report {result.folder}")
     if code == DONE:
-        terminal.print(f"on another run: auvid validate {result.files[0]} OTHER.h5")
+        terminal.print(f"validate with another run: auvid validate {result.files[0]} OTHER.h5")
     else:
-        terminal.print(f"what is wrong, and what to do: auvid check {result.folder}")
+        terminal.print(f"causes and advice: auvid check {result.folder}")
     return code
 
 
@@ -141,7 +142,7 @@ def identify(
 def report(
     *, results: ResultsArgument = Path("results/spiral"), figures: FigureOptions, console: TerminalOptions
 ) -> int:
-    """Write the page (report.html), tables and figures of a results folder, and print a summary."""
+    """Write the report (report.html), tables and figures of a results folder, and print a summary."""
     from auvid_cli.report.figures.workers import load_ahead
 
     load_ahead()
@@ -160,15 +161,15 @@ def _print_settings(experiment: "RunSettings") -> int:
 
 
 def _print_result(result: "RunResult", terminal: Terminal, show: bool) -> int:
-    """Print the summary of a results folder; return 1 if an estimate is worse than sound."""
+    """Print the summary of a results folder; return 1 if an estimate is inconsistent or diverged."""
     from auvid_cli.report.screen import print_check_counts, print_files, print_summary
 
     print_summary(terminal.out, result.evaluation)
     print_check_counts(terminal.out, result.checks)
     if any(not check.passed for check in result.checks):
-        terminal.print(f"what did not pass, and what to do: auvid check {shlex.quote(str(result.folder))}")
+        terminal.print(f"failed checks and advice: auvid check {shlex.quote(str(result.folder))}")
     print_files(terminal.out, result.files)
-    terminal.print(f"all on one page: {result.page}")
+    terminal.print(f"report: {result.page}")
     if show:
         terminal.open_page(result.page)
     return _exit_code(result.evaluation.judgements())

@@ -1,4 +1,4 @@
-"""auvid check, identifiability, validate and compare: how good data and estimates are."""
+"""auvid check, identifiability, validate and compare: judge data and estimates."""
 
 from pathlib import Path
 from typing import Annotated
@@ -28,10 +28,10 @@ from auvid_cli.errors import ConfigError
 
 @command
 def check(*, results: ResultsArgument = Path("results/spiral"), console: VerdictTerminalOptions) -> int:
-    """Judge every estimate of a results folder; exit code 1 if a verdict fails.
+    """Check every estimate of a results folder; exit code 1 if a check fails.
 
-    Prints what did not pass, each with what to do about it: FAIL is against the estimate, note is worth knowing. The
-    results folder gets all verdicts (tables/checks.csv).
+    Prints each check that did not pass, with advice. FAIL: do not trust the estimate; note: for information. Writes all
+    verdicts into tables/checks.csv.
     """
     terminal = console.terminal()
     with terminal.compiling():
@@ -55,7 +55,7 @@ def identifiability(
         typer.Option(
             "--at",
             metavar="ESTIMATE",
-            help="Estimate file (.h5) at whose coefficients to look; for a vehicle that states none.",
+            help="Estimate file (.h5) with coefficients, if the vehicle file has none.",
             show_default=False,
         ),
     ] = None,
@@ -63,10 +63,10 @@ def identifiability(
     figures: FigureOptions,
     console: TerminalOptions,
 ) -> None:
-    """Say what data can tell of each coefficient at best, before any filter runs.
+    """Compute the best possible accuracy of each coefficient (Cramér-Rao bound), before any filter runs.
 
-    An experiment is simulated for it, a dataset file taken as it is. The bounds hold at the true coefficients of a
-    simulation, else at those of the vehicle file.
+    Takes a dataset file, or an experiment, which is simulated first. The bounds are computed at the true coefficients
+    of a simulation, or at the coefficients of the vehicle file.
     """
     changes = overrides(settings.settings, seed, settings.use)
     source, terminal = dataset_or_experiment(data, changes), console.terminal()
@@ -92,22 +92,23 @@ def validate(
     ],
     dataset_files: Annotated[
         list[Path],
-        typer.Argument(metavar="DATASET", help="Dataset files (.h5) of other runs than it was made from."),
+        typer.Argument(metavar="DATASET", help="Dataset files (.h5) of other runs, which the estimate has not seen."),
     ],
     use: UseOption = None,
     anew: Annotated[
-        bool, typer.Option("--anew", help="Find thrust, fin trims and ballast anew in each run, constants too.")
+        bool,
+        typer.Option("--anew", help="Estimate thrust, fin trims and ballast again in each run."),
     ] = False,
     output: OutputOptions,
     figures: FigureOptions,
     console: VerdictTerminalOptions,
 ) -> int:
-    """Say how well an identified model predicts a run that it has not seen; exit code 1 if it does not.
+    """Test how well an identified model predicts another run; exit code 1 if it fails.
 
-    The estimate's vehicle and coefficients move by the dataset's inputs alone: in one free run, and from many starts
-    over horizons of 0.5 to 50 s. The errors stand beside those of the prior, of a motion that goes on unchanged, and
-    beside what the stated uncertainties amount to. Several datasets, and all segments of each (--use, of all of them),
-    are judged together; the results stand beside the first.
+    The model is simulated with the recorded inputs only: once over the whole run (free run), and from many starts over
+    horizons of 0.5 to 50 s. The errors are compared with those of the prior, with those of an unchanged motion, and
+    with the uncertainty of the estimate. Several datasets are judged together; --use applies to all of them. The
+    results are written next to the first dataset.
     """
     for path in dataset_files:
         refuse_log(path)
@@ -131,7 +132,7 @@ def compare(
     *,
     first: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder.")],
     second: Annotated[
-        Path, typer.Argument(metavar="REFERENCE", help="Results folder to compare with, or a copy of its tables.")
+        Path, typer.Argument(metavar="REFERENCE", help="Results folder of the reference, or a copy of its tables.")
     ],
     relative: Annotated[
         list[str] | None,
@@ -139,8 +140,8 @@ def compare(
             "--relative",
             "-r",
             metavar="SHARE|COLUMN=SHARE",
-            help="Share that values may differ by, of all columns or of one (inf: not compared); repeatable. Default: "
-            "0.01, and none of estimates.",
+            help="Largest relative difference of all columns, or of one (inf: not compared); repeatable. Default: "
+            "0.01; estimates are compared by --deviations.",
             show_default=False,
         ),
     ] = None,
@@ -150,7 +151,7 @@ def compare(
             "--deviations",
             metavar="N",
             min=0.0,
-            help="What an estimate may differ by, in its standard deviations. Default: 0.01.",
+            help="Largest difference of an estimate, in its standard deviations. Default: 0.01.",
             show_default=False,
         ),
     ] = None,
@@ -159,10 +160,10 @@ def compare(
         False
     ),
 ) -> int:
-    """Put the tables of two results side by side; exit code 1 if they differ by more than they may.
+    """Compare the tables of two results folders; exit code 1 if they differ by more than the tolerances.
 
-    What the second has in coefficients.csv, summary.csv and velocity_error.csv, the first must have, and alike: text to
-    the letter, numbers within tolerances. Processor times, and judgements in sentences, are not compared.
+    Compares coefficients.csv, summary.csv and velocity_error.csv. Every value of the reference must be in the first
+    folder: texts must be equal, numbers within the tolerances. Processor times and judgements are not compared.
     """
     from auvid_cli.api.data import compare_results
     from auvid_cli.report.comparison_screen import print_comparison
@@ -177,13 +178,7 @@ def compare(
 
 
 def _shares(texts: list[str]) -> tuple[float | None, dict[str, float]]:
-    """Return the share of all columns, if there is one, and those of single columns; the last one counts.
-
-    Raises
-    ------
-    ConfigError
-        If one is not a share.
-    """
+    """Return the share of all columns (None: not given), and those of single columns; a later one overrides."""
     everywhere, by_column = None, {}
     for text in texts:
         column, equals, number = text.rpartition("=")

@@ -18,7 +18,10 @@ from auvid_cli.errors import ConfigError
 if TYPE_CHECKING:
     from auvid_cli.config.experiment import Experiment
 
-_SETTINGS, _DATASETS = (".yaml", ".yml"), (".h5", ".hdf5")
+_SETTINGS = (".yaml", ".yml")
+_DATASETS = (".h5", ".hdf5")
+_LOGS = (".csv", ".csv.gz", ".npz", ".mat", ".bag", ".mcap", ".db3", ".bin", ".tlog", ".ulg", ".lsf", ".alog")
+_KEYS = Path(__file__).with_name("setting_keys.txt")
 DatasetArgument = Annotated[
     Path,
     typer.Argument(metavar="DATASET", help="Dataset file (.h5): results/NAME/dataset.h5 after `auvid import`."),
@@ -33,15 +36,16 @@ FilterOption = Annotated[
         "--filter",
         "-f",
         metavar="FILTER",
-        help=f"Filter to run: {', '.join(name.value for name in FilterName)}; repeatable. Default: those of the "
-        "settings. The smoother judges them.",
+        help=f"Filter to run: {', '.join(name.value for name in FilterName)}; repeatable. Default: "
+        "identification.filters. The smoother runs as well, because it judges the others; "
+        "identification.judge=false omits it.",
         show_default=False,
     ),
 ]
 SeedOption = Annotated[
     int | None,
     typer.Option(
-        "--seed", metavar="N", min=0, help="Seed of all noise. Default: the experiment's.", show_default=False
+        "--seed", metavar="N", min=0, help="Seed of all noise. Default: seed of the experiment.", show_default=False
     ),
 ]
 UseOption = Annotated[
@@ -49,50 +53,46 @@ UseOption = Annotated[
     typer.Option(
         "--use",
         metavar="BEGIN:END",
-        help="Use only this time of the data, s; without BEGIN or END as far as they reach. Repeatable; each starts "
-        "with a motion of its own.",
+        help="Use only this part of the data, s; BEGIN or END may be left out. Repeatable; each part has its own "
+        "initial state.",
         show_default=False,
     ),
 ]
 OverwriteOption = Annotated[
     bool,
-    typer.Option("--overwrite", help="Replace what stands in the way, with all that was made from it."),
+    typer.Option("--overwrite", help="Replace existing results, and all files derived from them."),
 ]
-OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in a browser when all is done.")]
+OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in a browser at the end.")]
 FigureFormatOption = Annotated[
     list[FigureFormat] | None,
     typer.Option(
         "--figure-format",
         metavar="FORMAT",
-        help=f"Write figures as {', '.join(FigureFormat)}; repeatable. Default: png.",
+        help=f"Format of figures: {', '.join(FigureFormat)}; repeatable. Default: png.",
         show_default=False,
     ),
 ]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and stop.")]
-_LOGS = (".csv", ".csv.gz", ".npz", ".mat", ".bag", ".mcap", ".db3", ".bin", ".tlog", ".ulg", ".lsf", ".alog")
-
-
-_KEYS = Path(__file__).with_name("setting_keys.txt")
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors.")]
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and exit.")]
 
 
 def complete_experiment(incomplete: str) -> list[str]:
-    """List shipped experiments and settings files of this folder that begin so."""
+    """Return matching shipped experiments, and settings files of this folder."""
     return _beginning(incomplete, _shipped("."), _files_here(_SETTINGS))
 
 
 def complete_data(incomplete: str) -> list[str]:
-    """List shipped experiments, settings files and datasets of this folder that begin so."""
+    """Return matching shipped experiments, and settings files and datasets of this folder."""
     return _beginning(incomplete, _shipped("."), _files_here((*_SETTINGS, *_DATASETS)))
 
 
 def complete_campaign(incomplete: str) -> list[str]:
-    """List shipped campaigns and settings files of this folder that begin so."""
+    """Return matching shipped campaigns, and settings files of this folder."""
     return _beginning(incomplete, _shipped("campaigns"), _files_here(_SETTINGS))
 
 
 def complete_setting(incomplete: str) -> list[str]:
-    """List keys of an experiment and settings files of this folder that begin so."""
+    """Return matching keys of an experiment, and settings files of this folder."""
     keys = _KEYS.read_text(encoding="utf-8").split()
     return _beginning(incomplete, (f"{key}=" for key in keys), _files_here(_SETTINGS))
 
@@ -113,7 +113,7 @@ ExperimentArgument = Annotated[
     str | None,
     typer.Argument(
         metavar="EXPERIMENT",
-        help="Experiment file, folder with an experiment.yaml, or the name of one that ships. Default: the spiral.",
+        help="Experiment file, folder with an experiment.yaml, or name of a shipped experiment. Default: spiral.",
         autocompletion=complete_experiment,
         show_default=False,
     ),
@@ -124,7 +124,7 @@ DataArgument = Annotated[
     str | None,
     typer.Argument(
         metavar="EXPERIMENT|DATASET",
-        help="Experiment whose dataset has been simulated, or a dataset file (.h5). Default: the spiral.",
+        help="Dataset file (.h5), or a simulated experiment. Default: spiral.",
         autocompletion=complete_data,
         show_default=False,
     ),
@@ -136,7 +136,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="KEY=VALUE|FILE",
-        help='Override a setting, e.g. --set sensors.dvl.rate="5 Hz", or those in a YAML file; repeatable.',
+        help='Override a setting, e.g. --set sensors.dvl.rate="5 Hz", or all settings of a YAML file; repeatable.',
         autocompletion=complete_setting,
         show_default=False,
     ),
@@ -144,9 +144,9 @@ SetOption = Annotated[
 
 
 def _as_folder(path: Path | None) -> Path | None:
-    """Refuse the name of a dataset file as that of a folder."""
-    if path is not None and path.suffix in (".h5", ".hdf5"):
-        raise typer.BadParameter(f"{path} is called like a file; expected a results folder, such as {path.stem}")
+    """Refuse a results folder with the name of a dataset file."""
+    if path is not None and path.suffix in _DATASETS:
+        raise typer.BadParameter(f"{path}: expected a results folder, such as {path.stem}")
     return path
 
 
@@ -157,16 +157,16 @@ OutputOption = Annotated[
         "-o",
         callback=_as_folder,
         metavar="DIR",
-        help="Results folder. Default: results/NAME, or the folder of a dataset.h5.",
+        help="Results folder. Default: results/NAME, or the folder of the dataset.",
         show_default=False,
     ),
 ]
 
 
 def command(function: Callable[..., int | None]) -> Callable[..., None]:
-    """Return a function for typer, in which the fields of each option group are options of their own.
+    """Return a function for typer that has one option for each field of the option groups of `function`.
 
-    It is called with groups that are filled in. What it returns is the exit code; its errors are printed.
+    The result of `function` is the exit code; its errors are printed.
     """
     hints = get_type_hints(function, include_extras=True)
     groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
@@ -204,20 +204,14 @@ def _options_of(kind: Any) -> list[Parameter]:
 
 @dataclass(frozen=True)
 class ExperimentOptions:
-    """An experiment with changes of its settings."""
+    """An experiment and overrides of its settings."""
 
     experiment: ExperimentArgument = None
     settings: SetOption = None
     seed: SeedOption = None
 
     def load(self) -> "tuple[Experiment, list[Path]]":
-        """Return the experiment, and the files that it was read from.
-
-        Raises
-        ------
-        ConfigError
-            With every mistake in its settings.
-        """
+        """Return the experiment, and the files that it was read from."""
         from auvid_cli.config.loading import find_experiment, load_with_files
 
         refuse_log(self.experiment)
@@ -225,13 +219,7 @@ class ExperimentOptions:
 
 
 def dataset_or_experiment(source: str | None, changes: tuple[str, ...]) -> "Path | tuple[Experiment, list[Path]]":
-    """Return the path of a dataset file, or else the experiment of a name, and the files that it was read from.
-
-    Raises
-    ------
-    ConfigError
-        If its name is that of a log, or the settings of the experiment have mistakes.
-    """
+    """Return the path of a dataset file, or an experiment with the files that it was read from."""
     from auvid_cli.config.loading import find_experiment, load_with_files
 
     return dataset_path(source) or load_with_files(find_experiment(source), changes)
@@ -239,23 +227,23 @@ def dataset_or_experiment(source: str | None, changes: tuple[str, ...]) -> "Path
 
 @dataclass(frozen=True)
 class SettingOptions:
-    """Changes of the settings in a dataset."""
+    """Overrides of the settings in a dataset."""
 
     settings: SetOption = None
     use: UseOption = None
 
     def overrides(self) -> tuple[str, ...]:
-        """Return the changes in the order in which they apply."""
+        """Return the overrides in the order in which they apply."""
         return overrides(self.settings, use=self.use)
 
     def words(self) -> list[str]:
-        """Return the words of a command line that make the same changes."""
+        """Return the same overrides as words of a command line."""
         return [*(f"--set={setting}" for setting in self.settings or ()), *(f"--use={span}" for span in self.use or ())]
 
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """Results folder, and whether results in it may be replaced."""
+    """Results folder, and whether its results may be replaced."""
 
     output: OutputOption = None
     overwrite: OverwriteOption = False
@@ -270,7 +258,7 @@ class FigureOptions:
 
     @property
     def formats(self) -> tuple[FigureFormat, ...]:
-        """Return the formats."""
+        """Return the formats of figures; png without the option."""
         return tuple(self.figure_format or (FigureFormat.PNG,))
 
 
@@ -279,10 +267,10 @@ class TerminalOptions:
     """Amount of output."""
 
     quiet: QuietOption = False
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each part took.")] = False
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Also print the duration of each step.")] = False
 
     def terminal(self) -> Terminal:
-        """Return the terminal to print on."""
+        """Return the terminal that prints this amount."""
         return Terminal(self.quiet, self.verbose)
 
 
@@ -291,53 +279,30 @@ class VerdictTerminalOptions(TerminalOptions):
     """Amount of output of a command that prints verdicts."""
 
     verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Also print what passed, and how long each part took.")
+        bool, typer.Option("--verbose", "-v", help="Also print passed checks and the duration of each step.")
     ] = False
 
 
 def refuse_log(source: str | Path | None) -> None:
-    """Refuse a log where a dataset or an experiment is expected.
-
-    Raises
-    ------
-    ConfigError
-    """
+    """Raise a ConfigError for a log where a dataset or an experiment is expected."""
     if str(source).lower().endswith(_LOGS):
-        raise ConfigError(f"{source}: a log must become a dataset first: auvid import --suggest {source} -o map.yaml")
+        raise ConfigError(f"{source}: expected a dataset; first run auvid import --suggest {source} -o map.yaml")
 
 
 def dataset_path(source: str | None) -> Path | None:
-    """Return the path of a dataset file, or None for an experiment.
-
-    Raises
-    ------
-    ConfigError
-        If its name is that of a log.
-    """
+    """Return the path of a dataset file, or None for an experiment."""
     refuse_log(source)
-    return Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
+    return Path(source) if source is not None and source.endswith(_DATASETS) else None
 
 
 def overrides(settings: list[str] | None, seed: int | None = None, use: list[str] | None = None) -> tuple[str, ...]:
-    """Return overrides in the order in which they apply; `--seed` and `--use` are short for one each.
-
-    Raises
-    ------
-    ConfigError
-        If a span is invalid.
-    """
+    """Return the overrides of --set, --seed and --use in the order in which they apply."""
     seeds = () if seed is None else (f"seed={seed}",)
     return (*(settings or ()), *seeds, *((f"identification.use.spans={spans(use)}",) if use else ()))
 
 
 def spans(texts: list[str]) -> str:
-    """Return the spans of `--use` as a list in YAML, with null for an open end.
-
-    Raises
-    ------
-    ConfigError
-        If a span is not BEGIN:END with BEGIN earlier than END.
-    """
+    """Return the spans of `--use` as a YAML list, with null for an open end."""
     from auvid_cli.config.units import parse_quantity
 
     pairs = []
@@ -348,8 +313,8 @@ def spans(texts: list[str]) -> str:
         except ValueError:
             times = []
         if not colon or not times:
-            raise ConfigError(f"--use {span}: expected BEGIN:END in seconds, such as 0:80, or 80: for all after that")
+            raise ConfigError(f"--use {span}: expected BEGIN:END in seconds, such as 0:80 or 80:")
         if times != sorted(set(times)):
-            raise ConfigError(f"--use {span}: ends before it begins, or as it does")
+            raise ConfigError(f"--use {span}: END must be later than BEGIN")
         pairs.append(f"[{begin or 'null'}, {end or 'null'}]")
     return f"[{', '.join(pairs)}]"

@@ -1,4 +1,4 @@
-"""auvid init and list: a folder to begin with, and what ships with auvid."""
+"""auvid init and list: a first folder, and the files that ship with auvid."""
 
 import shlex
 import sys
@@ -31,24 +31,24 @@ def _quantity(metavar: str, text: str) -> typer.models.OptionInfo:
 
 @dataclass(frozen=True)
 class OutlineOptions:
-    """Keys of an outline of a vehicle, as they were written."""
+    """Outline of a vehicle: texts with units."""
 
-    length: Annotated[str | None, _quantity("LENGTH", "Of the hull, e.g. 2 m.")] = None
-    diameter: Annotated[str | None, _quantity("LENGTH", "Of the hull, e.g. 20 cm.")] = None
-    mass: Annotated[str | None, _quantity("MASS", "With all water inside, e.g. 60 kg.")] = None
-    fin_span: Annotated[str | None, _quantity("LENGTH", "Of one fin from root to tip, e.g. 10 cm.")] = None
-    fin_area: Annotated[str | None, _quantity("AREA", "Of one fin, e.g. 80 cm^2.")] = None
+    length: Annotated[str | None, _quantity("LENGTH", "Length of the hull, e.g. 2 m.")] = None
+    diameter: Annotated[str | None, _quantity("LENGTH", "Diameter of the hull, e.g. 20 cm.")] = None
+    mass: Annotated[str | None, _quantity("MASS", "Mass with all water inside, e.g. 60 kg.")] = None
+    fin_span: Annotated[str | None, _quantity("LENGTH", "Span of one fin from root to tip, e.g. 10 cm.")] = None
+    fin_area: Annotated[str | None, _quantity("AREA", "Area of one fin, e.g. 80 cm^2.")] = None
     fin_position: Annotated[
-        str | None, _quantity("LENGTH", "Of the fins' hinges, from the nose. Default: 94 % of the length.")
+        str | None, _quantity("LENGTH", "Distance of the fin hinges from the nose. Default: 94 % of the length.")
     ] = None
     fins: Annotated[int | None, _quantity("NUMBER", "Number of fins. Default: 4.")] = None
-    tail: Annotated[str | None, _quantity("+|x", "How they stand. Default: +.")] = None
+    tail: Annotated[str | None, _quantity("+|x", "Arrangement of the fins. Default: +.")] = None
     nose: Annotated[str | None, _quantity("LENGTH", "Length of the nose. Default: about a diameter.")] = None
-    tail_length: Annotated[str | None, _quantity("LENGTH", "Of the tapering tail. Default: about 2.5 diameters.")] = (
-        None
-    )
-    speed: Annotated[str | None, _quantity("SPEED", "At which it travels. Default: 1.5 m/s.")] = None
-    density: Annotated[str | None, _quantity("DENSITY", "Of the water. Default: 1025 kg/m^3.")] = None
+    tail_length: Annotated[
+        str | None, _quantity("LENGTH", "Length of the tail cone. Default: about 2.5 diameters.")
+    ] = None
+    speed: Annotated[str | None, _quantity("SPEED", "Cruise speed. Default: 1.5 m/s.")] = None
+    density: Annotated[str | None, _quantity("DENSITY", "Density of the water. Default: 1025 kg/m^3.")] = None
 
 
 @command
@@ -56,14 +56,13 @@ def init(
     *,
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New folder.", show_default=False)],
     outline: OutlineOptions,
-    like: Annotated[
-        str | None, _quantity("NAME", "Start at a vehicle that ships, e.g. remus100, instead of all that.")
-    ] = None,
+    like: Annotated[str | None, _quantity("NAME", "Start with a shipped vehicle instead, e.g. remus100.")] = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Make a folder to begin with: a vehicle from a few numbers, sensors, an experiment, a map, and what to do next.
+    """Make a first folder: a vehicle from a few dimensions, sensors, an experiment, a log map and a README.
 
-    A number without a unit is SI. What is missing is asked for on a terminal.
+    Length, diameter, mass, fin span and fin area are required, unless --like names a vehicle. On a terminal, missing
+    values are asked for. A number without a unit is in SI units.
     """
     from auvid_cli.config.outline import option
     from auvid_cli.data.files import refuse_filled
@@ -74,7 +73,7 @@ def init(
     if like is None:
         options |= _answers(options)
     elif others := [option(key) for key in options if key != "speed"]:
-        raise ConfigError(f"--like {like} is a whole vehicle: leave out {', '.join(others)}, or --like")
+        raise ConfigError(f"--like {like}: cannot be combined with {', '.join(others)}; leave out one or the other")
     with terminal.compiling():
         from auvid_cli.api.simulation import new_folder, sanity
 
@@ -92,20 +91,14 @@ def init(
 
 
 def _answers(given: Mapping[str, str | int]) -> dict[str, str]:
-    """Return answers to questions for missing keys.
-
-    Raises
-    ------
-    ConfigError
-        If a key is missing, and there is no terminal to ask on.
-    """
+    """Ask for missing keys and return the answers; without a terminal raise a ConfigError."""
     from auvid_cli.config.outline import missing_keys, option, units
 
     missing = missing_keys(given)
     if missing and not is_interactive():
         raise ConfigError(
-            f"missing {', '.join(map(option, missing))}; state them, start at a vehicle that ships (--like "
-            "remus100), or answer questions on a terminal"
+            f"missing {', '.join(map(option, missing))}; add them, start with a shipped vehicle (--like remus100), "
+            "or run this in a terminal, which asks for them"
         )
     return {key: _answer(QUESTIONS[key], units()[key]) for key in missing}
 
@@ -124,7 +117,7 @@ def _answer(question: str, unit: str) -> str:
         except ValueError as error:
             raise typer.BadParameter(str(error)) from None
         if not is_positive:
-            raise typer.BadParameter("must be greater than 0")
+            raise typer.BadParameter("must be larger than 0")
         return text
 
     try:
@@ -137,14 +130,14 @@ class OutlineCommand(Command):
     """Command whose quantities may be two words: ``--length 2 m``."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse words, of which a number and its unit are first joined."""
+        """Join numbers with their units, then parse."""
         from auvid_cli.config.outline import option, units
 
         return super().parse_args(ctx, joined(args, {option(key): unit for key, unit in units().items()}))
 
 
 def joined(words: Iterable[str], units: Mapping[str, str]) -> list[str]:
-    """Join a number and its unit where they follow an option that takes such a quantity.
+    """Join a number and its unit after an option that takes such a quantity.
 
     Parameters
     ----------
@@ -175,7 +168,7 @@ def _is_quantity(text: str, unit: str) -> bool:
 
 
 class Listed(StrEnum):
-    """Kinds of things that ship with auvid, in the order in which they are listed."""
+    """Kinds of shipped files, in the order in which they are listed."""
 
     EXPERIMENTS = "experiments"
     VEHICLES = "vehicles"
@@ -185,7 +178,6 @@ class Listed(StrEnum):
     FILTERS = "filters"
 
 
-# How to use what is listed.
 USES = {
     Listed.EXPERIMENTS: "auvid run NAME",
     Listed.VEHICLES: "vehicle: NAME in an experiment, or --set vehicle=NAME",
@@ -204,7 +196,7 @@ def list_shipped(
         typer.Argument(metavar="KIND", help=f"{', '.join(Listed)}. Default: all.", show_default=False),
     ] = None,
 ) -> None:
-    """List what ships with auvid: experiments, their parts, campaigns and filters, a line each."""
+    """List the shipped experiments, vehicles, sensors, manoeuvres and campaigns, and the filters."""
     from auvid_cli.config.enums import FilterName
     from auvid_cli.config.shipped import shipped_files
 

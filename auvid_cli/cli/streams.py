@@ -1,4 +1,4 @@
-"""Standard streams, exit codes, and lines broken under a column. Loaded before everything else."""
+"""Standard streams, exit codes and line breaks. Loaded before everything else."""
 
 import os
 import sys
@@ -12,13 +12,13 @@ from auvid_cli.text import printable_lines
 DONE = 0
 VERDICT_FAILED = 1
 WRONG_INPUT = 2
-INTERRUPTED = 130  # as shells report a command that was interrupted
+INTERRUPTED = 130  # as in shells: 128 + SIGINT
 
 
 def prepare_streams() -> None:
-    """Open closed streams, and write characters that a terminal lacks as escapes."""
+    """Open closed streams, and escape characters that a terminal cannot show."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        # Otherwise the next file to be opened takes its number, and gets the output of libraries and other processes.
+        # Otherwise the next opened file gets its number, and the output of libraries is written into that file.
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: PTH123, SIM115
     for stream in (sys.stdout, sys.stderr):
@@ -27,7 +27,7 @@ def prepare_streams() -> None:
 
 
 def print_error(message: str) -> None:
-    """Print a message on the error stream; if that is closed, only the exit code is left."""
+    """Print a message on the error stream, if that is open."""
     try:
         print(f"auvid: {printable_lines(message)}", file=sys.stderr, flush=True)
     except OSError:
@@ -35,12 +35,12 @@ def print_error(message: str) -> None:
 
 
 def print_os_error(error: OSError) -> None:
-    """Print an error of the operating system, with the file or else the output that it concerns."""
+    """Print an error of the operating system, with the name of the file if it has one."""
     print_error(f"{error.filename or 'output'}: {error.strerror or error}")
 
 
 def hanging(line: str, indent: int) -> str:
-    """Break a line on a narrow terminal, and indent what follows; elsewhere return it as it is."""
+    """Break a line at the width of the terminal, with a hanging indent; without a terminal return it unchanged."""
     if not sys.stdout.isatty():
         return line
     columns = get_terminal_size().columns
@@ -48,7 +48,7 @@ def hanging(line: str, indent: int) -> str:
 
 
 def discard(stream: TextIO) -> None:
-    """Drop all output of a stream that has lost its reader, present and future."""
+    """Drop all further output of a stream that has lost its reader."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from auvid_cli.api.output import Advance, Progress
+from auvid_cli.api import COMPILED_FILTERS, Advance, Progress, load_vehicles
 from auvid_cli.cli.streams import DONE, INTERRUPTED, WRONG_INPUT, discard, hanging, print_error, print_os_error
 
 if TYPE_CHECKING:
     from auvid_cli.config.vehicle import VehicleSettings
 
-INDENT = 2  # columns, of all lines of a sentence but the first
+INDENT = 2  # columns, of all lines of a sentence except the first
 
 
 @contextmanager
@@ -27,12 +27,12 @@ def reporting_errors() -> Iterator[None]:
     """Turn errors that a user can fix into one message and exit code 2."""
     from auvid_cli.errors import AuvidError
 
-    # SIGTERM acts like Ctrl-C, so that half-written files are removed. KeyboardInterrupt is the one exception that
-    # passes through an import.
-    asked: list[int] = []
+    # SIGTERM acts like Ctrl-C, so that half-written files are removed. Of all exceptions only KeyboardInterrupt passes
+    # through an import.
+    received: list[int] = []
 
     def end(number: int, frame: FrameType | None) -> None:
-        asked.append(number)
+        received.append(number)
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGTERM, end)
@@ -42,7 +42,7 @@ def reporting_errors() -> Iterator[None]:
         print_error(str(error))
         raise typer.Exit(WRONG_INPUT) from None
     except MemoryError as error:
-        print_error(f"not enough memory for this duration and these rates: {error}")
+        print_error(f"not enough memory; use a shorter duration or lower sensor rates: {error}")
         raise typer.Exit(WRONG_INPUT) from None
     except KeyboardInterrupt:
         print_error("interrupted; files already written are complete")
@@ -56,14 +56,14 @@ def reporting_errors() -> Iterator[None]:
         raise typer.Exit(WRONG_INPUT) from None
     finally:
         signal.signal(signal.SIGTERM, before)
-        if asked:
+        if received:
             # An import or the compiler may have swallowed the exception.
-            raise SystemExit(128 + asked[0])
+            raise SystemExit(128 + received[0])
 
 
 @contextmanager
 def interrupts_deferred() -> Iterator[None]:
-    """Defer an interrupt until the block ends, because some libraries turn one into an error of their own on import."""
+    """Defer an interrupt to the end of the block, because some libraries turn it into another error during import."""
     waiting = []
     before = signal.signal(signal.SIGINT, lambda number, frame: waiting.append(number))
     try:
@@ -75,13 +75,7 @@ def interrupts_deferred() -> Iterator[None]:
 
 
 class Terminal(Progress):
-    """Streams and bars for the messages of a command.
-
-    Parameters
-    ----------
-    quiet, verbose : bool
-        As the options of the same names.
-    """
+    """Prints the messages and progress of a command."""
 
     def __init__(self, quiet: bool, verbose: bool) -> None:
         from auvid_cli.report.screen_table import PlainConsole
@@ -92,39 +86,38 @@ class Terminal(Progress):
         # Progress goes to the error stream, so that output can be piped.
         self._err = PlainConsole(stderr=True, quiet=quiet)
         self._partner: subprocess.Popen | None = None
-        # Whether this block compiles, and whether a screen that keeps its lines shows so.
+        # Whether the core is being compiled now, and whether a message about this has been printed.
         self._compiles = self._printed = False
-        # Number of the signal that arrived while the core was loaded; 0 without one.
-        self._interrupted = 0
+        self._interrupted = 0  # number of the signal received while the core was loaded; 0: none
 
     def print(self, line: object) -> None:
-        """Print a line, as it is."""
+        """Print a line without markup or line breaks."""
         self.out.print(str(line), markup=False, soft_wrap=True)
 
     def print_wrapped(self, sentence: str) -> None:
-        """Print a sentence, broken between words on a narrow terminal."""
+        """Print a sentence, broken between words at the width of the terminal."""
         self.print(hanging(sentence, INDENT))
 
     message = print_wrapped
 
     def print_lines(self, lines: Iterable[object]) -> None:
-        """Print a line for each item, as it is."""
+        """Print one line per item."""
         for line in lines:
             self.print(line)
 
     def print_sanity_warnings(self, vehicle: "VehicleSettings") -> None:
-        """Print a line for each implausible number of a vehicle."""
+        """Print one line per implausible value of a vehicle."""
         from auvid_cli.config.sanity import sanity_warnings
 
         for warning in sanity_warnings(vehicle):
             self.print_wrapped(f"note: vehicle {vehicle.name}: {warning}")
 
     def open_page(self, page: Path) -> None:
-        """Open a page in the browser of the system, or print that there is none."""
+        """Open a page in the default browser."""
         import webbrowser
 
         if not webbrowser.open(page.resolve().as_uri()):
-            self.print(f"{page}: no browser could be started here; open the file in one")
+            self.print(f"{page}: no browser could be started; open this file in a browser")
 
     @contextmanager
     def stage(self, label: str) -> Iterator[Callable[[str], None]]:
@@ -145,10 +138,11 @@ class Terminal(Progress):
 
     @contextmanager
     def compiling(self) -> Iterator[Callable[[], None]]:
-        """Import compiled modules in this block; where they must be compiled first, print so. Yields what prints so.
+        """Import compiled modules in this block; print a message if they must be compiled first.
 
-        numba swallows an interrupt or fails on it, so while it compiles one ends the process at once. Imports may
-        swallow it as well, so before that it waits until all is loaded, which takes less than a second.
+        Yields the function that prints the message. An interrupt during compilation ends the process at once, because
+        numba may swallow it. An interrupt during imports takes effect at the end of the block, because imports may
+        swallow it as well.
         """
         from auvid_cli.numerics import on_compilation
 
@@ -157,7 +151,7 @@ class Terminal(Progress):
             with self.stage("loading the compiled core") as change:
 
                 def print_compiling() -> None:
-                    label = "compiling the numerical core, once: some 10 to 20 s"
+                    label = "compiling the numerical core (only once after an installation; 10 to 20 s)"
                     change(label)
                     if not self._err.is_terminal and not self.quiet and not self._printed:
                         print_error(label)
@@ -184,21 +178,19 @@ class Terminal(Progress):
     def _leave_at_once(self) -> None:
         if self._partner is not None:
             self._partner.kill()
-        # A spinner hides the cursor and leaves its line half written.
-        tidy = b"\x1b[?25h\r\x1b[K" if sys.stderr.isatty() else b""
-        os.write(sys.stderr.fileno(), tidy + b"auvid: interrupted while compiling; nothing was lost\n")
+        # Show the cursor again, and clear the line of the spinner.
+        reset = b"\x1b[?25h\r\x1b[K" if sys.stderr.isatty() else b""
+        os.write(sys.stderr.fileno(), reset + b"auvid: interrupted while compiling; nothing was lost\n")
         os._exit(INTERRUPTED if self._interrupted == signal.SIGINT else 128 + self._interrupted)
 
     def load_core(self) -> None:
-        """Load the compiled core; where it must be compiled first, two processes do so."""
-        from auvid_cli.api import core
-
-        with self._compiling_beside(*core.FILTERS), self.compiling():
-            core.load_vehicles()
+        """Load the compiled core; two processes compile it if necessary."""
+        with self._compiling_in_parallel(*COMPILED_FILTERS), self.compiling():
+            load_vehicles()
 
     @contextmanager
-    def _compiling_beside(self, *modules: str) -> Iterator[None]:
-        """Compile modules in another process during the block, unless the first of them is compiled already."""
+    def _compiling_in_parallel(self, *modules: str) -> Iterator[None]:
+        """Compile modules in a second process during the block, if the first of them is not in the cache."""
         from auvid_cli.numerics import compile_elsewhere, is_compiled
 
         if is_compiled(modules[0]):
@@ -217,7 +209,7 @@ class Terminal(Progress):
 
     @contextmanager
     def bars(self, *labels: str, unit: str = "") -> Iterator[list[Advance]]:
-        """Show bars with rate and time left, and in the end one line for all; yields a callback for each."""
+        """Show progress bars, and one line at the end; yields a callback per bar."""
         from rich.progress import (
             BarColumn,
             MofNCompleteColumn,
@@ -254,8 +246,8 @@ class Terminal(Progress):
 
             yield [bar(label) for label in labels]
         if shown:
-            what = ", ".join(f"{label}{notes[label]}" for label in labels)
-            line = f"{what}: done in {perf_counter() - start:.1f} s"
+            names = ", ".join(f"{label}{notes[label]}" for label in labels)
+            line = f"{names}: done in {perf_counter() - start:.1f} s"
             self._err.print(line, markup=False, highlight=False, soft_wrap=True)
         if self.verbose:
             for label, seconds in ended.items():

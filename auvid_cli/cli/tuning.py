@@ -1,4 +1,4 @@
-"""auvid tune and terms: settings found in a dataset."""
+"""auvid tune and terms: noise levels and model terms from a dataset."""
 
 import shlex
 from pathlib import Path
@@ -14,23 +14,21 @@ from auvid_cli.cli.terminal import Terminal
 def tune(
     *,
     dataset: DatasetArgument,
-    sensors: Annotated[
-        bool, typer.Option("--sensors", help="Find the noise of the sensors as well, instead of what is stated.")
-    ] = False,
+    sensors: Annotated[bool, typer.Option("--sensors", help="Estimate the noise of the sensors as well.")] = False,
     disturbance: Annotated[
         bool,
         typer.Option(
-            "--disturbance", help="Tune with and without a force and moment that last, and keep them if that pays."
+            "--disturbance", help="Also try a slowly varying force and moment; keep them if the data support them."
         ),
     ] = False,
     settings: SettingOptions,
     output: OutputOptions,
     console: TerminalOptions,
 ) -> None:
-    """Find the noise that makes the data most likely: how far the model may be trusted, and with --sensors these.
+    """Estimate the process noise, and with --sensors the sensor noise, by maximum likelihood.
 
-    Process noise is what the model leaves out. The smoother follows the data again and again, with more noise
-    and with less. What it finds is in tuned.yaml, which `auvid identify` takes behind --set.
+    Process noise describes the errors of the model. The smoother runs many times with different noise levels. The
+    result is written to tuned.yaml; use it with `auvid identify --set tuned.yaml`.
     """
     refuse_log(dataset)
     changes, terminal = settings.overrides(), console.terminal()
@@ -40,7 +38,7 @@ def tune(
 
     result = tune_into(output.output, dataset, changes, output.overwrite, terminal, sensors, disturbance)
     print_tuning(terminal.out, result.tuning, *result.fits)
-    terminal.print(f"log-likelihood: {result.tuning.gain:.4g} more than as stated")
+    terminal.print(f"log-likelihood: {result.tuning.gain:.4g} higher than with the noise of the settings")
     if result.tuning.choice is not None:
         terminal.print(choice_text(result.tuning.choice))
     terminal.print_lines(result.files)
@@ -53,19 +51,18 @@ def terms(
     dataset: DatasetArgument,
     any_symmetry: Annotated[
         bool,
-        typer.Option("--any-symmetry", help="Look also for terms that differ between port and starboard."),
+        typer.Option("--any-symmetry", help="Also try terms that break the symmetry of port and starboard."),
     ] = False,
-    most: Annotated[int, typer.Option(min=1, max=20, metavar="NUMBER", help="Look for so many terms at most.")] = 4,
+    most: Annotated[int, typer.Option(min=1, max=20, metavar="NUMBER", help="Largest number of terms to add.")] = 4,
     settings: SettingOptions,
     output: OutputOptions,
     console: TerminalOptions,
 ) -> None:
-    """Find terms that the model lacks: products of velocities and fins that explain what its fit leaves of the data.
+    """Find terms that are missing in the model: products of velocities and fin angles that explain the residuals.
 
-    The smoother is fitted to the first two thirds of the data. Of some two hundred candidates the best
-    few, and what comes nearest to the best of them, are added and fitted, one at a time; the best of these is kept
-    only if it makes the last third likelier; then come the next. What is found stands in terms.yaml, which `auvid
-    identify` takes behind --set.
+    The smoother is fitted to the first two thirds of the data. The most promising of about 200 candidates are added
+    and fitted one at a time. The best one is kept only if it raises the likelihood of the last third; then the search
+    is repeated. The result is written to terms.yaml; use it with `auvid identify --set terms.yaml`.
     """
     refuse_log(dataset)
     changes, terminal = settings.overrides(), console.terminal()
@@ -81,6 +78,6 @@ def terms(
 
 
 def _print_next(terminal: Terminal, dataset: Path, settings: SettingOptions, found: Path) -> None:
-    """Print the command that identifies with the settings that were found, and all others."""
+    """Print the command that identifies with the new settings and all other overrides."""
     words = ["auvid", "identify", str(dataset), *settings.words(), "--set", str(found)]
     terminal.print(f"next: {shlex.join(words)}")

@@ -1,4 +1,4 @@
-"""Commands in this process: one of its own takes seconds to load all that they need."""
+"""Commands run in the test process, because a new process takes seconds to start."""
 
 from contextlib import chdir
 from pathlib import Path
@@ -12,11 +12,11 @@ from auvid_cli.cli.app import app
 
 @pytest.fixture(autouse=True)
 def in_this_process(walked_here) -> None:
-    """Commands start no process to go through their files."""
+    """Check files in this process."""
 
 
 def auvid(*arguments: object, cwd: Path | str = ".") -> Result:
-    """Run a command in a folder; what it does not foresee fails the test."""
+    """Run a command in a folder; an unexpected exception fails the test."""
     with chdir(cwd):
         return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
 

@@ -40,21 +40,21 @@ def begun(tmp_path):
 
 
 def left_of(marked) -> list[str]:
-    """What is still there after a moment."""
+    """Return the processes that still run after a moment."""
     end = time.monotonic() + _ENOUGH
     while marked() and time.monotonic() < end:
         time.sleep(0.02)
     return marked()
 
 
-def test_a_command_that_ends_at_once_leaves_no_process_that_draws(begun):
+def test_early_end_leaves_no_drawing_process(begun):
     process, marked = begun("-m", "auvid_cli", "run", "--set", "nope=3")
     assert process.wait(60) == 2
     assert left_of(marked) == []
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_a_command_that_is_killed_leaves_no_process_that_draws(begun, tmp_path, number):
+def test_killed_command_leaves_no_drawing_process(begun, tmp_path, number):
     """And does not go on first: Python loses most exceptions that come while it compiles a module."""
     process, marked = begun("-m", "auvid_cli", "run")
     while not any("forkserver" in command for command in marked()):
@@ -66,7 +66,7 @@ def test_a_command_that_is_killed_leaves_no_process_that_draws(begun, tmp_path, 
     assert not list(tmp_path.rglob("*.h5"))
 
 
-def test_who_compiles_for_a_command_that_is_killed_ends_with_it(begun, tmp_path):
+def test_compiling_process_ends_with_killed_command(begun, tmp_path):
     code = """
 import os, signal, time
 from auvid_cli.numerics import compile_elsewhere
@@ -79,7 +79,7 @@ os.kill(os.getpid(), signal.SIGKILL)
     assert left_of(marked) == []
 
 
-def test_a_worker_of_a_command_that_is_killed_ends_with_it(begun, tmp_path):
+def test_worker_ends_with_killed_command(begun, tmp_path):
     """Whatever the worker was doing, and however early."""
     program = tmp_path / "program.py"
     program.write_text("""

@@ -29,7 +29,7 @@ def leftovers(folder):
     return [path for path in Path(folder).rglob(".*") if path.is_file() and path.name != ".lock"]
 
 
-def test_linear_algebra_takes_no_threads_of_its_own():
+def test_linear_algebra_uses_one_thread():
     look = "import auvid_cli.__main__, numpy, threadpoolctl; print(threadpoolctl.threadpool_info()[0]['num_threads'])"
     environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     command = [sys.executable, "-c", look]
@@ -54,7 +54,7 @@ def table(folder, name):
     return list(csv.DictReader(lines))
 
 
-def test_a_smoother_that_nobody_asked_for_judges_the_filters(tmp_path):
+def test_smoother_runs_by_default_and_judges_filters(tmp_path):
     result = auvid("run", *JUDGED, "--filter", "ckf", cwd=tmp_path)
     rows = table(tmp_path, "summary")
     assert [row["filter"] for row in rows] == ["ckf", "smoother"]
@@ -65,11 +65,11 @@ def test_a_smoother_that_nobody_asked_for_judges_the_filters(tmp_path):
     assert again.exit_code in (result.exit_code, 1)
 
 
-def test_a_fault_is_named_with_what_to_do_and_the_exit_code_says_so(tmp_path):
+def test_fault_gives_advice_and_exit_code_1(tmp_path):
     result = auvid("run", *JUDGED, "--set", "sensors.gyroscope.bias=0.2 deg/s", "--filter", "smoother", cwd=tmp_path)
     assert result.exit_code == 1
-    said = " ".join(result.stdout.split())
-    assert re.search(r"Smoother (doubtful: the data look like a fault: bias of [pqr]|inconsistent)", said)
+    output = " ".join(result.stdout.split())
+    assert re.search(r"Smoother (doubtful: the data look like a fault: bias of [pqr]|inconsistent)", output)
     worst = max(table(tmp_path, "faults"), key=lambda row: abs(float(row["z"])))
     assert worst["fault"] in ("bias of p", "bias of q", "bias of r")
     assert abs(float(worst["size"])) == pytest.approx(0.0035, rel=0.3)
@@ -87,7 +87,7 @@ def test_run_writes_dataset_estimates_tables_and_figures(results):
     assert not leftovers(folder)
 
 
-def test_run_prints_a_summary_of_every_filter_and_no_progress_bar_into_a_pipe(results):
+def test_run_into_pipe_prints_summary_without_progress_bar(results):
     _, result = results
     assert "CKF" in result.stdout
     assert "TUKF" in result.stdout
@@ -95,9 +95,11 @@ def test_run_prints_a_summary_of_every_filter_and_no_progress_bar_into_a_pipe(re
     assert result.stderr == ""
 
 
-def test_steps_one_by_one_give_the_estimates_of_run(results, tmp_path):
+def test_single_steps_give_estimates_of_run(results, tmp_path):
     folder, _ = results
-    assert auvid("simulate", *SHORT, cwd=tmp_path).exit_code == 0
+    simulated = auvid("simulate", *SHORT, cwd=tmp_path)
+    assert simulated.exit_code == 0
+    assert simulated.stdout.splitlines()[-1] == f"next: auvid identify {Path('results/spiral/dataset.h5')}"
     assert auvid("identify", *SHORT, "--filter", "tukf", cwd=tmp_path).exit_code == 0
     assert auvid("report", cwd=tmp_path).exit_code == 0
     with (
@@ -107,20 +109,20 @@ def test_steps_one_by_one_give_the_estimates_of_run(results, tmp_path):
         assert (one["mean"][...] == other["mean"][...]).all()
 
 
-def test_a_dataset_from_elsewhere_is_identified_with_its_own_settings(results, tmp_path):
+def test_identify_uses_settings_of_dataset_file(results, tmp_path):
     folder, _ = results
     (tmp_path / "mission.h5").write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
     result = auvid("identify", "mission.h5", "-f", "ukf", cwd=tmp_path)
     assert result.exit_code == 0
     assert result.stdout.splitlines()[-2:] == [
         f"next: auvid report {Path('results/mission')}",
-        f"on another run: auvid validate {Path('results/mission/estimates/ukf.h5')} OTHER.h5",
+        f"validate with another run: auvid validate {Path('results/mission/estimates/ukf.h5')} OTHER.h5",
     ]
     assert (tmp_path / "results/mission/dataset.h5").is_file()
     assert auvid("report", "results/mission", cwd=tmp_path).exit_code == 0
 
 
-def test_a_file_without_truth_gives_the_same_estimates_bit_by_bit(results, tmp_path):
+def test_dataset_without_truth_gives_identical_estimates(results, tmp_path):
     folder, _ = results
     path = tmp_path / "mission.h5"
     path.write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
@@ -152,7 +154,7 @@ def test_segments_are_fitted_together_and_reported(results, tmp_path):
     assert not ((time > 5.0) & (time < 6.0)).any()
 
 
-def test_the_output_error_method_stands_beside_the_filters(results, tmp_path):
+def test_output_error_is_reported_with_filters(results, tmp_path):
     folder, _ = results
     (tmp_path / "mission.h5").write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
     bounds = "identification.output_error.bounds={X_u|u|: [-10 kg/m, 0]}"
@@ -175,7 +177,7 @@ def test_the_output_error_method_stands_beside_the_filters(results, tmp_path):
     assert {path.suffix for path in (made / "figures").iterdir()} == {".svg", ".pdf"}, "none of what was drawn before"
 
 
-def test_a_fit_that_may_not_go_on_ends_with_exit_code_1(results, tmp_path):
+def test_unconverged_fit_gives_exit_code_1(results, tmp_path):
     folder, _ = results
     (tmp_path / "mission.h5").write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
     limit = "identification.output_error.max_evaluations=1"
@@ -189,20 +191,20 @@ def test_a_fit_that_may_not_go_on_ends_with_exit_code_1(results, tmp_path):
 
 
 @pytest.mark.parametrize("manoeuvre", ["zigzag_10_10", "doublets", "multisine", "turning_circle"])
-def test_another_manoeuvre_is_a_matter_of_one_setting(manoeuvre, tmp_path):
+def test_one_setting_changes_the_manoeuvre(manoeuvre, tmp_path):
     result = auvid("simulate", *SHORT, "--set", f"manoeuvre=manoeuvres/{manoeuvre}.yaml", cwd=tmp_path)
     assert result.exit_code == 0, result.stderr
     with h5py.File(tmp_path / "results/spiral/dataset.h5") as file:
         assert file["inputs/time"][-1] >= 11.9
 
 
-def test_verbose_says_how_long_each_part_took(tmp_path):
+def test_verbose_prints_durations(tmp_path):
     result = auvid("simulate", *SHORT, "--verbose", cwd=tmp_path)
     assert "simulate: " in result.stdout + result.stderr
 
 
 @pytest.mark.parametrize("no_color", [False, True])
-def test_progress_bars_stand_on_a_terminal_in_colour_or_without(no_color, results, tmp_path):
+def test_terminal_shows_progress_bars(no_color, results, tmp_path):
     pty = pytest.importorskip("pty")
     (tmp_path / "mission.h5").write_bytes((results[0] / "results/spiral/dataset.h5").read_bytes())
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100"} | ({"NO_COLOR": "1"} if no_color else {})
@@ -232,7 +234,7 @@ def test_quiet_prints_nothing(tmp_path):
     assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
 
 
-def test_dry_run_prints_settings_that_can_be_run_and_writes_nothing(tmp_path):
+def test_dry_run_prints_valid_settings_and_writes_nothing(tmp_path):
     result = auvid("run", *SHORT, "--seed", "7", "--dry-run", cwd=tmp_path)
     assert result.exit_code == 0
     assert not list(tmp_path.iterdir())
@@ -242,7 +244,7 @@ def test_dry_run_prints_settings_that_can_be_run_and_writes_nothing(tmp_path):
     assert "seed: 7" in again.stdout
 
 
-def test_a_diverged_filter_ends_with_exit_code_1_and_the_others_go_on(tmp_path):
+def test_diverged_filter_gives_exit_code_1_and_others_finish(tmp_path):
     result = auvid(*("run", *SHORT, "--set", "identification.prior.factor=300", "-f", "ckf", "-f", "ekf"), cwd=tmp_path)
     assert result.exit_code == 1
     assert "diverged at t = " in result.stdout
@@ -253,12 +255,12 @@ def test_a_diverged_filter_ends_with_exit_code_1_and_the_others_go_on(tmp_path):
     assert (tmp_path / "results/spiral/estimates/ekf.h5").is_file()
 
 
-def test_a_config_of_the_wrong_shape_is_one_clear_complaint(tmp_path):
+def test_config_of_wrong_type_is_one_error(tmp_path):
     (tmp_path / "wrong.yaml").write_text("- a\n- list\n")
     assert_one_clear_complaint(auvid("run", "wrong.yaml", cwd=tmp_path), "wrong.yaml:1:1")
 
 
-def test_a_truncated_dataset_is_one_clear_complaint(results, tmp_path):
+def test_truncated_dataset_is_one_error(results, tmp_path):
     folder, _ = results
     whole = (folder / "results/spiral/dataset.h5").read_bytes()
     (tmp_path / "cut.h5").write_bytes(whole[: len(whole) // 2])
@@ -282,12 +284,12 @@ def test_report_refuses_an_estimate_of_another_dataset(results, tmp_path):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_read_only_folder_is_one_clear_complaint(tmp_path):
+def test_read_only_folder_is_one_error(tmp_path):
     tmp_path.chmod(0o555)
     assert_one_clear_complaint(auvid("simulate", *SHORT, cwd=tmp_path), "cannot be written")
 
 
-def test_a_results_path_that_is_a_file_is_one_clear_complaint(tmp_path):
+def test_file_as_results_folder_is_one_error(tmp_path):
     (tmp_path / "results").write_text("in the way")
     assert_one_clear_complaint(auvid("simulate", *SHORT, cwd=tmp_path), "cannot be written")
 
@@ -324,7 +326,7 @@ def test_interrupting_leaves_no_half_written_file(tmp_path, number, code, first)
         assert file["sensors/gyroscope/p"].shape == (30001,)
 
 
-def test_figures_are_not_drawn_by_what_lies_in_the_current_folder(results, tmp_path):
+def test_drawing_runs_no_module_of_working_folder(results, tmp_path):
     folder, _ = results
     (tmp_path / "pydantic.py").write_text("raise RuntimeError('not what is installed')")
     dataset = folder / "results/spiral/dataset.h5"
@@ -356,28 +358,28 @@ def test_help_and_completion_import_nothing_heavy(arguments, environment, heavy)
     assert imported.isdisjoint(heavy | {"numba", "numpy", "scipy", "h5py", "matplotlib", "pint"})
 
 
-def test_check_lists_verdicts_with_advice_and_its_exit_code_says_whether_one_failed(results, tmp_path):
+def test_check_prints_advice_and_exit_code(results, tmp_path):
     """Twelve seconds of a gentle start are too short for half of the coefficients."""
     folder, _ = results
     result = auvid("check", "results/spiral", cwd=folder)
     assert result.exit_code == 1, result.stderr
-    said = " ".join(result.stdout.split())
-    assert re.search(r"CKF[^:]*: \d+ of \d+ passed, \d+ failed", said)
-    assert "FAIL" in said
-    assert re.search(r"coefficients \(identified\): The data do not determine these", said)
+    output = " ".join(result.stdout.split())
+    assert re.search(r"CKF[^:]*: \d+ of \d+ passed, \d+ failed", output)
+    assert "FAIL" in output
+    assert re.search(r"coefficients \(identified\): The data do not determine these", output)
     rows = list(csv.DictReader((folder / "results/spiral/tables/checks.csv").read_text(encoding="utf-8").splitlines()))
     assert {row["passed"] for row in rows} >= {"True", "False"}
     assert all(bool(row["advice"]) == (row["passed"] != "True") for row in rows)
 
 
-def test_check_of_nothing_is_one_clear_complaint(tmp_path):
+def test_check_of_missing_folder_is_one_error(tmp_path):
     assert_one_clear_complaint(auvid("check", "results/spiral", cwd=tmp_path), "results/spiral/dataset.h5")
 
 
-def test_a_run_becomes_somebody_elses_logs_that_are_not_written_over(tmp_path):
+def test_as_log_writes_logs_and_keeps_existing_files(tmp_path):
     survey = ("simulate", "field", "--as-log", "--set", "manoeuvre.duration=20 s", "-o", tmp_path)
-    said = auvid(*survey).stdout
-    assert "next: auvid import --suggest" in said
+    output = auvid(*survey).stdout
+    assert "next: auvid import --suggest" in output
     written = {path.name for path in tmp_path.iterdir()}
     assert written - {".lock"} == {"fins.csv", "compass.csv", "dvl.csv", "depth.csv", "vehicle.yaml"}
     assert_one_clear_complaint(auvid(*survey), "fins.csv: exists already")

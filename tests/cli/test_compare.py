@@ -22,7 +22,7 @@ def test_the_same_results_agree(folders):
     assert (result.exit_code, result.stdout.splitlines()[-1]) == (0, "the results agree")
 
 
-def test_results_that_differ_stand_side_by_side_and_the_exit_code_says_so(folders):
+def test_different_results_are_listed_with_exit_code_1(folders):
     result = auvid("compare", "mine", "reference", cwd=folders)
     assert result.exit_code == 1
     lines = [line.split() for line in result.stdout.splitlines()]
@@ -35,7 +35,7 @@ def test_results_that_differ_stand_side_by_side_and_the_exit_code_says_so(folder
 
 
 @pytest.mark.parametrize("options", [("-r", "0.1"), ("--relative", "estimate=0.1"), ("--deviations", "5")])
-def test_wider_tolerances_let_them_agree(options, folders):
+def test_wider_tolerances_make_results_agree(options, folders):
     assert auvid("compare", "mine", "reference", *options, cwd=folders).exit_code == 0
 
 
@@ -46,10 +46,10 @@ def test_verbose_shows_all_values(folders):
 
 
 @pytest.mark.parametrize("wrong", ["x", "rmse=", "=1", "rmse=-1", "nan", "-1"])
-def test_a_share_that_is_none_is_one_clear_complaint(wrong, folders):
+def test_invalid_share_is_one_error(wrong, folders):
     result = auvid("compare", "mine", "reference", f"--relative={wrong}", cwd=folders)
     assert_one_clear_complaint(result, f"--relative {wrong}: expected a share")
 
 
-def test_a_folder_without_tables_is_one_clear_complaint(folders):
+def test_folder_without_tables_is_one_error(folders):
     assert_one_clear_complaint(auvid("compare", "mine", "nowhere", cwd=folders), "nowhere: no such folder")

@@ -1,4 +1,4 @@
-"""What a shell is offered, asked as bash asks."""
+"""Completion in bash."""
 
 import importlib.util
 from pathlib import Path
@@ -22,7 +22,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def offered(line: str) -> list[str]:
-    """What bash would offer behind a line, at its last word."""
+    """Return the completions of the last word of a line."""
     words = line.split(" ")
     environment = {
         "_AUVID_COMPLETE": "complete_bash",
@@ -43,7 +43,7 @@ def offered(line: str) -> list[str]:
         ("auvid run --set sensors.dvl.ra", ["sensors.dvl.range=", "sensors.dvl.rate="]),
         ("auvid tune dive.h5 --set identification.process_noise.v", ["identification.process_noise.velocity="]),
         ("auvid run --set la", ["lake.yaml"]),
-        # What is left to the shell, which knows files best.
+        # The shell completes file names.
         ("auvid run elsewhere/", []),
     ],
 )

@@ -22,20 +22,20 @@ def quick(without_figures):
     """Figures are drawn in a test of their own."""
 
 
-def test_a_crew_gets_its_files_and_reads_how_good_the_run_is(tmp_path):
+def test_design_writes_mission_files_and_gain(tmp_path):
     result = auvid("design", *QUICK, "--spread", "10 %", cwd=tmp_path)
     assert result.exit_code == 0, result.output
-    assert "REMUS 100: 1 drawn from 10% of the vehicle file's values" in result.stdout
+    assert "REMUS 100: 1 trial vehicles drawn from 10% of the vehicle file's values" in result.stdout
     assert all(name in result.stdout for name in ("designed", "spiral", "doublets", "zigzag"))
     assert {path.name for path in (tmp_path / "mission").glob("*.*")} == FILES
     assert (tmp_path / "mission/result.md").read_text(encoding="utf-8").count("\n- ") >= 3
     manoeuvre = f"manoeuvre={tmp_path}/mission/manoeuvre.yaml"
     assert load_experiment(find_experiment("remus100"), [manoeuvre]).manoeuvre.duration == 20.0
     again = auvid("design", *QUICK, cwd=tmp_path)
-    assert_one_clear_complaint(again, "manoeuvre.yaml is there already", "--overwrite")
+    assert_one_clear_complaint(again, "manoeuvre.yaml: exists already", "--overwrite")
 
 
-def test_an_interrupt_keeps_the_best_so_far(tmp_path, monkeypatch):
+def test_interrupt_keeps_best_manoeuvre(tmp_path, monkeypatch):
     search = api.searching
 
     def interrupted(task, before):
@@ -45,7 +45,7 @@ def test_an_interrupt_keeps_the_best_so_far(tmp_path, monkeypatch):
     monkeypatch.setattr(api, "searching", interrupted)
     result = auvid("design", *QUICK[:-2], cwd=tmp_path)
     assert result.exit_code == 0, result.output
-    assert "interrupted: the best so far is kept" in result.stdout
+    assert "interrupted: " in result.stdout
     assert (tmp_path / "mission/manoeuvre.yaml").is_file()
 
 
@@ -59,7 +59,7 @@ def test_an_interrupt_keeps_the_best_so_far(tmp_path, monkeypatch):
         ),
         (("--pitch", "89 deg"), ("--pitch 89 deg: must be less than 1.48 rad",)),
         (("--speed", "2 m/s"), ("lower --speed",)),
-        (("--fins", "100 deg"), ("--fins 100 deg: expected more than 0 and below 1.6 rad",)),
+        (("--fins", "100 deg"), ("--fins 100 deg: must be larger than 0",)),
         (("--budget", "soon"), ("--budget: expected a time",)),
         (("--criterion", "A"), ("--criterion A: expected D or worst",)),
         (("--origin", "here"), ("--origin here: expected latitude and longitude",)),
@@ -71,48 +71,48 @@ def test_an_interrupt_keeps_the_best_so_far(tmp_path, monkeypatch):
         (("--energy", "1 J", "--generations", "1"), ("relax --energy", "kJ'")),
     ],
 )
-def test_what_cannot_be_is_one_line_that_names_the_option(options, words, tmp_path):
+def test_invalid_limit_is_one_line_with_its_option(options, words, tmp_path):
     result = auvid("design", "remus100", "--duration", "20 s", "--draws", "1", *options, cwd=tmp_path)
     assert_one_clear_complaint(result, *words)
     assert not (tmp_path / "mission/manoeuvre.yaml").exists()
 
 
-def test_the_same_command_goes_on_where_a_search_was_ended_and_another_is_refused(tmp_path):
+def test_same_command_continues_search_and_other_settings_are_refused(tmp_path):
     assert auvid("design", *QUICK, cwd=tmp_path).exit_code == 0
     further = auvid("design", *QUICK[:-1], "2", "--overwrite", cwd=tmp_path)
     assert further.exit_code == 0, further.output
-    assert "goes on after 1 generations" in further.stdout
+    assert "continues after 1 generations" in further.stdout
     state = tmp_path / "mission/search.json"
     assert len(json.loads(state.read_text())["costs"]) == 2
     for path in (tmp_path / "mission").iterdir():
         if path.is_file() and path != state:
             path.unlink()
     other = auvid("design", *QUICK, "--seed", "5", cwd=tmp_path)
-    assert_one_clear_complaint(other, "search.json is of a search with other settings", "--overwrite")
+    assert_one_clear_complaint(other, "search.json: belongs to a search with other settings", "--overwrite")
     state.write_text('{"kind": "auvid design search", "costs": [[1], []]}')
     assert_one_clear_complaint(auvid("design", *QUICK, cwd=tmp_path), "search.json: is damaged")
 
 
-def test_what_data_in_hand_say_counts_as_known(tmp_path):
+def test_given_dataset_adds_its_information(tmp_path):
     write_dataset(tmp_path / "dive.h5", simulate(remus("manoeuvre.duration=30 s")))
     plain = auvid("design", *QUICK, cwd=tmp_path)
     informed = auvid("design", *QUICK, "--given", "dive.h5", "--output", "second", cwd=tmp_path)
     assert informed.exit_code == 0, informed.output
-    assert "known already: what dive.h5 says" in informed.stdout
+    assert "information already available: dive.h5" in informed.stdout
     means = [float(re.search(r"be: ([\d.]+) % after 5 s", result.stdout)[1]) for result in (plain, informed)]
     assert means[1] < 0.7 * means[0]
     write_dataset(
         tmp_path / "few.h5", simulate(remus("manoeuvre.duration=5 s", "identification.coefficients=[N_uudr]"))
     )
     refused = auvid("design", *QUICK, "--given", "few.h5", "--output", "third", cwd=tmp_path)
-    assert_one_clear_complaint(refused, "--given few.h5: holds X_u|u|", "identification.coefficients")
+    assert_one_clear_complaint(refused, "--given few.h5: keeps X_u|u|", "identification.coefficients")
 
 
 def remus(*overrides):
     return load_experiment(find_experiment("remus100"), overrides)
 
 
-def test_workers_of_a_dask_scheduler_find_the_same(tmp_path):
+def test_dask_scheduler_gives_same_design(tmp_path):
     assert auvid("design", *QUICK, "--output", "here", cwd=tmp_path).exit_code == 0
     with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
         scheduler = "--scheduler", cluster.scheduler_address
@@ -122,9 +122,11 @@ def test_workers_of_a_dask_scheduler_find_the_same(tmp_path):
     assert texts[0] == texts[1]
 
 
-def test_what_a_filter_would_use_besides_is_said_not_to_count(tmp_path):
+def test_design_lists_what_it_does_not_include(tmp_path):
     settings = "--set", "identification.attitude_from=inertial", "--set", "identification.estimate.biases=[current]"
     result = auvid("design", *QUICK, *settings, cwd=tmp_path)
     assert result.exit_code == 0, result.output
-    assert "note: not counted: estimated errors (current)" in result.stdout
-    assert "note: not counted: raw inertial sensors (the attitude counts instead)" in result.stdout
+    assert "note: not included in the design: estimated errors (current)" in result.stdout
+    assert (
+        "note: not included in the design: raw inertial sensors, in place of which the attitude counts" in result.stdout
+    )

@@ -54,7 +54,7 @@ def assert_one_clear_complaint(result, *words):
 
 
 @pytest.mark.parametrize("target", list(SUFFIXES))
-def test_every_form_is_written_into_the_results_and_says_what_is_lost(target, results):
+def test_every_format_is_written_with_its_remarks(target, results):
     result = run(results / "estimates/tukf.h5", "--to", target)
     assert result.exit_code == 0, result.stderr
     path = results / f"export/virginia_tech_690_tukf{SUFFIXES[target]}"
@@ -71,11 +71,11 @@ def test_every_form_is_written_into_the_results_and_says_what_is_lost(target, re
         assert "No term of the equations of motion is lost." in text
 
 
-def test_every_form_is_tested():
+def test_all_formats_are_tested():
     assert {*SUFFIXES, "mcap"} == {name.value for name in FormatName}
 
 
-def test_a_run_is_written_for_viewers_even_if_it_diverged_and_known_as_made_from_its_data(own_results):
+def test_diverged_run_is_written_as_mcap(own_results):
     with h5py.File(own_results / "estimates/tukf.h5", "r+") as file:
         file.attrs["status"] = "diverged at t = 9.000 s: the state was not finite"
     estimate, path = own_results / "estimates/tukf.h5", own_results / "export/virginia_tech_690_tukf.mcap"
@@ -90,14 +90,14 @@ def test_a_run_is_written_for_viewers_even_if_it_diverged_and_known_as_made_from
     assert_one_clear_complaint(run(estimate, "--to", "mcap"), "was not exported from the same data", "--overwrite")
 
 
-def test_without_the_packages_a_recording_is_one_line(results, tmp_path, monkeypatch):
+def test_mcap_without_packages_is_one_error(results, tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "auvid_cli.export.mcap_file", raising=False)
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     result = run(results / "estimates/tukf.h5", "--to", "mcap", "-o", tmp_path / "run.mcap")
     assert_one_clear_complaint(result, "pip install 'auvid[ros]'")
 
 
-def test_the_python_file_sails(results, tmp_path, monkeypatch):
+def test_python_file_simulates(results, tmp_path, monkeypatch):
     assert run(results / "estimates/tukf.h5", "--to", "python", "-o", tmp_path / "vt690_found.py", "-q").stdout == ""
     monkeypatch.syspath_prepend(tmp_path)
     import vt690_found  # pyright: ignore
@@ -110,7 +110,7 @@ def test_the_python_file_sails(results, tmp_path, monkeypatch):
     assert solution.y[0, -1] == pytest.approx(3.9, abs=0.05)
 
 
-def test_the_yaml_file_is_the_vehicle_of_an_experiment(results, tmp_path):
+def test_yaml_file_loads_as_vehicle(results, tmp_path):
     path = tmp_path / "found.yaml"
     assert run(results / "estimates/tukf.h5", "--to", "yaml", "-o", path).exit_code == 0
     vehicle = load_experiment(find_experiment(None), (f"vehicle={path}",)).vehicle
@@ -137,22 +137,22 @@ def test_another_dataset_is_refused(own_results):
 def test_the_dataset_may_be_elsewhere(own_results, tmp_path):
     (own_results / "dataset.h5").rename(tmp_path / "mission.h5")
     lonely = own_results / "estimates/tukf.h5"
-    assert_one_clear_complaint(run(lonely, "--to", "json"), "no such dataset", "--dataset")
+    assert_one_clear_complaint(run(lonely, "--to", "json"), "dataset not found", "--dataset")
     assert run(lonely, "--to", "json", "--dataset", tmp_path / "mission.h5").exit_code == 0
 
 
 @pytest.mark.parametrize(("target", "name"), [("python", "my-model.py"), ("matlab", "690.m"), ("mss", "a.b.m")])
-def test_a_name_that_could_not_be_called_is_refused(target, name, results, tmp_path):
+def test_invalid_function_name_is_refused(target, name, results, tmp_path):
     result = run(results / "estimates/tukf.h5", "--to", target, "-o", tmp_path / name)
     assert_one_clear_complaint(result, "is no name for a", repr(Path(name).stem))
     assert not (tmp_path / name).exists()
 
 
-def test_a_missing_estimate_is_one_line(tmp_path):
+def test_missing_estimate_is_one_line(tmp_path):
     assert_one_clear_complaint(run(tmp_path / "nothing.h5", "--to", "yaml"), "nothing.h5")
 
 
-def test_the_estimate_itself_is_not_written_over(own_results):
+def test_export_does_not_overwrite_estimate(own_results):
     estimate = own_results / "estimates/tukf.h5"
     before = estimate.read_bytes()
     result = run(estimate, "--to", "json", "-o", estimate)
@@ -162,7 +162,7 @@ def test_the_estimate_itself_is_not_written_over(own_results):
 
 @pytest.mark.parametrize("target", ["yaml", "json", "sdf"])
 @pytest.mark.parametrize("name", ["é", os.fsdecode(b"\xff")], ids=["accent", "no text"])
-def test_a_file_may_be_called_what_is_no_text(target, name, results, tmp_path):
+def test_file_name_may_have_undecodable_bytes(target, name, results, tmp_path):
     path = tmp_path / f"{name}{SUFFIXES[target]}"
     result = run(results / "estimates/tukf.h5", "--to", target, "-o", path)
     assert result.exit_code == 0, result.stderr

@@ -8,11 +8,11 @@ from auvid_cli.cli.terminal import Terminal
 LINE = "  vehicles/lauv.yaml  LAUV, 1.1 m, 18 kg: its linear damping is folded into the 22 coefficients."
 
 
-def test_a_line_stays_one_where_nobody_looks():
+def test_line_without_terminal_is_not_broken():
     assert hanging(LINE, 22) == LINE
 
 
-def test_on_a_terminal_it_goes_on_under_its_last_column(monkeypatch):
+def test_line_on_terminal_has_hanging_indent(monkeypatch):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     monkeypatch.setattr("auvid_cli.cli.streams.get_terminal_size", lambda: os.terminal_size((60, 20)))
     first, *others = hanging(LINE, 22).splitlines()
@@ -22,14 +22,14 @@ def test_on_a_terminal_it_goes_on_under_its_last_column(monkeypatch):
     assert " ".join([first.strip(), *(line.strip() for line in others)]) == LINE.strip()
 
 
-def test_a_word_that_is_longer_than_the_terminal_stays_whole(monkeypatch):
+def test_long_word_is_not_broken(monkeypatch):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     monkeypatch.setattr("auvid_cli.cli.streams.get_terminal_size", lambda: os.terminal_size((20, 20)))
     path = "/a/folder/of/a/long/name/dataset.h5"
     assert path in hanging(f"{path}: 40 s of spiral", 2).splitlines()[0]
 
 
-def test_no_number_of_a_sentence_is_broken_on_a_terminal(monkeypatch, capsys):
+def test_sentence_breaks_only_between_words(monkeypatch, capsys):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     monkeypatch.setattr("auvid_cli.cli.streams.get_terminal_size", lambda: os.terminal_size((40, 20)))
     sentence = "dataset.h5: samples: accelerometer 30001, attitude 30001, dvl 2101"

@@ -1,4 +1,4 @@
-"""What the help of every command says, at the width of the narrowest terminal that is usual."""
+"""Help of every command on a terminal of 80 columns."""
 
 import shlex
 
@@ -22,11 +22,13 @@ def words(text: str) -> list[str]:
     return text.replace("│", " ").split()
 
 
-def test_commands_stand_by_task_in_the_order_of_use():
-    said = auvid("-h").stdout
-    places = [said.index(place) for title, entries in GROUPS.items() for place in (f"─ {title} ─", *map(row, entries))]
+def test_help_lists_commands_by_task():
+    output = auvid("-h").stdout
+    places = [
+        output.index(place) for title, entries in GROUPS.items() for place in (f"─ {title} ─", *map(row, entries))
+    ]
     assert places == sorted(places)
-    assert said.index("│ import ") < said.index("│ inspect ") < said.index("│ run ")
+    assert output.index("│ import ") < output.index("│ inspect ") < output.index("│ run ")
 
 
 def row(entry) -> str:
@@ -42,7 +44,7 @@ def test_help_is_the_same_by_both_names_and_shows_examples(name):
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_an_example_is_a_command_that_parses(example):
+def test_example_parses(example):
     program, name, *arguments = shlex.split(example)
     assert program == "auvid"
     command = typer.main.get_command(app).commands[name]
@@ -50,19 +52,19 @@ def test_an_example_is_a_command_that_parses(example):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_no_option_or_value_is_broken_and_no_python_type_is_shown(name):
+def test_help_breaks_no_option_and_shows_no_python_type(name):
     command = typer.main.get_command(app).commands[name]
-    said = words(auvid(name, "-h").stdout)
+    output = words(auvid(name, "-h").stdout)
     for param in command.params:
-        assert {*param.opts} <= {*said} or param.param_type_name == "argument"
-        assert param.metavar is None or param.metavar in said
-    assert not [word for word in said if word.startswith("<")]
+        assert {*param.opts} <= {*output} or param.param_type_name == "argument"
+        assert param.metavar is None or param.metavar in output
+    assert not [word for word in output if word.startswith("<")]
 
 
-def test_no_paragraph_is_broken_where_the_source_is():
-    """Lines of a paragraph end where the next word would not fit."""
+def test_help_paragraphs_fill_the_line():
+    """A line of a paragraph ends only if the next word does not fit."""
     lines = auvid("validate", "-h").stdout.split("\n")
-    begin = next(i for i, line in enumerate(lines) if line.startswith(" The estimate's vehicle"))
+    begin = next(i for i, line in enumerate(lines) if line.startswith(" The model is simulated"))
     for line, following in zip(lines[begin:], lines[begin + 1 :], strict=False):
         if not following.strip():
             break
@@ -72,8 +74,8 @@ def test_no_paragraph_is_broken_where_the_source_is():
 @pytest.mark.parametrize(
     "arguments", [("run", "--filter", "foo"), ("export", "a.h5", "--to", "foo"), ("list", "foo")], ids=lambda a: a[0]
 )
-def test_a_word_that_is_no_choice_is_answered_with_those_there_are(arguments):
+def test_unknown_choice_lists_valid_choices(arguments):
     result = auvid(*arguments)
-    said = " ".join(words(result.stderr))
+    output = " ".join(words(result.stderr))
     assert result.exit_code == 2
-    assert ": 'foo' is not one of '" in said
+    assert ": 'foo' is not one of '" in output

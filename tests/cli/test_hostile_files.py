@@ -1,4 +1,4 @@
-"""Every command that reads data files answers what cannot be with one line, and writes nothing."""
+"""Every command that reads data files refuses impossible data with one line, and writes nothing."""
 
 import shutil
 
@@ -57,7 +57,7 @@ ESTIMATE, DATASET = "estimates/tukf.h5", "dataset.h5"
         (["export", ESTIMATE, "--to", "python"], ESTIMATE, elsewhere),
     ],
 )
-def test_a_file_that_cannot_be_is_one_line(command, harmed, harm, results, tmp_path, monkeypatch):
+def test_hostile_file_is_one_line(command, harmed, harm, results, tmp_path, monkeypatch):
     folder = shutil.copytree(results, tmp_path / "a/b/c/results")
     with h5py.File(folder / harmed, "a") as file:
         harm(file)

@@ -28,14 +28,14 @@ def bounds(short_run, tmp_path, without_figures):
     return run
 
 
-def test_a_part_of_the_data_says_less_of_every_coefficient(bounds):
+def test_part_of_data_has_larger_bounds(bounds):
     whole, part = bounds(), bounds("--use", "10:40")
     assert part.keys() == whole.keys()
     assert all(part[symbol] > whole[symbol] for symbol in whole)
     assert part == bounds("--set", "identification.use.spans=[[10, 40]]")
 
 
-def test_identifiability_says_before_any_filter_what_the_data_hold(tmp_path):
+def test_identifiability_prints_bounds_and_fixed_coefficients(tmp_path):
     result = auvid(
         *("identifiability", "--set", "manoeuvre=manoeuvres/spiral_gentle.yaml"),
         *("--set", "manoeuvre.duration=12 s"),

@@ -29,7 +29,7 @@ def rows(folder):
         return list(csv.DictReader(file))
 
 
-def test_sound_data_pass_and_leave_a_table_and_a_figure(short_run, tmp_path, run):
+def test_good_data_pass_and_write_table_and_figure(short_run, tmp_path, run):
     write_dataset(tmp_path / "dataset.h5", short_run)
     result = run(tmp_path / "dataset.h5")
     assert result.exit_code == 0, result.output
@@ -47,7 +47,7 @@ def test_sound_data_pass_and_leave_a_table_and_a_figure(short_run, tmp_path, run
 
 
 @pytest.mark.parametrize("opens", [True, False])
-def test_the_page_is_opened_in_a_browser_or_it_is_said_that_there_is_none(short_run, tmp_path, run, monkeypatch, opens):
+def test_open_starts_browser_or_prints_page(short_run, tmp_path, run, monkeypatch, opens):
     asked = []
     monkeypatch.setattr("webbrowser.open", lambda address: asked.append(address) or opens)
     write_dataset(tmp_path / "dataset.h5", short_run)
@@ -57,7 +57,7 @@ def test_the_page_is_opened_in_a_browser_or_it_is_said_that_there_is_none(short_
     assert "Nothing fails" in (tmp_path / "inspection.html").read_text(encoding="utf-8")
 
 
-def test_a_failed_verdict_is_exit_code_1_with_what_to_do(short_run, tmp_path, run):
+def test_failed_check_gives_advice_and_exit_code_1(short_run, tmp_path, run):
     record = short_run.sensors["gyroscope"]
     turned = replace(record, values=record.values * np.array([1.0, 1.0, -1.0]))
     write_dataset(
@@ -72,19 +72,19 @@ def test_a_failed_verdict_is_exit_code_1_with_what_to_do(short_run, tmp_path, ru
     assert "The sign of r is turned" in " ".join(result.output.split())
 
 
-def test_quiet_says_nothing(short_run, tmp_path, run):
+def test_quiet_prints_nothing(short_run, tmp_path, run):
     write_dataset(tmp_path / "dataset.h5", short_run)
     assert run(tmp_path / "dataset.h5", "-q").output == ""
 
 
-def test_a_file_that_is_none_is_one_clear_complaint(tmp_path, run):
+def test_invalid_file_is_one_error(tmp_path, run):
     result = run(tmp_path / "nothing.h5")
     assert result.exit_code == 2
     assert "auvid: " in result.output
     assert "nothing.h5" in result.output
 
 
-def test_a_part_is_judged_as_if_nothing_else_had_been_recorded(short_run, tmp_path, run):
+def test_use_inspects_only_that_part(short_run, tmp_path, run):
     """The gyroscope is turned in the second half only."""
     record = short_run.sensors["gyroscope"]
     sign = np.where(record.time < 30.0, 1.0, -1.0)[:, None]
@@ -100,19 +100,19 @@ def test_a_part_is_judged_as_if_nothing_else_had_been_recorded(short_run, tmp_pa
 @pytest.mark.parametrize(
     ("use", "complaint"),
     [
-        (("0:20", "30:40"), "one part is inspected at a time, and there are 2"),
+        (("0:20", "30:40"), "2 parts given; expected one"),
         (("70:80",), "no sensor says anything from t = 70 s to 80 s"),
         (("now",), "expected BEGIN:END in seconds"),
     ],
 )
-def test_a_part_that_is_none_is_one_clear_complaint(use, complaint, short_run, tmp_path, run):
+def test_invalid_part_is_one_error(use, complaint, short_run, tmp_path, run):
     write_dataset(tmp_path / "dataset.h5", short_run)
     result = run(tmp_path / "dataset.h5", *(word for span in use for word in ("--use", span)))
     assert result.exit_code == 2
     assert complaint in result.output
 
 
-def test_the_last_line_says_what_to_run_next(short_run, tmp_path, run):
+def test_last_line_is_next_command(short_run, tmp_path, run):
     path = tmp_path / "dataset.h5"
     write_dataset(path, short_run)
     last = run(path, "--use", "0:40").output.splitlines()[-1]
@@ -121,11 +121,11 @@ def test_the_last_line_says_what_to_run_next(short_run, tmp_path, run):
     backwards = replace(dvl, values=-dvl.values)
     write_dataset(path, replace(short_run, sensors=short_run.sensors | {"dvl": backwards}))
     last = run(path).output.splitlines()[-1]
-    assert last.startswith("1 verdict fails. Next: ")
+    assert last.startswith("1 check fails. Next: ")
     assert "auvid identify" not in last
 
 
-def test_the_last_line_names_what_works_with_what_the_vehicle_file_has(short_run, with_settings, tmp_path, run):
+def test_next_command_depends_on_coefficients_of_vehicle_file(short_run, with_settings, tmp_path, run):
     """Bounds need values of all coefficients; without them an estimate comes first."""
     bare = with_settings(short_run.without_truth(), "vehicle.coefficients={X_u|u|: -5}")
     write_dataset(tmp_path / "bare.h5", bare)
@@ -135,4 +135,4 @@ def test_the_last_line_names_what_works_with_what_the_vehicle_file_has(short_run
     held = with_settings(bare, "identification.coefficients=[N_uudr]")
     write_dataset(tmp_path / "held.h5", held)
     last = " ".join(run(tmp_path / "held.h5", "-o", tmp_path / "held").output.splitlines())
-    assert "Next: state values of Y_v|v|" in last
+    assert "Next: add values of Y_v|v|" in last

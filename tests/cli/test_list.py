@@ -28,7 +28,7 @@ def listed(tmp_path):
     return run
 
 
-def test_everything_that_ships_has_a_line_with_what_it_is(listed):
+def test_every_shipped_file_has_a_description(listed):
     found = listed()
     assert [*found] == [*Listed]
     assert [name for name, _ in found["filters"]] == [*FilterName]
@@ -38,11 +38,11 @@ def test_everything_that_ships_has_a_line_with_what_it_is(listed):
             assert [tuple(row) for row in found[kind]] == shipped_files(kind)
 
 
-def test_one_kind_may_be_asked_for(listed):
+def test_list_of_one_kind(listed):
     assert [*listed("filters", "vehicles")] == ["filters", "vehicles"]
 
 
-def test_another_kind_is_a_mistake(tmp_path):
+def test_unknown_kind_is_an_error(tmp_path):
     result = auvid("list", "filter", cwd=tmp_path)
     assert result.exit_code == 2
     assert "'filters'" in result.stderr

@@ -33,7 +33,7 @@ def test_second_of_two_runs_into_one_folder_is_refused(tmp_path):
     assert dataset.experiment.seed == 1
 
 
-def test_command_waits_a_moment_for_another_to_end(tmp_path):
+def test_command_waits_briefly_for_lock(tmp_path):
     code = """
 import sys, time
 from pathlib import Path
@@ -49,7 +49,7 @@ with locked(Path(sys.argv[1])):
     assert result.exit_code == 0, result.output
 
 
-def test_lock_of_a_killed_command_does_not_stay(tmp_path):
+def test_killed_command_releases_lock(tmp_path):
     code = """
 import os, signal, sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What short options stand for."""
+"""Shared options."""
 
 from pathlib import Path
 
@@ -21,36 +21,36 @@ from auvid_cli.errors import ConfigError
         ([":20", "1 min : 80 s", "1e2:"], [[None, 20], ["1 min", "80 s"], ["1e2", None]]),
     ],
 )
-def test_a_span_without_an_end_is_null_there(texts, meant):
+def test_open_span_has_null(texts, meant):
     assert yaml.safe_load(spans(texts)) == meant
 
 
 @pytest.mark.parametrize("wrong", ["80", ":", " : ", "", "1:2:3", "::", "a:b", "3 m:"])
-def test_what_is_no_pair_of_times_is_one_clear_complaint(wrong):
+def test_invalid_span_is_an_error(wrong):
     with pytest.raises(ConfigError, match=r"--use .*: expected BEGIN:END in seconds, such as 0:80") as complaint:
         spans(["0:1", wrong])
     assert str(complaint.value).startswith(f"--use {wrong}: ")
 
 
-def test_a_results_folder_is_not_called_like_a_dataset(tmp_path):
+def test_results_folder_with_name_of_dataset_is_refused(tmp_path):
     result = CliRunner().invoke(app, ["simulate", "spiral", "-o", str(tmp_path / "dive.h5")])
     assert result.exit_code == 2
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("wrong", ["30:10", "1 min:60"])
-def test_a_span_ends_after_it_begins(wrong):
-    with pytest.raises(ConfigError, match=f"--use {wrong}: ends before it begins"):
+def test_span_that_ends_before_it_begins_is_refused(wrong):
+    with pytest.raises(ConfigError, match=f"--use {wrong}: END must be later"):
         spans([wrong])
 
 
-def test_short_options_come_after_the_settings_that_they_override():
+def test_seed_and_use_override_settings():
     merged = overrides(["name=a", "seed=1"], seed=7, use=["3:"])
     assert merged == ("name=a", "seed=1", "seed=7", "identification.use.spans=[[3, null]]")
     assert overrides(None) == ()
 
 
-def test_a_log_that_is_no_dataset_yet_is_sent_to_import():
+def test_log_instead_of_dataset_advises_import():
     with pytest.raises(ConfigError, match=r"auvid import --suggest lake/dive\.csv -o map\.yaml"):
         dataset_path("lake/dive.csv")
 
@@ -69,7 +69,7 @@ def test_a_log_that_is_no_dataset_yet_is_sent_to_import():
         "export ckf.h5 --to mcap --dataset dive.csv",
     ],
 )
-def test_every_command_that_takes_a_dataset_sends_a_log_to_import(command):
+def test_every_command_with_a_dataset_refuses_logs(command):
     result = CliRunner().invoke(app, command.split())
     assert result.exit_code == 2
     assert "auvid import --suggest dive.csv -o map.yaml" in result.output

@@ -1,4 +1,4 @@
-"""What stands in a results folder, and what may replace it."""
+"""Which files of a results folder may be replaced."""
 
 import hashlib
 import shutil
@@ -70,7 +70,7 @@ def here(made, tmp_path, monkeypatch, without_figures):
     return folder
 
 
-def test_all_that_auvid_writes_into_a_folder_is_known(here):
+def test_every_written_file_is_listed_as_product(here):
     for folder in (HOME, Path("results/other")):
         assert {*files(folder)} == {dataset_in(folder), *products(folder)}
 
@@ -90,10 +90,10 @@ def test_all_that_auvid_writes_into_a_folder_is_known(here):
             ("ckf.h5", "`identification`"),
         ),
         (("identify", dataset_in(HOME), "-f", "ukf", "--use", "1:5"), ("ckf.h5", "`identification`")),
-        (("export", HOME / "estimates/ckf.h5", "--to", "json", "-o", "notes.json"), ("notes.json: is there",)),
+        (("export", HOME / "estimates/ckf.h5", "--to", "json", "-o", "notes.json"), ("notes.json: exists",)),
     ],
 )
-def test_other_data_or_settings_are_refused_and_nothing_is_touched(here, command, words):
+def test_other_data_or_settings_are_refused_without_changes(here, command, words):
     Path("notes.json").write_text("{}")
     assert_refused(*command, words=words)
 
@@ -109,7 +109,7 @@ def test_other_data_or_settings_are_refused_and_nothing_is_touched(here, command
         (("validate", HOME / "estimates/ckf.h5", "results/other/dataset.h5"), Path("results/other/validation.html")),
     ],
 )
-def test_a_page_of_somebody_else_is_not_written_over(here, command, page):
+def test_page_of_other_program_is_not_overwritten(here, command, page):
     page.write_text("<h1>Mine</h1>")
     before = state()
     assert_one_clear_complaint(auvid(*command), f"{page}: is not a page of auvid's")
@@ -117,7 +117,7 @@ def test_a_page_of_somebody_else_is_not_written_over(here, command, page):
 
 
 @pytest.mark.parametrize("text", [b"not a dataset", b""])
-def test_what_is_no_dataset_is_not_replaced(here, text):
+def test_other_file_named_dataset_is_not_replaced(here, text):
     dataset_in(HOME).write_bytes(text)
     assert_refused("run", *SHORT, words=("dataset.h5",))
     assert_refused("simulate", *SHORT)
@@ -147,7 +147,7 @@ def test_other_numbers_by_the_same_settings_are_not_replaced(here, monkeypatch):
 
 
 @pytest.mark.parametrize("command", ["run", "simulate"])
-def test_overwriting_leaves_nothing_stale_and_what_is_the_users(here, command):
+def test_overwrite_removes_stale_results_and_keeps_user_files(here, command):
     notes = [HOME / name for name in ("notes.txt", "tables/mine.csv", "figures/sketch.pdf", "export/mine.json")]
     for path in notes:
         path.write_text("{}")
@@ -169,12 +169,12 @@ def test_a_simulation_that_fails_loses_nothing(here, monkeypatch):
     assert state() == before
 
 
-def test_identifying_over_other_settings_leaves_only_what_goes_together(here):
+def test_identify_with_other_settings_removes_old_results(here):
     done("identify", dataset_in(HOME), "-f", "ukf", "--use", "1:5", "--overwrite")
     assert {*files(HOME)} == {dataset_in(HOME), HOME / "estimates/ukf.h5"}
 
 
-def test_what_concerns_one_filter_alone_may_differ(here):
+def test_settings_of_one_filter_may_differ(here):
     done("identify", dataset_in(HOME), "-f", "ukf", "--set", "identification.ukf.alpha=0.2")
     done("identify", dataset_in(HOME), "-f", "tukf")
     done("report", HOME)
@@ -189,14 +189,14 @@ def test_a_report_never_mixes_settings(here):
     assert "ukf.h5: was made with other settings of `identification`" in result.stderr
 
 
-def test_an_estimate_goes_by_the_name_of_its_filter(here):
+def test_estimate_under_name_of_other_filter_is_refused(here):
     shutil.copy(HOME / "estimates/ckf.h5", HOME / "estimates/ekf.h5")
     result = auvid("report", HOME)
     assert result.exit_code == 2
     assert "ekf.h5: is an estimate of ckf" in result.stderr
 
 
-def test_a_report_leaves_nothing_of_a_filter_that_is_gone(here):
+def test_report_removes_results_of_missing_filter(here):
     (HOME / "estimates/ckf.h5").unlink()
     done("report", HOME)
     assert not [path for path in products(HOME) if path.name.startswith("innovations_ckf")]
@@ -224,11 +224,11 @@ def test_a_campaign_does_not_mix_with_a_run(here):
     before = state()
     result = auvid("campaign", "small.yaml", "-o", HOME)
     assert (result.exit_code, state()) == (2, before)
-    assert "results of a run stand here" in result.stderr
+    assert "results of a run" in result.stderr
 
 
 @pytest.mark.parametrize("link", [Path.hardlink_to, Path.symlink_to])
-def test_no_settings_are_written_over_whatever_they_are_called_there(here, link):
+def test_settings_files_are_never_overwritten(here, link):
     vehicle = Path("mine.yaml").absolute()
     shutil.copy(shipped_configs() / "vehicles/vt690.yaml", vehicle)
     text = vehicle.read_bytes()
@@ -241,7 +241,7 @@ def test_no_settings_are_written_over_whatever_they_are_called_there(here, link)
     assert vehicle.read_bytes() == text
 
 
-def test_an_earlier_estimate_that_is_the_prior_is_not_replaced_by_its_successor(here):
+def test_estimate_used_as_prior_is_not_overwritten(here):
     prior = f"identification.prior.from_estimate={Path(HOME / 'estimates/ckf.h5').absolute()}"
     before = state()
     for command in (("run", *SHORT, "--seed", "3"), ("identify", "results/other/dataset.h5")):

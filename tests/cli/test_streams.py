@@ -20,7 +20,7 @@ def shell(command, **environment):
 
 
 @pytest.mark.parametrize("command", ["--version", "--help", "simulate --dry-run"])
-def test_a_full_device_is_one_line(command):
+def test_full_device_is_one_line(command):
     result = shell(f"{command} > /dev/full")
     assert (result.returncode, result.stderr) == (2, COMPLAINT)
 
@@ -34,18 +34,18 @@ def test_a_full_device_is_one_line(command):
         ("--help >/dev/full 2>&1", 2),
     ],
 )
-def test_where_nothing_can_be_said_the_exit_code_tells(redirection, code):
+def test_closed_streams_give_exit_code(redirection, code):
     result = shell(redirection)
     assert (result.returncode, result.stdout, result.stderr) == (code, "", "")
 
 
-def test_signs_that_a_terminal_lacks_are_written_as_codes():
+def test_unsupported_characters_are_escaped():
     result = shell("run --set é=1", PYTHONIOENCODING="ascii")
     assert result.returncode == 2
     assert r"unknown key '\xe9'" in result.stderr
 
 
-def test_a_name_that_is_no_text_is_said_on_any_stream():
+def test_undecodable_name_is_printed_escaped():
     line = "from auvid_cli.cli.streams import prepare_streams; prepare_streams(); print('\\udcff é')"
     command = [sys.executable, "-c", line]
     result = subprocess.run(command, capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, timeout=60)
@@ -58,7 +58,7 @@ def swallow_an_end():
         time.sleep(0.01)
 
 
-def test_an_end_that_a_library_swallows_ends_the_command_all_the_same():
+def test_swallowed_signal_still_ends_command():
     with pytest.raises(SystemExit) as ended:
         swallow_an_end()
     assert ended.value.code == 128 + signal.SIGTERM

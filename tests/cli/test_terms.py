@@ -18,7 +18,7 @@ def run(monkeypatch):
     return lambda *arguments: CliRunner().invoke(app, ["terms", *map(str, arguments)])
 
 
-def test_what_is_found_stands_in_a_file_that_identify_takes(multisine_with, tmp_path, run):
+def test_found_term_is_written_for_identify(multisine_with, tmp_path, run):
     file = tmp_path / "dataset.h5"
     write_dataset(file, multisine_with(PLANTED))
     result = run(file, "--set", "vehicle.terms=[]", "--most", "1")
@@ -31,11 +31,11 @@ def test_what_is_found_stands_in_a_file_that_identify_takes(multisine_with, tmp_
     with (tmp_path / "tables/terms.csv").open(encoding="utf-8", newline="") as table:
         rows = list(csv.DictReader(table))
     assert [row["term"] for row in rows if row["found"] == "True"] == ["N_|v|r"]
-    # What was tried has an answer of the held-out data; of the others there is none.
+    # Only candidates that were fitted have a gain on the held-out data.
     assert {row["held_out_gain"] == "" for row in rows} == {True, False}
 
 
-def test_where_nothing_is_missing_nothing_is_proposed_and_no_file_written(multisine_with, tmp_path, run):
+def test_complete_model_gives_no_term_and_no_file(multisine_with, tmp_path, run):
     file = tmp_path / "dataset.h5"
     write_dataset(file, multisine_with())
     result = run(file)

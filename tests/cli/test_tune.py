@@ -27,7 +27,7 @@ def run():
     return lambda *arguments: CliRunner().invoke(alone, [str(argument) for argument in arguments])
 
 
-def test_it_says_what_the_noise_is_and_what_to_do_with_it(simulated_with, tmp_path, run):
+def test_tune_prints_noise_and_next_command(simulated_with, tmp_path, run):
     dataset = simulated_with("manoeuvre.duration=4 s", *SLOW, FEW)
     dvl = dataset.sensors["dvl"]
     half = replace(dvl, standard_deviation=0.5 * dvl.standard_deviation)
@@ -50,43 +50,43 @@ def test_it_says_what_the_noise_is_and_what_to_do_with_it(simulated_with, tmp_pa
     assert tuned.process_noise.rate == pytest.approx((rate,), rel=0.01)
 
 
-def test_it_chooses_whether_something_pushes(simulated_with, tmp_path, run):
+def test_tune_chooses_disturbance(simulated_with, tmp_path, run):
     asked = "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N, time_constant: 2 s}}}"
     dataset = simulated_with("manoeuvre.duration=4 s", *SLOW, FEW, f"identification.estimate={asked}")
     write_dataset(tmp_path / "dataset.h5", dataset)
     result = run(tmp_path / "dataset.h5", "--disturbance")
     assert result.exit_code == 0, result.output
-    (said,) = [line for line in result.output.splitlines() if line.startswith("a disturbance that lasts is")]
-    assert said.startswith("a disturbance that lasts is left out: with it the log-likelihood is ")
-    assert "2 numbers more must bring" in said
+    (line,) = [line for line in result.output.splitlines() if line.startswith("a disturbance that lasts is")]
+    assert line.startswith("a disturbance that lasts is left out: with it the log-likelihood is ")
+    assert "2 numbers more must bring" in line
     tuned = read_dataset(tmp_path / "dataset.h5", str(tmp_path / "tuned.yaml")).experiment.identification
     assert tuned.estimate.biases == ()
 
 
-def test_who_asks_for_it_identifies_with_the_noise_of_the_data(simulated_with):
+def test_identify_with_noise_setting_tunes_first(simulated_with):
     dataset = simulated_with("manoeuvre.duration=4 s", *SLOW, FEW, "identification.noise=estimate")
     settings = identify(dataset, "ckf").experiment.identification
     assert settings.noise == "stated"
     assert settings.process_noise != ProcessNoise()
 
 
-def test_the_command_says_what_noise_it_found_first(simulated_with, tmp_path):
+def test_identify_prints_tuned_noise(simulated_with, tmp_path):
     asked = "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N, time_constant: 2 s}}}"
     dataset = simulated_with("manoeuvre.duration=4 s", *SLOW, FEW, f"identification.estimate={asked}")
     write_dataset(tmp_path / "dataset.h5", dataset)
-    # Four seconds are no data to be judged by.
+    # Four seconds of data are too short for a judgement.
     settings = "--set=identification.noise=estimate", "--set=identification.judge=false"
     result = CliRunner().invoke(app, ["identify", f"{tmp_path}/dataset.h5", "--filter", "ckf", *settings])
     assert result.exit_code == 0, result.output
-    (said,) = [line for line in result.output.splitlines() if line.startswith("process noise that makes")]
+    (line,) = [line for line in result.output.splitlines() if line.startswith("estimated process noise")]
     identification = read_estimate(tmp_path / "estimates/ckf.h5").experiment.identification
     settings, force = identification.process_noise, identification.estimate.disturbance.force
-    pushes = f"force {force.standard_deviation[0]:.3g} over {force.time_constant[0]:.3g} s"
-    assert f"disturbance that makes the data most likely, SI: {pushes}" in result.output
+    levels = f"force {force.standard_deviation[0]:.3g}, time constant {force.time_constant[0]:.3g} s"
+    assert f"estimated disturbance, SI: {levels}" in result.output
     densities = {name: getattr(settings, name)[0] for name in ("velocity", "rate", "attitude")}
-    assert said.endswith(", ".join(f"{name} {density:.3g}" for name, density in densities.items()))
+    assert line.endswith(", ".join(f"{name} {density:.3g}" for name, density in densities.items()))
 
 
-def test_what_is_no_dataset_is_one_line(tmp_path, run, capsys):
+def test_invalid_dataset_is_one_line(tmp_path, run, capsys):
     (tmp_path / "log.h5").write_text("t,u,v\n")
     assert run(tmp_path / "log.h5").exit_code == 2

@@ -33,7 +33,7 @@ def run(*arguments):
 
 @pytest.fixture(scope="module")
 def results(simulated_with, tmp_path_factory) -> Path:
-    """A results folder with an estimate from a spiral, and a turning circle beside it."""
+    """A results folder with an estimate from a spiral, and a dataset of a turning circle."""
     folder = tmp_path_factory.mktemp("results")
     write_dataset(folder / "dataset.h5", simulated_with("manoeuvre.duration=100 s", WHITE))
     estimate = identify(read_dataset(folder / "dataset.h5"), FilterName.CKF)
@@ -84,7 +84,7 @@ def test_its_own_data_are_refused_even_as_a_copy(results, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_missing_file_is_said(results, tmp_path):
+def test_missing_file_is_reported(results, tmp_path):
     for arguments in ((tmp_path / "no.h5", results / "circle.h5"), (results / "estimates/ckf.h5", tmp_path / "no.h5")):
         result = run(*arguments)
         assert result.exit_code == 2
@@ -98,7 +98,7 @@ def test_quiet_prints_nothing(results, tmp_path):
 
 
 @pytest.mark.usefixtures("without_figures")
-def test_what_an_estimate_left_out_of_a_dataset_is_new_to_it(results, tmp_path):
+def test_unused_part_of_own_dataset_is_accepted(results, tmp_path):
     dataset = read_dataset(results / "dataset.h5")
     half = 0.5 * float(dataset.inputs.time[-1])
     use = {"spans": ((0.0, half),)}

@@ -27,7 +27,7 @@ def trapped(tmp_path, tmp_path_factory):
     """Function: runs auvid in a folder full of modules that note that they were executed; returns what did."""
     for name in NAMES:
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'a').write({name!r} + ' ')\n")
-    # As pip installs the command: Python looks beside the program first, not in the working folder.
+    # Start the command as pip installs it: Python searches the folder of the program first, not the working folder.
     program = tmp_path_factory.mktemp("bin") / "auvid"
     program.write_text("from auvid_cli.__main__ import main\nif __name__ == '__main__':\n    main()\n")
 
