@@ -4,7 +4,7 @@ import stat
 from pathlib import Path
 
 
-def check_regular(path: Path) -> None:
+def check_regular_file(path: Path) -> None:
     """Refuse what is no file of some length.
 
     Raises
@@ -30,9 +30,9 @@ def read_bytes(path: Path, most: int) -> bytes:
     Raises
     ------
     ValueError
-        As of `check_regular`, or if it is larger, or cannot be read.
+        As of `check_regular_file`, or if it is larger, or cannot be read.
     """
-    check_regular(path)
+    check_regular_file(path)
     try:
         with path.open("rb") as file:
             content = file.read(most + 1)

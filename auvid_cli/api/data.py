@@ -10,7 +10,7 @@ from auvid_cli.api.output import Progress, write_and_draw
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.config.log_map import load_map
 from auvid_cli.data.checks import read_result_tables
-from auvid_cli.data.dataset import Dataset, within
+from auvid_cli.data.dataset import Dataset, cut
 from auvid_cli.data.files import (
     check_no_overlap,
     dataset_in,
@@ -181,7 +181,7 @@ def inspect(dataset: Dataset, use: tuple[float, float] | None = None) -> Inspect
     >>> list(verdicts.columns)
     ['subject', 'check', 'statistic', 'threshold', 'passed', 'advice']
     """
-    return inspect_dataset(dataset if use is None else within(dataset, *use))
+    return inspect_dataset(dataset if use is None else cut(dataset, *use))
 
 
 def inspect_into(
@@ -222,7 +222,7 @@ def inspect_into(
         spans = dataset.experiment.identification.use.spans
         if len(spans) != 1:
             raise ConfigError(f"--use: one part is inspected at a time, and there are {len(spans)}")
-        dataset = within(dataset, *spans[0])
+        dataset = cut(dataset, *spans[0])
     files = [path, *dataset.experiment.data_files()]
     with locked(folder):
         refuse_other_page(page)

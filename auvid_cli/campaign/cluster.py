@@ -57,7 +57,7 @@ _UNDISTURBED = {
 _GONE = "the scheduler is gone; what was done is kept, and the same command goes on once there is one again"
 
 
-class Performed(NamedTuple):
+class RunResult(NamedTuple):
     """Outcome of a run.
 
     Attributes
@@ -77,7 +77,7 @@ class Performed(NamedTuple):
     estimate: Estimate | None
 
 
-def run_group(group: RunGroup, with_estimates: bool = False) -> list[Performed]:
+def run_group(group: RunGroup, with_estimates: bool = False) -> list[RunResult]:
     """Do all runs of a group, on one core; what goes wrong with one is its failure and does not end the others.
 
     Raises
@@ -107,7 +107,7 @@ def shortened_group(group: RunGroup, duration: float) -> tuple[RunGroup, float]:
     return group._replace(simulated=cut(group.simulated), assumed=[cut(text) for text in group.assumed]), part / whole
 
 
-def _perform(simulated: str, run: CampaignRun, given: str, with_estimates: bool) -> Performed:
+def _perform(simulated: str, run: CampaignRun, given: str, with_estimates: bool) -> RunResult:
     try:
         dataset = _data(simulated)
         assumed = Experiment.model_validate_json(given)
@@ -126,12 +126,12 @@ def _perform(simulated: str, run: CampaignRun, given: str, with_estimates: bool)
         judgement = judge_one(estimate, reference)
         rows = measures(run.identity, run.filter, run.seed, estimate, _truth(dataset), bounds, judgement)
     except AuvidError as error:
-        return Performed(run, [], str(error), None)
+        return RunResult(run, [], str(error), None)
     except Exception as error:
         # A campaign goes on; the failure is named with its place, and counted.
         place = traceback.extract_tb(error.__traceback__)[-1]
-        return Performed(run, [], f"{type(error).__name__}: {error} ({place.name}, line {place.lineno})", None)
-    return Performed(run, rows, "", estimate if with_estimates else None)
+        return RunResult(run, [], f"{type(error).__name__}: {error} ({place.name}, line {place.lineno})", None)
+    return RunResult(run, rows, "", estimate if with_estimates else None)
 
 
 # Groups with the same data come one after the other, and several workers take turns.
@@ -265,7 +265,7 @@ def _version() -> str:
     return __version__
 
 
-def perform_groups(client: Client, groups: Iterator[RunGroup], with_estimates: bool) -> Iterator[list[Performed]]:
+def run_groups(client: Client, groups: Iterator[RunGroup], with_estimates: bool) -> Iterator[list[RunResult]]:
     """Hand groups out and yield what comes back, as it comes.
 
     A group whose worker dies goes to another one; one that takes several workers with it has failed.
@@ -302,5 +302,5 @@ def perform_groups(client: Client, groups: Iterator[RunGroup], with_estimates: b
             yield future.result()
         else:
             reason = f"{type(error).__name__}: {error}"
-            yield [Performed(run, [], reason, None) for run in group.runs]
+            yield [RunResult(run, [], reason, None) for run in group.runs]
         send()

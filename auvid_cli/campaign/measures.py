@@ -135,7 +135,7 @@ def measures(
         for i, quantity in enumerate(MOTION)
     ]
     for sensor, innovations in estimate.innovations.items():
-        tally = innovations.tally()
+        tally = innovations.sums()
         squares, components = float(tally.squares.sum()), int(tally.components.sum())
         rows.append(row("sensor", sensor)._replace(squares=squares, components=components))
     return rows

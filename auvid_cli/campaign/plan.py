@@ -19,9 +19,9 @@ from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import ConfigError
 
 # Each combination holds its settings in memory, and each run its name.
-MOST_COMBINATIONS, MOST_RUNS = 10_000, 1_000_000
+MAX_COMBINATIONS, MAX_RUNS = 10_000, 1_000_000
 # Runs on the same data go to a worker together, which simulates only once; what is lost with it stays small.
-LARGEST_GROUP = 6
+MAX_GROUP = 6
 # Of an identity, in hexadecimal digits: 96 bits.
 _LENGTH = 24
 
@@ -161,8 +161,8 @@ class CampaignPlan:
             pending.sort(key=lambda triple: triple[0].data)
             for _, same in groupby(pending, key=lambda triple: triple[0].data):
                 triples = list(same)
-                for k in range(0, len(triples), LARGEST_GROUP):
-                    yield _group(triples[k : k + LARGEST_GROUP], seed)
+                for k in range(0, len(triples), MAX_GROUP):
+                    yield _group(triples[k : k + MAX_GROUP], seed)
 
     def labels(self) -> dict[str, dict[str, Label]]:
         """Return filter and axes of each run, by its identity.
@@ -182,11 +182,11 @@ class CampaignPlan:
     def _refuse_too_many(self) -> None:
         """Raise ConfigError before a list is made of more runs than there is room for."""
         cells, runs = self.campaign.n_cells, self.n_runs
-        if cells > MOST_COMBINATIONS or runs > MOST_RUNS:
+        if cells > MAX_COMBINATIONS or runs > MAX_RUNS:
             message = (
                 f"{runs:,} runs, of {cells:,} combinations of settings, {len(self.filters)} filters and "
-                f"{self.campaign.n_seeds:,} seeds, are too many: a campaign has at most {MOST_RUNS:,} runs and "
-                f"{MOST_COMBINATIONS:,} combinations; make several of it"
+                f"{self.campaign.n_seeds:,} seeds, are too many: a campaign has at most {MAX_RUNS:,} runs and "
+                f"{MAX_COMBINATIONS:,} combinations; make several of it"
             )
             raise ConfigError(mistakes_text([Mistake(self._tree.at, (), message)]))
 

@@ -14,13 +14,13 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from auvid_cli.campaign.axes import Label
-from auvid_cli.campaign.cluster import Performed
+from auvid_cli.campaign.cluster import RunResult
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.plan import CampaignRun
 from auvid_cli.data.checks import csv_text, csv_value
-from auvid_cli.data.files import refusing_damage, replacing, write_text
+from auvid_cli.data.files import damage_as_file_error, replacing, write_text
 from auvid_cli.errors import FileError
-from auvid_cli.regular import check_regular
+from auvid_cli.regular import check_regular_file
 
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
 # So many files that came one by one are made one.
@@ -80,7 +80,7 @@ class Store:
         """Return the identities of the runs that are there, those that are kept apart included."""
         return _runs(self._results) | _runs(self._incoming) | _runs(self._earlier)
 
-    def conform(self, labels: Mapping[str, Mapping[str, Label]]) -> None:
+    def match_plan(self, labels: Mapping[str, Mapping[str, Label]]) -> None:
         """Hold the runs of the campaign as it is now, named as they are now, and keep the others apart.
 
         Parameters
@@ -115,14 +115,14 @@ class Store:
             self._write_failures()
 
     def set_aside(self) -> None:
-        """Put away all results: those that are not done again come back with the next `conform`."""
+        """Put away all results: those that are not done again come back with the next `match_plan`."""
         self._forget_what_was_merged()
         self.merge()
         for path in _files(self._results):
             _write(_read(path), _new(self._earlier))
             path.unlink()
 
-    def add(self, performed: Sequence[Performed]) -> None:
+    def add(self, performed: Sequence[RunResult]) -> None:
         """Keep what a group of runs came to."""
         rows = [row._asdict() | dict(done.run.labels) for done in performed for row in done.rows]
         if rows:
@@ -152,7 +152,7 @@ class Store:
             path.unlink()
 
     def rows(self, labels: Mapping[str, Mapping[str, Label]]) -> pa.Table:
-        """Read all rows of the campaign, one for each of its failed runs included; `labels` as of `conform`."""
+        """Read all rows of the campaign, one for each of its failed runs included; `labels` as of `match_plan`."""
         done = [self._conformed(_read(path)) for path in _files(self._results)]
         failures = [failure for failure in self.failures if failure.run in labels]
         failed = self._table(_failure_row(failure)._asdict() | dict(labels[failure.run]) for failure in failures)
@@ -255,7 +255,7 @@ def _keep(path: Path, table: pa.Table, kept: pa.Table) -> bool:
 
 def _merged_into(path: Path) -> list[str]:
     with _refusing_damage(path):
-        check_regular(path)
+        check_regular_file(path)
         names = json.loads((pq.read_schema(path).metadata or {}).get(_MERGED, b"[]"))
         # Whatever wrote it, what is taken away lies in one folder.
         return [Path(name).name for name in names]
@@ -263,7 +263,7 @@ def _merged_into(path: Path) -> list[str]:
 
 def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
     with _refusing_damage(path):
-        check_regular(path)
+        check_regular_file(path)
         # By itself, so that a folder's name is no column.
         table = pq.ParquetFile(path, page_checksum_verification=True).read(columns)
     for name in ("run",) if columns else Measure._fields[:3]:
@@ -275,7 +275,7 @@ def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
 
 def _refusing_damage(path: Path) -> AbstractContextManager[None]:
     advice = "move it away, and the runs in it are done again"
-    return refusing_damage(lambda reason: f"{path}: is no Parquet file, or damaged; {advice}: {reason}")
+    return damage_as_file_error(lambda reason: f"{path}: is no Parquet file, or damaged; {advice}: {reason}")
 
 
 def _write(table: pa.Table, path: Path) -> None:

@@ -17,7 +17,7 @@ CONFIDENCE = 0.95
 Array = NDArray[np.float64]
 MEASURES = ("steady_state_error_percent", "rmse_percent")
 # A difference of less than this share of the measure itself does not matter, however sure it is.
-LEAST_SHARE = 0.01
+MIN_DIFFERENCE = 0.01
 # A difference that is larger only by chance is taken for a real one in so many of all that are named.
 FALSE_DISCOVERIES = 0.05
 
@@ -238,7 +238,7 @@ def median_interval(values: Array) -> tuple[float, float]:
 
 def _conclusion(row: dict) -> str:
     low, high = row["difference_low"], row["difference_high"]
-    room = LEAST_SHARE * min(row["median_first"], row["median_second"])
+    room = MIN_DIFFERENCE * min(row["median_first"], row["median_second"])
     if row["p_diverged_adjusted"] < FALSE_DISCOVERIES:
         more = "first" if row["only_first_diverged"] > row["only_second_diverged"] else "second"
         return f"{row[more]} diverges more often"
@@ -249,7 +249,7 @@ def _conclusion(row: dict) -> str:
     return "no difference found"
 
 
-class Findings(NamedTuple):
+class CampaignSummary(NamedTuple):
     """Statistics of a campaign.
 
     Attributes
@@ -269,15 +269,15 @@ class Findings(NamedTuple):
     comparisons: pd.DataFrame
 
 
-def find(rows: pd.DataFrame, columns: Sequence[str]) -> Findings:
+def summarize(rows: pd.DataFrame, columns: Sequence[str]) -> CampaignSummary:
     """Summarise rows as of `auvid_cli.campaign.measures.Measure`, with a column for each axis."""
     runs = rows.loc[rows["kind"] == "run", [*columns, "filter", "seed", "status", "steady_state_error_percent"]]
-    return Findings(
+    return CampaignSummary(
         list(columns), runs, by_filter(rows, columns), by_coefficient(rows, columns), compare_filters(rows, columns)
     )
 
 
-def in_order(rows: pd.DataFrame, runs: Iterable[str]) -> pd.DataFrame:
+def in_planned_order(rows: pd.DataFrame, runs: Iterable[str]) -> pd.DataFrame:
     """Put rows in the order in which their runs were planned, not in that in which these ended."""
     place = {run: k for k, run in enumerate(runs)}
     return rows.sort_values("run", kind="stable", key=lambda runs: runs.map(place))

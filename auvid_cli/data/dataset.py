@@ -262,7 +262,7 @@ class Dataset:
         return dataset_tree(self)
 
 
-def within(dataset: Dataset, begin: float, end: float) -> Dataset:
+def cut(dataset: Dataset, begin: float, end: float) -> Dataset:
     """Cut inputs and all sensors to a span of time, s; an input that holds as it begins, or ends, is known there.
 
     Raises

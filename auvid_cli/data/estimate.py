@@ -211,7 +211,7 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         """Say whether the filter reached the end of the data."""
         return self.status == "completed"
 
-    def course(self, symbols: Sequence[str], with_innovations: bool = False) -> "EstimateHistory":
+    def history(self, symbols: Sequence[str], with_innovations: bool = False) -> "EstimateHistory":
         """Return some components of the state over time, with or without the innovations."""
         kept = [i for i, symbol in enumerate(self.state) if symbol in symbols]
         return EstimateHistory(

@@ -285,9 +285,11 @@ def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName) -
         return thinned
     start = float(read_rows(group, "time", 0, 1)[0])
     blocks = (innovations(partial(_rows_of, group, first)) for first in range(0, rows, _MOST_ROWS))
-    tallies, memories = zip(*((block.tally(start), block.memory) for block in blocks), strict=True)
+    tallies, memories = zip(*((block.sums(start), block.autocorrelation) for block in blocks), strict=True)
     return replace(
-        thinned, whole=reduce(InnovationSums.plus, tallies), whole_memory=reduce(Autocorrelation.plus, memories)
+        thinned,
+        all_sums=reduce(InnovationSums.plus, tallies),
+        all_autocorrelation=reduce(Autocorrelation.plus, memories),
     )
 
 

@@ -49,7 +49,7 @@ _EXPORTED_FROM = re.compile(r'dataset(?: with SHA-256 |_sha256": ")([0-9a-f]{64}
 
 
 @contextmanager
-def refusing_damage(complaint: Callable[[str], str]) -> Iterator[None]:
+def damage_as_file_error(complaint: Callable[[str], str]) -> Iterator[None]:
     """Turn whatever a library raises within a block, which is to hold nothing but its calls, into an error of the file.
 
     Parameters

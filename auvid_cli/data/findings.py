@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _NOT_QUITE_NONE = 0.1
 # Gain in log-likelihood that a term must have where it was not fitted: e^3, or twenty to one, is usually called strong
 # evidence (Kass and Raftery 1995).
-LEAST_HELD_OUT_GAIN = 3.0
+MIN_HELD_OUT_GAIN = 3.0
 
 
 class TunedNoise(NamedTuple):
@@ -72,7 +72,7 @@ class DisturbanceChoice(NamedTuple):
     """
 
     gain: float
-    numbers: int
+    n_parameters: int
     needed: float
 
     @property
@@ -172,7 +172,7 @@ class ScoredTerm(NamedTuple):
     @property
     def is_likelier(self) -> bool:
         """Say whether the data that were held out speak for it."""
-        return self.held_out_gain is not None and self.held_out_gain >= LEAST_HELD_OUT_GAIN
+        return self.held_out_gain is not None and self.held_out_gain >= MIN_HELD_OUT_GAIN
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,11 @@ from typing import TypeGuard
 import h5py
 
 from auvid_cli.child_processes import end_with_parent, start_python
-from auvid_cli.regular import check_regular
+from auvid_cli.regular import check_regular_file
 from auvid_cli.text import one_line
 
 # Errors that h5py raises on damaged files.
-DAMAGE = OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError
+READ_ERRORS = OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError
 SCAN_TIME = 10  # s
 _SCAN_RATE = 20e6  # bytes/s
 # A busy machine may need this to start Python and load h5py.
@@ -59,7 +59,7 @@ def open_hdf5(path: Path, foreign: bool = False) -> Iterator[h5py.File]:
     ValueError
         If it is a pipe, device or folder, or is refused; the message has the reason, without the path.
     """
-    check_regular(path)
+    check_regular_file(path)
     scan([path], foreign)
     if flaw := _flaws.get(_version(path, foreign), "it changes while it is read"):
         raise ValueError(flaw)
@@ -124,7 +124,7 @@ def flaw_of(path: Path, foreign: bool = False) -> str:
                 _read_attributes(item, foreign)
                 if isinstance(item, h5py.Dataset):
                     left -= _read_values(item, foreign, left)
-    except DAMAGE as error:
+    except READ_ERRORS as error:
         return one_line(str(error)) or type(error).__name__
     return ""
 

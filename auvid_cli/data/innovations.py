@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 # s; innovations are also judged by windows of this length.
-WINDOW = 20.0
+NIS_WINDOW = 20.0
 # So many places apart innovations are compared, where there are no fewer than these.
-LAGS, _FEWEST = 20, 50
+N_LAGS, _FEWEST = 20, 50
 
 
 class InnovationSums(NamedTuple):
@@ -24,7 +24,7 @@ class InnovationSums(NamedTuple):
     start : float
         Time of the first, s.
     squares, components : ndarray, shape (k,)
-        Sum of the NIS, and number of components used, in each `WINDOW` from `start` on.
+        Sum of the NIS, and number of components used, in each `NIS_WINDOW` from `start` on.
     measurements, rejected : int
         Measurements used; components beyond the gate, or of which a fit counted less than half.
     """
@@ -57,7 +57,7 @@ class Autocorrelation(NamedTuple):
 
     Attributes
     ----------
-    correlation : ndarray, shape (c, LAGS)
+    correlation : ndarray, shape (c, N_LAGS)
         Of each component with itself so many places later, of what was used.
     samples : ndarray, shape (c,)
         Of how many; 0 where there are too few to say.
@@ -87,9 +87,9 @@ class Innovations:
         Normalised innovation squared.
     standard_deviation : ndarray, shape (c,)
         Of the measurement noise, as the filter was told.
-    whole : Tally or None
+    all_sums : InnovationSums or None
         Of all, where these are but evenly spaced ones.
-    whole_memory : Memory or None
+    all_autocorrelation : Autocorrelation or None
         The same.
     weight : ndarray, shape (k, c), or None
         By how much each component counts in a fit that weighs them; 1 where missing.
@@ -100,34 +100,34 @@ class Innovations:
     variance: Array
     nis: Array
     standard_deviation: Array
-    whole: InnovationSums | None = None
-    whole_memory: Autocorrelation | None = None
+    all_sums: InnovationSums | None = None
+    all_autocorrelation: Autocorrelation | None = None
     weight: Array | None = None
 
-    def tally(self, start: float | None = None) -> InnovationSums:
+    def sums(self, start: float | None = None) -> InnovationSums:
         """Sum over all of them, also over those that were left out when they were read."""
-        if self.whole is not None:
-            return self.whole
+        if self.all_sums is not None:
+            return self.all_sums
         start = start if start is not None else float(self.time[0]) if self.time.size else 0.0
         used = self.used().sum(axis=1)
-        window = ((self.time - start) // WINDOW).astype(int)
+        window = ((self.time - start) // NIS_WINDOW).astype(int)
         squares, components = (np.bincount(window, w).astype(np.float64) for w in (np.nan_to_num(self.nis), used))
         rejected = int((np.isfinite(self.innovation) & ~self.used()).sum())
         return InnovationSums(start, squares, components, int(np.isfinite(self.nis).sum()), rejected)
 
     @cached_property
-    def memory(self) -> Autocorrelation:
+    def autocorrelation(self) -> Autocorrelation:
         """Return how each component correlates with itself, also over those left out when they were read."""
-        if self.whole_memory is not None:
-            return self.whole_memory
+        if self.all_autocorrelation is not None:
+            return self.all_autocorrelation
         n_components = self.innovation.shape[1]
-        correlation, samples = np.zeros((n_components, LAGS)), np.zeros(n_components)
+        correlation, samples = np.zeros((n_components, N_LAGS)), np.zeros(n_components)
         # A fit may leave a residual no room, and its variance 0.
         for c, used in enumerate((np.isfinite(self.innovation) & (self.variance > 0.0)).T):
             values = self.innovation[used, c] / np.sqrt(self.variance[used, c])
             if values.size >= _FEWEST and values.std() > 0.0:
                 centred = values - values.mean()
-                products = [float(centred[lag:] @ centred[:-lag]) for lag in range(1, LAGS + 1)]
+                products = [float(centred[lag:] @ centred[:-lag]) for lag in range(1, N_LAGS + 1)]
                 correlation[c], samples[c] = np.array(products) / float(centred @ centred), values.size
         return Autocorrelation(correlation, samples)
 

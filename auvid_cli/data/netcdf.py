@@ -21,7 +21,7 @@ from auvid_cli._version import __version__
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.units import parse_quantity
 from auvid_cli.data.files import replacing
-from auvid_cli.data.hdf5 import DAMAGE, open_hdf5, trust
+from auvid_cli.data.hdf5 import READ_ERRORS, open_hdf5, trust
 from auvid_cli.errors import FileError
 from auvid_cli.text import one_line, shortened
 from auvid_cli.vehicle.parameters import Quantity
@@ -210,7 +210,7 @@ def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
                     "upgrade with pip install --upgrade auvid"
                 )
             yield file
-    except DAMAGE as error:
+    except READ_ERRORS as error:
         raise FileError(f"{path}: damaged or not an auvid {kind} file: {one_line(str(error))}") from error
 
 

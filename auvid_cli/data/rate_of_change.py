@@ -7,7 +7,7 @@ from scipy.signal import savgol_coeffs
 Array = NDArray[np.float64]
 
 # s; over which a change of attitude tells a turn rate.
-WHILE_TURNING = 1.0
+TURN_RATE_WINDOW = 1.0
 
 
 def rate_of_change(values: Array, interval: float, half: int) -> Array:

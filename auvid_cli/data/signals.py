@@ -22,7 +22,7 @@ _SMOOTH, _FEWEST_PAIRS, _USUAL = -0.68, 400, 0.95
 # s, and times the usual interval.
 _LONGEST, _INTERVALS = 1.0, 10.0
 # s; a sensor with noise does not repeat itself to the last bit, and some quantised ones do for a while.
-LONGEST_REPEAT = 2.0
+MAX_REPEAT = 2.0
 # Steps by which a rounded measurement changes that hardly does.
 _NEIGHBOURS, _BY_NOISE = 1.5, 2.5
 
@@ -154,7 +154,7 @@ def repeats(record: SensorRecord) -> Array:
 def stuck_times(record: SensorRecord) -> Array:
     """Return those of the `repeats` that last too long, and not because measurements are rounded."""
     runs = repeats(record)
-    long = runs[:, 1] - runs[:, 0] > LONGEST_REPEAT
+    long = runs[:, 1] - runs[:, 0] > MAX_REPEAT
     # Whether measurements are rounded takes sorting them all, and hardly ever matters.
     return runs[long & ~rounded_repeats(record)] if long.any() else runs[long]
 

@@ -71,7 +71,7 @@ def topics_of(dataset: Dataset, estimate: Estimate) -> list[Topic]:
     DataError
         If a time is before 0 or beyond what ROS can state.
     """
-    motion = estimate.course(MOTION_SYMBOLS).mean
+    motion = estimate.history(MOTION_SYMBOLS).mean
     position = dead_reckoned(estimate.time, motion)
     topics = [*_moving("", _ESTIMATED, estimate.time[: len(position)], motion[: len(position)], position)]
     topics.append(_states(estimate))

@@ -13,7 +13,7 @@ from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.identification import Use
 from auvid_cli.config.settings import Spans
 from auvid_cli.config.terms import Term
-from auvid_cli.data.findings import LEAST_HELD_OUT_GAIN, ScoredTerm, TermFindings
+from auvid_cli.data.findings import MIN_HELD_OUT_GAIN, ScoredTerm, TermFindings
 from auvid_cli.errors import DataError
 from auvid_cli.filters.fault_scores import correlation, explained, gains, score_faults, sizes
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
@@ -237,7 +237,7 @@ def search_terms(
         # What smooths hours of data is large, and the models are compared without.
         del fit
         fits = looser.fits(scored.leaders() + looser.leaders(), functools.partial(tried_with, here.settings))
-        least = LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_GAIN + math.log(len(candidates))
+        least = MIN_HELD_OUT_GAIN, MIN_HELD_OUT_GAIN + math.log(len(candidates))
         likelier = [k for k, there in fits.items() if all(np.greater_equal(there.gains(here), least))]
         found = max(likelier, key=lambda k: fits[k].whole, default=None)
         tried += scored.rows(look, here, fits, found)
@@ -248,7 +248,7 @@ def search_terms(
         for earlier in here.settings.vehicle.terms[len(prepared.experiment.vehicle.terms) : -1]:
             others = [term for term in here.settings.vehicle.terms if term != earlier]
             without = fitted_model(prepared, with_terms(here.settings, others))
-            if without is not None and here.held_out - without.held_out < LEAST_HELD_OUT_GAIN:
+            if without is not None and here.held_out - without.held_out < MIN_HELD_OUT_GAIN:
                 here, given_up = without, [*given_up, earlier.name]
     kept = [row._replace(found=row.found and row.term not in given_up) for row in tried]
     return TermFindings(tuple(kept), len(candidates), fitted, held_out, here.settings)

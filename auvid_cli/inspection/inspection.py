@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.checks import Check, Checks, NamedRows
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
-from auvid_cli.data.signals import LONGEST_REPEAT, gap_limit, repeats, rounded_repeats, rounding_steps
+from auvid_cli.data.signals import MAX_REPEAT, gap_limit, repeats, rounded_repeats, rounding_steps
 from auvid_cli.vehicle.parameters import SENSORS
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Ch
     """Return the longest time over which a measurement is repeated exactly, s, and the verdict on it."""
     runs, rounded = repeats(record), rounded_repeats(record)
     lasted = runs[:, 1] - runs[:, 0]
-    if not (lasted[~rounded] > LONGEST_REPEAT).any() and (lasted > LONGEST_REPEAT).any():
+    if not (lasted[~rounded] > MAX_REPEAT).any() and (lasted > MAX_REPEAT).any():
         return _rounded(filter_name, name, record, float(lasted.max()))
     lasted[rounded] = 0.0
     start, end = runs[int(np.argmax(lasted))]
@@ -100,8 +100,8 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Ch
         name,
         "stuck",
         statistic=f"{end - start:.4g} s from t = {start:.6g} s on",
-        threshold=f"<= {LONGEST_REPEAT:g} s of the same measurement",
-        passed=bool(end - start <= LONGEST_REPEAT),
+        threshold=f"<= {MAX_REPEAT:g} s of the same measurement",
+        passed=bool(end - start <= MAX_REPEAT),
         advice=f"{name} repeats one measurement from t = {start:.6g} s to {end:.6g} s: it has failed or was logged "
         "twice. Mark that time as not valid.",
     )
@@ -121,7 +121,7 @@ def _rounded(filter_name: str, name: str, record: SensorRecord, longest: float) 
         name,
         "stuck",
         statistic=f"quantised: {each}; the same for up to {longest:.4g} s",
-        threshold=f"<= {LONGEST_REPEAT:g} s of the same measurement, if it is not rounded",
+        threshold=f"<= {MAX_REPEAT:g} s of the same measurement, if it is not rounded",
         passed=None,
         advice=f"{name} is recorded in steps and changes by less for a while. That is no failure, but noise of "
         f"step / sqrt(12), which lasts: state no less than {noise}, or log more digits.",

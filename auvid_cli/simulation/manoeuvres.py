@@ -23,7 +23,7 @@ from auvid_cli.config.manoeuvre import (
 )
 from auvid_cli.config.units import parse_number
 from auvid_cli.errors import ConfigError
-from auvid_cli.regular import check_regular
+from auvid_cli.regular import check_regular_file
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -242,7 +242,7 @@ def _recorded(path: Path, time: Array) -> Array:
 def _rows(path: Path) -> Iterator[list[float]]:
     """Read times and inputs of each row; ValueError where it is no table of numbers."""
     wanted = ("time", *INPUT_SYMBOLS)
-    check_regular(path)
+    check_regular_file(path)
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.reader(file)
         try:

@@ -8,7 +8,7 @@ import dask.config
 import pytest
 from distributed import LocalCluster
 
-from auvid_cli.campaign.cluster import cluster_client, perform_groups
+from auvid_cli.campaign.cluster import cluster_client, run_groups
 from auvid_cli.campaign.plan import RunGroup
 from auvid_cli.errors import ClusterError
 
@@ -26,7 +26,7 @@ def test_all_runs_come_back_from_a_scheduler_that_was_there_before(planned):
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         cluster_client(cluster.scheduler_address, 1) as client,
     ):
-        runs = [done for group in perform_groups(client, plan.groups(), False) for done in group]
+        runs = [done for group in run_groups(client, plan.groups(), False) for done in group]
     assert sorted(done.run.identity for done in runs) == sorted(plan.labels())
     assert {done.failure for done in runs} == {""}
 
@@ -44,7 +44,7 @@ def test_one_of_two_workers_that_is_killed_loses_and_repeats_nothing(planned):
     plan, performed = planned(MANY), []
     with cluster_client(None, 2) as client:
         victim, _ = client.run(os.getpid).values()
-        for number, group in enumerate(perform_groups(client, plan.groups(), False)):
+        for number, group in enumerate(run_groups(client, plan.groups(), False)):
             performed += group
             if number == 4:
                 os.kill(victim, signal.SIGKILL)
@@ -61,7 +61,7 @@ def test_a_group_that_no_worker_can_do_has_failed_and_the_others_go_on(planned):
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         cluster_client(cluster.scheduler_address, 1) as client,
     ):
-        runs = [done for group in perform_groups(client, iter(broken), False) for done in group]
+        runs = [done for group in run_groups(client, iter(broken), False) for done in group]
     assert len(runs) == 6
     assert sum(bool(done.failure) for done in runs) == 2
 
@@ -78,7 +78,7 @@ def test_no_more_is_sent_than_is_worked_on_soon(planned):
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         cluster_client(cluster.scheduler_address, 1) as client,
     ):
-        for count, _ in enumerate(islice(perform_groups(client, watched(), False), 5), 1):
+        for count, _ in enumerate(islice(run_groups(client, watched(), False), 5), 1):
             assert len(taken) <= count + 3
 
 
@@ -97,7 +97,7 @@ def test_a_scheduler_that_goes_away_is_said_and_what_came_is_there(planned, monk
     cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")
 
     def work_until_it_goes(client) -> None:
-        for group in perform_groups(client, plan.groups(), False):
+        for group in run_groups(client, plan.groups(), False):
             came.extend(group)
             if len(came) == 4:
                 cluster.close()

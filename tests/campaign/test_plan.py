@@ -5,7 +5,7 @@ from statistics import mean, stdev
 
 import pytest
 
-from auvid_cli.campaign.plan import LARGEST_GROUP, CampaignPlan
+from auvid_cli.campaign.plan import MAX_GROUP, CampaignPlan
 from auvid_cli.config.campaign import dump_campaign, load_campaign
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.errors import ConfigError
@@ -71,7 +71,7 @@ def test_groups_are_small_so_that_little_is_lost_with_one(planned):
     text = "name: many\nsettings: {manoeuvre.duration: 5 s}\nseeds: 1\nfilters: [ckf]\n"
     text += "vary: [{setting: identification.prior.factor, values: [1, 2, 3, 4, 5, 6, 7, 8]}]\n"
     sizes = [len(group.runs) for group in planned(text).groups()]
-    assert sizes == [LARGEST_GROUP, 8 - LARGEST_GROUP]
+    assert sizes == [MAX_GROUP, 8 - MAX_GROUP]
 
 
 def test_what_is_done_is_left_out(planned):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.campaign.cluster import Performed
+from auvid_cli.campaign.cluster import RunResult
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.plan import CampaignRun
 from auvid_cli.campaign.store import Store, _read
@@ -24,11 +24,11 @@ def finished(name, factor=1.0, rate="slow", error=2.5):
         name, "ckf", 1, "run", "", "", "completed", "sound", "", steady_state_error_percent=error, components=22
     )
     part = Measure(name, "ckf", 1, "coefficient", "X_u|u|", "kg/m", "completed", "sound", "", true=-3.0, estimate=-3.1)
-    return Performed(run, [whole, part], "", None)
+    return RunResult(run, [whole, part], "", None)
 
 
 def failed(name, reason="no data"):
-    return Performed(CampaignRun(name, {"factor": 1.0, "rate": "slow"}, "ckf", 1), [], reason, None)
+    return RunResult(CampaignRun(name, {"factor": 1.0, "rate": "slow"}, "ckf", 1), [], reason, None)
 
 
 def labels_of(*names):
@@ -89,7 +89,7 @@ def test_killed_between_merging_and_taking_away_nothing_is_there_twice(tmp_path)
     assert len(pd.read_parquet(tmp_path / "results")) == 6
     again = Store(tmp_path, COLUMNS)
     assert again.finished() == {"run-0", "run-1", "run-2"}
-    again.conform(labels_of("run-0", "run-1", "run-2"))
+    again.match_plan(labels_of("run-0", "run-1", "run-2"))
     assert len(pd.read_parquet(tmp_path / "results")) == 6
     assert not list((tmp_path / "incoming").iterdir())
 
@@ -134,7 +134,7 @@ def test_what_is_done_again_takes_the_place_of_what_was_there(tmp_path):
     store.add([finished("a", error=1.5)])
     # Interrupted here: what was not done again comes back, what was stays as it is now.
     again = Store(tmp_path, COLUMNS)
-    again.conform(labels_of("a", "b"))
+    again.match_plan(labels_of("a", "b"))
     table = pd.read_parquet(tmp_path / "results")
     errors = table[table["kind"] == "run"].set_index("run")["steady_state_error_percent"]
     assert errors.to_dict() == {"a": 1.5, "b": 2.5}
@@ -146,7 +146,7 @@ def test_what_fails_when_it_is_done_again_stays_what_it_was(tmp_path):
     store.add([finished("a"), finished("b")])
     store.set_aside()
     store.add([failed("a"), failed("c"), finished("b", error=1.5)])
-    store.conform(labels_of("a", "b", "c"))
+    store.match_plan(labels_of("a", "b", "c"))
     table = store.rows(labels_of("a", "b", "c")).to_pandas()
     own = table[table["kind"] == "run"].set_index("run")
     assert own["steady_state_error_percent"].dropna().to_dict() == {"a": 2.5, "b": 1.5}
@@ -185,7 +185,7 @@ def test_results_take_on_the_axes_that_a_campaign_has_now(tmp_path):
     store = Store(tmp_path, {"factor": True})
     store.add([finished("a")._replace(run=CampaignRun("a", {"factor": 1.0}, "ckf", 1))])
     wider = Store(tmp_path, COLUMNS)
-    wider.conform({"a": {"filter": "ckf", "factor": 1.0, "rate": "fast"}})
+    wider.match_plan({"a": {"filter": "ckf", "factor": 1.0, "rate": "fast"}})
     table = pd.read_parquet(tmp_path / "results")
     assert set(table["rate"]) == {"fast"}
     assert wider.rows({})["rate"].to_pylist() == ["fast", "fast"]
@@ -194,7 +194,7 @@ def test_results_take_on_the_axes_that_a_campaign_has_now(tmp_path):
 def test_numbers_become_text_where_an_axis_has_both(tmp_path):
     Store(tmp_path, COLUMNS).add([finished("a", factor=3.0)])
     mixed = Store(tmp_path, {"factor": False, "rate": False})
-    mixed.conform({"a": {"filter": "ckf", "factor": 3.0, "rate": "slow"}})
+    mixed.match_plan({"a": {"filter": "ckf", "factor": 3.0, "rate": "slow"}})
     mixed.add([finished("b", factor="wide")])
     mixed.merge()
     assert set(mixed.rows({})["factor"].to_pylist()) == {"3.0", "wide"}
@@ -205,14 +205,14 @@ def test_runs_of_other_settings_are_kept_apart_and_come_back(tmp_path):
     store.add([finished("a"), finished("b")])
     store.add([finished("c")])
     other = Store(tmp_path, {"factor": True})
-    other.conform({name: {"filter": "ckf", "factor": 2.0} for name in ("b", "new")})
+    other.match_plan({name: {"filter": "ckf", "factor": 2.0} for name in ("b", "new")})
     table = pd.read_parquet(tmp_path / "results")
     assert set(table["run"]) == {"b"}
     assert "rate" not in table
     # Nothing of it has to be done again.
     assert other.finished() == {"a", "b", "c"}
     again = Store(tmp_path, COLUMNS)
-    again.conform(labels_of(*"abc"))
+    again.match_plan(labels_of(*"abc"))
     table = pd.read_parquet(tmp_path / "results")
     assert sorted(table["run"]) == ["a", "a", "b", "b", "c", "c"]
     assert set(table["rate"]) == {"slow"}
@@ -227,7 +227,7 @@ def test_killed_while_runs_come_back_none_is_there_twice(tmp_path):
     (tmp_path / "earlier").mkdir()
     (tmp_path / "earlier" / "part-1.parquet").write_bytes(part.read_bytes())
     (tmp_path / "earlier" / "part-2.parquet").write_bytes(part.read_bytes())
-    Store(tmp_path, COLUMNS).conform(labels_of("a"))
+    Store(tmp_path, COLUMNS).match_plan(labels_of("a"))
     assert len(pd.read_parquet(tmp_path / "results")) == 2
     assert not list((tmp_path / "earlier").glob("*.parquet"))
 
@@ -240,7 +240,7 @@ def test_other_names_for_levels_and_filters_are_taken_on(tmp_path):
         "a": {"filter": "first", "factor": 1.0, "rate": "high"},
         "b": {"filter": "first", "factor": 1.0, "rate": "low"},
     }
-    Store(tmp_path, COLUMNS).conform(swapped)
+    Store(tmp_path, COLUMNS).match_plan(swapped)
     table = pd.read_parquet(tmp_path / "results")
     assert table.groupby("run")["rate"].agg(set).to_dict() == {"a": {"high"}, "b": {"low"}}
     assert set(table["filter"]) == {"first"}
@@ -251,7 +251,7 @@ def test_an_axis_that_becomes_numeric_does_not_trip_over_text(tmp_path):
     runs = {name: CampaignRun(name, {"prior": name}, "ckf", 1) for name in ("low", "high")}
     store.add([finished(name)._replace(run=run) for name, run in runs.items()])
     numeric = Store(tmp_path, {"prior": True})
-    numeric.conform({"low": {"filter": "ckf", "prior": 0.3}})
+    numeric.match_plan({"low": {"filter": "ckf", "prior": 0.3}})
     assert numeric.rows({})["prior"].to_pylist() == [0.3, 0.3]
 
 
@@ -360,7 +360,7 @@ def test_whatever_is_done_each_run_is_there_once(tmp_path_factory, operations):
             store.set_aside()
         else:
             mine = {f"{k}" for k in runs}
-            store.conform(labels_of(*mine))
+            store.match_plan(labels_of(*mine))
             assert set(store.rows({})["run"].to_pylist()) == everything & mine
     assert Store(folder, COLUMNS).finished() == everything
     rows = [row for path in folder.glob("*/*.parquet") for row in pq.read_table(path)["run"].to_pylist()]

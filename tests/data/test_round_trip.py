@@ -171,7 +171,7 @@ def test_sums_over_innovations_are_of_all_however_few_are_read(estimate, write_e
     thin = read_estimate(tmp_path / "estimate.h5")
     assert thin.innovations["gyroscope"].time.size < estimate.innovations["gyroscope"].time.size
     for name, innovations in estimate.innovations.items():
-        got, expected = thin.innovations[name].tally(), innovations.tally()
+        got, expected = thin.innovations[name].sums(), innovations.sums()
         assert (got.measurements, got.rejected, got.start) == (expected.measurements, expected.rejected, expected.start)
         assert np.allclose(got.squares, expected.squares, rtol=1e-12)
         assert np.array_equal(got.components, expected.components)
@@ -188,7 +188,10 @@ def test_what_innovations_remember_is_of_neighbours_however_few_are_read(
     innovations = estimate.innovations | {"gyroscope": long}
     write_estimate(tmp_path / "estimate.h5", replace(estimate, innovations=innovations))
     monkeypatch.setattr(estimate_file, "_MOST_ROWS", 500)
-    got, expected = read_estimate(tmp_path / "estimate.h5").innovations["gyroscope"].memory, long.memory
+    got, expected = (
+        read_estimate(tmp_path / "estimate.h5").innovations["gyroscope"].autocorrelation,
+        long.autocorrelation,
+    )
     assert np.array_equal(got.samples, expected.samples)
     # But for those at the edges of the blocks that are read.
     assert np.allclose(got.correlation, expected.correlation, atol=0.01)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.files import refusing_damage
+from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
 
@@ -72,7 +72,7 @@ class DataFlashLog(Log):
     def _index(self) -> dict[str, tuple[DFFormat, list[int]]]:
         """Return how each kind of message is written, and where."""
         complaints = StringIO()
-        refusing = refusing_damage(lambda reason: f"{self.path}: is damaged: {reason}")
+        refusing = damage_as_file_error(lambda reason: f"{self.path}: is damaged: {reason}")
         # The library prints a line for each byte that it does not understand, and goes on.
         out, err = redirect_stdout(complaints), redirect_stderr(complaints)
         with refusing, out, err, closing(_Reader(str(self.path))) as reader:

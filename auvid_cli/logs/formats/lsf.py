@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from auvid_cli.data.files import refusing_damage
+from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
 
@@ -36,7 +36,7 @@ class LsfLog(Log):
     @cached_property
     def _messages(self) -> dict[str, dict[str, list[float]]]:
         tables: dict[str, dict[str, list[float]]] = {}
-        with refusing_damage(lambda reason: f"{self.path}: is a damaged IMC log: {reason}"):
+        with damage_as_file_error(lambda reason: f"{self.path}: is a damaged IMC log: {reason}"):
             for packet in _packets(self.path.read_bytes()):
                 message = imcpy.Packet.deserialize(packet)
                 fields = tables.setdefault(message.msg_name, {LOG_TIME: []})

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.files import refusing_damage
+from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
 
@@ -36,7 +36,7 @@ class ULogLog(Log):
 
     @cached_property
     def _topics(self) -> dict[str, dict[str, NDArray[np.float64]]]:
-        refusing = refusing_damage(lambda reason: f"{self.path}: is a damaged ULog: {reason}")
+        refusing = damage_as_file_error(lambda reason: f"{self.path}: is a damaged ULog: {reason}")
         with self.path.open("rb") as file, refusing:
             topics = ULog(file).data_list
         return {
