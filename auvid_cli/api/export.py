@@ -185,7 +185,7 @@ class RunExport:
         FileError
             If it cannot be written, or the packages for it are not installed.
         """
-        from auvid_cli.export.mcap_file import write_mcap
+        from auvid_cli.export.recording import write_mcap
 
         write_mcap(file, self._topics, self._origin)
 

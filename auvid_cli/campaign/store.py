@@ -20,7 +20,7 @@ from auvid_cli.campaign.plan import CampaignRun
 from auvid_cli.data.checks import csv_text, csv_value
 from auvid_cli.data.files import damage_as_file_error, replacing, write_text
 from auvid_cli.errors import FileError
-from auvid_cli.regular import check_regular_file
+from auvid_cli.regular_files import check_regular_file
 
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
 # So many files that came one by one are made one.

@@ -18,7 +18,7 @@ from auvid_cli.config.source_positions import (
     dotted,
     read_tree,
 )
-from auvid_cli.regular import read_bytes
+from auvid_cli.regular_files import read_bytes
 from auvid_cli.text import shortened
 
 # Sections that may name a file, with the kind of such files that ship.

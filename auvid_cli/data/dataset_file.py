@@ -1,4 +1,4 @@
-"""dataset.h5: measurement and writing a Dataset."""
+"""Write, read and check ``dataset.h5``."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -6,12 +6,16 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.config.loading import dump_experiment, parse_run
-from auvid_cli.data.dataset import VECTORS, Dataset, InputRecord, SensorRecord, TruthRecord, shared_clock
+from auvid_cli.config.units import magnitude_of
+from auvid_cli.data.dataset import VECTORS, Array, Dataset, InputRecord, SensorRecord, TruthRecord, shared_clock
 from auvid_cli.data.netcdf import (
     FileAttributes,
+    check_deviations,
+    check_finite,
+    check_shapes,
+    check_times,
     check_units,
     count_rows,
     digest,
@@ -27,17 +31,17 @@ from auvid_cli.data.netcdf import (
     write_dimension,
     write_variable,
 )
-from auvid_cli.data.validate_records import check_dataset
 from auvid_cli.errors import FileError
 from auvid_cli.text import one_line
+from auvid_cli.vehicle.coefficients import SYMBOLS, is_name_of_term
 from auvid_cli.vehicle.parameters import ALL_INPUTS, DISTURBANCE, INPUTS, MOTION, POSITION, PROPULSION, SENSORS
 
-# Of more than so many samples of the true motion, every so many are read: enough to compare and to draw.
-_MOST_TRUTH = 100_000
+# Longer true motions are thinned to about this many samples, enough to compare and to plot.
+_MAX_TRUTH = 100_000
 
 
 def write_dataset(path: Path, dataset: Dataset) -> None:
-    """Write a dataset whole or not at all.
+    """Write a dataset completely or not at all.
 
     Raises
     ------
@@ -45,7 +49,7 @@ def write_dataset(path: Path, dataset: Dataset) -> None:
         If the file cannot be written, or `read_dataset` would refuse it.
     """
     try:
-        check_dataset(dataset)
+        _check_dataset(dataset)
     except ValueError as error:
         raise FileError(f"{path}: not written: {one_line(str(error))}") from None
     experiment = dataset.experiment
@@ -72,7 +76,7 @@ def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
     write_variable(group, "standard_deviation", record.standard_deviation, ("component",), meaning, quantities[0].unit)
     for vector in VECTORS:
         if any(values := getattr(record, vector.name)):
-            write_dimension(group, vector.dimension, np.array(vector.axes), vector.along)
+            write_dimension(group, vector.dimension, np.array(vector.axes), vector.axes_meaning)
             write_variable(group, vector.name, np.array(values), (vector.dimension,), vector.meaning, vector.unit)
     valid = np.isfinite(record.values).view(np.int8)
     write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
@@ -90,32 +94,30 @@ def _write_truth(group: h5py.Group, truth: TruthRecord, units: list[str]) -> Non
 
 
 class _Attributes(FileAttributes):
-    """What the root of a dataset file says of it."""
-
     settings: str
 
 
 def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
-    """Read a dataset; `overrides` change its settings as on the command line.
+    """Read a dataset; `overrides` change its settings like ``--set``.
 
     Raises
     ------
     FileError
-        If it is missing, damaged, foreign, of a newer schema, or holds what no vehicle can have recorded.
+        If the file is missing, damaged, of another program or a newer schema, or has impossible values.
     ConfigError
-        If the settings inside, with the overrides, are not valid.
+        If its settings, with the overrides, are not valid.
     """
     with open_file(path, "dataset") as file:
         settings = read_attributes(file, _Attributes).settings
         group = subgroup(file, "inputs")
-        # Files of before have no others.
+        # Older files have no revolutions and voltage.
         inputs = ALL_INPUTS if all(quantity.symbol in group for quantity in PROPULSION) else INPUTS
         check_units(group, inputs)
         times = read_array(group, "time")
         sensors: dict[str, SensorRecord] = {}
-        for name, of_sensor in subgroups(file, "sensors").items():
+        for name, sensor_group in subgroups(file, "sensors").items():
             clocks = times, *(record.time for record in sensors.values())
-            sensors[name] = _read_sensor(of_sensor, name, clocks)
+            sensors[name] = _read_sensor(sensor_group, name, clocks)
         dataset = Dataset(
             InputRecord(times, read_table(group, [quantity.symbol for quantity in inputs])),
             sensors,
@@ -123,13 +125,12 @@ def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
             _read_truth(subgroup(file, "truth")) if "truth" in file else None,
             digest(path),
         )
-        check_dataset(dataset)
+        _check_dataset(dataset)
     return dataset
 
 
-def _read_sensor(group: h5py.Group, name: str, clocks: Iterable[NDArray[np.float64]]) -> SensorRecord:
-    if name not in SENSORS:
-        raise ValueError(f"unknown sensor {name!r}; auvid knows {', '.join(SENSORS)}")
+def _read_sensor(group: h5py.Group, name: str, clocks: Iterable[Array]) -> SensorRecord:
+    _check_known(name)
     values = read_table(group, [quantity.symbol for quantity in SENSORS[name]])
     mark_missing(group, "valid", values)
     check_units(group, SENSORS[name])
@@ -140,7 +141,7 @@ def _read_sensor(group: h5py.Group, name: str, clocks: Iterable[NDArray[np.float
 
 
 def _read_truth(group: h5py.Group) -> TruthRecord:
-    every = 1 + count_rows(group, "time") // _MOST_TRUTH
+    every = 1 + count_rows(group, "time") // _MAX_TRUTH
     disturbance = [quantity.symbol for quantity in DISTURBANCE]
     return TruthRecord(
         read_array(group, "time", every),
@@ -152,22 +153,22 @@ def _read_truth(group: h5py.Group) -> TruthRecord:
 
 
 def holds_data(path: Path, dataset: Dataset) -> bool:
-    """Say whether a file has the very numbers of a dataset; its settings are not looked at.
+    """Whether a file has the same numbers as a dataset; settings are not compared.
 
     Raises
     ------
     FileError
-        As of `read_dataset`.
+        Like `read_dataset`.
     """
     with open_file(path, "dataset") as file:
-        # One after the other: hours of data need not be in memory twice.
+        # One variable at a time, so that hours of data are not in memory twice.
         return all(
             np.array_equal(read_array(file, name), values, equal_nan=True) for name, values in _variables(dataset)
         )
 
 
-def _variables(dataset: Dataset) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Yield what `write_dataset` writes, by its place in the file."""
+def _variables(dataset: Dataset) -> Iterator[tuple[str, Array]]:
+    """Yield the path in the file and the values of each variable that `write_dataset` writes."""
     inputs, truth = dataset.inputs, dataset.truth
     tables = [("inputs", inputs.time, inputs.quantities, inputs.values)]
     for name, record in dataset.sensors.items():
@@ -180,3 +181,60 @@ def _variables(dataset: Dataset) -> Iterator[tuple[str, NDArray[np.float64]]]:
         yield f"{group}/time", time
         for column, quantity in enumerate(quantities):
             yield f"{group}/{quantity.symbol}", values[:, column]
+
+
+def _check_dataset(dataset: Dataset) -> None:
+    """Raise a ValueError if shapes, times or values of a dataset are impossible."""
+    inputs = dataset.inputs
+    check_times("/inputs", inputs.time, increasing=True)
+    if not inputs.time.size:
+        raise ValueError("/inputs is empty")
+    check_shapes("/inputs", (inputs.values, (inputs.time.size, len(inputs.quantities))))
+    check_finite("/inputs", inputs.values)
+    for column, quantity in enumerate(inputs.quantities):
+        _check_magnitude(f"/inputs/{quantity.symbol}", inputs.values[:, column], quantity.unit)
+    for name, record in dataset.sensors.items():
+        _check_sensor(name, record)
+    if dataset.truth is not None:
+        _check_truth(dataset.truth)
+
+
+def _check_known(sensor: str) -> None:
+    if sensor not in SENSORS:
+        raise ValueError(f"unknown sensor {sensor!r}; expected one of {', '.join(SENSORS)}")
+
+
+def _check_sensor(name: str, record: SensorRecord) -> None:
+    _check_known(name)
+    where, n, width = f"/sensors/{name}", record.time.size, len(SENSORS[name])
+    check_times(where, record.time, increasing=True)
+    check_shapes(where, (record.values, (n, width)), (record.standard_deviation, (width,)))
+    check_deviations(where, record.standard_deviation)
+    for vector in VECTORS:
+        values = np.array(getattr(record, vector.name))
+        check_shapes(f"{where}/{vector.name}", (values, (3,)))
+        check_finite(f"{where}/{vector.name}", values)
+        _check_magnitude(f"{where}/{vector.name}", values, vector.unit)
+    for column, quantity in enumerate(SENSORS[name]):
+        _check_magnitude(f"{where}/{quantity.symbol}", record.values[:, column], quantity.unit)
+
+
+def _check_magnitude(where: str, values: Array, unit: str) -> None:
+    """Raise a ValueError if a value is beyond every real sensor and actuator; NaN is a missing value."""
+    limit = magnitude_of(unit).most
+    largest = float(np.fmax.reduce(np.abs(values), initial=0.0))
+    if largest > limit:
+        raise ValueError(f"{where} has {largest:g} {unit}, more than the plausible maximum of {limit:g} {unit}")
+
+
+def _check_truth(truth: TruthRecord) -> None:
+    n = truth.time.size
+    check_times("/truth", truth.time, increasing=True)
+    check_shapes("/truth", *((values, (n, len(table))) for table, values in truth.tables))
+    check_finite("/truth", *(values for _, values in truth.tables), np.array(list(truth.coefficients.values())))
+    if not n:
+        raise ValueError("/truth is empty")
+    if missing := [symbol for symbol in SYMBOLS if symbol not in truth.coefficients]:
+        raise ValueError(f"/truth has no coefficient {', '.join(missing)}")
+    if unknown := [symbol for symbol in truth.coefficients if symbol not in SYMBOLS and not is_name_of_term(symbol)]:
+        raise ValueError(f"/truth has unknown coefficients: {', '.join(unknown)}")

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate import N_LAGS, Estimate, Innovations
 from auvid_cli.data.faults import Cause
-from auvid_cli.data.innovations import N_LAGS, Innovations
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.extra_states import AugmentedStates, BiasName
 from auvid_cli.config.sanity import STRONGEST_FINS, WEAKEST_FINS
-from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate import N_LAGS, NIS_WINDOW, Estimate, Innovations
 from auvid_cli.data.faults import Cause, FaultKind
-from auvid_cli.data.innovations import N_LAGS, NIS_WINDOW, Innovations
 from auvid_cli.evaluation.causes import LARGEST_FAULT, is_from_ahrs, noise_cause, told_as_noise
 from auvid_cli.evaluation.innovations import LARGEST_MEAN_NIS, LARGEST_NIS_IN_WINDOW, mean_nis, status_of, windowed_nis
 from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.estimate import EstimateChunk, EstimateHeader, Outcome
+from auvid_cli.data.estimate import EstimateChunk, EstimateHeader, Innovations, Outcome
 from auvid_cli.data.faults import Fault, FaultKind, FaultTest
-from auvid_cli.data.innovations import Innovations
 from auvid_cli.filters import problem
 from auvid_cli.filters.problem import AlternativeEstimate, FaultScores, FilterOutcome, Gaussian, Records, Timeline
 from auvid_cli.filters.segments import of_segment

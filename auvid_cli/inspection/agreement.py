@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.rate_of_change import rate_noise
+from auvid_cli.data.signals import rate_noise
 from auvid_cli.inspection.inspection import cannot_tell, judged
 from auvid_cli.inspection.kinematic_relations import (
     Regression,

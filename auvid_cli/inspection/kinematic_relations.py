@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import InputRecord, SensorRecord
-from auvid_cli.data.rate_of_change import TURN_RATE_WINDOW, rate_of_change
+from auvid_cli.data.signals import TURN_RATE_WINDOW, rate_of_change
 from auvid_cli.errors import DataError
 from auvid_cli.inspection.single_sensor import continuous
 from auvid_cli.vehicle.kinematics import GRAVITY

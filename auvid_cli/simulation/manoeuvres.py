@@ -23,7 +23,7 @@ from auvid_cli.config.manoeuvre import (
 )
 from auvid_cli.config.units import parse_number
 from auvid_cli.errors import ConfigError
-from auvid_cli.regular import check_regular_file
+from auvid_cli.regular_files import check_regular_file
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.rate_of_change import TURN_RATE_WINDOW, rate_noise, rate_of_change
+from auvid_cli.data.signals import TURN_RATE_WINDOW, rate_noise, rate_of_change
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.process import N_PREDICTED, move_through
 from auvid_cli.lanes import LANES

@@ -91,7 +91,7 @@ def test_a_run_is_written_for_viewers_even_if_it_diverged_and_known_as_made_from
 
 
 def test_without_the_packages_a_recording_is_one_line(results, tmp_path, monkeypatch):
-    monkeypatch.delitem(sys.modules, "auvid_cli.export.mcap_file", raising=False)
+    monkeypatch.delitem(sys.modules, "auvid_cli.export.recording", raising=False)
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     result = run(results / "estimates/tukf.h5", "--to", "mcap", "-o", tmp_path / "run.mcap")
     assert_one_clear_complaint(result, "pip install 'auvid[ros]'")

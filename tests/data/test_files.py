@@ -173,7 +173,7 @@ def test_of_a_folder_that_cannot_be_written_nothing_is_left(tmp_path):
     with pytest.raises(FileError, match="a: cannot be written: No such file or directory"):
         write_folder(tmp_path / "a", {"x.txt": "1", "no/y.txt": "2"})
     assert names(tmp_path) == set()
-    with pytest.raises(FileError, match=r"cannot be (written|looked at): File name too long"):
+    with pytest.raises(FileError, match=r"cannot be (written|read): File name too long"):
         write_folder(tmp_path / ("a" * 300), {"x.txt": "1"})
 
 

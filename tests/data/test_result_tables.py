@@ -33,13 +33,13 @@ def test_where_there_are_none_the_command_that_makes_them_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("", r"coefficients\.csv:1: is no table of results: there is no column filter, coefficient"),
+        ("", r"coefficients\.csv:1: .*filter, coefficient"),
         ("filter,estimate\n", "there is no column coefficient"),
-        ("filter,coefficient,filter\n", "a column stands there twice"),
-        (HEADER + "ckf,X_uu\n", r"csv:2: 2 cells, and the table has 3 columns"),
-        (HEADER + "ckf,X_uu,1\nckf,X_uu,1\n", r"csv:3: a second row of ckf X_uu"),
-        (HEADER + '"ckf,X_uu,1\n', "is no CSV"),
-        (HEADER.encode() + b"\xff,X,1\n", "is no text in UTF-8"),
+        ("filter,coefficient,filter\n", "csv:1: .*twice"),
+        (HEADER + "ckf,X_uu\n", "csv:2: 2 cells; expected 3"),
+        (HEADER + "ckf,X_uu,1\nckf,X_uu,1\n", "csv:3: .*second row of ckf X_uu"),
+        (HEADER + '"ckf,X_uu,1\n', "not a CSV"),
+        (HEADER.encode() + b"\xff,X,1\n", "UTF-8"),
         (b"\0" * 20_000_001, "too large"),
     ],
 )

@@ -41,7 +41,7 @@ def test_a_part_that_holds_all_is_the_same(dataset):
 
 
 def test_a_part_without_measurements_or_inputs_is_refused(dataset):
-    with pytest.raises(DataError, match="no sensor says anything from t = 50 s to 60 s"):
+    with pytest.raises(DataError, match=r"no sensor .* t = 50 s to 60 s"):
         cut(dataset, 50.0, 60.0)
     late = replace(dataset, inputs=replace(dataset.inputs, time=dataset.inputs.time + 30.0))
     with pytest.raises(DataError, match="the inputs begin at t = 30 s"):

@@ -8,8 +8,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from auvid_cli.export.mcap_file import write_mcap
-from auvid_cli.export.recording import topics_of
+from auvid_cli.export.recording import topics_of, write_mcap
 
 TIME = np.array([0.0, 0.1, 1.0 / 3.0])
 ORIGIN = {"made from": f"the dataset with SHA-256 {'d' * 64}"}

@@ -12,7 +12,7 @@ from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.formats.text_layout import TextLayout
-from auvid_cli.regular import check_regular_file
+from auvid_cli.regular_files import check_regular_file
 
 _HEAD_BYTES = 4096
 _READABLE = (
