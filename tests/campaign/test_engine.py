@@ -20,7 +20,7 @@ filters: [ckf, tukf]
 """
 
 
-def test_all_runs_come_back_from_a_scheduler_that_was_there_before(planned):
+def test_existing_scheduler_returns_all_runs(planned):
     plan = planned(MANY, "seeds=4")
     with (
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
@@ -31,16 +31,16 @@ def test_all_runs_come_back_from_a_scheduler_that_was_there_before(planned):
     assert {done.failure for done in runs} == {""}
 
 
-def test_a_worker_that_dies_while_it_starts_is_one_line(monkeypatch):
+def test_worker_that_dies_at_start_is_cluster_error(monkeypatch):
     def cluster(**options):
         raise RuntimeError("Nanny failed to start.")
 
     monkeypatch.setattr("auvid_cli.campaign.cluster.LocalCluster", cluster)
-    with pytest.raises(ClusterError, match=r"^the workers on this machine do not start, .*; fewer may: --workers 1$"):
+    with pytest.raises(ClusterError, match=r"workers on this machine do not start.*--workers 1"):
         cluster_client(None, 1).__enter__()
 
 
-def test_one_of_two_workers_that_is_killed_loses_and_repeats_nothing(planned):
+def test_killed_worker_loses_and_repeats_no_run(planned):
     plan, performed = planned(MANY), []
     with cluster_client(None, 2) as client:
         victim, _ = client.run(os.getpid).values()
@@ -52,7 +52,7 @@ def test_one_of_two_workers_that_is_killed_loses_and_repeats_nothing(planned):
     assert {done.failure for done in performed} == {""}
 
 
-def test_a_group_that_no_worker_can_do_has_failed_and_the_others_go_on(planned):
+def test_group_that_kills_workers_fails_and_others_go_on(planned):
     plan = planned(MANY, "seeds=3")
     groups = list(plan.groups())
     # Text that no worker can read: it fails in the worker's own code, not in a run.
@@ -66,7 +66,7 @@ def test_a_group_that_no_worker_can_do_has_failed_and_the_others_go_on(planned):
     assert sum(bool(done.failure) for done in runs) == 2
 
 
-def test_no_more_is_sent_than_is_worked_on_soon(planned):
+def test_few_groups_wait_at_the_scheduler(planned):
     plan, taken = planned(MANY, "seeds=200"), []
 
     def watched():
@@ -82,17 +82,15 @@ def test_no_more_is_sent_than_is_worked_on_soon(planned):
             assert len(taken) <= count + 3
 
 
-def test_a_scheduler_that_does_not_answer_is_said(monkeypatch):
-    monkeypatch.setattr("auvid_cli.campaign.cluster._PATIENCE", 1.0)
+def test_silent_scheduler_is_cluster_error():
     with (
-        pytest.raises(ClusterError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler with workers answers"),
-        cluster_client("tcp://127.0.0.1:9", 1),
+        pytest.raises(ClusterError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler"),
+        cluster_client("tcp://127.0.0.1:9", 1, start_time=1.0),
     ):
         pass
 
 
-def test_a_scheduler_that_goes_away_is_said_and_what_came_is_there(planned, monkeypatch):
-    monkeypatch.setattr("auvid_cli.campaign.cluster._PATIENCE", 4.0)
+def test_lost_scheduler_is_cluster_error_after_finished_runs(planned):
     plan, came = planned(MANY, "seeds=100"), []
     cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")
 
@@ -104,8 +102,8 @@ def test_a_scheduler_that_goes_away_is_said_and_what_came_is_there(planned, monk
 
     with (
         dask.config.set({"distributed.comm.timeouts.connect": "1 s"}),
-        cluster_client(cluster.scheduler_address, 1) as client,
-        pytest.raises(ClusterError, match="the scheduler is gone; what was done is kept"),
+        cluster_client(cluster.scheduler_address, 1, start_time=4.0) as client,
+        pytest.raises(ClusterError, match="scheduler is gone"),
     ):
         work_until_it_goes(client)
     assert 4 <= len(came) < plan.n_runs
