@@ -149,7 +149,7 @@ def test_a_filter_is_named_by_text_or_by_its_name(short_run, estimate):
     [
         (lambda run, e: auvid.identify(run, "tufk"), "'tufk' is no filter; auvid knows ekf, ckf, tukf, ukf"),
         (lambda run, e: auvid.export_model(run, e, "rust"), "'rust' is no form of a model; auvid knows yaml, json"),
-        (lambda run, e: auvid.export_model(run, e, "matlab", "9.m"), "'9' is no name for a matlab file"),
+        (lambda run, e: auvid.export_model(run, e, "matlab", "9.m"), "'9': not a valid name"),
         (lambda run, e: auvid.export_model(run, e, "mcap"), "mcap: holds a run, not a model; export_run writes it"),
         (lambda run, e: auvid.load_experiment("spirale"), "'spirale' is neither a file nor an experiment"),
         (lambda run, e: auvid.load_experiment("spiral", "sed=3"), "sed"),

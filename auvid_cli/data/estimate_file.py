@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial, reduce
+from functools import reduce
 from pathlib import Path
 from typing import Annotated
 
@@ -48,7 +48,7 @@ from auvid_cli.data.netcdf import (
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS
 
 # Longer estimates, and innovations of a sensor, are thinned to about this many rows.
-_MAX_ROWS = 50_000
+MAX_ROWS = 50_000
 # Least standard deviation of an innovation as a share of the measurement noise, to allow for rounding.
 _MIN_SHARE_OF_NOISE = 0.999
 _ROUNDING = 1e-6  # of a standard deviation
@@ -227,8 +227,8 @@ class _Attributes(FileAttributes):
     dataset_sha256: Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]
 
 
-def read_estimate(path: Path) -> Estimate:
-    """Read an estimate; a very long one is thinned.
+def read_estimate(path: Path, max_rows: int = MAX_ROWS) -> Estimate:
+    """Read an estimate, thinned to about `max_rows` events and innovations of each sensor.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def read_estimate(path: Path) -> Estimate:
     """
     with open_file(path, "estimate") as file:
         attributes = read_attributes(file, _Attributes)
-        every = 1 + count_rows(file, "time") // _MAX_ROWS
+        every = 1 + count_rows(file, "time") // max_rows
         estimate = Estimate(
             filter=attributes.filter.value,
             experiment=parse_run(attributes.settings, f"{path} (settings)"),
@@ -248,7 +248,7 @@ def read_estimate(path: Path) -> Estimate:
             standard_deviation=read_array(file, "standard_deviation", every, ndim=2),
             covariance=read_array(file, "covariance", ndim=2),
             innovations={
-                name: _read_innovations(group, name, attributes.filter)
+                name: _read_innovations(group, name, attributes.filter, max_rows)
                 for name, group in subgroups(file, "innovations").items()
             },
             held=dict(zip(read_names(file, "held"), read_array(file, "held_value").tolist(), strict=True)),
@@ -279,9 +279,9 @@ def read_reference(path: Path, estimate: Estimate) -> Estimate | None:
     return reference if reference.dataset_sha256 == estimate.dataset_sha256 else None
 
 
-def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName) -> Innovations:
-    rows = count_rows(group, "time")
-    every, deviation = 1 + rows // _MAX_ROWS, read_array(group, "standard_deviation")
+def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName, max_rows: int) -> Innovations:
+    n_rows, deviation = count_rows(group, "time"), read_array(group, "standard_deviation")
+    every = 1 + n_rows // max_rows
 
     def innovations(read: Callable[[str, int], Array]) -> Innovations:
         weight = read("weight", 2) if "weight" in group else None
@@ -290,21 +290,20 @@ def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName) -
         _check_innovations(sensor, innovations, filter_name)
         return innovations
 
+    def block(first: int) -> Innovations:
+        return innovations(lambda name, ndim: read_rows(group, name, first, first + max_rows, ndim))
+
     thinned = innovations(lambda name, ndim: read_array(group, name, every, ndim))
     if every == 1:
         return thinned
     start = float(read_rows(group, "time", 0, 1)[0])
-    blocks = (innovations(partial(_rows_of, group, first)) for first in range(0, rows, _MAX_ROWS))
-    sums, autocorrelations = zip(*((block.sums(start), block.autocorrelation) for block in blocks), strict=True)
+    blocks = map(block, range(0, n_rows, max_rows))
+    sums, autocorrelations = zip(*((each.sums(start), each.autocorrelation) for each in blocks), strict=True)
     return replace(
         thinned,
         all_sums=reduce(InnovationSums.plus, sums),
         all_autocorrelation=reduce(Autocorrelation.plus, autocorrelations),
     )
-
-
-def _rows_of(group: h5py.Group, first: int, name: str, ndim: int) -> Array:
-    return read_rows(group, name, first, first + _MAX_ROWS, ndim)
 
 
 def _check_estimate(estimate: Estimate) -> None:

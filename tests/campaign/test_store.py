@@ -166,13 +166,6 @@ def test_failed_run_has_the_labels_of_the_plan(tmp_path):
     assert set(rows["gate"].to_pylist()) == {"4"}
 
 
-def test_second_campaign_in_a_folder_is_refused(tmp_path):
-    with locked(tmp_path), pytest.raises(FileError, match="another auvid command"), locked(tmp_path):
-        pass
-    with locked(tmp_path):
-        pass
-
-
 def test_error_within_the_lock_is_not_a_lock_error(tmp_path):
     with pytest.raises(BrokenPipeError), locked(tmp_path):
         raise BrokenPipeError

@@ -9,7 +9,6 @@ import xarray
 
 from auvid_cli._version import __version__
 from auvid_cli.config.enums import FilterName
-from auvid_cli.data import estimate_file
 from auvid_cli.data.dataset_file import holds_data, read_dataset, write_dataset
 from auvid_cli.data.estimate import Innovations
 from auvid_cli.data.estimate_file import read_estimate
@@ -148,12 +147,9 @@ def test_files_tell_where_they_come_from(kind, written):
         assert "numpy" in opened.attrs["library_versions"]
 
 
-def test_of_a_very_long_estimate_evenly_spaced_rows_are_read_and_the_last(
-    estimate, write_estimate, tmp_path, monkeypatch
-):
+def test_long_estimate_is_thinned_evenly_with_the_last_row(estimate, write_estimate, tmp_path):
     write_estimate(tmp_path / "estimate.h5", estimate)
-    monkeypatch.setattr(estimate_file, "_MOST_ROWS", 30)
-    thin = read_estimate(tmp_path / "estimate.h5")
+    thin = read_estimate(tmp_path / "estimate.h5", max_rows=30)
     for got, whole in (
         (thin.time, estimate.time),
         (thin.mean, estimate.mean),
@@ -165,10 +161,9 @@ def test_of_a_very_long_estimate_evenly_spaced_rows_are_read_and_the_last(
     assert np.array_equal(thin.innovations["dvl"].time, estimate.innovations["dvl"].time)
 
 
-def test_sums_over_innovations_are_of_all_however_few_are_read(estimate, write_estimate, tmp_path, monkeypatch):
+def test_thinned_innovations_keep_sums_over_all(estimate, write_estimate, tmp_path):
     write_estimate(tmp_path / "estimate.h5", estimate)
-    monkeypatch.setattr(estimate_file, "_MOST_ROWS", 7)
-    thin = read_estimate(tmp_path / "estimate.h5")
+    thin = read_estimate(tmp_path / "estimate.h5", max_rows=7)
     assert thin.innovations["gyroscope"].time.size < estimate.innovations["gyroscope"].time.size
     for name, innovations in estimate.innovations.items():
         got, expected = thin.innovations[name].sums(), innovations.sums()
@@ -177,9 +172,7 @@ def test_sums_over_innovations_are_of_all_however_few_are_read(estimate, write_e
         assert np.array_equal(got.components, expected.components)
 
 
-def test_what_innovations_remember_is_of_neighbours_however_few_are_read(
-    estimate, write_estimate, tmp_path, monkeypatch, rng
-):
+def test_thinned_innovations_keep_autocorrelation_of_all(estimate, write_estimate, tmp_path, rng):
     n = 4000
     noise = rng.standard_normal((n + 1, 3))
     coloured = noise[1:] + 0.5 * noise[:-1]
@@ -187,9 +180,8 @@ def test_what_innovations_remember_is_of_neighbours_however_few_are_read(
     long = Innovations(np.arange(n) / 100.0, coloured, one, (coloured**2).sum(axis=1), np.ones(3))
     innovations = estimate.innovations | {"gyroscope": long}
     write_estimate(tmp_path / "estimate.h5", replace(estimate, innovations=innovations))
-    monkeypatch.setattr(estimate_file, "_MOST_ROWS", 500)
     got, expected = (
-        read_estimate(tmp_path / "estimate.h5").innovations["gyroscope"].autocorrelation,
+        read_estimate(tmp_path / "estimate.h5", max_rows=500).innovations["gyroscope"].autocorrelation,
         long.autocorrelation,
     )
     assert np.array_equal(got.samples, expected.samples)
