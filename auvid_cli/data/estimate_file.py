@@ -158,13 +158,7 @@ def record_estimate(
 
 
 def write_estimate(path: Path, estimate: Estimate) -> None:
-    """Write an estimate completely or not at all.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    """
+    """Write an estimate completely or not at all; raise a FileError if the file cannot be written."""
     with new_estimate(path, estimate) as writer:
         writer.append(estimate)
         writer.finish(estimate)
