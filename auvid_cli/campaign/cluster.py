@@ -25,9 +25,9 @@ from auvid_cli.config.identification import Identification, Use
 from auvid_cli.config.loading import given_settings
 from auvid_cli.config.terms import Term
 from auvid_cli.config.vehicle import ActuatorSettings
-from auvid_cli.data.dataset import Dataset, TruthRecord
+from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.errors import AuvidError, ClusterError, ConfigError, DataError
+from auvid_cli.errors import AuvidError, ClusterError, ConfigError
 from auvid_cli.evaluation.bounds import bounds_at
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.prepared_data import prepare
@@ -107,6 +107,7 @@ def shortened_group(group: RunGroup, duration: float) -> tuple[RunGroup, float]:
 def _perform(simulated: str, run: CampaignRun, assumed_text: str, with_estimates: bool) -> RunResult:
     try:
         dataset = _data(simulated)
+        assert dataset.truth is not None
         assumed = Experiment.model_validate_json(assumed_text)
         (name,) = assumed.identification.filters
         reference = _reference(simulated, _judging(assumed))
@@ -120,7 +121,7 @@ def _perform(simulated: str, run: CampaignRun, assumed_text: str, with_estimates
         vehicle = assumed.vehicle.model_dump_json(include={"terms", "actuators"}, exclude_none=True)
         bounds = _bounds(simulated, identification, vehicle)
         judgement = judge_one(estimate, reference)
-        rows = measures(run.identity, run.filter, run.seed, estimate, _truth(dataset), bounds, judgement)
+        rows = measures(run.identity, run.filter, run.seed, estimate, dataset.truth, bounds, judgement)
     except AuvidError as error:
         return RunResult(run, [], str(error), None)
     except Exception as error:
@@ -160,12 +161,6 @@ def _reference(simulated: str, assumed: str) -> Estimate | None:
     if not assumed:
         return None
     return identify(_as_assumed(_data(simulated), Experiment.model_validate_json(assumed)), JUDGE)
-
-
-def _truth(dataset: Dataset) -> TruthRecord:
-    if dataset.truth is None:
-        raise DataError("simulated data without truth")
-    return dataset.truth
 
 
 @lru_cache(maxsize=8)

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.loading import dump_experiment, parse_run
+from auvid_cli.data import netcdf
 from auvid_cli.data.estimate import (
     STATES,
     Array,
@@ -25,26 +26,6 @@ from auvid_cli.data.estimate import (
     Outcome,
 )
 from auvid_cli.data.faults import Fault, FaultTest
-from auvid_cli.data.netcdf import (
-    FileAttributes,
-    append,
-    check_deviations,
-    check_finite,
-    check_shapes,
-    check_times,
-    count_rows,
-    new_file,
-    open_file,
-    read_array,
-    read_attributes,
-    read_names,
-    read_rows,
-    subgroup,
-    subgroups,
-    write_dimension,
-    write_growing,
-    write_variable,
-)
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS
 
 # Longer estimates, and innovations of a sensor, are thinned to about this many rows.
@@ -72,56 +53,48 @@ class EstimateWriter:
     def append(self, chunk: EstimateChunk) -> None:
         """Append events."""
         for name in ("time", "mean", "standard_deviation"):
-            append(self._file, name, getattr(chunk, name))
+            netcdf.append(self._file, name, getattr(chunk, name))
         for sensor, innovations in chunk.innovations.items():
             group = self._file.require_group(f"innovations/{sensor}")
             if "time" not in group:
                 _prepare_innovations(group, sensor, innovations)
             for name in ("time", "innovation", "variance", "nis"):
-                append(group, name, getattr(innovations, name))
+                netcdf.append(group, name, getattr(innovations, name))
             if innovations.weight is not None:
-                append(group, "weight", innovations.weight)
+                netcdf.append(group, "weight", innovations.weight)
 
     def finish(self, outcome: Outcome) -> None:
         """Write the outcome of the run."""
         square = ("state", "state_of_column")
-        write_variable(self._file, "covariance", outcome.covariance, square, "posterior covariance at the last time")
+        netcdf.write_variable(
+            self._file, "covariance", outcome.covariance, square, "posterior covariance at the last time"
+        )
         if outcome.corrected:
             _write_corrected(self._file.create_group("corrected"), outcome.corrected)
         if outcome.faults:
             _write_faults(self._file.create_group("faults"), outcome.faults)
-        self._file.attrs.update(
-            {
-                "status": outcome.status,
-                "steps": outcome.steps,
-                "cpu_time_s": outcome.cpu_time,
-                "wall_time_s": outcome.wall_time,
-            }
-        )
+        times = {"cpu_time_s": outcome.cpu_time, "wall_time_s": outcome.wall_time}
+        self._file.attrs.update({"status": outcome.status, "steps": outcome.steps} | times)
 
 
 @contextmanager
 def new_estimate(path: Path, header: EstimateHeader) -> Iterator[EstimateWriter]:
-    """Create the file of an estimate; it gets its name when the block ends without an error.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    """
+    """Create the file of an estimate, see `netcdf.new_file`; raise a FileError if it cannot be written."""
     experiment = header.experiment
     attributes = {"filter": header.filter, "dataset_sha256": header.dataset_sha256}
-    with new_file(path, "estimate", dump_experiment(experiment), experiment.seed, **attributes) as file:
-        write_dimension(file, "state", np.array(header.state), "component of the augmented state")
-        write_dimension(file, "state_of_column", np.array(header.state), "the same, for the covariance")
-        write_variable(file, "unit", np.array(header.unit), ("state",), "unit of each component of the state")
-        write_dimension(file, "held", np.array(list(header.held), dtype=object), "coefficients not estimated")
+    with netcdf.new_file(path, "estimate", dump_experiment(experiment), experiment.seed, **attributes) as file:
+        netcdf.write_dimension(file, "state", np.array(header.state), "component of the augmented state")
+        netcdf.write_dimension(
+            file, "state_of_column", np.array(header.state), "component of the augmented state, for the covariance"
+        )
+        netcdf.write_variable(file, "unit", np.array(header.unit), ("state",), "unit of each component of the state")
+        netcdf.write_dimension(file, "held", np.array(list(header.held), dtype=object), "coefficients not estimated")
         held = np.array(list(header.held.values()), dtype=np.float64)
-        write_variable(file, "held_value", held, ("held",), "value at which each was held, SI")
+        netcdf.write_variable(file, "held_value", held, ("held",), "value at which each was held, SI")
         n, both = len(header.state), ("time", "state")
-        write_growing(file, "time", (), ("time",), "time after each event", "s")
-        write_growing(file, "mean", (n,), both, "posterior mean; units in `unit`")
-        write_growing(file, "standard_deviation", (n,), both, "posterior standard deviation")
+        netcdf.write_growing(file, "time", (), ("time",), "time after each event", "s")
+        netcdf.write_growing(file, "mean", (n,), both, "posterior mean; units in `unit`")
+        netcdf.write_growing(file, "standard_deviation", (n,), both, "posterior standard deviation")
         yield EstimateWriter(file)
 
 
@@ -141,11 +114,6 @@ def record_estimate(
         Runs the filter, calls its argument with each chunk, and returns the outcome.
     watch : callable
         Called with each chunk after it is written.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
     """
     with new_estimate(path, header) as writer:
 
@@ -166,52 +134,54 @@ def write_estimate(path: Path, estimate: Estimate) -> None:
 
 def _prepare_innovations(group: h5py.Group, sensor: str, innovations: Innovations) -> None:
     unit, symbols = SENSORS[sensor][0].unit, [quantity.symbol for quantity in SENSORS[sensor]]
-    write_dimension(group, "component", np.array(symbols), "measured component")
+    netcdf.write_dimension(group, "component", np.array(symbols), "measured component")
     meaning = "stated standard deviation of the noise"
-    write_variable(group, "standard_deviation", innovations.standard_deviation, ("component",), meaning, unit)
+    netcdf.write_variable(group, "standard_deviation", innovations.standard_deviation, ("component",), meaning, unit)
     n, both = len(symbols), ("time", "component")
-    write_growing(group, "time", (), ("time",), "time of measurement", "s")
-    write_growing(group, "innovation", (n,), both, "measured less predicted", unit)
-    write_growing(group, "variance", (n,), both, "variance of the innovation", f"({unit})^2")
-    write_growing(group, "nis", (), ("time",), "normalised innovation squared", "1")
+    netcdf.write_growing(group, "time", (), ("time",), "time of measurement", "s")
+    netcdf.write_growing(group, "innovation", (n,), both, "measured less predicted", unit)
+    netcdf.write_growing(group, "variance", (n,), both, "variance of the innovation", f"({unit})^2")
+    netcdf.write_growing(group, "nis", (), ("time",), "normalised innovation squared", "1")
     if innovations.weight is not None:
-        write_growing(group, "weight", (n,), both, "by how much it counts in the fit", "1")
+        netcdf.write_growing(group, "weight", (n,), both, "weight in the fit", "1")
 
 
 def _write_corrected(group: h5py.Group, corrected: dict[str, float]) -> None:
-    write_dimension(group, "constant_state", np.array(list(corrected), dtype=object), "component that does not move")
-    meaning = "its standard deviation, with allowance for the autocorrelation of what is left unexplained, SI"
+    netcdf.write_dimension(
+        group, "constant_state", np.array(list(corrected), dtype=object), "component that does not move"
+    )
+    meaning = "standard deviation corrected for autocorrelated residuals, SI"
     values = np.array(list(corrected.values()), dtype=np.float64)
-    write_variable(group, "standard_deviation", values, ("constant_state",), meaning)
+    netcdf.write_variable(group, "standard_deviation", values, ("constant_state",), meaning)
 
 
 def _read_corrected(group: h5py.Group) -> dict[str, float]:
-    symbols, values = read_names(group, "constant_state"), read_array(group, "standard_deviation")
-    check_shapes("/corrected", (values, (len(symbols),)))
+    symbols, values = netcdf.read_names(group, "constant_state"), netcdf.read_array(group, "standard_deviation")
+    netcdf.check_shapes("/corrected", (values, (len(symbols),)))
     return dict(zip(symbols, values.tolist(), strict=True))
 
 
 def _write_faults(group: h5py.Group, faults: tuple[FaultTest, ...]) -> None:
     texts = np.array([str(test.fault) for test in faults], dtype=object)
-    write_dimension(group, "fault", texts, "possible fault of the data or the model")
+    netcdf.write_dimension(group, "fault", texts, "possible fault of the data or the model")
     for name, kind, meaning in _FAULT_COLUMNS:
         values = np.array([getattr(test, name) for test in faults], dtype=kind)
-        write_variable(group, name, values, ("fault",), meaning)
+        netcdf.write_variable(group, name, values, ("fault",), meaning)
 
 
 def _read_faults(group: h5py.Group) -> tuple[FaultTest, ...]:
     columns = [
-        read_names(group, name) if kind is object else read_array(group, name).tolist()
+        netcdf.read_names(group, name) if kind is object else netcdf.read_array(group, name).tolist()
         for name, kind, _ in _FAULT_COLUMNS
     ]
     try:
-        rows = zip(read_names(group, "fault"), *columns, strict=True)
+        rows = zip(netcdf.read_names(group, "fault"), *columns, strict=True)
         return tuple(FaultTest(Fault.parse(text), *row) for text, *row in rows)
     except ValueError:
         raise ValueError("/faults has columns of different lengths") from None
 
 
-class _Attributes(FileAttributes):
+class _Attributes(netcdf.FileAttributes):
     filter: FilterName
     settings: str
     status: Annotated[str, Field(pattern=r"^(completed|(diverged at t = \S+ s|unconverged): [ -~]+)$", max_length=1000)]
@@ -229,43 +199,39 @@ def read_estimate(path: Path, max_rows: int = MAX_ROWS) -> Estimate:
     FileError
         If the file is missing, damaged, of another program or a newer schema, or has impossible values.
     """
-    with open_file(path, "estimate") as file:
-        attributes = read_attributes(file, _Attributes)
-        every = 1 + count_rows(file, "time") // max_rows
+    with netcdf.open_file(path, "estimate") as file:
+        attributes = netcdf.read_attributes(file, _Attributes)
+        every = 1 + netcdf.count_rows(file, "time") // max_rows
         estimate = Estimate(
             filter=attributes.filter.value,
             experiment=parse_run(attributes.settings, f"{path} (settings)"),
-            state=read_names(file, "state"),
-            unit=read_names(file, "unit"),
-            time=read_array(file, "time", every),
-            mean=read_array(file, "mean", every, ndim=2),
-            standard_deviation=read_array(file, "standard_deviation", every, ndim=2),
-            covariance=read_array(file, "covariance", ndim=2),
+            state=netcdf.read_names(file, "state"),
+            unit=netcdf.read_names(file, "unit"),
+            time=netcdf.read_array(file, "time", every),
+            mean=netcdf.read_array(file, "mean", every, ndim=2),
+            standard_deviation=netcdf.read_array(file, "standard_deviation", every, ndim=2),
+            covariance=netcdf.read_array(file, "covariance", ndim=2),
             innovations={
                 name: _read_innovations(group, name, attributes.filter, max_rows)
-                for name, group in subgroups(file, "innovations").items()
+                for name, group in netcdf.subgroups(file, "innovations").items()
             },
-            held=dict(zip(read_names(file, "held"), read_array(file, "held_value").tolist(), strict=True)),
+            held=dict(
+                zip(netcdf.read_names(file, "held"), netcdf.read_array(file, "held_value").tolist(), strict=True)
+            ),
             status=attributes.status,
             steps=attributes.steps,
             cpu_time=attributes.cpu_time_s,
             wall_time=attributes.wall_time_s,
             dataset_sha256=attributes.dataset_sha256,
-            faults=_read_faults(subgroup(file, "faults")) if "faults" in file else (),
-            corrected=_read_corrected(subgroup(file, "corrected")) if "corrected" in file else {},
+            faults=_read_faults(netcdf.subgroup(file, "faults")) if "faults" in file else (),
+            corrected=_read_corrected(netcdf.subgroup(file, "corrected")) if "corrected" in file else {},
         )
         _check_estimate(estimate)
     return estimate
 
 
 def read_reference(path: Path, estimate: Estimate) -> Estimate | None:
-    """Read the smoother's estimate of the same data from the folder of another estimate; None if there is none.
-
-    Raises
-    ------
-    FileError
-        If it cannot be read.
-    """
+    """Read the smoother's estimate of the same data from the folder of another estimate; None if there is none."""
     judge = path.with_name(f"{JUDGE.value}.h5")
     if judge == path or not judge.is_file():
         return None
@@ -274,7 +240,7 @@ def read_reference(path: Path, estimate: Estimate) -> Estimate | None:
 
 
 def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName, max_rows: int) -> Innovations:
-    n_rows, deviation = count_rows(group, "time"), read_array(group, "standard_deviation")
+    n_rows, deviation = netcdf.count_rows(group, "time"), netcdf.read_array(group, "standard_deviation")
     every = 1 + n_rows // max_rows
 
     def innovations(read: Callable[[str, int], Array]) -> Innovations:
@@ -285,12 +251,12 @@ def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName, m
         return innovations
 
     def block(first: int) -> Innovations:
-        return innovations(lambda name, ndim: read_rows(group, name, first, first + max_rows, ndim))
+        return innovations(lambda name, ndim: netcdf.read_rows(group, name, first, first + max_rows, ndim))
 
-    thinned = innovations(lambda name, ndim: read_array(group, name, every, ndim))
+    thinned = innovations(lambda name, ndim: netcdf.read_array(group, name, every, ndim))
     if every == 1:
         return thinned
-    start = float(read_rows(group, "time", 0, 1)[0])
+    start = float(netcdf.read_rows(group, "time", 0, 1)[0])
     blocks = map(block, range(0, n_rows, max_rows))
     sums, autocorrelations = zip(*((each.sums(start), each.autocorrelation) for each in blocks), strict=True)
     return replace(
@@ -304,23 +270,23 @@ def _check_estimate(estimate: Estimate) -> None:
     """Raise a ValueError if states, covariance, held coefficients or faults are impossible."""
     n, k = estimate.time.size, len(estimate.state)
     _check_state(estimate)
-    check_times("/time", estimate.time)
+    netcdf.check_times("/time", estimate.time)
     if not n:
         raise ValueError("/time is empty")
-    check_shapes(
+    netcdf.check_shapes(
         "/mean, /standard_deviation, /covariance",
         *((estimate.mean, (n, k)), (estimate.standard_deviation, (n, k)), (estimate.covariance, (k, k))),
     )
-    check_finite("/mean", estimate.mean)
-    check_finite("/held_value", np.array(list(estimate.held.values())))
+    netcdf.check_finite("/mean", estimate.mean)
+    netcdf.check_finite("/held_value", np.array(list(estimate.held.values())))
     # The output-error method has infinite deviations of coefficients without information.
     may_be_infinite = estimate.is_free_run_fit
-    check_deviations("/standard_deviation", estimate.standard_deviation, may_be_infinite)
+    netcdf.check_deviations("/standard_deviation", estimate.standard_deviation, may_be_infinite)
     _check_covariance(estimate.covariance, may_be_infinite)
     _check_corrected(estimate)
     for test in estimate.faults:
         where = f"/faults, {test.fault},"
-        check_finite(where, np.array([test.size, test.standard_deviation, test.susceptibility]))
+        netcdf.check_finite(where, np.array([test.size, test.standard_deviation, test.susceptibility]))
         if test.standard_deviation <= 0.0 or test.susceptibility < 0.0:
             raise ValueError(f"{where} has a standard deviation that is not positive, or a negative susceptibility")
         if test.coefficient not in estimate.coefficient_set.symbols:
@@ -367,16 +333,16 @@ def _check_innovations(sensor: str, innovations: Innovations, filter_name: Filte
         raise ValueError(f"unknown sensor {sensor!r} among the innovations; expected one of {', '.join(SENSORS)}")
     where, n, width = f"/innovations/{sensor}", innovations.time.size, len(SENSORS[sensor])
     innovation, variance, nis = innovations.innovation, innovations.variance, innovations.nis
-    check_times(where, innovations.time)
-    check_shapes(
+    netcdf.check_times(where, innovations.time)
+    netcdf.check_shapes(
         where,
         *((innovation, (n, width)), (variance, (n, width)), (nis, (n,)), (innovations.standard_deviation, (width,))),
     )
     if (weight := innovations.weight) is not None:
-        check_shapes(where, (weight, (n, width)))
+        netcdf.check_shapes(where, (weight, (n, width)))
         if not ((weight > 0.0) & (weight <= 1.0)).all():
             raise ValueError(f"{where} has weights that are not between 0 and 1")
-    check_deviations(where, innovations.standard_deviation)
+    netcdf.check_deviations(where, innovations.standard_deviation)
     may_be_infinite = filter_name.is_free_run_fit
     if any(np.isinf(array).any() for array in (innovation, nis, *(() if may_be_infinite else (variance,)))):
         raise ValueError(f"{where} has infinite values")

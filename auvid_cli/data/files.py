@@ -217,15 +217,13 @@ def locked(folder: Path) -> Iterator[None]:
 
     # A group of users may share the folder.
     lock = FileLock(folder / ".lock", timeout=_LOCK_PATIENCE, mode=0o666, is_singleton=True)
-    try:
+    # Some network disks have no locks.
+    with _cannot("written", folder), suppress(NotImplementedError):
         folder.mkdir(parents=True, exist_ok=True)
-        # Some network disks have no locks.
-        with suppress(NotImplementedError):
+        try:
             lock.acquire()
-    except Timeout:
-        raise FileError(f"{folder}: another auvid command is writing here; wait for it, or give --output") from None
-    except OSError as error:
-        raise FileError(f"{folder}: cannot be written: {error.strerror or error}") from None
+        except Timeout:
+            raise FileError(f"{folder}: another auvid command is writing here; wait, or give --output") from None
     try:
         yield
     finally:

@@ -154,12 +154,12 @@ def _difference(
 
 
 def read_simulated(folder: Path, experiment: RunSettings) -> Dataset:
-    """Read the simulated dataset of an experiment, with the current identification settings.
+    """Read the simulated dataset of an experiment, with its current identification settings.
 
     Raises
     ------
     FileError
-        If it is missing, or was simulated with other settings than those of the experiment.
+        If it is missing, or was simulated with other settings.
     """
     path = dataset_in(folder)
     if not path.is_file():

@@ -11,7 +11,7 @@ from auvid_cli.export.model_parts import TermSize
 from auvid_cli.text import one_line
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
 
-_COVARIANCES = "The covariances are lost; standard deviations stand beside the values."
+_COVARIANCES = "The covariances are lost; standard deviations are next to the values."
 
 
 def line_comments(mark: str, lines: Iterable[str]) -> str:

@@ -31,7 +31,7 @@ _TRUE = "vehicle_true"
 _PACKAGE = "auvid_msgs/msg"
 RECORDING_LOSSES = (
     "Positions are dead reckoned; axes are those of ROS: east, north, up, and forward, port, up (REP 103).",
-    "Inputs, measurements themselves and covariances are lost; standard deviations stand beside the values.",
+    "Inputs, measurements themselves and covariances are lost; standard deviations are next to the values.",
 )
 
 

@@ -1,4 +1,4 @@
-"""Who is better is said where it is known, and only there."""
+"""Comparison of filters names only significant differences."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""What a worker makes of a group: the same as the commands do, one step after the other."""
+"""A worker performs a group like the single commands do."""
 
 import json
 

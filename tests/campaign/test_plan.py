@@ -1,4 +1,4 @@
-"""What a campaign's file means: which runs, on which data, and what their filters assume."""
+"""Plan of a campaign: runs, data, and assumptions of the filters."""
 
 import json
 from statistics import mean, stdev

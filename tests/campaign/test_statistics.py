@@ -67,7 +67,7 @@ def rows_of(filter_name, n_runs, factor, overconfidence=1.0, lost=0):
 def test_consistent_filter_has_consistent_statistics():
     (row,) = by_filter(rows_of("ckf", 400, 1.0), ["factor"]).to_dict("records")
     assert (row["filter"], row["factor"], row["runs"], row["diverged"]) == ("ckf", 1.0, 400, 0.0)
-    # Of 1200 normal errors.
+    # Interval for 1200 normal errors.
     assert row["within_two_sigma"] == pytest.approx(0.9545, abs=4 * (0.9545 * 0.0455 / 1200) ** 0.5)
     assert row["nees_low"] < row["nees"] < row["nees_high"]
     assert (row["nees_low"], row["nees_high"]) == pytest.approx(tuple(chi2.interval(0.95, 1200) / np.float64(1200)))

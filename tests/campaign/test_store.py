@@ -1,4 +1,4 @@
-"""Results on disk: nothing twice, nothing lost, one table for whoever reads it."""
+"""Results on disk: no run is lost or duplicated, and all form one table."""
 
 import json
 
@@ -84,7 +84,7 @@ def test_kill_between_merging_and_removing_duplicates_no_run(tmp_path):
     store.merge()
     for name, content in parts.items():
         (tmp_path / "incoming" / name).write_bytes(content)
-    # Whoever reads sees each run once, also before anybody has tidied up.
+    # Readers see each run once, also before the next store.
     assert len(pd.read_parquet(tmp_path / "results")) == 6
     again = Store(tmp_path, COLUMNS)
     assert again.finished() == {"run-0", "run-1", "run-2"}
@@ -131,7 +131,7 @@ def test_repeated_runs_replace_earlier_ones(tmp_path):
     store.set_aside()
     assert not list((tmp_path / "results").iterdir())
     store.add([finished("a", error=1.5)])
-    # Interrupted here: what was not done again comes back, what was stays as it is now.
+    # After an interrupt here, runs that were not repeated come back, and repeated ones stay.
     again = Store(tmp_path, COLUMNS)
     again.match_plan(labels_of("a", "b"))
     table = pd.read_parquet(tmp_path / "results")
@@ -155,7 +155,7 @@ def test_repeated_run_that_fails_keeps_earlier_result(tmp_path):
 
 
 def test_failed_run_has_the_labels_of_the_plan(tmp_path):
-    """Of an axis with values that are no numbers all are text."""
+    """An axis with a value other than a number is text."""
     store = Store(tmp_path, {"gate": False})
     labels = {name: {"filter": "ckf", "gate": 4} for name in "ab"}
     runs = [CampaignRun(name, {"gate": 4}, "ckf", 1) for name in "ab"]
@@ -265,7 +265,7 @@ def test_damaged_file_is_refused_with_its_name(tmp_path, place):
 
 @pytest.mark.parametrize("place", ["results", "incoming", "earlier"])
 def test_device_is_refused(tmp_path, place):
-    """Of which nothing could be read to the end, or at all."""
+    """None of these can be read completely."""
     (tmp_path / place).mkdir()
     (tmp_path / place / "a.parquet").symlink_to("/dev/null")
     with pytest.raises(FileError, match=r"a\.parquet: .* is a pipe or a device, not a regular file"):

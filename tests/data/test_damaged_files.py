@@ -1,4 +1,4 @@
-"""Files that are no good are refused in one line, and nothing is written by halves."""
+"""Damaged files are refused in one line, and files are written completely or not at all."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""What is read from a file is as a filter or a vehicle can have made it."""
+"""Files with impossible values are refused."""
 
 import re
 import shutil
@@ -24,7 +24,7 @@ def refused(read, path):
     with pytest.raises(AuvidError) as caught:
         read(path)
     message = str(caught.value)
-    # Of settings the place is shown, in lines of its own.
+    # Errors in settings show the position in further lines.
     assert message.isprintable() or "(settings)" in message
     assert str(path) in message
 
