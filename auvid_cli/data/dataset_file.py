@@ -146,7 +146,7 @@ def _read_truth(group: h5py.Group) -> TruthRecord:
 
 
 def holds_data(path: Path, dataset: Dataset) -> bool:
-    """Whether a file has the same numbers as a dataset; settings are not compared. Errors are those of `read_dataset`."""
+    """Whether a file has the same numbers as a dataset, whatever its settings; errors are those of `read_dataset`."""
     with netcdf.open_file(path, "dataset") as file:
         # One variable at a time, so that hours of data are not in memory twice.
         return all(
