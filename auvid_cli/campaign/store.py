@@ -16,7 +16,6 @@ import pyarrow.parquet as pq
 from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.cluster import RunResult
 from auvid_cli.campaign.measures import Measure
-from auvid_cli.campaign.plan import CampaignRun
 from auvid_cli.data.checks import csv_text, csv_value
 from auvid_cli.data.files import damage_as_file_error, replacing, write_text
 from auvid_cli.errors import FileError
@@ -130,7 +129,8 @@ class Store:
         before = dict(self._failures)
         for done in performed:
             if done.failure:
-                self._failures[done.run.identity] = _failure(done.run, done.failure)
+                run, reason = done.run, " ".join(done.failure.split())
+                self._failures[run.identity] = Failure(run.identity, run.filter, run.seed, run.settings(), reason)
             else:
                 self._failures.pop(done.run.identity, None)
         if self._failures != before:
@@ -216,10 +216,6 @@ def _failure_row(failure: Failure) -> Measure:
     """Return the row of a failed run."""
     status = f"failed: {failure.reason}"
     return Measure(failure.run, failure.filter, failure.seed, "run", "", "", status, "failed", failure.reason)
-
-
-def _failure(run: CampaignRun, reason: str) -> Failure:
-    return Failure(run.identity, run.filter, run.seed, run.settings(), " ".join(reason.split()))
 
 
 def _type_of(annotation: Any) -> pa.DataType:

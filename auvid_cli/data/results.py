@@ -104,15 +104,7 @@ def other_estimates(
 ) -> dict[Path, str]:
     """Return the estimates in a folder that are not of a run, with the reasons.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-    experiment : RunSettings
-        Settings of the run.
-    sha256 : str
-        Digest of its dataset.
-    filters : collection of FilterName
-        Filters of the run: settings of a single filter are compared only for these.
+    `sha256` is the digest of the dataset of the run; settings of a single filter are compared only for `filters`.
     """
     estimates = estimates_in(folder)
     scan(estimates.values())

@@ -49,15 +49,7 @@ class Noise(NamedTuple):
 
 
 def estimate_noise(values: Array, is_angle: bool = False) -> Noise:
-    """Return `noise_standard_deviation`, or that of quantisation, step / sqrt(12), if it is larger.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        NaN where missing.
-    is_angle : bool
-        Whether values are in rad and may jump by whole turns.
-    """
+    """Return `noise_standard_deviation`, or that of quantisation, step / sqrt(12), if it is larger."""
     deviation, step = noise_standard_deviation(values, is_angle), quantisation_step(values)
     least = step / np.sqrt(12.0)
     if step > 0.0 and deviation < least:
@@ -92,12 +84,8 @@ def is_smoothed(values: Array, is_angle: bool = False) -> bool:
     """Whether a signal was low-pass filtered, so that its scatter is less than its noise.
 
     Successive third differences of white noise have a correlation of -3/4, those of a filtered signal a larger one.
-    Second differences would contain too much of the motion: half a hertz at ten samples a second.
-
-    Parameters
-    ----------
-    values, is_angle
-        See `noise_standard_deviation`.
+    Second differences would contain too much of the motion: half a hertz at ten samples a second. For the arguments
+    see `noise_standard_deviation`.
     """
     third = np.diff(_second_differences(values, is_angle))
     size = float(np.nanquantile(np.abs(third), _CLIPPING_QUANTILE)) if np.isfinite(third).any() else 0.0

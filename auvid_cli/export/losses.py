@@ -68,11 +68,11 @@ def unsupported_features(
 
 def unsupported_lines(losses: UnsupportedFeatures) -> list[str]:
     """Return losses in words, a line each."""
-    if not losses.terms and not losses.notes:
+    if losses == ((), ()):
         return ["Nothing is lost."]
-    if not losses.terms:
-        return ["No term of the equations of motion is lost.", *losses.notes]
-    opening = "Terms that are lost, RMS along the estimated motion and share of all terms of their row:"
+    opening = "No term of the equations of motion is lost."
+    if losses.terms:
+        opening = "Terms that are lost, RMS along the estimated motion and share of all terms of their row:"
     terms = [f"  {t.symbol} in {t.row}: {t.rms:.3g} {t.unit}, {t.percent:.3g} %" for t in losses.terms]
     return [opening, *terms, *losses.notes]
 

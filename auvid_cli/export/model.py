@@ -143,23 +143,7 @@ class IdentifiedModel:
 def model_found_by(
     estimate: Estimate, dataset: Dataset, estimate_sha256: str, reference: Estimate | None = None
 ) -> IdentifiedModel:
-    """Return the model of an estimate, with the bounds of its data and the time as its origin.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    dataset : Dataset
-        Of the estimate.
-    estimate_sha256 : str
-        Of its file; empty if in memory.
-    reference : Estimate, optional
-        Smoother's estimate of the same data, for the judgement.
-
-    Raises
-    ------
-    DataError
-        Like `identified_model`.
-    """
+    """Return `identified_model` with the bounds of the dataset; the digest of the estimate is empty if in memory."""
     bounds = BoundsOf(prepare(dataset))(estimate).of_data if estimate.completed else {}
     created = datetime.now(UTC).isoformat(timespec="seconds")
     origin = Origin(dataset.sha256, estimate_sha256, __version__, created)

@@ -6,7 +6,7 @@ Axes are east, north, up, and forward, port, up (REP 103). Foxglove, Rerun and R
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
-from itertools import chain, count
+from itertools import chain, count, repeat
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -205,17 +205,12 @@ def write_mcap(path: Path, topics: list[Topic], origin: Mapping[str, str]) -> No
             definition = store.generate_msgdef(type_name, ros_version=2)[0]
             schema = writer.register_schema(type_name, "ros2msg", definition.encode())
             numbers[name] = writer.register_channel(name, "cdr", schema)
-        stamps = (_numbered_stamps(k, channel.stamps) for k, channel in enumerate(channels))
+        stamps = (zip(channel.stamps, repeat(k), count()) for k, channel in enumerate(channels))
         for stamp, k, row in heapq.merge(*stamps):
             channel = channels[k]
             content = bytes(store.serialize_cdr(channel.message(row), channel.type_name))
             writer.add_message(numbers[channel.topic], stamp, content, stamp)
         writer.finish()
-
-
-def _numbered_stamps(k: int, stamps: list[int]) -> Iterator[tuple[int, int, int]]:
-    for row, stamp in enumerate(stamps):
-        yield stamp, k, row
 
 
 def _table_type(topic: Topic) -> str:
