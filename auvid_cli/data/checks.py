@@ -77,14 +77,14 @@ def frames(tables: dict[str, NamedRows]) -> "dict[str, pd.DataFrame]":
     return {name: table.to_pandas() for name, table in tables.items()}
 
 
-def read_result_tables(folder: Path, beside: str) -> ResultTables:
+def read_result_tables(folder: Path, results_name: str) -> ResultTables:
     """Read the tables of `KEYS` that are in a folder, at least the coefficients.
 
     Parameters
     ----------
     folder : pathlib.Path
-        Results folder, folder of the tables, or folder with a results folder named `beside`.
-    beside : str
+        Results folder, folder of the tables, or folder with a results folder named `results_name`.
+    results_name : str
         Name of the other results folder of the comparison.
 
     Raises
@@ -92,12 +92,12 @@ def read_result_tables(folder: Path, beside: str) -> ResultTables:
     FileError
         If there are no tables, or a file is not valid.
     """
-    home = _folder_of_tables(folder, beside)
+    home = _folder_of_tables(folder, results_name)
     return {name: _read(home / f"{name}.csv", key) for name, key in KEYS.items() if (home / f"{name}.csv").is_file()}
 
 
-def _folder_of_tables(folder: Path, beside: str) -> Path:
-    for home in (folder / "tables", folder, folder / beside / "tables", folder / beside):
+def _folder_of_tables(folder: Path, results_name: str) -> Path:
+    for home in (folder / "tables", folder, folder / results_name / "tables", folder / results_name):
         if (home / "coefficients.csv").is_file():
             return home
     if not folder.is_dir():

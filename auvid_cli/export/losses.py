@@ -68,7 +68,7 @@ def unsupported_features(
 
 def unsupported_lines(losses: UnsupportedFeatures) -> list[str]:
     """Return losses in words, a line each."""
-    if losses == ((), ()):
+    if not any(losses):
         return ["Nothing is lost."]
     opening = "No term of the equations of motion is lost."
     if losses.terms:
