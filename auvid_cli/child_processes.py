@@ -1,6 +1,6 @@
-"""Start child processes: none runs Python files of the working folder, outlives its parent or receives Ctrl-C.
+"""Start child processes that import nothing from the working folder, end with their parent and ignore Ctrl-C.
 
-Every child of any kind is started within `starting_children`, and calls `end_with_parent` first.
+Every child process is started within `starting_children`, and calls `end_with_parent` first.
 """
 
 import ctypes
@@ -24,7 +24,7 @@ _PARENT = "AUVID_PARENT"
 SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 _PR_SET_PDEATHSIG = 1
 _POLL_INTERVAL = 0.2  # s
-# The environment belongs to the process, not to a thread.
+# All threads share the environment.
 _lock = threading.RLock()
 
 
@@ -50,7 +50,7 @@ def _blocked_sigint() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    # Multiprocessing starts it with its first process and then unblocks SIGINT; children inherit the mask.
+    # Multiprocessing starts the tracker with its first process and then unblocks SIGINT; children inherit the mask.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -60,7 +60,7 @@ def _blocked_sigint() -> Iterator[None]:
 
 
 def start_python(*arguments: str, environment: Mapping[str, str] | None = None, **options: Any) -> subprocess.Popen:
-    """Start a Python process that finds this package and no module of the working folder; silent unless asked."""
+    """Start a Python process that imports this package, but no module of the working folder; silent by default."""
     quiet: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with starting_children():
         path = os.pathsep.join(filter(None, [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")]))
@@ -69,32 +69,32 @@ def start_python(*arguments: str, environment: Mapping[str, str] | None = None, 
 
 
 class WorkerPool(ProcessPoolExecutor):
-    """Executor whose processes end with this one and leave Ctrl-C to it."""
+    """Executor whose processes end with this process and ignore Ctrl-C."""
 
     def __init__(self, count: int, method: str) -> None:
-        # Its locks start the resource tracker.
+        # The locks of the executor start the resource tracker.
         with starting_children():
             super().__init__(count, multiprocessing.get_context(method), initializer=_prepare_worker)
 
     def submit(self, *arguments: Any, **options: Any) -> Future[Any]:
-        """Start workers as needed and hand the call over."""
+        """Start workers if needed, and submit the call to them."""
         with starting_children():
             return super().submit(*arguments, **options)
 
 
 def _prepare_worker() -> None:
-    # Modules stay loaded: looking for garbage among them is wasted time.
+    # Modules stay loaded, so the garbage collector need not look at them.
     gc.freeze()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
 
 
 def end_with_parent() -> None:
-    """End this process when its parent ends: at once on Linux, where a busy process is killed too, else soon."""
+    """End this process when its parent ends: immediately on Linux, even if it is busy, elsewhere soon after."""
     parent = int(os.environ.pop(_PARENT, os.getppid()))
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        # The parent may have ended before.
+        # The parent may have ended before the call.
         if os.getppid() != parent:
             os._exit(1)
     else:

@@ -1,25 +1,25 @@
-"""The one family of errors that are the user's to mend: one clear line each, exit code 2."""
+"""Errors that the user can fix: each is reported in one clear line, with exit code 2."""
 
 
 class AuvidError(Exception):
-    """Base of every error that auvid reports in plain words instead of a traceback."""
+    """Base of all errors that auvid reports without a traceback."""
 
 
 class ConfigError(AuvidError):
-    """A settings file or an override is wrong; the message holds one paragraph per mistake."""
+    """Mistakes in a settings file or an override, one paragraph each."""
 
 
 class FileError(AuvidError):
-    """A data file is missing, truncated, foreign, of another schema, or cannot be written."""
+    """A file is missing, damaged, of another program or schema, or cannot be written."""
 
 
 class SimulationError(AuvidError):
-    """The simulated vehicle left the model's validity: capsize, pitch near 90 degrees, blow-up."""
+    """The simulated vehicle left the range of the model: capsized, pitch near 90 degrees, or unstable."""
 
 
 class DataError(AuvidError):
-    """A dataset cannot serve the request: no usable sensor, inputs that end too early, ..."""
+    """A dataset is not sufficient for the request: no usable sensor, inputs that end too early, ..."""
 
 
 class ClusterError(AuvidError):
-    """The workers of a campaign cannot be reached, or no longer."""
+    """The workers of a campaign cannot be reached."""

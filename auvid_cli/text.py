@@ -1,28 +1,28 @@
-"""Text for people: printable characters, hanging indents and sentences."""
+"""Text for users: printable characters, single lines and sentences."""
 
 
 def printable(text: str) -> str:
-    r"""Show every sign of a text; one that cannot be seen stands as Python would write it, for example ``\x1b``."""
+    r"""Return a text with characters that cannot be displayed written as escapes, for example ``\x1b``."""
     if text.isprintable():
         return text
     return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode("ascii") for sign in text)
 
 
 def printable_lines(text: str) -> str:
-    """Do the same with each line."""
+    """Return a text of several lines with characters that cannot be displayed written as escapes."""
     return "\n".join(map(printable, text.split("\n")))
 
 
-def shortened(text: str, most: int = 300) -> str:
-    """Shorten a text to so many signs at most."""
-    return text if len(text) <= most else f"{text[:most]} ..."
+def shortened(text: str, limit: int = 300) -> str:
+    """Return a text, cut after `limit` characters."""
+    return text if len(text) <= limit else f"{text[:limit]} ..."
 
 
 def one_line(text: str) -> str:
-    """Put a text into one printable line, with a blank wherever there is room in it."""
+    """Return a text in one printable line, with single blanks between words."""
     return printable(" ".join(text.split()))
 
 
 def sentence(remark: str) -> str:
-    """Make a sentence of a remark, which begins small and ends open: a capital letter and a full stop."""
+    """Return a remark with a capital letter and a full stop."""
     return f"{remark[0].upper()}{remark[1:]}."

@@ -7,7 +7,7 @@ import pandas as pd
 
 from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store
-from auvid_cli.campaign.summary import in_order
+from auvid_cli.campaign.summary import in_planned_order
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.loading import find_campaign
 
@@ -43,7 +43,7 @@ def campaign_rows(name: str, results: Path) -> CampaignRows:
     path = find_campaign(name)
     plan = CampaignPlan(*load_campaign(path), path)
     labels = plan.labels()
-    return CampaignRows(plan, in_order(Store(results, plan.columns).rows(labels).to_pandas(), labels))
+    return CampaignRows(plan, in_planned_order(Store(results, plan.columns).rows(labels).to_pandas(), labels))
 
 
 def fewest(within: pd.Series, coefficients: pd.DataFrame) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from auvid_cli.campaign.summary import Findings, find
+from auvid_cli.campaign.summary import CampaignSummary, summarize
 from auvid_cli.report.campaign_tables import comparison_sentences
 from auvid_cli.report.table import setting_text
 from benchmarks.timing import described_machine
@@ -27,7 +27,7 @@ def cell(row: pd.Series) -> str:
     return f"{error} ({', '.join(notes)})" if notes else error
 
 
-def against_reference(found: Findings, settings: dict[str, object]) -> str:
+def against_reference(found: CampaignSummary, settings: dict[str, object]) -> str:
     """Put into words what the comparisons with the reference filter say in one combination of settings."""
     own = found.comparisons[found.comparisons["measure"] == "steady_state_error_percent"]
     for column, value in settings.items():
@@ -54,7 +54,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("results/campaigns/regimes"))
     options = parser.parse_args()
     plan, rows = campaign_rows("regimes", options.results)
-    found = find(rows, plan.fixed_columns)
+    found = summarize(rows, plan.fixed_columns)
     n_runs = len(found.runs)
     if n_runs < plan.n_runs:
         raise SystemExit(f"{options.results}: {n_runs} of {plan.n_runs} runs; finish it with `auvid campaign regimes`")

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from auvid_cli.api import Progress
 from auvid_cli.campaign.axes import Label
-from auvid_cli.campaign.cluster import cluster_client, n_threads, perform_groups, run_group, shortened_group
+from auvid_cli.campaign.cluster import cluster_client, n_threads, run_group, run_groups, shortened_group
 from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store
-from auvid_cli.campaign.summary import Findings, find, in_order
+from auvid_cli.campaign.summary import CampaignSummary, in_planned_order, summarize
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.config.loading import find_campaign
@@ -50,7 +50,7 @@ class CampaignOptions(NamedTuple):
 class CampaignResult(NamedTuple):
     """Statistics (None if no run is finished), written files, remarks, and whether all runs are finished."""
 
-    findings: Findings | None
+    findings: CampaignSummary | None
     files: list[Path]
     page: Path
     remarks: list[str]
@@ -135,7 +135,7 @@ def _run(plan: CampaignPlan, folder: Path, options: CampaignOptions, progress: P
         if options.again:
             store.set_aside()
         else:
-            store.conform(labels)
+            store.match_plan(labels)
         done, failed = _done_and_failed(store, labels)
         skipped = _skipped(done, failed, options)
     if options.keep_estimates and done and not options.again:
@@ -149,7 +149,7 @@ def _run(plan: CampaignPlan, folder: Path, options: CampaignOptions, progress: P
     if options.again:
         # Restore the earlier results of runs that were not repeated, or failed this time.
         n_failed = len(store.failures)
-        store.conform(labels)
+        store.match_plan(labels)
         if restored := n_failed - len(store.failures):
             progress.message(f"{restored} repeated runs failed; their earlier results are kept")
     return _report(plan, folder, store, labels, options, progress)
@@ -182,7 +182,7 @@ def _work(
             client = stack.enter_context(cluster_client(options.workers.scheduler, options.workers.processes))
         (advance,) = stack.enter_context(progress.bars("runs"))
         try:
-            for group in perform_groups(client, plan.groups(skipped), estimates is not None):
+            for group in run_groups(client, plan.groups(skipped), estimates is not None):
                 for performed in group:
                     if estimates is not None and performed.estimate is not None:
                         write_estimate(estimates / f"{performed.run.identity}.h5", performed.estimate)
@@ -211,7 +211,7 @@ def _report(
     findings, paths = None, []
     if len(rows):
         with progress.stage("statistics"):
-            findings = find(in_order(rows, labels), plan.fixed_columns)
+            findings = summarize(in_planned_order(rows, labels), plan.fixed_columns)
         paths = write_findings(findings, folder / "tables")
         filters = {variant.name: variant.filter.value for variant in plan.filters}
         with drawing(folder, options.figure_formats) as figures, progress.bars("figures") as (advance,):

@@ -9,7 +9,7 @@ from auvid_cli.api.files import checked, read_dataset
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.config.log_map import load_map
 from auvid_cli.data.checks import read_result_tables
-from auvid_cli.data.dataset import Dataset, within
+from auvid_cli.data.dataset import Dataset, cut
 from auvid_cli.data.files import (
     check_no_overlap,
     dataset_in,
@@ -136,7 +136,7 @@ def inspect(dataset: Dataset, use: tuple[float, float] | None = None) -> Inspect
     >>> list(verdicts.columns)
     ['subject', 'check', 'statistic', 'threshold', 'passed', 'advice']
     """
-    return inspect_dataset(dataset if use is None else within(dataset, *use))
+    return inspect_dataset(dataset if use is None else cut(dataset, *use))
 
 
 def inspect_into(
@@ -162,7 +162,7 @@ def inspect_into(
         spans = dataset.experiment.identification.use.spans
         if len(spans) != 1:
             raise ConfigError(f"--use: {len(spans)} parts given; expected one")
-        dataset = within(dataset, *spans[0])
+        dataset = cut(dataset, *spans[0])
     files = [path, *dataset.experiment.data_files()]
     with locked(folder):
         refuse_other_page(page)

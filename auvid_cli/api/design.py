@@ -23,9 +23,9 @@ from auvid_cli.config.loading import dump_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.files import check_no_overlap, write_text
+from auvid_cli.data.findings import SearchState, read_search, write_search
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.results import refuse_unless
-from auvid_cli.data.search_file import SearchState, read_search, write_search
 from auvid_cli.design.mission import (
     Band,
     checklist_markdown,

@@ -26,7 +26,7 @@ from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.export.formats import FORMATS, check_stem, file_stem
 from auvid_cli.export.losses import caveats, caveats_of, unsupported_lines
 from auvid_cli.export.model import model_found_by
-from auvid_cli.export.recording import RECORDING_LOSSES, topics_of
+from auvid_cli.export.recording import RECORDING_LOSSES, topics_of, write_mcap
 
 
 class Export:
@@ -137,8 +137,6 @@ class RunExport:
 
     def write(self, file: Path) -> None:
         """Write the file; an existing one is replaced."""
-        from auvid_cli.export.mcap_file import write_mcap
-
         write_mcap(file, self._topics, self._origin)
 
 

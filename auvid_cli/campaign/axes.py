@@ -1,4 +1,4 @@
-"""Axes of a campaign, and how its runs ended."""
+"""Axes of a campaign as settings of each run, and the outcomes of runs."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -18,32 +18,22 @@ Label: TypeAlias = str | float | int | bool
 
 
 def ended(rows: "pd.DataFrame") -> "pd.Series":
-    """Say whether a row is of a run that came to the end of its data."""
+    """Whether the run of each row reached the end of its data."""
     return rows["status"].str.startswith(("completed", "inconsistent"))
 
 
 def failed(rows: "pd.DataFrame") -> "pd.Series":
-    """Say whether a row is of a run that could not be done at all."""
+    """Whether the run of each row ended with an error."""
     return rows["status"].str.startswith("failed")
 
 
 def diverged(rows: "pd.DataFrame") -> "pd.Series":
-    """Say whether a row is of a run whose filter did not come to the end of its data."""
+    """Whether the filter of each row did not reach the end of its data."""
     return ~ended(rows) & ~failed(rows)
 
 
 class Option(NamedTuple):
-    """Settings of one run by one axis.
-
-    Attributes
-    ----------
-    label : str or number
-        In the results.
-    changes : list of Change
-        Settings, with the place where they are written.
-    known : bool
-        Whether filters assume it, too.
-    """
+    """Choice on one axis for a run: its label in the results, its settings, and whether filters know them."""
 
     label: Label
     changes: list[Change]
@@ -57,14 +47,14 @@ def axis_options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any
     ----------
     axis : CampaignAxis
     written : Tree
-        The same as it stands in the campaign file.
+        The axis in the campaign file, with positions.
     experiment : mapping
-        Resolved settings, which a relative axis multiplies.
+        Resolved settings, the numbers of which a relative axis multiplies.
 
     Raises
     ------
     ConfigError
-        If there is no number to multiply.
+        If a relative axis has no number to multiply.
     """
     if axis.levels is not None:
         places = {label: _at(written, ("levels", label)) for label in axis.levels}
@@ -73,17 +63,17 @@ def axis_options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any
     setting = setting_path(str(axis.setting))
 
     def option(label: Any, place: Tree) -> Option:
-        value = _instead(place, _times(label, setting, experiment, place)) if axis.relative else place
+        value = _with_value(place, _scaled(label, setting, experiment, place)) if axis.relative else place
         return Option(label if isinstance(label, Label) else json.dumps(label), [(setting, value)], axis.known)
 
     if axis.draw is not None:
         place, distribution = _at(written, ("draw",)), axis.draw
-        # Of the column and not of its place among the axes: another axis more leaves it as it was.
+        # The name of the column instead of its index: further axes do not change the draws.
         key = list(axis.column.encode())
 
         def drawn(seed: int) -> Option:
             value = _draw(distribution, np.random.default_rng([seed, *key]))
-            return option(value, _instead(place, value))
+            return option(value, _with_value(place, value))
 
         return [drawn]
     choices = [option(value, _at(written, ("values", k))) for k, value in enumerate(axis.values or ())]
@@ -91,7 +81,7 @@ def axis_options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any
 
 
 def changes_in(mapping: Tree | None) -> list[Change]:
-    """List the entries of a mapping from dotted keys to values."""
+    """Return the entries of a mapping with dotted keys as changes of settings."""
     return [(setting_path(key), value) for key, value in (mapping.content or {}).items()] if mapping else []
 
 
@@ -100,9 +90,9 @@ def setting_path(key: str) -> KeyPath:
     return tuple(part.strip() for part in key.split("."))
 
 
-def _instead(place: Tree, value: float | list[float]) -> Tree:
-    """Put a computed value in the place of one that is written there."""
-    content = [_instead(place, item) for item in value] if isinstance(value, list) else value
+def _with_value(place: Tree, value: float | list[float]) -> Tree:
+    """Return a tree with the positions of `place` and a computed value."""
+    content = [_with_value(place, item) for item in value] if isinstance(value, list) else value
     return Tree(content, place.at, place.key_at)
 
 
@@ -121,19 +111,18 @@ def _draw(distribution: Distribution, random: np.random.Generator) -> float:
     return float(random.uniform(low, high))
 
 
-def _times(factor: Any, setting: KeyPath, experiment: Mapping[str, Any], place: Tree) -> float | list[float]:
-    """Multiply what the experiment states by a factor."""
+def _scaled(factor: Any, setting: KeyPath, experiment: Mapping[str, Any], place: Tree) -> float | list[float]:
+    """Return a number or list of the experiment times a factor."""
     value: Any = experiment
     for part in setting:
         value = value.get(part) if isinstance(value, dict) else None
     if isinstance(value, dict):
-        # An entry of a vehicle, which says where its value comes from.
+        # An entry of a vehicle is a mapping with its value, status and source.
         value = value.get("value")
     numbers = value if isinstance(value, list) else [value]
     if isinstance(factor, bool) or not isinstance(factor, int | float):
-        raise ConfigError(
-            mistakes_text([Mistake(place.at, setting, f"`relative` multiplies by numbers, got {factor!r}")])
-        )
+        message = f"`relative` multiplies by numbers, got {factor!r}"
+        raise ConfigError(mistakes_text([Mistake(place.at, setting, message)]))
     if not numbers or not all(isinstance(number, int | float) for number in numbers):
         message = "`relative` multiplies a number, and the experiment states none there"
         raise ConfigError(mistakes_text([Mistake(place.at, setting, message)]))

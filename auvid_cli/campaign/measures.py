@@ -1,4 +1,4 @@
-"""What is kept of a run: one row for itself, for each coefficient, for each motion state and for each sensor."""
+"""Results of a run of a campaign: a row for the run, and for each coefficient, motion state and sensor."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -17,7 +17,7 @@ _ANGLES = ("phi", "theta", "psi")
 
 
 class Measure(NamedTuple):
-    """A row of a campaign's results; what does not apply to its kind is None.
+    """A row of the results of a campaign; fields that do not apply to its kind are None.
 
     Attributes
     ----------
@@ -29,11 +29,11 @@ class Measure(NamedTuple):
     kind : str
         "run", "coefficient", "motion" (a state) or "sensor".
     name, unit : str
-        Of a coefficient or motion state, SI; of a sensor.
+        Of a coefficient or motion state, SI, or of a sensor.
     status : str
-        Of the run: "completed", or what was wrong, as `auvid_cli.evaluation.innovations.status_of` says it.
+        Of the run, see `auvid_cli.evaluation.innovations.status_of`.
     grade, reason : str
-        What its estimate is worth, and what stands against it; see `auvid_cli.evaluation.judgement`.
+        Of the estimate, see `auvid_cli.evaluation.judgement`.
     true, estimate, standard_deviation : float or None
         Of a coefficient, at the last time; nominal.
     rmse : float or None
@@ -41,12 +41,11 @@ class Measure(NamedTuple):
     steady_state_error_percent : float or None
         Of a coefficient; of a run, the mean over its coefficients.
     cramer_rao_bound, times_bound : float or None
-        Of a coefficient: the least standard deviation that the data allow, and the filter's in terms of it.
+        Of a coefficient, and the standard deviation as a multiple of it.
     identified : bool or None
-        Whether the estimate of a coefficient is sound, and its uncertainty small enough.
+        Whether the estimate of a coefficient is sound and certain enough.
     squares, components : float, int or None
-        Sum of the normalised innovations squared of a sensor and how many components went into it; of a run the NEES
-        of its coefficients and how many there are.
+        Sum of the normalised innovations squared of a sensor, or NEES of a run, and its number of components.
     processor_time, wall_time : float or None
         Of the filter alone, s.
     corrected_standard_deviation : float or None
@@ -86,20 +85,7 @@ def measures(
     bounds: Mapping[str, float],
     judgement: Judgement,
 ) -> list[Measure]:
-    """Return all rows of a run.
-
-    Parameters
-    ----------
-    run, filter_name, seed
-        As in `Measure`.
-    estimate : Estimate
-    truth : TruthRecord
-        Of the data that it is made from.
-    bounds : mapping
-        Cramer-Rao's by symbol, SI, as far as known.
-    judgement : Judgement
-        Of the estimate.
-    """
+    """Return all rows of a run; `bounds` has the known Cramer-Rao bounds by symbol, SI."""
     status = status_of(estimate)
 
     def row(kind: str, name: str = "", unit: str = "") -> Measure:
@@ -135,8 +121,8 @@ def measures(
         for i, quantity in enumerate(MOTION)
     ]
     for sensor, innovations in estimate.innovations.items():
-        tally = innovations.tally()
-        squares, components = float(tally.squares.sum()), int(tally.components.sum())
+        sums = innovations.sums()
+        squares, components = float(sums.squares.sum()), int(sums.components.sum())
         rows.append(row("sensor", sensor)._replace(squares=squares, components=components))
     return rows
 

@@ -1,4 +1,4 @@
-"""A campaign as its runs: which data are simulated, which filters look at them, and what they assume."""
+"""Plan of a campaign: the data to simulate, the filters to run on them, and the settings that these assume."""
 
 import hashlib
 import json
@@ -25,12 +25,13 @@ from auvid_cli.config.source_positions import Mistake, Tree, mistakes_text
 from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import ConfigError
 
-# Each combination holds its settings in memory, and each run its name.
-MOST_COMBINATIONS, MOST_RUNS = 10_000, 1_000_000
-# Runs on the same data go to a worker together, which simulates only once; what is lost with it stays small.
-LARGEST_GROUP = 6
-# Of an identity, in hexadecimal digits: 96 bits.
-_LENGTH = 24
+# The settings of each combination are in memory.
+MAX_COMBINATIONS = 10_000
+# The identity of each run is in memory.
+MAX_RUNS = 1_000_000
+# Runs that a worker performs on the same data; few, so that little is lost with a worker.
+MAX_GROUP = 6
+_IDENTITY_LENGTH = 24  # hexadecimal digits, 96 bits
 
 
 class CampaignRun(NamedTuple):
@@ -41,7 +42,7 @@ class CampaignRun(NamedTuple):
     identity : str
         Hash of the resolved settings of data and filter, the seed, and auvid's version.
     labels : dict
-        What the axes of the campaign are in this run, by column.
+        Values of the axes of the campaign, by column.
     filter : str
         Name of the variant.
     seed : int
@@ -53,7 +54,7 @@ class CampaignRun(NamedTuple):
     seed: int
 
     def settings(self) -> str:
-        """Say in words what the axes are."""
+        """Return the values of the axes as text."""
         return ", ".join(f"{column} = {label}" for column, label in self.labels.items())
 
 
@@ -63,13 +64,12 @@ class RunGroup(NamedTuple):
     Attributes
     ----------
     simulated : str
-        Experiment as JSON that makes the data.
+        Experiment of the data, as JSON.
     runs : list of CampaignRun
     assumed : list of str
-        Of each run the experiment that its filter assumes, as JSON: vehicle and sensors, and how to identify, with
-        that filter alone.
+        Experiment that the filter of each run assumes, as JSON; its identification has only that filter.
     version : str
-        Of auvid, which whoever does the runs must have as well.
+        Of auvid; workers must have the same.
     """
 
     simulated: str
@@ -79,7 +79,18 @@ class RunGroup(NamedTuple):
 
 
 class _Resolved(NamedTuple):
-    """A combination of settings, apart from the seed: of the data, and what each filter assumes; and their hashes."""
+    """Settings of one combination for any seed.
+
+    Attributes
+    ----------
+    labels : dict
+    simulated : dict
+        Settings of the data.
+    data : str
+        Hash of `simulated`.
+    assumed : list of (dict, str)
+        Settings that each filter assumes, and their hash.
+    """
 
     labels: dict[str, Label]
     simulated: dict[str, Any]
@@ -87,7 +98,7 @@ class _Resolved(NamedTuple):
     assumed: list[tuple[dict[str, Any], str]]
 
 
-_Chosen: TypeAlias = Callable[[int], Option]
+_SeededOption: TypeAlias = Callable[[int], Option]
 _Triple: TypeAlias = tuple[_Resolved, dict[str, Any], CampaignRun]
 
 
@@ -98,29 +109,29 @@ class CampaignPlan:
     ----------
     campaign : Campaign
     tree : Tree
-        The same as it is written.
+        The campaign file, with positions.
     path : pathlib.Path
-        Where it is written.
+        Of the campaign file.
 
     Raises
     ------
     ConfigError
-        With the mistakes in the settings of each option of each axis, each at its place, or if there are too many runs.
+        With all mistakes in the settings of the options and their positions, or if there are too many runs.
     """
 
     def __init__(self, campaign: Campaign, tree: Tree, path: Path) -> None:
         self.campaign = campaign
         self._tree = tree
         self._path = path
-        beside = path.parent / campaign.experiment
+        neighbour = path.parent / campaign.experiment
         try:
-            source = open_source(beside if beside.is_file() else find_experiment(campaign.experiment))
+            source = open_source(neighbour if neighbour.is_file() else find_experiment(campaign.experiment))
         except ConfigError as error:
             at = tree.child("experiment") or tree
             raise ConfigError(mistakes_text([Mistake(at.at, ("experiment",), str(error))])) from None
         self._base, self._folder = assemble(source), source.folder
         experiment = self._experiment([])
-        # None named: those of the experiment.
+        # By default the filters of the experiment.
         self.filters = campaign.filters or tuple(
             FilterVariant(filter=name, name=name.value) for name in experiment.identification.filters
         )
@@ -142,42 +153,42 @@ class CampaignPlan:
 
     @property
     def columns(self) -> dict[str, bool]:
-        """Return the names of the axes, in their order, and whether what they hold is numbers."""
+        """Return the columns of the axes in order, and whether their values are numbers."""
         return {axis.column: axis.draw is not None or _are_numbers(axis.values) for axis in self.campaign.vary}
 
     @property
     def fixed_columns(self) -> list[str]:
-        """Return the names of the axes that are not drawn for each seed."""
+        """Return the columns of the axes that are not drawn for each seed."""
         return [axis.column for axis in self.campaign.vary if axis.draw is None]
 
     @property
     def n_runs(self) -> int:
-        """Count the runs."""
+        """Return the number of runs."""
         return self.campaign.n_cells * len(self.filters) * self.campaign.n_seeds
 
     def examples(self, most: int) -> Iterator[RunGroup]:
-        """Yield, of some combinations that are far apart, what is done for the first seed."""
+        """Yield the groups of the first seed for at most `most` evenly spaced combinations."""
         seed = self.campaign.seed_list[0]
         for cell in self._cells[:: -(-len(self._cells) // most)]:
             yield _group(list(self._runs([self._resolve(cell)], seed)), seed)
 
     def groups(self, done: Collection[str] = ()) -> Iterator[RunGroup]:
-        """Yield what is not done yet, all combinations of a seed before the next one."""
+        """Yield the groups of all runs that are not `done`, seed by seed."""
         for seed in self.campaign.seed_list:
             pending = [triple for triple in self._of_seed(seed) if triple[2].identity not in done]
             pending.sort(key=lambda triple: triple[0].data)
             for _, same in groupby(pending, key=lambda triple: triple[0].data):
                 triples = list(same)
-                for k in range(0, len(triples), LARGEST_GROUP):
-                    yield _group(triples[k : k + LARGEST_GROUP], seed)
+                for k in range(0, len(triples), MAX_GROUP):
+                    yield _group(triples[k : k + MAX_GROUP], seed)
 
     def labels(self) -> dict[str, dict[str, Label]]:
-        """Return filter and axes of each run, by its identity.
+        """Return filter and axes of each run by its identity.
 
         Raises
         ------
         ConfigError
-            If a combination of settings cannot be, or if two of the runs are the same.
+            If a combination of settings is not valid, or two runs are the same.
         """
         labels: dict[str, dict[str, Label]] = {}
         for seed in self.campaign.seed_list:
@@ -187,13 +198,13 @@ class CampaignPlan:
         return labels
 
     def _refuse_too_many(self) -> None:
-        """Raise ConfigError before a list is made of more runs than there is room for."""
+        """Raise a ConfigError before the combinations fill the memory."""
         cells, runs = self.campaign.n_cells, self.n_runs
-        if cells > MOST_COMBINATIONS or runs > MOST_RUNS:
+        if cells > MAX_COMBINATIONS or runs > MAX_RUNS:
             message = (
                 f"{runs:,} runs, of {cells:,} combinations of settings, {len(self.filters)} filters and "
-                f"{self.campaign.n_seeds:,} seeds, are too many: a campaign has at most {MOST_RUNS:,} runs and "
-                f"{MOST_COMBINATIONS:,} combinations; make several of it"
+                f"{self.campaign.n_seeds:,} seeds, are too many; expected at most {MAX_RUNS:,} runs and "
+                f"{MAX_COMBINATIONS:,} combinations; split the campaign"
             )
             raise ConfigError(mistakes_text([Mistake(self._tree.at, (), message)]))
 
@@ -207,82 +218,76 @@ class CampaignPlan:
     def _runs(self, cells: Iterable[_Resolved], seed: int) -> Iterator[_Triple]:
         for cell in cells:
             for variant, (assumed, key) in zip(self.filters, cell.assumed, strict=True):
-                # Under whatever name: the same settings are the same run.
+                # The name of the variant does not count: the same settings are the same run.
                 identity = _hash(__version__, cell.data, key, seed)
                 yield cell, assumed, CampaignRun(identity, cell.labels, variant.name, seed)
 
-    def _resolve(self, cell: tuple[_Chosen, ...], seed: int | None = None) -> _Resolved:
-        chosen = [option(self.campaign.seed_list[0] if seed is None else seed) for option in cell]
-        every = [change for option in chosen for change in option.changes]
-        known = [change for option in chosen if option.known for change in option.changes]
-        simulated = self._experiment(every)
-        assumed = [self._assumed(k, known) for k in range(len(self.filters))]
-        labels = dict(zip(self.columns, (option.label for option in chosen), strict=True))
-        data = given_settings(simulated)
-        given = [given_settings(experiment) for experiment in assumed]
+    def _resolve(self, cell: tuple[_SeededOption, ...], seed: int | None = None) -> _Resolved:
+        options = [option(self.campaign.seed_list[0] if seed is None else seed) for option in cell]
+        known = [change for option in options if option.known for change in option.changes]
+        labels = dict(zip(self.columns, (option.label for option in options), strict=True))
+        data = given_settings(self._experiment([change for option in options for change in option.changes]))
+        sections = (data[section] for section in ("vehicle", "sensors", "manoeuvre"))
+        assumed = [given_settings(self._assumed(k, known)) for k in range(len(self.filters))]
         return _Resolved(
             labels,
             data,
-            _hash(
-                *(data[section] for section in ("vehicle", "sensors", "manoeuvre")), _digest(data["manoeuvre"], "file")
-            ),
-            [(settings, _hash_of_given(settings)) for settings in given],
+            _hash(*sections, _digest(data["manoeuvre"], "file")),
+            [(settings, _hash_of_assumed(settings)) for settings in assumed],
         )
 
     def _assumed(self, variant: int, known: list[Change]) -> Experiment:
         *_, written = self._tree.descend(("filters", variant, "settings"))
-        of_filter = changes_in(written) if self.filters[variant].settings else []
-        experiment, name = self._experiment([*known, *of_filter]), self.filters[variant].filter
+        changes = changes_in(written) if self.filters[variant].settings else []
+        experiment, name = self._experiment([*known, *changes]), self.filters[variant].filter
         experiment.identification.check_filters([name])
         identification = experiment.identification.model_copy(update={"filters": (name,)})
         return experiment.model_copy(update={"identification": identification})
 
     def _experiment(self, changes: list[Change]) -> Experiment:
         base, mistakes = self._base
-        of_all = changes_in(self._tree.child("settings"))
-        tree, wrong = with_changes(base, [*of_all, *changes], self._folder)
-        return validated(Experiment, tree, [*mistakes, *wrong])
+        common = changes_in(self._tree.child("settings"))
+        tree, further_mistakes = with_changes(base, [*common, *changes], self._folder)
+        return validated(Experiment, tree, [*mistakes, *further_mistakes])
 
 
 def _are_numbers(values: Sequence[Any] | None) -> bool:
     return values is not None and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
 
 
-def _one_at_a_time(axes: Sequence[Sequence[_Chosen]]) -> list[tuple[_Chosen, ...]]:
-    """Return combinations in which each option of each axis stands once: their sum, and not their product."""
+def _one_at_a_time(axes: Sequence[Sequence[_SeededOption]]) -> list[tuple[_SeededOption, ...]]:
+    """Return combinations with each option of each axis once: their sum instead of their product."""
     first = tuple(axis[0] for axis in axes)
     return [first, *((*first[:k], other, *first[k + 1 :]) for k, axis in enumerate(axes) for other in axis[1:])]
 
 
 def _group(triples: Sequence[_Triple], seed: int) -> RunGroup:
-    cells, given, runs = zip(*triples, strict=True)
-    return RunGroup(_text(cells[0].simulated, seed), list(runs), [_text(assumed, seed) for assumed in given])
+    cells, assumed, runs = zip(*triples, strict=True)
+    return RunGroup(_text(cells[0].simulated, seed), list(runs), [_text(settings, seed) for settings in assumed])
 
 
 def _refuse_twins(path: Path, triples: Iterable[_Triple]) -> None:
-    """Raise ConfigError if two runs of a seed are one and the same, and would be counted as two."""
+    """Raise a ConfigError if two runs of a seed are the same, and would be counted twice."""
     by_identity: dict[str, CampaignRun] = {}
     for *_, run in triples:
         twin = by_identity.setdefault(run.identity, run)
         if twin is not run:
-            which, other = (f"{same.filter} with {same.settings() or 'the same settings'}" for same in (twin, run))
-            raise ConfigError(
-                f"{path}: two runs of the campaign are the same: {which}, and {other}; leave out one of them"
-            )
+            first, second = (f"{same.filter} with {same.settings() or 'the same settings'}" for same in (twin, run))
+            raise ConfigError(f"{path}: two runs of the campaign are the same: {first}, and {second}; remove one")
 
 
 def _hash(*settings: Any) -> str:
-    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:_LENGTH]
+    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:_IDENTITY_LENGTH]
 
 
-def _hash_of_given(settings: dict[str, Any]) -> str:
+def _hash_of_assumed(settings: dict[str, Any]) -> str:
     prior = settings["identification"].get("prior", {})
     sections = (settings[section] for section in ("vehicle", "sensors", "identification"))
     return _hash(*sections, _digest(prior, "from_estimate"))
 
 
 def _digest(settings: dict[str, Any], key: str) -> str:
-    """Hash the file that a setting names: with another content it is another run."""
+    """Return the hash of the file of a setting, because another content is another run."""
     return digest(Path(settings[key])) if key in settings else ""
 
 
@@ -291,16 +296,16 @@ def _text(experiment: dict[str, Any], seed: int) -> str:
 
 
 def _all_or_errors(
-    resolve: Callable[[tuple[_Chosen, ...]], _Resolved],
-    cells: list[tuple[_Chosen, ...]],
+    resolve: Callable[[tuple[_SeededOption, ...]], _Resolved],
+    cells: list[tuple[_SeededOption, ...]],
 ) -> list[_Resolved]:
-    """Resolve every combination, or raise one error that says what is wrong with any of them."""
-    resolved, wrong = [], {}
+    """Resolve every combination, or raise one ConfigError with the mistakes of all."""
+    resolved, errors = [], {}
     for cell in cells:
         try:
             resolved.append(resolve(cell))
         except ConfigError as error:
-            wrong[str(error)] = None
-    if wrong:
-        raise ConfigError("\n".join(wrong))
+            errors[str(error)] = None
+    if errors:
+        raise ConfigError("\n".join(errors))
     return resolved

@@ -1,4 +1,4 @@
-"""Results of a campaign on disk: Parquet files that together are one table, and the runs that failed."""
+"""Results of a campaign on disk: Parquet files that form one table, and a list of failed runs."""
 
 import csv
 import json
@@ -14,18 +14,17 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from auvid_cli.campaign.axes import Label
-from auvid_cli.campaign.cluster import Performed
+from auvid_cli.campaign.cluster import RunResult
 from auvid_cli.campaign.measures import Measure
-from auvid_cli.campaign.plan import CampaignRun
 from auvid_cli.data.checks import csv_text, csv_value
-from auvid_cli.data.files import refusing_damage, replacing, write_text
+from auvid_cli.data.files import damage_as_file_error, replacing, write_text
 from auvid_cli.errors import FileError
-from auvid_cli.regular import check_regular
+from auvid_cli.regular_files import check_regular_file
 
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
-# So many files that came one by one are made one.
-_MOST_PARTS = 50
-# In a file's metadata: which files went into it.
+# Files of single groups that are merged into one.
+MAX_PARTS = 50
+# Key in the metadata of a file for the names of the files merged into it.
 _MERGED = b"auvid.merged"
 
 
@@ -40,22 +39,22 @@ class Failure(NamedTuple):
 
 
 class Store:
-    """Results that are added to, whole groups of runs at a time; killed at any moment it holds what was added.
+    """Results of groups of runs, none of which is lost if the process is killed.
 
-    Groups come in one file each, apart from the results that others read, and are merged into those now and then:
-    whoever reads the results sees each run once, also after a kill. Runs that are none of the campaign, as its settings
-    are now, are kept apart as well: what stands together can be compared.
+    Each group is first a file in ``incoming``. From time to time these are merged into ``results``, where readers
+    see each run once, also after a kill. Runs that are not in the current plan are in ``earlier``, so that all runs in
+    ``results`` can be compared.
 
     Parameters
     ----------
     folder : pathlib.Path
     columns : mapping
-        Of the axes, in their order: whether what they hold is numbers.
+        Columns of the axes in order, and whether their values are numbers.
 
     Raises
     ------
     FileError
-        If something there cannot be read or written.
+        If a file cannot be read or written.
     """
 
     def __init__(self, folder: Path, columns: Mapping[str, bool]) -> None:
@@ -68,62 +67,61 @@ class Store:
         )
         self._parts = len(_files(self._incoming))
         finished = self.finished()
-        # Killed between writing a result and this list, a run may stand in both.
+        # After a kill a run may be both in the results and in this list.
         self._failures = {failure.run: failure for failure in self._read_failures() if failure.run not in finished}
 
     @property
     def failures(self) -> list[Failure]:
-        """Return the runs that failed when they were last tried."""
+        """Return the runs that failed in their last attempt."""
         return list(self._failures.values())
 
     def finished(self) -> set[str]:
-        """Return the identities of the runs that are there, those that are kept apart included."""
+        """Return the identities of all finished runs, also of earlier plans."""
         return _runs(self._results) | _runs(self._incoming) | _runs(self._earlier)
 
-    def conform(self, labels: Mapping[str, Mapping[str, Label]]) -> None:
-        """Hold the runs of the campaign as it is now, named as they are now, and keep the others apart.
+    def match_plan(self, labels: Mapping[str, Mapping[str, Label]]) -> None:
+        """Move the runs of the current plan into the results with their current labels, and all others out.
 
         Parameters
         ----------
         labels : mapping
-            Of each run of the campaign, by identity: its filter and its axes.
+            Filter and axes of each run of the plan, by identity.
         """
-        self._forget_what_was_merged()
+        self._remove_merged()
         self.merge()
-        wanted = ds.field("run").isin(pa.array(list(labels), pa.string()))
-        here = _runs(self._results)
+        planned = ds.field("run").isin(pa.array(list(labels), pa.string()))
+        present = _runs(self._results)
         for path in _files(self._earlier):
             table = _read(path)
-            # Whoever was killed here may have left runs on both sides.
-            back = [run for run in _unique(table) if run in labels and run not in here]
-            if back:
+            # After a kill here a run may be on both sides.
+            if back := [run for run in _unique(table) if run in labels and run not in present]:
                 returning = ds.field("run").isin(pa.array(back, pa.string()))
                 _write(self._relabelled(table.filter(returning), labels), _new(self._results))
-            here.update(back)
-            _keep(path, table, table.filter(~wanted))
+            present.update(back)
+            _keep(path, table, table.filter(~planned))
         for path in _files(self._results):
             table = _read(path)
-            away = table.filter(~wanted)
-            if away.num_rows:
-                _write(away, _new(self._earlier))
-            kept = table.filter(wanted)
-            if _keep(path, table, kept) and self._is_named_otherwise(kept, labels):
+            removed = table.filter(~planned)
+            if removed.num_rows:
+                _write(removed, _new(self._earlier))
+            kept = table.filter(planned)
+            if _keep(path, table, kept) and self._has_other_labels(kept, labels):
                 _write(self._relabelled(kept, labels), path)
-        if standing := here & self._failures.keys():
-            for run in standing:
+        if finished := present & self._failures.keys():
+            for run in finished:
                 del self._failures[run]
             self._write_failures()
 
     def set_aside(self) -> None:
-        """Put away all results: those that are not done again come back with the next `conform`."""
-        self._forget_what_was_merged()
+        """Move all results to ``earlier``; `match_plan` returns those that are not repeated."""
+        self._remove_merged()
         self.merge()
         for path in _files(self._results):
             _write(_read(path), _new(self._earlier))
             path.unlink()
 
-    def add(self, performed: Sequence[Performed]) -> None:
-        """Keep what a group of runs came to."""
+    def add(self, performed: Sequence[RunResult]) -> None:
+        """Add the results of a group of runs."""
         rows = [row._asdict() | dict(done.run.labels) for done in performed for row in done.rows]
         if rows:
             _write(self._table(rows), _new(self._incoming))
@@ -131,16 +129,17 @@ class Store:
         before = dict(self._failures)
         for done in performed:
             if done.failure:
-                self._failures[done.run.identity] = _failure(done.run, done.failure)
+                run, reason = done.run, " ".join(done.failure.split())
+                self._failures[run.identity] = Failure(run.identity, run.filter, run.seed, run.settings(), reason)
             else:
                 self._failures.pop(done.run.identity, None)
         if self._failures != before:
             self._write_failures()
-        if self._parts >= _MOST_PARTS:
+        if self._parts >= MAX_PARTS:
             self.merge()
 
     def merge(self) -> None:
-        """Add to the results what came in."""
+        """Merge the incoming files into one file of the results."""
         parts = _files(self._incoming)
         self._parts = 0
         if not parts:
@@ -152,20 +151,20 @@ class Store:
             path.unlink()
 
     def rows(self, labels: Mapping[str, Mapping[str, Label]]) -> pa.Table:
-        """Read all rows of the campaign, one for each of its failed runs included; `labels` as of `conform`."""
+        """Return all rows of the campaign, with one for each failed run; see `match_plan` for `labels`."""
         done = [self._conformed(_read(path)) for path in _files(self._results)]
         failures = [failure for failure in self.failures if failure.run in labels]
         failed = self._table(_failure_row(failure)._asdict() | dict(labels[failure.run]) for failure in failures)
         return pa.concat_tables([*done, failed])
 
-    def _forget_what_was_merged(self) -> None:
-        """Take away what a campaign that was killed had merged, but not yet taken away."""
+    def _remove_merged(self) -> None:
+        """Remove incoming files that a killed process had merged but not removed."""
         for path in _files(self._results):
             for name in _merged_into(path):
                 (self._incoming / name).unlink(missing_ok=True)
 
     def _conformed(self, table: pa.Table) -> pa.Table:
-        """Give rows the present columns; of axes that were not there, or held something else, nothing yet."""
+        """Return rows with the current columns; null for axes that are new or have another type."""
         columns = [
             table[field.name]
             if field.name in table.schema.names and table.schema.field(field.name).type == field.type
@@ -174,18 +173,18 @@ class Store:
         ]
         return pa.table(columns, schema=self._schema)
 
-    def _is_named_otherwise(self, table: pa.Table, labels: Mapping[str, Mapping[str, Label]]) -> bool:
+    def _has_other_labels(self, table: pa.Table, labels: Mapping[str, Mapping[str, Label]]) -> bool:
         if not table.schema.remove_metadata().equals(self._schema):
             return True
         names = [name for name in self._schema.names if name in next(iter(labels.values()))]
         runs = table.select(["run", *names]).group_by(["run", *names]).aggregate([]).to_pylist()
-        wanted = self._table(labels[run["run"]] for run in runs).select(names).to_pylist()
-        return [{name: run[name] for name in names} for run in runs] != wanted
+        current = self._table(labels[run["run"]] for run in runs).select(names).to_pylist()
+        return [{name: run[name] for name in names} for run in runs] != current
 
     def _relabelled(self, table: pa.Table, labels: Mapping[str, Mapping[str, Label]]) -> pa.Table:
-        # A file keeps to itself what was merged into it.
-        named = self._table(row | dict(labels[row["run"]]) for row in table.to_pylist())
-        return named.replace_schema_metadata(table.schema.metadata)
+        # The metadata have the names of the merged files.
+        relabelled = self._table(row | dict(labels[row["run"]]) for row in table.to_pylist())
+        return relabelled.replace_schema_metadata(table.schema.metadata)
 
     def _table(self, rows: Iterable[Mapping[str, Any]]) -> pa.Table:
         columns = {field.name: [] for field in self._schema}
@@ -199,7 +198,7 @@ class Store:
     def _read_failures(self) -> list[Failure]:
         if not self._failures_file.is_file():
             return []
-        refusal = FileError(f"{self._failures_file}: is no list of failed runs; move it away, and they are tried again")
+        refusal = FileError(f"{self._failures_file}: not a list of failed runs; move it away to repeat these runs")
         try:
             header, *rows = csv.reader(StringIO(self._failures_file.read_text(encoding="utf-8")))
             if tuple(header) != Failure._fields:
@@ -214,13 +213,9 @@ class Store:
 
 
 def _failure_row(failure: Failure) -> Measure:
-    """Make the row by which a failed run stands among those that did not fail."""
+    """Return the row of a failed run."""
     status = f"failed: {failure.reason}"
     return Measure(failure.run, failure.filter, failure.seed, "run", "", "", status, "failed", failure.reason)
-
-
-def _failure(run: CampaignRun, reason: str) -> Failure:
-    return Failure(run.identity, run.filter, run.seed, run.settings(), " ".join(reason.split()))
 
 
 def _type_of(annotation: Any) -> pa.DataType:
@@ -232,7 +227,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _new(folder: Path) -> Path:
-    """Return a name that was never there before: it alone tells what is merged from what comes later."""
+    """Return a unique name, by which merged files are recognised."""
     return folder / f"{uuid4().hex}.parquet"
 
 
@@ -245,7 +240,7 @@ def _unique(table: pa.Table) -> list[str]:
 
 
 def _keep(path: Path, table: pa.Table, kept: pa.Table) -> bool:
-    """Make a file hold only some of its rows; return whether it is still there."""
+    """Keep only some rows of a file, remove it if there are none, and return whether it remains."""
     if kept.num_rows == 0:
         path.unlink()
     elif kept.num_rows < table.num_rows:
@@ -254,28 +249,28 @@ def _keep(path: Path, table: pa.Table, kept: pa.Table) -> bool:
 
 
 def _merged_into(path: Path) -> list[str]:
-    with _refusing_damage(path):
-        check_regular(path)
+    with _damage_as_error(path):
+        check_regular_file(path)
         names = json.loads((pq.read_schema(path).metadata or {}).get(_MERGED, b"[]"))
-        # Whatever wrote it, what is taken away lies in one folder.
+        # Whatever the file contains, only files of one folder are removed.
         return [Path(name).name for name in names]
 
 
 def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
-    with _refusing_damage(path):
-        check_regular(path)
-        # By itself, so that a folder's name is no column.
+    with _damage_as_error(path):
+        check_regular_file(path)
+        # A ParquetFile does not turn names of folders into columns.
         table = pq.ParquetFile(path, page_checksum_verification=True).read(columns)
     for name in ("run",) if columns else Measure._fields[:3]:
         kind = _type_of(Measure.__annotations__[name])
         if name not in table.schema.names or table.schema.field(name).type != kind:
-            raise FileError(f"{path}: is no file of this campaign: it has no column {name!r} of {kind}; move it away")
+            raise FileError(f"{path}: not a file of this campaign; column {name!r} of {kind} is missing; move it away")
     return table
 
 
-def _refusing_damage(path: Path) -> AbstractContextManager[None]:
-    advice = "move it away, and the runs in it are done again"
-    return refusing_damage(lambda reason: f"{path}: is no Parquet file, or damaged; {advice}: {reason}")
+def _damage_as_error(path: Path) -> AbstractContextManager[None]:
+    advice = "move it away to repeat its runs"
+    return damage_as_file_error(lambda reason: f"{path}: not a Parquet file, or damaged; {advice}: {reason}")
 
 
 def _write(table: pa.Table, path: Path) -> None:

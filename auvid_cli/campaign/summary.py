@@ -11,54 +11,49 @@ from scipy.stats import binom, binomtest, chi2, false_discovery_control, wilcoxo
 
 from auvid_cli.campaign.axes import diverged, ended, failed
 
-# 90 % of the runs lie between these quantiles.
-LOW, HIGH = 0.05, 0.95
+# Quantiles of a 90 % interval.
+LOW = 0.05
+HIGH = 0.95
 CONFIDENCE = 0.95
 Array = NDArray[np.float64]
 MEASURES = ("steady_state_error_percent", "rmse_percent")
-# A difference of less than this share of the measure itself does not matter, however sure it is.
-LEAST_SHARE = 0.01
-# A difference that is larger only by chance is taken for a real one in so many of all that are named.
+# Smaller differences do not matter, as a share of the measure.
+MIN_DIFFERENCE = 0.01
+# Share of false ones among the significant differences.
 FALSE_DISCOVERIES = 0.05
 
 
 def by_filter(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """Summarise the runs in a row for each combination of settings and filter.
+    """Return a row for each combination of settings and filter.
 
     Parameters
     ----------
     rows : DataFrame
-        As `auvid_cli.campaign.measures.Measure`, with a column for each axis.
+        With the fields of `auvid_cli.campaign.measures.Measure` and a column for each axis.
     columns : sequence of str
-        Axes that tell combinations apart.
+        Axes of the combinations.
 
     Returns
     -------
     DataFrame
-        The axes, the filter, and: how many runs; shares that failed, that diverged and that are inconsistent; median
-        and 90 % interval of the mean steady-state error, percent; over all coefficients the share within two standard
-        deviations, of batch estimates the corrected ones, the median of these in terms of the bound, and the root mean
-        square of the errors in terms of it; NEES per component with the interval in which it lies by chance, 95 %; the
-        same for the NIS of each sensor; median processor time of the filter, s. Runs that failed or diverged count only
-        in their share.
+        Axes, filter, number of runs, and shares of failed, diverged and inconsistent runs. All other columns are of
+        runs that ended: median and 90 % interval of the mean steady-state error, percent; share of coefficients within
+        two standard deviations (corrected ones of batch estimates); median standard deviation and RMS error as
+        multiples of the Cramer-Rao bound; NEES per component, and NIS of each sensor, with the 95 % interval of a
+        consistent filter; median processor time of the filter, s.
     """
     return _for_each(rows, [*columns, "filter"], _of_filter)
 
 
 def by_coefficient(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """Summarise the runs in a row for each combination of settings, filter and coefficient.
-
-    Parameters
-    ----------
-    rows, columns
-        As of `by_filter`.
+    """Return a row for each combination of settings, filter and coefficient; see `by_filter` for the arguments.
 
     Returns
     -------
     DataFrame
-        The axes, filter, coefficient, its unit, and: how many runs came to the end; median and 90 % interval of
-        steady-state error, percent, and RMSE, SI; share within two standard deviations with its 95 % interval;
-        standard deviation and root mean square error in terms of the bound.
+        Axes, filter, coefficient, unit, and number of runs that ended; median and 90 % interval of steady-state
+        error, percent, and RMSE, SI; share within two standard deviations with its 95 % interval; standard deviation
+        and RMS error as multiples of the Cramer-Rao bound.
     """
     coefficients = rows[(rows["kind"] == "coefficient") & ended(rows)].rename(columns={"name": "coefficient"})
     return _for_each(coefficients, [*columns, "filter", "coefficient"], _of_coefficient)
@@ -73,7 +68,7 @@ def _for_each(
 
 def _of_filter(rows: pd.DataFrame) -> dict[str, float]:
     rows, runs = rows[ended(rows)], rows[rows["kind"] == "run"]
-    sound = rows[rows["kind"] == "run"]
+    ended_runs = rows[rows["kind"] == "run"]
     coefficients = rows[rows["kind"] == "coefficient"]
     summary = {
         "runs": len(runs),
@@ -81,15 +76,14 @@ def _of_filter(rows: pd.DataFrame) -> dict[str, float]:
         "diverged": float(diverged(runs).mean()),
         "inconsistent": float(runs["status"].str.startswith("inconsistent").mean()),
         "sound": float((runs["grade"] == "sound").mean()),
-        **_spread("steady_state_error_percent", sound["steady_state_error_percent"]),
+        **_spread("steady_state_error_percent", ended_runs["steady_state_error_percent"]),
         "within_two_sigma": _share(_within_two_sigma(coefficients)),
         **_against_bound(coefficients),
-        **_per_component("nees", sound),
+        **_per_component("nees", ended_runs),
     }
-    sensors = rows[rows["kind"] == "sensor"]
-    for sensor, of_sensor in sensors.groupby("name", sort=False):
-        summary |= _per_component(f"nis_{sensor}", of_sensor)
-    return summary | {"processor_time": _median(sound["processor_time"])}
+    for sensor, sensor_rows in rows[rows["kind"] == "sensor"].groupby("name", sort=False):
+        summary |= _per_component(f"nis_{sensor}", sensor_rows)
+    return summary | {"processor_time": _median(ended_runs["processor_time"])}
 
 
 def _of_coefficient(rows: pd.DataFrame) -> dict[str, float | str]:
@@ -131,7 +125,7 @@ def _against_bound(coefficients: pd.DataFrame) -> dict[str, float]:
 
 
 def _per_component(name: str, rows: pd.DataFrame) -> dict[str, float]:
-    """Return the mean of normalised squares, and where chance leaves the mean of so many."""
+    """Return the mean of normalised squares, and its 95 % interval for a consistent filter."""
     finite = rows[np.isfinite(rows["squares"].astype(np.float64))]
     components = float(finite["components"].sum())
     if components == 0.0:
@@ -152,28 +146,23 @@ def _median(values: pd.Series) -> float:
 
 
 def compare_filters(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """Compare filters in a row for each combination of settings, pair of filters and measure.
-
-    Parameters
-    ----------
-    rows, columns
-        As of `auvid_cli.campaign.summary.by_filter`.
+    """Return a row for each combination of settings, pair of filters and measure; see `by_filter` for the arguments.
 
     Returns
     -------
     DataFrame
-        The axes; the two filters; the measure: mean over the coefficients of the steady-state error, or of the RMSE
-        over the whole run, in percent of the true value; how many seeds both filters finished; the medians of both;
-        median of the differences, first minus second, with its 95 % interval by order statistics; Wilcoxon's p-value,
-        as it is and adjusted for the number of comparisons (Benjamini and Hochberg); seeds on which only the one or
-        only the other diverged, with the p-value of McNemar's exact test, as it is and adjusted; what follows.
+        Axes; the two filters; the measure, which is the mean over the coefficients of the steady-state error, or of
+        the RMSE over the whole run, in percent of the true value; number of seeds that both filters finished; medians
+        of both; median of the differences, first minus second, with its 95 % interval by order statistics; Wilcoxon's
+        p-value, also adjusted for the number of comparisons (Benjamini and Hochberg); numbers of seeds on which only
+        the first or the second diverged, with the p-value of McNemar's exact test, also adjusted; conclusion.
     """
     runs = _runs(rows, columns)
     names = list(dict.fromkeys(runs["filter"]))
     comparisons = []
     for key, cell in runs.groupby(list(columns), sort=False, dropna=False) if columns else [((), runs)]:
         settings = dict(zip(columns, key if isinstance(key, tuple) else (key,), strict=True))
-        by_name = {name: of_filter for name, of_filter in cell.groupby("filter")}
+        by_name = dict(iter(cell.groupby("filter")))
         for first, second in combinations([name for name in names if name in by_name], 2):
             for measure in MEASURES:
                 pair = {"first": first, "second": second, "measure": measure}
@@ -191,7 +180,7 @@ def compare_filters(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def _runs(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """Return a row for each run, with its two measures."""
+    """Return a row for each run with both measures."""
     runs = rows[rows["kind"] == "run"]
     coefficients = rows[(rows["kind"] == "coefficient") & (rows["true"] != 0.0)]
     percent = 100.0 * coefficients["rmse"] / coefficients["true"].abs()
@@ -205,30 +194,32 @@ def _difference(first: pd.DataFrame, second: pd.DataFrame, measure: str) -> dict
     only_first = int((both["diverged_first"] & both["ended_second"]).sum())
     only_second = int((both["ended_first"] & both["diverged_second"]).sum())
     finished = both[both["ended_first"] & both["ended_second"]]
-    of_first, of_second = (finished[f"{measure}_{side}"].to_numpy(dtype=np.float64) for side in ("first", "second"))
-    difference = of_first - of_second
+    values_first, values_second = (
+        finished[f"{measure}_{side}"].to_numpy(dtype=np.float64) for side in ("first", "second")
+    )
+    difference = values_first - values_second
     low, high = median_interval(difference)
-    lost = only_first + only_second
+    n_diverged = only_first + only_second
     return {
         "seeds": len(difference),
-        "median_first": float(np.median(of_first)) if of_first.size else np.nan,
-        "median_second": float(np.median(of_second)) if of_second.size else np.nan,
+        "median_first": float(np.median(values_first)) if values_first.size else np.nan,
+        "median_second": float(np.median(values_second)) if values_second.size else np.nan,
         "difference": float(np.median(difference)) if difference.size else np.nan,
         "difference_low": low,
         "difference_high": high,
         "p_value": float(tuple(wilcoxon(difference))[1]) if np.count_nonzero(difference) else np.nan,
         "only_first_diverged": only_first,
         "only_second_diverged": only_second,
-        "p_diverged": float(binomtest(only_first, lost).pvalue) if lost else np.nan,
+        "p_diverged": float(binomtest(only_first, n_diverged).pvalue) if n_diverged else np.nan,
     }
 
 
 def median_interval(values: Array) -> tuple[float, float]:
-    """Return an interval of the median by order statistics; infinite where the values are too few.
+    """Return a confidence interval of the median by order statistics; infinite if there are too few values.
 
-    The number of values below the median is binomial, whatever the distribution.
+    The number of values below the median is binomial for any distribution.
     """
-    # The k-th smallest is above the median with the probability that fewer than k are below it.
+    # P(k-th smallest value > median) = P(fewer than k values < median).
     k = int(binom.ppf((1.0 - CONFIDENCE) / 2.0, values.size, 0.5)) if values.size else 0
     if k == 0:
         return -np.inf, np.inf
@@ -238,28 +229,28 @@ def median_interval(values: Array) -> tuple[float, float]:
 
 def _conclusion(row: dict) -> str:
     low, high = row["difference_low"], row["difference_high"]
-    room = LEAST_SHARE * min(row["median_first"], row["median_second"])
+    margin = MIN_DIFFERENCE * min(row["median_first"], row["median_second"])
     if row["p_diverged_adjusted"] < FALSE_DISCOVERIES:
         more = "first" if row["only_first_diverged"] > row["only_second_diverged"] else "second"
         return f"{row[more]} diverges more often"
-    if -room <= low and high <= room:
+    if -margin <= low and high <= margin:
         return "tie"
-    if row["p_value_adjusted"] < FALSE_DISCOVERIES and (low > 0.0 or high < 0.0) and abs(row["difference"]) > room:
+    if row["p_value_adjusted"] < FALSE_DISCOVERIES and (low > 0.0 or high < 0.0) and abs(row["difference"]) > margin:
         return f"{row['second' if low > 0.0 else 'first']} is better"
     return "no difference found"
 
 
-class Findings(NamedTuple):
+class CampaignSummary(NamedTuple):
     """Statistics of a campaign.
 
     Attributes
     ----------
     columns : list of str
-        Axes that tell combinations of settings apart; not those that are drawn for each seed.
+        Axes, without those that are drawn for each seed.
     runs : DataFrame
-        A row for each finished run: axes, filter, seed, status and mean steady-state error.
+        A row for each run: axes, filter, seed, status and mean steady-state error.
     filters, coefficients, comparisons : DataFrame
-        As of `by_filter`, `by_coefficient` and `compare_filters`.
+        See `by_filter`, `by_coefficient` and `compare_filters`.
     """
 
     columns: list[str]
@@ -269,15 +260,15 @@ class Findings(NamedTuple):
     comparisons: pd.DataFrame
 
 
-def find(rows: pd.DataFrame, columns: Sequence[str]) -> Findings:
-    """Summarise rows as of `auvid_cli.campaign.measures.Measure`, with a column for each axis."""
+def summarize(rows: pd.DataFrame, columns: Sequence[str]) -> CampaignSummary:
+    """Return the statistics of a campaign; see `by_filter` for the arguments."""
     runs = rows.loc[rows["kind"] == "run", [*columns, "filter", "seed", "status", "steady_state_error_percent"]]
-    return Findings(
+    return CampaignSummary(
         list(columns), runs, by_filter(rows, columns), by_coefficient(rows, columns), compare_filters(rows, columns)
     )
 
 
-def in_order(rows: pd.DataFrame, runs: Iterable[str]) -> pd.DataFrame:
-    """Put rows in the order in which their runs were planned, not in that in which these ended."""
+def in_planned_order(rows: pd.DataFrame, runs: Iterable[str]) -> pd.DataFrame:
+    """Return rows in the planned order of their runs, instead of the order in which these ended."""
     place = {run: k for k, run in enumerate(runs)}
     return rows.sort_values("run", kind="stable", key=lambda runs: runs.map(place))

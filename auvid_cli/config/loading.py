@@ -29,7 +29,7 @@ from auvid_cli.config.source_positions import (
 )
 from auvid_cli.config.vehicle import Drawing, VehicleSettings
 from auvid_cli.errors import ConfigError
-from auvid_cli.regular import read_bytes
+from auvid_cli.regular_files import read_bytes
 from auvid_cli.text import shortened
 
 # File of an experiment that is a folder.

@@ -1,4 +1,4 @@
-"""Checks, and tables of results: rows with named columns, as CSV text and as tables of pandas."""
+"""Checks, and tables of results: rows with named columns as CSV and pandas tables."""
 
 import csv
 import re
@@ -15,22 +15,23 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*(e[+-]?\d+)?|inf|nan)", re.ASCII | re.IGNORECASE)
-# A spreadsheet takes for a formula what begins so.
+# Beginning of a formula in a spreadsheet.
 _FORMULA = re.compile("'*[=+@-]")
-# Columns by which a row of each table is known.
+# Columns that identify the rows of each table.
 KEYS: Mapping[str, tuple[str, ...]] = {
     "coefficients": ("filter", "coefficient"),
     "summary": ("filter",),
     "velocity_error": ("filter", "component"),
 }
-# Bytes; no table of results comes near.
-_LARGEST = 20_000_000
-# Cells by column, of each row by its key; of each table by its name.
-ResultTables: TypeAlias = dict[str, dict[tuple[str, ...], dict[str, str]]]
+_MAX_SIZE = 20_000_000  # bytes
+# Rows by their keys, with cells by column.
+ResultTable: TypeAlias = dict[tuple[str, ...], dict[str, str]]
+# Tables by name.
+ResultTables: TypeAlias = dict[str, ResultTable]
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
-    """Write a header and rows as CSV; None and NaN are empty cells, floats keep all digits, for text see `csv_cell`."""
+    """Return CSV text; None and NaN are empty cells, floats keep all digits, see `csv_cell` for text."""
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(map(csv_cell, header))
@@ -39,7 +40,7 @@ def csv_text(header: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
 
 
 def csv_cell(value: Any) -> Any:
-    """Put text in a line, and behind an apostrophe if it would be a formula; `csv_value` takes that away."""
+    """Return a printable cell; text like a formula gets an apostrophe, which `csv_value` removes."""
     if isinstance(value, float) and isnan(value):
         return None
     if not isinstance(value, str) or _NUMBER.fullmatch(value):
@@ -48,29 +49,22 @@ def csv_cell(value: Any) -> Any:
 
 
 def csv_value(cell: str) -> str:
-    """Return the text of a cell that `csv_cell` made."""
+    """Return the text of a cell of `csv_cell`."""
     return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
 
 
 class NamedRows(NamedTuple):
-    """Rows of one kind.
-
-    Attributes
-    ----------
-    columns : tuple of str
-    rows : sequence of sequences
-        A value for each column; None where it is not known.
-    """
+    """Rows with a value for each column, None if unknown."""
 
     columns: tuple[str, ...]
     rows: Sequence[Sequence[object]]
 
     def to_csv(self) -> str:
-        """Return the text of a CSV file, see `csv_text`."""
+        """Return CSV text, see `csv_text`."""
         return csv_text(self.columns, self.rows)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a table; where a flag is neither true nor false it is missing."""
+        """Return a pandas table; flags that are None are missing."""
         import pandas as pd
 
         frame = pd.DataFrame(list(self.rows), columns=list(self.columns))
@@ -79,68 +73,63 @@ class NamedRows(NamedTuple):
 
 
 def frames(tables: dict[str, NamedRows]) -> "dict[str, pd.DataFrame]":
-    """Return each of some tables as one of pandas, by the same names."""
+    """Return pandas tables by the same names."""
     return {name: table.to_pandas() for name, table in tables.items()}
 
 
-def read_result_tables(folder: Path, beside: str) -> ResultTables:
-    """Read the tables of results that are in a folder.
+def read_result_tables(folder: Path, results_name: str) -> ResultTables:
+    """Read the tables of `KEYS` that are in a folder, at least the coefficients.
 
     Parameters
     ----------
     folder : pathlib.Path
-        A results folder, a folder with the tables themselves, or one with a results folder named `comparison`.
-    beside : str
-        Name of the results folder with which these are to be compared.
-
-    Returns
-    -------
-    dict
-        As many of the tables in `KEYS` as there are, the coefficients at least.
+        Results folder, folder of the tables, or folder with a results folder named `results_name`.
+    results_name : str
+        Name of the other results folder of the comparison.
 
     Raises
     ------
     FileError
-        If there are none, or a file is no such table.
+        If there are no tables, or a file is not valid.
     """
-    home = _folder_of_tables(folder, beside)
+    home = _folder_of_tables(folder, results_name)
     return {name: _read(home / f"{name}.csv", key) for name, key in KEYS.items() if (home / f"{name}.csv").is_file()}
 
 
-def _folder_of_tables(folder: Path, beside: str) -> Path:
-    for home in (folder / "tables", folder, folder / beside / "tables", folder / beside):
+def _folder_of_tables(folder: Path, results_name: str) -> Path:
+    for home in (folder / "tables", folder, folder / results_name / "tables", folder / results_name):
         if (home / "coefficients.csv").is_file():
             return home
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; name a results folder, such as results/spiral")
-    raise FileError(f"{folder}: no tables (coefficients.csv) are there; `auvid report` makes those of a results folder")
+    raise FileError(f"{folder}: no tables (coefficients.csv); make those of a results folder with `auvid report`")
 
 
-def _read(path: Path, key: tuple[str, ...]) -> dict[tuple[str, ...], dict[str, str]]:
-    if path.stat().st_size > _LARGEST:
+def _read(path: Path, key: tuple[str, ...]) -> ResultTable:
+    if path.stat().st_size > _MAX_SIZE:
         raise FileError(f"{path}: is too large for a table of results")
-    rows: dict[tuple[str, ...], dict[str, str]] = {}
+    rows: ResultTable = {}
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = csv.reader(file, strict=True)
             header = next(lines, [])
             if missing := [column for column in key if column not in header]:
-                raise FileError(f"{path}:1: is no table of results: there is no column {', '.join(missing)}")
+                raise FileError(f"{path}:1: not a table of results; column {', '.join(missing)} is missing")
             if len(header) != len({*header}):
-                raise FileError(f"{path}:1: a column stands there twice")
+                raise FileError(f"{path}:1: a column name occurs twice")
             for cells in lines:
+                where = f"{path}:{lines.line_num}"
                 if len(cells) != len(header):
-                    where = f"{path}:{lines.line_num}"
-                    raise FileError(f"{where}: {len(cells)} cells, and the table has {len(header)} columns")
+                    raise FileError(f"{where}: {len(cells)} cells; expected {len(header)}, one for each column")
                 row = dict(zip(header, cells, strict=True))
-                of = tuple(row.pop(column) for column in key)
-                if of in rows:
-                    raise FileError(f"{path}:{lines.line_num}: a second row of {one_line(' '.join(of))}")
-                rows[of] = row
+                row_key = tuple(row.pop(column) for column in key)
+                if row_key in rows:
+                    raise FileError(f"{where}: a second row of {one_line(' '.join(row_key))}")
+                rows[row_key] = row
     except UnicodeDecodeError:
-        raise FileError(f"{path}: is no text in UTF-8") from None
+        raise FileError(f"{path}: not UTF-8 text") from None
     except csv.Error as error:
-        raise FileError(f"{path}: is no CSV: {error}") from None
+        raise FileError(f"{path}: not a CSV file: {error}") from None
     return rows
 
 
@@ -151,15 +140,15 @@ class Check(NamedTuple):
     ----------
     filter : str
     subject : str
-        A sensor, an input, or "coefficients".
+        Sensor, input, or "coefficients".
     check : str
-        What is looked at.
+        Name of the statistic.
     statistic, threshold : str
-        What came out, and what it may be.
+        Its value and its limit.
     passed : bool or None
-        None where it did not pass but is only worth knowing.
+        None for a note.
     advice : str
-        What to do; empty where it passed.
+        Empty if passed.
     """
 
     filter: str
@@ -182,7 +171,7 @@ class Check(NamedTuple):
         passed: bool | None,
         advice: str,
     ) -> "Check":
-        """Make a verdict that gives advice only where it is needed."""
+        """Return a check, with advice only if it did not pass."""
         return cls(filter_name, subject, check, statistic, threshold, passed, "" if passed else advice)
 
     @classmethod
@@ -200,7 +189,7 @@ class Check(NamedTuple):
         fails: bool = True,
         is_least: bool = False,
     ) -> "Check":
-        """Judge named numbers, none of which may be beyond a limit; those that are stand there, the farthest first."""
+        """Return the check that no value is beyond a limit; its statistic lists those beyond, the worst first."""
         sign = -1.0 if is_least else 1.0
         ordered = sorted(values, key=lambda name: -sign * values[name])
         beyond = [name for name in ordered if not sign * values[name] <= sign * limit]
@@ -215,7 +204,7 @@ class Check(NamedTuple):
     def of_names(
         cls, filter_name: str, check: str, names: Sequence[str], *, threshold: str, advice: str, fails: bool = True
     ) -> "Check":
-        """Make a verdict that passes if no name is on a list."""
+        """Return the check that a list of names is empty."""
         passed = True if not names else False if fails else None
         return cls.of(
             filter_name,
@@ -229,17 +218,14 @@ class Check(NamedTuple):
 
 
 class Checks(list[Check]):
-    """Verdicts in the order in which they are reached."""
+    """Checks in order."""
 
     def failed(self) -> list[Check]:
-        """Return those that did not pass."""
+        """Return the failed checks."""
         return [check for check in self if check.passed is False]
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a table with a row for each verdict and the fields of `Check` as columns.
-
-        ``passed`` is missing of what is only worth knowing.
-        """
+        """Return a table with a row for each check and the fields of `Check` as columns; ``passed`` may be missing."""
         return self.rows().to_pandas()
 
     def rows(self) -> NamedRows:

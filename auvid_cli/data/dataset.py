@@ -1,4 +1,4 @@
-"""Commands and measurements: the value object between simulation and identification."""
+"""Dataset of one run: inputs, measurements, settings and, of a simulation, the truth."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 # Seconds, or whole nanoseconds.
 _Clock = TypeVar("_Clock", NDArray[np.float64], NDArray[np.int64])
-# s, for which a last input may hold, and within which two times are the same.
-_LONGEST_HELD, _ROUNDING = 1.0, 1e-9
+_MAX_LAST_HOLD = 1.0  # s
+_TIME_ROUNDING = 1e-9  # s
 
 
 class Vector(NamedTuple):
-    """What is known of a sensor along three axes: a field of `SensorRecord`, which is zero where it does not matter."""
+    """Description of a field of `SensorRecord` with three components, zero where it is not needed."""
 
     name: str
     meaning: str
     unit: str
     dimension: str
     axes: tuple[str, str, str]
-    along: str
+    axes_meaning: str
 
 
 VECTORS = (
     Vector(
-        *("position", "where the sensor sits", "m"),
+        *("position", "position of the sensor", "m"),
         *("axis", ("forward", "starboard", "down"), "from the origin of the vehicle"),
     ),
     Vector(
@@ -48,13 +48,13 @@ VECTORS = (
 
 
 def shared_clock(times: _Clock, clocks: Iterable[_Clock]) -> _Clock:
-    """Return the first of some clocks that says the same times, else these: of ten hours at 100 Hz 29 MB."""
+    """Return the first clock with equal times, otherwise `times`; saves 29 MB for ten hours at 100 Hz."""
     return next((clock for clock in clocks if np.array_equal(clock, times)), times)
 
 
 @dataclass(frozen=True)
 class SensorRecord:
-    """One sensor's samples.
+    """Samples of one sensor.
 
     Attributes
     ----------
@@ -65,10 +65,10 @@ class SensorRecord:
     standard_deviation : ndarray, shape (c,)
         Stated measurement noise, SI.
     position : tuple of float
-        Where the sensor sits, forward, starboard and down of the origin of the vehicle, m. That of the origin where
-        the samples are as if taken there, and where it does not matter.
+        Position of the sensor, forward, starboard and down of the origin of the vehicle, m; zero if the samples are
+        already referred to the origin.
     earth_field : tuple of float
-        Magnetic field of the earth, north, east and down, T, of a sensor that measures it.
+        Magnetic field of the earth, north, east and down, T, for a sensor that measures it.
     """
 
     time: Array
@@ -79,11 +79,11 @@ class SensorRecord:
 
     @property
     def measured_times(self) -> Array:
-        """Return the times at which any component was measured, s."""
+        """Return the times with at least one measured component, s."""
         return self.time[np.isfinite(self.values).any(axis=1)]
 
     def between(self, begin: float, end: float) -> "SensorRecord":
-        """Return the samples from one time to another, s, both included."""
+        """Return the samples from `begin` to `end`, s, both included."""
         first, past = np.searchsorted(self.time, begin), np.searchsorted(self.time, end, side="right")
         return replace(self, time=self.time[first:past], values=self.values[first:past])
 
@@ -97,7 +97,7 @@ class InputRecord:
     time : ndarray, shape (n,)
         s, increasing.
     values : ndarray, shape (n, 4) or (n, 6)
-        SI; behind the four revolutions and voltage, where they are recorded.
+        SI; the last two, if recorded, are revolutions and voltage.
     """
 
     time: Array
@@ -105,34 +105,25 @@ class InputRecord:
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """Return what each column is."""
+        """Return the quantity of each column."""
         return ALL_INPUTS[: self.values.shape[1]]
 
     def ends_before(self, last: float) -> bool:
-        """Say whether measurements up to a last one, s, go on for too long after the last input to take it to hold.
-
-        That is for longer than a second, and than any other input held.
-        """
-        held = float(np.diff(self.time).max(initial=0.0))
-        return last - float(self.time[-1]) > max(_LONGEST_HELD, held) + _ROUNDING
+        """Whether the last input holds longer than 1 s, and than any other input, until a last measurement, s."""
+        longest = float(np.diff(self.time).max(initial=0.0))
+        return last - float(self.time[-1]) > max(_MAX_LAST_HOLD, longest) + _TIME_ROUNDING
 
     def check_for(self, coefficients: CoefficientSet) -> None:
-        """Refuse coefficients of inputs that are not here.
-
-        Raises
-        ------
-        DataError
-            With the terms that have such factors.
-        """
+        """Raise a DataError if terms depend on inputs that are not recorded."""
         if coefficients.of_propulsion and len(self.quantities) < len(ALL_INPUTS):
             names = ", ".join(term.symbol for term in coefficients.of_propulsion)
             raise DataError(
-                f"no revolutions or voltage are recorded, of which the vehicle's {names} are made: map them at import "
-                "(inputs.revolutions, inputs.voltage), or take these terms out (vehicle.terms)"
+                f"no revolutions or voltage are recorded, but the vehicle's {names} depend on them; map them at import "
+                "(inputs.revolutions, inputs.voltage), or remove these terms (vehicle.terms)"
             )
 
     def between(self, begin: float, end: float) -> "InputRecord":
-        """Return the inputs from one time to another, s; one that holds when these begin is known from there on."""
+        """Return the inputs from `begin` to `end`, s; the input that holds at `begin` gets that time."""
         first = max(int(np.searchsorted(self.time, begin, side="right")) - 1, 0)
         past = max(int(np.searchsorted(self.time, end, side="right")), first + 1)
         return InputRecord(np.maximum(self.time[first:past], begin), self.values[first:past])
@@ -140,7 +131,7 @@ class InputRecord:
 
 @dataclass(frozen=True)
 class TruthRecord:
-    """What only a simulation knows.
+    """True motion and coefficients of a simulation.
 
     Attributes
     ----------
@@ -149,10 +140,9 @@ class TruthRecord:
     position : ndarray, shape (n, 3)
         North, east, down, m.
     coefficients : dict
-        True coefficients by symbol, SI: the 22, then those of own terms.
+        True coefficients by symbol, SI: the 22, then those of additional terms.
     disturbance : ndarray, shape (n, 6), or None
-        Force, N, and moment, N m, from each time to the next, that the model does not explain, see `DISTURBANCE`; None
-        if there is none.
+        Force, N, and moment, N m, outside the model, constant from each time to the next; see `DISTURBANCE`.
     """
 
     time: Array
@@ -162,12 +152,12 @@ class TruthRecord:
     disturbance: Array | None = None
 
     def coefficients_of(self, symbols: Iterable[str]) -> dict[str, float]:
-        """Return some true coefficients by symbol, SI; that of a term which the simulation did not have is 0."""
+        """Return true coefficients by symbol, SI; 0 for a term that the simulation did not have."""
         return {symbol: self.coefficients.get(symbol, 0.0) for symbol in symbols}
 
     @property
     def tables(self) -> tuple[tuple[tuple[Quantity, ...], Array], ...]:
-        """Return what there is over time."""
+        """Return the quantities and values of each table over time."""
         disturbed = () if self.disturbance is None else ((DISTURBANCE, self.disturbance),)
         return (MOTION, self.motion), (POSITION, self.position), *disturbed
 
@@ -179,15 +169,15 @@ class Dataset:
     Attributes
     ----------
     inputs : InputRecord
-        Rudder and elevator, rad, surge force, N, and roll moment, N m; revolutions and voltage where they are known.
+        Rudder and elevator, rad, surge force, N, and roll moment, N m; revolutions and voltage if recorded.
     sensors : dict of SensorRecord
         By the name of the sensor, see `SENSORS`; SI.
     experiment : RunSettings
-        How it was made, and how it is to be identified.
+        Settings of the run and of its identification.
     truth : TruthRecord or None
-        Only where a simulation made it.
+        Of a simulation.
     sha256 : str
-        Of the file that it was read from; empty if there is none.
+        Of the file that it was read from; empty if it was not read from a file.
     """
 
     inputs: InputRecord
@@ -198,7 +188,7 @@ class Dataset:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: object, handler: object) -> core_schema.CoreSchema:
-        """Return the schema that takes any instance as it is."""
+        """Return the schema that accepts any instance."""
         return core_schema.is_instance_schema(cls)
 
     def __repr__(self) -> str:
@@ -207,28 +197,28 @@ class Dataset:
         return f"<Dataset of {self.experiment.name!r}: {duration:g} s, sensors {sensors}, truth {truth}>"
 
     def simulated_with(self, coefficients: Mapping[str, float]) -> list[str]:
-        """Name those of some coefficients, SI, that are the very ones of the simulation: nobody may start there."""
+        """Return the symbols of `coefficients`, SI, that equal the true ones: an identification must not use them."""
         true = {} if self.truth is None else self.truth.coefficients
         return [symbol for symbol, value in coefficients.items() if value != 0.0 and true.get(symbol) == value]
 
     def known_coefficients(self) -> dict[str, float]:
-        """Return the true coefficients of a simulation, else those that the vehicle states, SI, by symbol."""
+        """Return the true coefficients of a simulation, otherwise those stated by the vehicle, SI, by symbol."""
         vehicle = self.experiment.vehicle
         if self.truth is None:
             return vehicle.stated_coefficients()
         return self.truth.coefficients_of(vehicle.coefficient_set.symbols)
 
     def units_of_truth(self) -> list[str]:
-        """Return the SI units of the true coefficients; empty of a term that the vehicle of the settings lacks."""
+        """Return the SI units of the true coefficients; empty for a term that the vehicle does not have."""
         units = self.experiment.vehicle.coefficient_set.units
         return [] if self.truth is None else [units.get(symbol, "") for symbol in self.truth.coefficients]
 
     def without_truth(self) -> "Dataset":
-        """Return the same as a vehicle would have logged it."""
+        """Return the dataset as a vehicle would have logged it."""
         return replace(self, truth=None)
 
     def sensors_between(self, begin: float, end: float) -> "Dataset":
-        """Return the same with the samples of all sensors from one time to another, s; the inputs stay whole."""
+        """Return the dataset with samples of the sensors from `begin` to `end` only, s, and all inputs."""
         return replace(self, sensors={name: record.between(begin, end) for name, record in self.sensors.items()})
 
     def to_pandas(self) -> "dict[str, pd.DataFrame]":
@@ -237,7 +227,7 @@ class Dataset:
         Returns
         -------
         dict of pandas.DataFrame
-            ``inputs``, ``sensors/NAME`` of each sensor and, where there is one, ``truth``: SI, indexed by time, s;
+            ``inputs``, ``sensors/NAME`` of each sensor and, of a simulation, ``truth``: SI, indexed by time, s;
             ``attrs["units"]`` has the unit of each column.
         """
         from auvid_cli.data.interop import dataset_series
@@ -262,21 +252,21 @@ class Dataset:
         return dataset_tree(self)
 
 
-def within(dataset: Dataset, begin: float, end: float) -> Dataset:
-    """Cut inputs and all sensors to a span of time, s; an input that holds as it begins, or ends, is known there.
+def cut(dataset: Dataset, begin: float, end: float) -> Dataset:
+    """Return a dataset from `begin` to `end`, s, with the inputs that hold at both.
 
     Raises
     ------
     DataError
-        If it ends before it begins, no sensor says anything in that time, or no input has begun by its end.
+        If `end` is not later than `begin`, or no sensor or input has samples in that time.
     """
     if not begin < end:
-        raise DataError(f"a part begins before it ends, and not at t = {begin:g} s for an end at {end:g} s")
+        raise DataError(f"t = {begin:g} s to {end:g} s: the end must be later than the beginning")
     if not dataset.inputs.time[0] < end:
         raise DataError(f"the inputs begin at t = {dataset.inputs.time[0]:g} s, after the end at {end:g} s")
     window = dataset.sensors_between(begin, end)
     if not any(record.time.size for record in window.sensors.values()):
-        raise DataError(f"no sensor says anything from t = {begin:g} s to {end:g} s")
+        raise DataError(f"no sensor has samples from t = {begin:g} s to {end:g} s")
     inputs = dataset.inputs.between(begin, end)
     if inputs.time[-1] < end <= dataset.inputs.time[-1]:
         inputs = InputRecord(np.append(inputs.time, end), np.vstack([inputs.values, inputs.values[-1:]]))

@@ -1,4 +1,4 @@
-"""dataset.h5: measurement and writing a Dataset."""
+"""Write, read and check ``dataset.h5``."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -6,168 +6,157 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.config.loading import dump_experiment, parse_run
-from auvid_cli.data.dataset import VECTORS, Dataset, InputRecord, SensorRecord, TruthRecord, shared_clock
-from auvid_cli.data.netcdf import (
-    FileAttributes,
-    check_units,
-    count_rows,
-    digest,
-    mark_missing,
-    new_file,
-    open_file,
-    read_array,
-    read_attributes,
-    read_names,
-    read_table,
-    subgroup,
-    subgroups,
-    write_dimension,
-    write_variable,
-)
-from auvid_cli.data.validate_records import check_dataset
+from auvid_cli.config.units import magnitude_of
+from auvid_cli.data import netcdf
+from auvid_cli.data.dataset import VECTORS, Array, Dataset, InputRecord, SensorRecord, TruthRecord, shared_clock
 from auvid_cli.errors import FileError
 from auvid_cli.text import one_line
-from auvid_cli.vehicle.parameters import ALL_INPUTS, DISTURBANCE, INPUTS, MOTION, POSITION, PROPULSION, SENSORS
+from auvid_cli.vehicle.coefficients import SYMBOLS, is_name_of_term
+from auvid_cli.vehicle.parameters import (
+    ALL_INPUTS,
+    DISTURBANCE,
+    INPUTS,
+    MOTION,
+    POSITION,
+    PROPULSION,
+    SENSORS,
+    Quantity,
+)
 
-# Of more than so many samples of the true motion, every so many are read: enough to compare and to draw.
-_MOST_TRUTH = 100_000
+# Longer true motions are thinned to about this many samples, enough to compare and to plot.
+_MAX_TRUTH = 100_000
 
 
 def write_dataset(path: Path, dataset: Dataset) -> None:
-    """Write a dataset whole or not at all.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written, or `read_dataset` would refuse it.
-    """
+    """Write a dataset completely or not at all; raise a FileError also if `read_dataset` would refuse it."""
     try:
-        check_dataset(dataset)
+        _check_dataset(dataset)
     except ValueError as error:
         raise FileError(f"{path}: not written: {one_line(str(error))}") from None
     experiment = dataset.experiment
-    with new_file(path, "dataset", dump_experiment(experiment), experiment.seed) as file:
+    with netcdf.new_file(path, "dataset", dump_experiment(experiment), experiment.seed) as file:
         inputs = file.create_group("inputs")
-        write_dimension(inputs, "time", dataset.inputs.time, "start of the interval in which inputs hold", "s")
-        for column, quantity in enumerate(dataset.inputs.quantities):
-            values = dataset.inputs.values[:, column]
-            write_variable(inputs, quantity.symbol, values, ("time",), quantity.meaning, quantity.unit)
+        netcdf.write_dimension(inputs, "time", dataset.inputs.time, "start of the interval in which inputs hold", "s")
+        _write_table(inputs, dataset.inputs.quantities, dataset.inputs.values)
         for name, record in dataset.sensors.items():
             _write_sensor(file.create_group(f"sensors/{name}"), name, record)
         if dataset.truth is not None:
             _write_truth(file.create_group("truth"), dataset.truth, dataset.units_of_truth())
 
 
+def _write_table(group: h5py.Group, quantities: Iterable[Quantity], values: Array) -> None:
+    for quantity, column in zip(quantities, values.T, strict=True):
+        netcdf.write_variable(group, quantity.symbol, column, ("time",), quantity.meaning, quantity.unit)
+
+
 def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
     quantities = SENSORS[name]
-    write_dimension(group, "time", record.time, "time of measurement", "s")
-    write_dimension(group, "component", np.array([q.symbol for q in quantities]), "measured component")
-    for column, quantity in enumerate(quantities):
-        values = record.values[:, column]
-        write_variable(group, quantity.symbol, values, ("time",), quantity.meaning, quantity.unit)
+    netcdf.write_dimension(group, "time", record.time, "time of measurement", "s")
+    netcdf.write_dimension(group, "component", np.array([q.symbol for q in quantities]), "measured component")
+    _write_table(group, quantities, record.values)
     meaning = "stated standard deviation of the noise"
-    write_variable(group, "standard_deviation", record.standard_deviation, ("component",), meaning, quantities[0].unit)
+    netcdf.write_variable(
+        group, "standard_deviation", record.standard_deviation, ("component",), meaning, quantities[0].unit
+    )
     for vector in VECTORS:
         if any(values := getattr(record, vector.name)):
-            write_dimension(group, vector.dimension, np.array(vector.axes), vector.along)
-            write_variable(group, vector.name, np.array(values), (vector.dimension,), vector.meaning, vector.unit)
+            netcdf.write_dimension(group, vector.dimension, np.array(vector.axes), vector.axes_meaning)
+            netcdf.write_variable(
+                group, vector.name, np.array(values), (vector.dimension,), vector.meaning, vector.unit
+            )
     valid = np.isfinite(record.values).view(np.int8)
-    write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
+    netcdf.write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
 
 
 def _write_truth(group: h5py.Group, truth: TruthRecord, units: list[str]) -> None:
-    write_dimension(group, "time", truth.time, "time", "s")
-    for table, values in truth.tables:
-        for column, quantity in enumerate(table):
-            write_variable(group, quantity.symbol, values[:, column], ("time",), quantity.meaning, quantity.unit)
-    write_dimension(group, "coefficient", np.array([*truth.coefficients]), "hydrodynamic coefficient")
+    netcdf.write_dimension(group, "time", truth.time, "time", "s")
+    for quantities, values in truth.tables:
+        _write_table(group, quantities, values)
+    netcdf.write_dimension(group, "coefficient", np.array([*truth.coefficients]), "hydrodynamic coefficient")
     true = np.array([*truth.coefficients.values()])
-    write_variable(group, "true_coefficient", true, ("coefficient",), "true value, SI; units in `unit`")
-    write_variable(group, "unit", np.array(units), ("coefficient",), "unit of each coefficient")
+    netcdf.write_variable(group, "true_coefficient", true, ("coefficient",), "true value, SI; units in `unit`")
+    netcdf.write_variable(group, "unit", np.array(units), ("coefficient",), "unit of each coefficient")
 
 
-class _Attributes(FileAttributes):
-    """What the root of a dataset file says of it."""
-
+class _Attributes(netcdf.FileAttributes):
     settings: str
 
 
 def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
-    """Read a dataset; `overrides` change its settings as on the command line.
+    """Read a dataset; `overrides` change its settings like ``--set``.
 
     Raises
     ------
     FileError
-        If it is missing, damaged, foreign, of a newer schema, or holds what no vehicle can have recorded.
+        If the file is missing, damaged, of another program or a newer schema, or has impossible values.
     ConfigError
-        If the settings inside, with the overrides, are not valid.
+        If its settings, with the overrides, are not valid.
     """
-    with open_file(path, "dataset") as file:
-        settings = read_attributes(file, _Attributes).settings
-        group = subgroup(file, "inputs")
-        # Files of before have no others.
+    with netcdf.open_file(path, "dataset") as file:
+        settings = netcdf.read_attributes(file, _Attributes).settings
+        group = netcdf.subgroup(file, "inputs")
+        # Older files have no revolutions and voltage.
         inputs = ALL_INPUTS if all(quantity.symbol in group for quantity in PROPULSION) else INPUTS
-        check_units(group, inputs)
-        times = read_array(group, "time")
+        netcdf.check_units(group, inputs)
+        times = netcdf.read_array(group, "time")
         sensors: dict[str, SensorRecord] = {}
-        for name, of_sensor in subgroups(file, "sensors").items():
+        for name, sensor_group in netcdf.subgroups(file, "sensors").items():
             clocks = times, *(record.time for record in sensors.values())
-            sensors[name] = _read_sensor(of_sensor, name, clocks)
+            sensors[name] = _read_sensor(sensor_group, name, clocks)
         dataset = Dataset(
-            InputRecord(times, read_table(group, [quantity.symbol for quantity in inputs])),
+            InputRecord(times, netcdf.read_table(group, [quantity.symbol for quantity in inputs])),
             sensors,
             parse_run(settings, f"{path} (settings)", overrides),
-            _read_truth(subgroup(file, "truth")) if "truth" in file else None,
-            digest(path),
+            _read_truth(netcdf.subgroup(file, "truth")) if "truth" in file else None,
+            netcdf.digest(path),
         )
-        check_dataset(dataset)
+        _check_dataset(dataset)
     return dataset
 
 
-def _read_sensor(group: h5py.Group, name: str, clocks: Iterable[NDArray[np.float64]]) -> SensorRecord:
-    if name not in SENSORS:
-        raise ValueError(f"unknown sensor {name!r}; auvid knows {', '.join(SENSORS)}")
-    values = read_table(group, [quantity.symbol for quantity in SENSORS[name]])
-    mark_missing(group, "valid", values)
-    check_units(group, SENSORS[name])
+def _read_sensor(group: h5py.Group, name: str, clocks: Iterable[Array]) -> SensorRecord:
+    _check_known(name)
+    values = netcdf.read_table(group, [quantity.symbol for quantity in SENSORS[name]])
+    netcdf.mark_missing(group, "valid", values)
+    netcdf.check_units(group, SENSORS[name])
     values[~np.isfinite(values)] = np.nan
-    times = shared_clock(read_array(group, "time"), clocks)
-    record = SensorRecord(times, values, read_array(group, "standard_deviation"))
-    return replace(record, **{v.name: tuple(read_array(group, v.name)) for v in VECTORS if v.name in group})
+    times = shared_clock(netcdf.read_array(group, "time"), clocks)
+    record = SensorRecord(times, values, netcdf.read_array(group, "standard_deviation"))
+    return replace(record, **{v.name: tuple(netcdf.read_array(group, v.name)) for v in VECTORS if v.name in group})
 
 
 def _read_truth(group: h5py.Group) -> TruthRecord:
-    every = 1 + count_rows(group, "time") // _MOST_TRUTH
+    every = 1 + netcdf.count_rows(group, "time") // _MAX_TRUTH
     disturbance = [quantity.symbol for quantity in DISTURBANCE]
     return TruthRecord(
-        read_array(group, "time", every),
-        read_table(group, [quantity.symbol for quantity in MOTION], every),
-        read_table(group, [quantity.symbol for quantity in POSITION], every),
-        dict(zip(read_names(group, "coefficient"), read_array(group, "true_coefficient").tolist(), strict=True)),
-        read_table(group, disturbance, every) if disturbance[0] in group else None,
+        netcdf.read_array(group, "time", every),
+        netcdf.read_table(group, [quantity.symbol for quantity in MOTION], every),
+        netcdf.read_table(group, [quantity.symbol for quantity in POSITION], every),
+        dict(
+            zip(
+                netcdf.read_names(group, "coefficient"),
+                netcdf.read_array(group, "true_coefficient").tolist(),
+                strict=True,
+            )
+        ),
+        netcdf.read_table(group, disturbance, every) if disturbance[0] in group else None,
     )
 
 
 def holds_data(path: Path, dataset: Dataset) -> bool:
-    """Say whether a file has the very numbers of a dataset; its settings are not looked at.
-
-    Raises
-    ------
-    FileError
-        As of `read_dataset`.
-    """
-    with open_file(path, "dataset") as file:
-        # One after the other: hours of data need not be in memory twice.
+    """Whether a file has the same numbers as a dataset, whatever its settings; errors are those of `read_dataset`."""
+    with netcdf.open_file(path, "dataset") as file:
+        # One variable at a time, so that hours of data are not in memory twice.
         return all(
-            np.array_equal(read_array(file, name), values, equal_nan=True) for name, values in _variables(dataset)
+            np.array_equal(netcdf.read_array(file, name), values, equal_nan=True)
+            for name, values in _variables(dataset)
         )
 
 
-def _variables(dataset: Dataset) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Yield what `write_dataset` writes, by its place in the file."""
+def _variables(dataset: Dataset) -> Iterator[tuple[str, Array]]:
+    """Yield the path in the file and the values of each variable that `write_dataset` writes."""
     inputs, truth = dataset.inputs, dataset.truth
     tables = [("inputs", inputs.time, inputs.quantities, inputs.values)]
     for name, record in dataset.sensors.items():
@@ -180,3 +169,60 @@ def _variables(dataset: Dataset) -> Iterator[tuple[str, NDArray[np.float64]]]:
         yield f"{group}/time", time
         for column, quantity in enumerate(quantities):
             yield f"{group}/{quantity.symbol}", values[:, column]
+
+
+def _check_dataset(dataset: Dataset) -> None:
+    """Raise a ValueError if shapes, times or values of a dataset are impossible."""
+    inputs = dataset.inputs
+    netcdf.check_times("/inputs", inputs.time, increasing=True)
+    if not inputs.time.size:
+        raise ValueError("/inputs is empty")
+    netcdf.check_shapes("/inputs", (inputs.values, (inputs.time.size, len(inputs.quantities))))
+    netcdf.check_finite("/inputs", inputs.values)
+    for column, quantity in enumerate(inputs.quantities):
+        _check_magnitude(f"/inputs/{quantity.symbol}", inputs.values[:, column], quantity.unit)
+    for name, record in dataset.sensors.items():
+        _check_sensor(name, record)
+    if dataset.truth is not None:
+        _check_truth(dataset.truth)
+
+
+def _check_known(sensor: str) -> None:
+    if sensor not in SENSORS:
+        raise ValueError(f"unknown sensor {sensor!r}; expected one of {', '.join(SENSORS)}")
+
+
+def _check_sensor(name: str, record: SensorRecord) -> None:
+    _check_known(name)
+    where, n, width = f"/sensors/{name}", record.time.size, len(SENSORS[name])
+    netcdf.check_times(where, record.time, increasing=True)
+    netcdf.check_shapes(where, (record.values, (n, width)), (record.standard_deviation, (width,)))
+    netcdf.check_deviations(where, record.standard_deviation)
+    for vector in VECTORS:
+        values = np.array(getattr(record, vector.name))
+        netcdf.check_shapes(f"{where}/{vector.name}", (values, (3,)))
+        netcdf.check_finite(f"{where}/{vector.name}", values)
+        _check_magnitude(f"{where}/{vector.name}", values, vector.unit)
+    for column, quantity in enumerate(SENSORS[name]):
+        _check_magnitude(f"{where}/{quantity.symbol}", record.values[:, column], quantity.unit)
+
+
+def _check_magnitude(where: str, values: Array, unit: str) -> None:
+    """Raise a ValueError if a value is beyond every real sensor and actuator; NaN is a missing value."""
+    limit = magnitude_of(unit).largest
+    largest = float(np.fmax.reduce(np.abs(values), initial=0.0))
+    if largest > limit:
+        raise ValueError(f"{where} has {largest:g} {unit}, more than the plausible maximum of {limit:g} {unit}")
+
+
+def _check_truth(truth: TruthRecord) -> None:
+    n = truth.time.size
+    netcdf.check_times("/truth", truth.time, increasing=True)
+    netcdf.check_shapes("/truth", *((values, (n, len(table))) for table, values in truth.tables))
+    netcdf.check_finite("/truth", *(values for _, values in truth.tables), np.array(list(truth.coefficients.values())))
+    if not n:
+        raise ValueError("/truth is empty")
+    if missing := [symbol for symbol in SYMBOLS if symbol not in truth.coefficients]:
+        raise ValueError(f"/truth has no coefficient {', '.join(missing)}")
+    if unknown := [symbol for symbol in truth.coefficients if symbol not in SYMBOLS and not is_name_of_term(symbol)]:
+        raise ValueError(f"/truth has unknown coefficients: {', '.join(unknown)}")

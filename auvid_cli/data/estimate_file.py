@@ -1,50 +1,46 @@
-"""estimates/<filter>.h5: measurement and writing an Estimate."""
+"""Write, read and check ``estimates/<filter>.h5``."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial, reduce
+from functools import reduce
 from pathlib import Path
 from typing import Annotated
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.loading import dump_experiment, parse_run
-from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Outcome
-from auvid_cli.data.faults import Fault, FaultTest
-from auvid_cli.data.innovations import Autocorrelation, Innovations, InnovationSums
-from auvid_cli.data.netcdf import (
-    FileAttributes,
-    append,
-    count_rows,
-    new_file,
-    open_file,
-    read_array,
-    read_attributes,
-    read_names,
-    read_rows,
-    subgroup,
-    subgroups,
-    write_dimension,
-    write_growing,
-    write_variable,
+from auvid_cli.data import netcdf
+from auvid_cli.data.estimate import (
+    STATES,
+    Array,
+    Autocorrelation,
+    Estimate,
+    EstimateChunk,
+    EstimateHeader,
+    Innovations,
+    InnovationSums,
+    Outcome,
 )
-from auvid_cli.data.validate_records import check_estimated_states, check_innovations
-from auvid_cli.vehicle.parameters import SENSORS
+from auvid_cli.data.faults import Fault, FaultTest
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS
 
-# Of more than so many events or measurements of a sensor, every so many are read: evenly spaced, they say the same.
-_MOST_ROWS = 50_000
-# Of the group of faults, besides their names.
+# Longer estimates, and innovations of a sensor, are thinned to about this many rows.
+MAX_ROWS = 50_000
+# Least standard deviation of an innovation as a share of the measurement noise, to allow for rounding.
+_MIN_SHARE_OF_NOISE = 0.999
+_ROUNDING = 1e-6  # of a standard deviation
+_MAX_ASYMMETRY = 1e-6  # of a covariance, as a share of the standard deviations
+# Columns of the group of faults.
 _FAULT_COLUMNS: tuple[tuple[str, type, str], ...] = (
-    ("unit", object, "unit of its size"),
-    ("size", float, "how large it would be, if nothing else was wrong"),
-    ("standard_deviation", float, "of its size"),
-    ("coefficient", object, "the one that it moves most"),
-    ("susceptibility", float, "standard deviations by which a fault of one of its own moves that"),
+    ("unit", object, "unit of the size"),
+    ("size", float, "most likely size if there is no other fault"),
+    ("standard_deviation", float, "standard deviation of the size"),
+    ("coefficient", object, "coefficient that the fault biases most"),
+    ("susceptibility", float, "bias of that coefficient by a fault of one standard deviation, in its own"),
 )
 
 
@@ -55,58 +51,50 @@ class EstimateWriter:
         self._file = file
 
     def append(self, chunk: EstimateChunk) -> None:
-        """Append more of the run."""
+        """Append events."""
         for name in ("time", "mean", "standard_deviation"):
-            append(self._file, name, getattr(chunk, name))
+            netcdf.append(self._file, name, getattr(chunk, name))
         for sensor, innovations in chunk.innovations.items():
             group = self._file.require_group(f"innovations/{sensor}")
             if "time" not in group:
                 _prepare_innovations(group, sensor, innovations)
             for name in ("time", "innovation", "variance", "nis"):
-                append(group, name, getattr(innovations, name))
+                netcdf.append(group, name, getattr(innovations, name))
             if innovations.weight is not None:
-                append(group, "weight", innovations.weight)
+                netcdf.append(group, "weight", innovations.weight)
 
     def finish(self, outcome: Outcome) -> None:
-        """Write what is known at the end."""
+        """Write the outcome of the run."""
         square = ("state", "state_of_column")
-        write_variable(self._file, "covariance", outcome.covariance, square, "posterior covariance at the last time")
+        netcdf.write_variable(
+            self._file, "covariance", outcome.covariance, square, "posterior covariance at the last time"
+        )
         if outcome.corrected:
             _write_corrected(self._file.create_group("corrected"), outcome.corrected)
         if outcome.faults:
             _write_faults(self._file.create_group("faults"), outcome.faults)
-        self._file.attrs.update(
-            {
-                "status": outcome.status,
-                "steps": outcome.steps,
-                "cpu_time_s": outcome.cpu_time,
-                "wall_time_s": outcome.wall_time,
-            }
-        )
+        times = {"cpu_time_s": outcome.cpu_time, "wall_time_s": outcome.wall_time}
+        self._file.attrs.update({"status": outcome.status, "steps": outcome.steps} | times)
 
 
 @contextmanager
 def new_estimate(path: Path, header: EstimateHeader) -> Iterator[EstimateWriter]:
-    """Make a new file for an estimate; it gets its name when the block ends well, with the outcome written.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    """
+    """Create the file of an estimate, see `netcdf.new_file`; raise a FileError if it cannot be written."""
     experiment = header.experiment
     attributes = {"filter": header.filter, "dataset_sha256": header.dataset_sha256}
-    with new_file(path, "estimate", dump_experiment(experiment), experiment.seed, **attributes) as file:
-        write_dimension(file, "state", np.array(header.state), "component of the augmented state")
-        write_dimension(file, "state_of_column", np.array(header.state), "the same, for the covariance")
-        write_variable(file, "unit", np.array(header.unit), ("state",), "unit of each component of the state")
-        write_dimension(file, "held", np.array(list(header.held), dtype=object), "coefficients not estimated")
+    with netcdf.new_file(path, "estimate", dump_experiment(experiment), experiment.seed, **attributes) as file:
+        netcdf.write_dimension(file, "state", np.array(header.state), "component of the augmented state")
+        netcdf.write_dimension(
+            file, "state_of_column", np.array(header.state), "component of the augmented state, for the covariance"
+        )
+        netcdf.write_variable(file, "unit", np.array(header.unit), ("state",), "unit of each component of the state")
+        netcdf.write_dimension(file, "held", np.array(list(header.held), dtype=object), "coefficients not estimated")
         held = np.array(list(header.held.values()), dtype=np.float64)
-        write_variable(file, "held_value", held, ("held",), "value at which each was held, SI")
+        netcdf.write_variable(file, "held_value", held, ("held",), "value at which each was held, SI")
         n, both = len(header.state), ("time", "state")
-        write_growing(file, "time", (), ("time",), "time after each event", "s")
-        write_growing(file, "mean", (n,), both, "posterior mean; units in `unit`")
-        write_growing(file, "standard_deviation", (n,), both, "posterior standard deviation")
+        netcdf.write_growing(file, "time", (), ("time",), "time after each event", "s")
+        netcdf.write_growing(file, "mean", (n,), both, "posterior mean; units in `unit`")
+        netcdf.write_growing(file, "standard_deviation", (n,), both, "posterior standard deviation")
         yield EstimateWriter(file)
 
 
@@ -116,21 +104,16 @@ def record_estimate(
     run: Callable[[Callable[[EstimateChunk], None]], Outcome],
     watch: Callable[[EstimateChunk], None] = lambda chunk: None,
 ) -> Estimate:
-    """Write an estimate as it comes, and read it back, as any later step would.
+    """Write an estimate while its filter runs, and read it back.
 
     Parameters
     ----------
     path : pathlib.Path
     header : EstimateHeader
     run : callable
-        Hands what comes to its argument, chunk by chunk, and returns how it ended.
+        Runs the filter, calls its argument with each chunk, and returns the outcome.
     watch : callable
-        Called with each chunk when it is written.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
+        Called with each chunk after it is written.
     """
     with new_estimate(path, header) as writer:
 
@@ -143,13 +126,7 @@ def record_estimate(
 
 
 def write_estimate(path: Path, estimate: Estimate) -> None:
-    """Write an estimate that is in memory, whole or not at all.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    """
+    """Write an estimate completely or not at all; raise a FileError if the file cannot be written."""
     with new_estimate(path, estimate) as writer:
         writer.append(estimate)
         writer.finish(estimate)
@@ -157,57 +134,54 @@ def write_estimate(path: Path, estimate: Estimate) -> None:
 
 def _prepare_innovations(group: h5py.Group, sensor: str, innovations: Innovations) -> None:
     unit, symbols = SENSORS[sensor][0].unit, [quantity.symbol for quantity in SENSORS[sensor]]
-    write_dimension(group, "component", np.array(symbols), "measured component")
+    netcdf.write_dimension(group, "component", np.array(symbols), "measured component")
     meaning = "stated standard deviation of the noise"
-    write_variable(group, "standard_deviation", innovations.standard_deviation, ("component",), meaning, unit)
+    netcdf.write_variable(group, "standard_deviation", innovations.standard_deviation, ("component",), meaning, unit)
     n, both = len(symbols), ("time", "component")
-    write_growing(group, "time", (), ("time",), "time of measurement", "s")
-    write_growing(group, "innovation", (n,), both, "measured less predicted", unit)
-    write_growing(group, "variance", (n,), both, "variance of the innovation", f"({unit})^2")
-    write_growing(group, "nis", (), ("time",), "normalised innovation squared", "1")
+    netcdf.write_growing(group, "time", (), ("time",), "time of measurement", "s")
+    netcdf.write_growing(group, "innovation", (n,), both, "measured less predicted", unit)
+    netcdf.write_growing(group, "variance", (n,), both, "variance of the innovation", f"({unit})^2")
+    netcdf.write_growing(group, "nis", (), ("time",), "normalised innovation squared", "1")
     if innovations.weight is not None:
-        write_growing(group, "weight", (n,), both, "by how much it counts in the fit", "1")
+        netcdf.write_growing(group, "weight", (n,), both, "weight in the fit", "1")
 
 
 def _write_corrected(group: h5py.Group, corrected: dict[str, float]) -> None:
-    write_dimension(group, "constant_state", np.array(list(corrected), dtype=object), "component that does not move")
-    meaning = "its standard deviation, with allowance for the autocorrelation of what is left unexplained, SI"
+    netcdf.write_dimension(
+        group, "constant_state", np.array(list(corrected), dtype=object), "component that does not move"
+    )
+    meaning = "standard deviation corrected for autocorrelated residuals, SI"
     values = np.array(list(corrected.values()), dtype=np.float64)
-    write_variable(group, "standard_deviation", values, ("constant_state",), meaning)
+    netcdf.write_variable(group, "standard_deviation", values, ("constant_state",), meaning)
 
 
 def _read_corrected(group: h5py.Group) -> dict[str, float]:
-    symbols, values = read_names(group, "constant_state"), read_array(group, "standard_deviation").tolist()
-    if len(symbols) != len(values):
-        raise ValueError("/corrected has columns of different lengths")
-    return dict(zip(symbols, values, strict=True))
+    symbols, values = netcdf.read_names(group, "constant_state"), netcdf.read_array(group, "standard_deviation")
+    netcdf.check_shapes("/corrected", (values, (len(symbols),)))
+    return dict(zip(symbols, values.tolist(), strict=True))
 
 
 def _write_faults(group: h5py.Group, faults: tuple[FaultTest, ...]) -> None:
-    def column(name: str, kind: type) -> NDArray:
-        return np.array([getattr(fault, name) for fault in faults], dtype=kind)
-
     texts = np.array([str(test.fault) for test in faults], dtype=object)
-    write_dimension(group, "fault", texts, "what may be wrong with the data or the model")
+    netcdf.write_dimension(group, "fault", texts, "possible fault of the data or the model")
     for name, kind, meaning in _FAULT_COLUMNS:
-        write_variable(group, name, column(name, kind), ("fault",), meaning)
+        values = np.array([getattr(test, name) for test in faults], dtype=kind)
+        netcdf.write_variable(group, name, values, ("fault",), meaning)
 
 
 def _read_faults(group: h5py.Group) -> tuple[FaultTest, ...]:
     columns = [
-        read_names(group, name) if kind is object else read_array(group, name).tolist()
+        netcdf.read_names(group, name) if kind is object else netcdf.read_array(group, name).tolist()
         for name, kind, _ in _FAULT_COLUMNS
     ]
     try:
-        rows = zip(read_names(group, "fault"), *columns, strict=True)
-        return tuple(FaultTest(Fault.parse(text), *of_test) for text, *of_test in rows)
+        rows = zip(netcdf.read_names(group, "fault"), *columns, strict=True)
+        return tuple(FaultTest(Fault.parse(text), *row) for text, *row in rows)
     except ValueError:
         raise ValueError("/faults has columns of different lengths") from None
 
 
-class _Attributes(FileAttributes):
-    """What the root of an estimate file says of it."""
-
+class _Attributes(netcdf.FileAttributes):
     filter: FilterName
     settings: str
     status: Annotated[str, Field(pattern=r"^(completed|(diverged at t = \S+ s|unconverged): [ -~]+)$", max_length=1000)]
@@ -217,79 +191,165 @@ class _Attributes(FileAttributes):
     dataset_sha256: Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]
 
 
-def read_estimate(path: Path) -> Estimate:
-    """Read an estimate; of a very long one every k-th event and measurement, as many as an evaluation needs.
+def read_estimate(path: Path, max_rows: int = MAX_ROWS) -> Estimate:
+    """Read an estimate, thinned to about `max_rows` events and innovations of each sensor.
 
     Raises
     ------
     FileError
-        If it is missing, damaged, foreign, of a newer schema, or holds what no filter can have found.
+        If the file is missing, damaged, of another program or a newer schema, or has impossible values.
     """
-    with open_file(path, "estimate") as file:
-        known = read_attributes(file, _Attributes)
-        every = 1 + count_rows(file, "time") // _MOST_ROWS
+    with netcdf.open_file(path, "estimate") as file:
+        attributes = netcdf.read_attributes(file, _Attributes)
+        every = 1 + netcdf.count_rows(file, "time") // max_rows
         estimate = Estimate(
-            filter=known.filter.value,
-            experiment=parse_run(known.settings, f"{path} (settings)"),
-            state=read_names(file, "state"),
-            unit=read_names(file, "unit"),
-            time=read_array(file, "time", every),
-            mean=read_array(file, "mean", every, ndim=2),
-            standard_deviation=read_array(file, "standard_deviation", every, ndim=2),
-            covariance=read_array(file, "covariance", ndim=2),
+            filter=attributes.filter.value,
+            experiment=parse_run(attributes.settings, f"{path} (settings)"),
+            state=netcdf.read_names(file, "state"),
+            unit=netcdf.read_names(file, "unit"),
+            time=netcdf.read_array(file, "time", every),
+            mean=netcdf.read_array(file, "mean", every, ndim=2),
+            standard_deviation=netcdf.read_array(file, "standard_deviation", every, ndim=2),
+            covariance=netcdf.read_array(file, "covariance", ndim=2),
             innovations={
-                name: _read_innovations(group, name, known.filter)
-                for name, group in subgroups(file, "innovations").items()
+                name: _read_innovations(group, name, attributes.filter, max_rows)
+                for name, group in netcdf.subgroups(file, "innovations").items()
             },
-            held=dict(zip(read_names(file, "held"), read_array(file, "held_value").tolist(), strict=True)),
-            status=known.status,
-            steps=known.steps,
-            cpu_time=known.cpu_time_s,
-            wall_time=known.wall_time_s,
-            dataset_sha256=known.dataset_sha256,
-            faults=_read_faults(subgroup(file, "faults")) if "faults" in file else (),
-            corrected=_read_corrected(subgroup(file, "corrected")) if "corrected" in file else {},
+            held=dict(
+                zip(netcdf.read_names(file, "held"), netcdf.read_array(file, "held_value").tolist(), strict=True)
+            ),
+            status=attributes.status,
+            steps=attributes.steps,
+            cpu_time=attributes.cpu_time_s,
+            wall_time=attributes.wall_time_s,
+            dataset_sha256=attributes.dataset_sha256,
+            faults=_read_faults(netcdf.subgroup(file, "faults")) if "faults" in file else (),
+            corrected=_read_corrected(netcdf.subgroup(file, "corrected")) if "corrected" in file else {},
         )
-        check_estimated_states(estimate)
+        _check_estimate(estimate)
     return estimate
 
 
 def read_reference(path: Path, estimate: Estimate) -> Estimate | None:
-    """Read the smoother's estimate of the same data that stands beside another one; None if there is none.
-
-    Raises
-    ------
-    FileError
-        If it cannot be read.
-    """
-    beside = path.with_name(f"{JUDGE.value}.h5")
-    if beside == path or not beside.is_file():
+    """Read the smoother's estimate of the same data from the folder of another estimate; None if there is none."""
+    judge = path.with_name(f"{JUDGE.value}.h5")
+    if judge == path or not judge.is_file():
         return None
-    reference = read_estimate(beside)
+    reference = read_estimate(judge)
     return reference if reference.dataset_sha256 == estimate.dataset_sha256 else None
 
 
-def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName) -> Innovations:
-    rows = count_rows(group, "time")
-    every, deviation = 1 + rows // _MOST_ROWS, read_array(group, "standard_deviation")
+def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName, max_rows: int) -> Innovations:
+    n_rows, deviation = netcdf.count_rows(group, "time"), netcdf.read_array(group, "standard_deviation")
+    every = 1 + n_rows // max_rows
 
-    def innovations(read: Callable[[str, int], NDArray[np.float64]]) -> Innovations:
+    def innovations(read: Callable[[str, int], Array]) -> Innovations:
         weight = read("weight", 2) if "weight" in group else None
         rows = read("time", 1), read("innovation", 2), read("variance", 2), read("nis", 1)
         innovations = Innovations(*rows, deviation, weight=weight)
-        check_innovations(sensor, innovations, filter_name)
+        _check_innovations(sensor, innovations, filter_name)
         return innovations
 
-    thinned = innovations(lambda name, ndim: read_array(group, name, every, ndim))
+    def block(first: int) -> Innovations:
+        return innovations(lambda name, ndim: netcdf.read_rows(group, name, first, first + max_rows, ndim))
+
+    thinned = innovations(lambda name, ndim: netcdf.read_array(group, name, every, ndim))
     if every == 1:
         return thinned
-    start = float(read_rows(group, "time", 0, 1)[0])
-    blocks = (innovations(partial(_rows_of, group, first)) for first in range(0, rows, _MOST_ROWS))
-    tallies, memories = zip(*((block.tally(start), block.memory) for block in blocks), strict=True)
+    start = float(netcdf.read_rows(group, "time", 0, 1)[0])
+    blocks = map(block, range(0, n_rows, max_rows))
+    sums, autocorrelations = zip(*((each.sums(start), each.autocorrelation) for each in blocks), strict=True)
     return replace(
-        thinned, whole=reduce(InnovationSums.plus, tallies), whole_memory=reduce(Autocorrelation.plus, memories)
+        thinned,
+        all_sums=reduce(InnovationSums.plus, sums),
+        all_autocorrelation=reduce(Autocorrelation.plus, autocorrelations),
     )
 
 
-def _rows_of(group: h5py.Group, first: int, name: str, ndim: int) -> NDArray[np.float64]:
-    return read_rows(group, name, first, first + _MOST_ROWS, ndim)
+def _check_estimate(estimate: Estimate) -> None:
+    """Raise a ValueError if states, covariance, held coefficients or faults are impossible."""
+    n, k = estimate.time.size, len(estimate.state)
+    _check_state(estimate)
+    netcdf.check_times("/time", estimate.time)
+    if not n:
+        raise ValueError("/time is empty")
+    netcdf.check_shapes(
+        "/mean, /standard_deviation, /covariance",
+        *((estimate.mean, (n, k)), (estimate.standard_deviation, (n, k)), (estimate.covariance, (k, k))),
+    )
+    netcdf.check_finite("/mean", estimate.mean)
+    netcdf.check_finite("/held_value", np.array(list(estimate.held.values())))
+    # The output-error method has infinite deviations of coefficients without information.
+    may_be_infinite = estimate.is_free_run_fit
+    netcdf.check_deviations("/standard_deviation", estimate.standard_deviation, may_be_infinite)
+    _check_covariance(estimate.covariance, may_be_infinite)
+    _check_corrected(estimate)
+    for test in estimate.faults:
+        where = f"/faults, {test.fault},"
+        netcdf.check_finite(where, np.array([test.size, test.standard_deviation, test.susceptibility]))
+        if test.standard_deviation <= 0.0 or test.susceptibility < 0.0:
+            raise ValueError(f"{where} has a standard deviation that is not positive, or a negative susceptibility")
+        if test.coefficient not in estimate.coefficient_set.symbols:
+            raise ValueError(f"{where} has the unknown coefficient {test.coefficient!r}")
+
+
+def _check_state(estimate: Estimate) -> None:
+    state, symbols = estimate.state, estimate.coefficient_set.symbols
+    units = STATES | estimate.coefficient_set.units
+    for symbol, unit in zip(state, estimate.unit, strict=True):
+        if symbol not in units:
+            raise ValueError(f"unknown component {symbol!r} of the state")
+        if unit != units[symbol]:
+            raise ValueError(f"{symbol} is in {unit!r}; expected {units[symbol]}")
+    if len(set(state)) < len(state) or not set(MOTION_SYMBOLS) <= set(state):
+        raise ValueError("/state has a component twice, or lacks a motion state")
+    if sorted([*estimate.held, *(symbol for symbol in state if symbol in symbols)]) != sorted(symbols):
+        raise ValueError(f"each of the {len(symbols)} coefficients must be either estimated or held")
+
+
+def _check_covariance(covariance: Array, may_be_infinite: bool) -> None:
+    variance = np.diagonal(covariance)
+    finite = variance < np.inf
+    scale = np.sqrt(np.abs(variance[finite]))
+    part = covariance[np.ix_(finite, finite)]
+    if np.isnan(covariance).any() or not (may_be_infinite or finite.all()) or not (variance > 0.0).all():
+        raise ValueError("/covariance has values that are NaN or infinite, or variances that are not positive")
+    if not np.isfinite(part).all() or (np.abs(part - part.T) > _MAX_ASYMMETRY * np.outer(scale, scale)).any():
+        raise ValueError("/covariance is not symmetric")
+
+
+def _check_corrected(estimate: Estimate) -> None:
+    nominal = dict(zip(estimate.state, estimate.standard_deviation[-1].tolist(), strict=True))
+    for symbol, deviation in estimate.corrected.items():
+        if symbol not in nominal:
+            raise ValueError(f"/corrected has the unknown state {symbol!r}")
+        if not deviation >= nominal[symbol] * (1.0 - _ROUNDING) or np.isinf(deviation) != np.isinf(nominal[symbol]):
+            raise ValueError(f"/corrected has {deviation:g} for {symbol}, less than the nominal {nominal[symbol]:g}")
+
+
+def _check_innovations(sensor: str, innovations: Innovations, filter_name: FilterName) -> None:
+    """Raise a ValueError if innovations are impossible; NaN is a missing or rejected one."""
+    if sensor not in SENSORS:
+        raise ValueError(f"unknown sensor {sensor!r} among the innovations; expected one of {', '.join(SENSORS)}")
+    where, n, width = f"/innovations/{sensor}", innovations.time.size, len(SENSORS[sensor])
+    innovation, variance, nis = innovations.innovation, innovations.variance, innovations.nis
+    netcdf.check_times(where, innovations.time)
+    netcdf.check_shapes(
+        where,
+        *((innovation, (n, width)), (variance, (n, width)), (nis, (n,)), (innovations.standard_deviation, (width,))),
+    )
+    if (weight := innovations.weight) is not None:
+        netcdf.check_shapes(where, (weight, (n, width)))
+        if not ((weight > 0.0) & (weight <= 1.0)).all():
+            raise ValueError(f"{where} has weights that are not between 0 and 1")
+    netcdf.check_deviations(where, innovations.standard_deviation)
+    may_be_infinite = filter_name.is_free_run_fit
+    if any(np.isinf(array).any() for array in (innovation, nis, *(() if may_be_infinite else (variance,)))):
+        raise ValueError(f"{where} has infinite values")
+    if (variance < 0.0).any() or (nis < 0.0).any():
+        raise ValueError(f"{where} has a negative variance or NIS")
+    if (nis[np.isnan(variance).all(axis=1)] > 0.0).any():
+        raise ValueError(f"{where} has a NIS of a measurement without a variance")
+    # S = H P H' + R; only a residual of a fit varies less than the noise R.
+    if not may_be_infinite and (np.sqrt(variance) < _MIN_SHARE_OF_NOISE * innovations.standard_deviation).any():
+        raise ValueError(f"{where} has variances below that of the measurement noise")

@@ -1,6 +1,6 @@
-"""Faults that a model or its data may have: identity, text, setting and remedy of each; and the score test of one.
+"""Possible faults of a model or its data, with text, setting and remedy, and the score test of a fault.
 
-The effect of each on the motion or on a sensor is in `auvid_cli.identification.faults`.
+The effects of the faults are in `auvid_cli.identification.fault_effects`.
 """
 
 import re
@@ -33,11 +33,11 @@ class FaultKind(Enum):
     text : str
         Text in files and tables, with `{}` for the component.
     setting : str
-        Setting that estimates or states it; empty if there is none.
+        Setting that estimates or states it; may be empty.
     remedy : str
-        What to do about it, with `{setting}` and `{}`.
+        Advice, with `{setting}` and `{}` for the component.
     components : tuple of str
-        Its components, where they are a list.
+        Valid components; empty if there are none or any.
     """
 
     GYROSCOPE_BIAS = ("bias of {}", _BIASES.format("gyro"), _ESTIMATE, _symbols("gyroscope"))
@@ -136,7 +136,7 @@ class Fault(NamedTuple):
     ----------
     kind : FaultKind
     component : str
-        Axis, symbol, sensor or fin. Of another minimum how much higher its cost is, of a segment its first time, s.
+        Axis, symbol, sensor or fin; increase of the cost of another minimum; first time of a segment, s.
     """
 
     kind: FaultKind
@@ -147,18 +147,18 @@ class Fault(NamedTuple):
 
     @property
     def remedy(self) -> str:
-        """Return what to do about it; empty if unknown."""
+        """Return advice; empty if there is none."""
         key = self.component.lower().replace(" ", "_")
         return self.kind.remedy.format(self.component, key=key, setting=self.kind.setting)
 
     @property
     def is_alternative(self) -> bool:
-        """Say whether it is another estimate, from the same data or a part of them, instead of a fault."""
+        """Whether it is another estimate, from the same data or a part of them, instead of a fault."""
         return self.kind in (FaultKind.ANOTHER_MINIMUM, FaultKind.SEGMENT)
 
     @classmethod
     def parse(cls, text: str) -> "Fault":
-        """Return the fault that a text stands for; of kind `UNKNOWN` if there is none."""
+        """Return the fault of a text; of kind `UNKNOWN` if no kind matches."""
         for kind in FaultKind:
             found = re.fullmatch(re.escape(kind.text).replace(r"\{\}", "(.+)"), text)
             component = found[1] if found and found.groups() else ""
@@ -176,12 +176,11 @@ class FaultTest(NamedTuple):
     unit : str
         SI unit of the size.
     size, standard_deviation : float
-        Most likely size if there is no other fault; of an alternative estimate the difference of its coefficient.
+        Most likely size if there is no other fault, or difference of the coefficient in an alternative estimate.
     coefficient : str
-        The coefficient that the fault biases most, or that differs most.
+        Coefficient that the fault biases most, or that differs most.
     susceptibility : float
-        Bias of that coefficient by a fault of one standard deviation, which these data cannot show, in standard
-        deviations of the coefficient.
+        Bias of that coefficient by a fault of one standard deviation, in standard deviations of the coefficient.
     """
 
     fault: Fault
@@ -203,15 +202,15 @@ class FaultTest(NamedTuple):
 
 
 class Cause(NamedTuple):
-    """A likely cause of innovations, or of contradictions between signals, that the stated noise does not explain.
+    """Likely cause of innovations, or of contradictions between signals, beyond the stated noise.
 
     Attributes
     ----------
     gain : float
-        Increase of the log-likelihood if it is taken into account.
+        Increase of the log-likelihood by a model with this cause.
     name, remedy : str
     lasts : bool
-        Whether it is an autocorrelated error of a sensor, or motion without explanation.
+        Whether it is an autocorrelated error of a sensor, or a motion outside the model.
     """
 
     gain: float
@@ -221,7 +220,7 @@ class Cause(NamedTuple):
 
     @property
     def name_with_gain(self) -> str:
-        """Return the name and how much it gains."""
+        """Return the name with the gain."""
         return f"{self.name} (gains {self.gain:.0f} in log-likelihood)"
 
     def __str__(self) -> str:

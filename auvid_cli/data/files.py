@@ -1,6 +1,4 @@
-"""Files and folders: atomic writes, temporary files, errors of libraries that parse files, and the parts of a
-results folder.
-"""
+"""Files and folders: atomic writes, temporary files, damaged files, the lock and the contents of a results folder."""
 
 import hashlib
 import os
@@ -37,40 +35,46 @@ _TABLES = (
     *("coefficients", "summary", "table_iv", "velocity_error", "consistency", "sensor_errors", "faults", "checks"),
     *("inspection", "identifiability", "collinear", "validation", "manoeuvres", "validation_checks", "tuning", "terms"),
 )
-# Beside the dataset, where users keep files of their own as well.
 _PAGES = ("report", "identifiability", "inspection", "validation")
-# As it stands in the head of a page, so many bytes from its beginning at most.
-_GENERATOR, _HEAD = b'<meta name="generator" content="auvid ', 2000
+# In the head of every page.
+_GENERATOR = b'<meta name="generator" content="auvid '
+_HEAD = 2000  # bytes
 _EXPORTS = (".yaml", ".json", ".py", ".m", ".sdf", ".mcap")
-# Characters; no exported model comes near, and an MCAP says it at once.
-_LONGEST_EXPORT = 10_000_000
-# As it stands in the heading of an exported model, in its JSON, or at the beginning of a run's MCAP.
+_MAX_EXPORT = 10_000_000  # characters; an MCAP names its dataset before that
+# In the heading of an exported model, in its JSON, or at the beginning of an MCAP.
 _EXPORTED_FROM = re.compile(r'dataset(?: with SHA-256 |_sha256": ")([0-9a-f]{64})\b')
 
 
 @contextmanager
-def refusing_damage(complaint: Callable[[str], str]) -> Iterator[None]:
-    """Turn whatever a library raises within a block, which is to hold nothing but its calls, into an error of the file.
+def damage_as_file_error(message: Callable[[str], str]) -> Iterator[None]:
+    """Turn any exception of a block, which should only call a library, into a FileError.
 
     Parameters
     ----------
-    complaint : callable
-        What to say, given the library's reason.
+    message : callable
+        Returns the message from the reason that the library gives.
     """
     try:
         yield
-    # Of damaged files they let pass whatever they meet: errors of unpacking, of attributes that are not there, of
-    # memory for lengths that cannot be, of SQLite, of their own; and some raise Exception itself.
+    # On damaged files libraries raise anything: errors of unpacking, attributes, memory or SQLite, even Exception.
     except Exception as error:
         reason = one_line(str(error)).rstrip(".") or type(error).__name__
-        raise FileError(complaint(shortened(reason))) from error
+        raise FileError(message(shortened(reason))) from error
+
+
+@contextmanager
+def _cannot(what: str, path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise FileError(f"{path}: cannot be {what}: {error.strerror or error}") from error
 
 
 @contextmanager
 def temporary_in(folder: Path, is_folder: bool = False) -> Iterator[Path]:
-    """Make a new file or folder in a folder, removed at the end of the block unless it has been moved.
+    """Create a file or folder in a folder, removed at the end of the block unless it has been moved.
 
-    Those that killed processes of this machine left there are removed first.
+    Temporary files of killed processes of this machine are removed first.
     """
     remove_abandoned(folder)
     path = folder / f"{_PREFIX}{os.getpid()}-{token_hex(8)}"
@@ -85,7 +89,7 @@ def temporary_in(folder: Path, is_folder: bool = False) -> Iterator[Path]:
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove temporary files and folders of processes that have ended without removing them."""
+    """Remove temporary files and folders of processes that no longer run."""
     for path in folder.glob(f"{_PREFIX}*"):
         match = _TEMPORARY.fullmatch(path.name)
         if match and not _is_running(int(match[1])):
@@ -95,7 +99,7 @@ def remove_abandoned(folder: Path) -> None:
 
 def _is_running(process: int) -> bool:
     if os.name != "posix":
-        # On Windows the signal 0 would interrupt it.
+        # On Windows the signal 0 would interrupt the process.
         return True
     try:
         os.kill(process, 0)
@@ -115,27 +119,25 @@ def _remove(path: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path in the folder of `path`, which gets its name when the block ends without an error.
+    """Yield a temporary path that is renamed to `path` when the block ends without an error.
 
-    Where `path` is a link, the file that it leads to is replaced, and the link stays.
+    If `path` is a link, the file behind it is replaced, and the link stays.
 
     Raises
     ------
     FileError
-        If the folder or the file cannot be written, or a pipe, device or folder has that name; the temporary file is
-        removed, and an earlier file of that name stays as it was.
+        If the file cannot be written, or `path` is a pipe, device or folder. The temporary file is removed, and an
+        earlier file stays as it was.
     """
-    try:
-        place = _place_of(path)
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with temporary_in(place.parent) as temporary:
+    with _cannot("written", path):
+        target = _target_of(path)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with temporary_in(target.parent) as temporary:
             yield temporary
-            temporary.replace(place)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror or error}") from error
+            temporary.replace(target)
 
 
-def _place_of(path: Path) -> Path:
+def _target_of(path: Path) -> Path:
     try:
         kind = stat.S_IFMT(path.stat().st_mode)
     except FileNotFoundError:
@@ -146,18 +148,12 @@ def _place_of(path: Path) -> Path:
 
 
 def check_no_overlap(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
-    """Refuse to write over what is read, whatever it is called there.
-
-    Raises
-    ------
-    FileError
-        If one of the outputs is one of the inputs.
-    """
+    """Raise a FileError if an output is the same file as an input, even under another name."""
     read = {_identity(path): path for path in inputs if path.exists()}
     for output in outputs:
         if output.exists() and (path := read.get(_identity(output))) is not None:
             same = "" if path == output else f" as {path}"
-            raise FileError(f"{output}: is read from here{same}, and would be written over; name another place")
+            raise FileError(f"{output}: is an input{same}, and would be written over; name another place")
 
 
 def _identity(path: Path) -> tuple[int, int]:
@@ -166,7 +162,7 @@ def _identity(path: Path) -> tuple[int, int]:
 
 
 def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write a new folder of text files whole or not at all; one that is there already must be empty.
+    """Write a new folder of text files completely or not at all; an existing folder must be empty.
 
     Raises
     ------
@@ -174,44 +170,34 @@ def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
         If it cannot be written, is not empty, or is a file.
     """
     refuse_filled(folder)
-    is_there = folder.exists()
-    place = folder if is_there else folder.parent
-    try:
+    exists = folder.exists()
+    place = folder if exists else folder.parent
+    with _cannot("written", folder):
         place.mkdir(parents=True, exist_ok=True)
         with temporary_in(place, is_folder=True) as temporary:
             for name, text in texts.items():
                 (temporary / name).write_text(text, encoding="utf-8")
-            if is_there:
+            if exists:
                 # It may be the working folder of a shell: keep it.
                 for name in texts:
                     (temporary / name).rename(folder / name)
             else:
                 temporary.rename(folder)
-    except OSError as error:
-        raise FileError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
 def refuse_filled(folder: Path) -> None:
-    """Refuse a new folder whose name is taken.
-
-    Raises
-    ------
-    FileError
-        If it is a file, is not empty, or cannot be read.
-    """
-    try:
+    """Raise a FileError if a new folder is a file, is not empty, or cannot be read."""
+    with _cannot("read", folder):
         if not folder.is_dir() and os.path.lexists(folder):
             raise FileError(f"{folder}: exists already, and is no folder; name another place")
         if folder.is_dir():
             remove_abandoned(folder)
         if folder.is_dir() and any(folder.iterdir()):
             raise FileError(f"{folder}: exists already, and is not empty; name another place")
-    except OSError as error:
-        raise FileError(f"{folder}: cannot be looked at: {error.strerror or error}") from error
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
+    """Write a text file completely or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
@@ -223,21 +209,19 @@ def locked(folder: Path) -> Iterator[None]:
     Raises
     ------
     FileError
-        If another command still writes there after a moment, or the folder cannot be made.
+        If another command is writing there, or the folder cannot be created.
     """
     from filelock import FileLock, Timeout
 
     # A group of users may share the folder.
     lock = FileLock(folder / ".lock", timeout=_LOCK_PATIENCE, mode=0o666)
-    try:
+    # Some network disks have no locks.
+    with _cannot("written", folder), suppress(NotImplementedError):
         folder.mkdir(parents=True, exist_ok=True)
-        # Some network disks have no locks.
-        with suppress(NotImplementedError):
+        try:
             lock.acquire()
-    except Timeout:
-        raise FileError(f"{folder}: another auvid command is writing here; wait for it, or give --output") from None
-    except OSError as error:
-        raise FileError(f"{folder}: cannot be written: {error.strerror or error}") from None
+        except Timeout:
+            raise FileError(f"{folder}: another auvid command is writing here; wait, or give --output") from None
     try:
         yield
     finally:
@@ -245,12 +229,12 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def folder_of_run(name: str) -> Path:
-    """Return where the results of a run go, unless the user says otherwise."""
+    """Return the default results folder of a run."""
     return Path("results") / name
 
 
 def folder_of_dataset(path: Path) -> Path:
-    """Return the results folder of a dataset file: its own folder if it is one, else that of a run of its name."""
+    """Return the results folder of a dataset file: the folder of ``dataset.h5``, otherwise one named like the file."""
     return path.parent if path.name == "dataset.h5" else folder_of_run(path.stem)
 
 
@@ -260,23 +244,23 @@ def folder_of_estimate(path: Path) -> Path:
 
 
 def dataset_in(folder: Path) -> Path:
-    """Return the path of a folder's dataset."""
+    """Return the path of the dataset of a results folder."""
     return folder / "dataset.h5"
 
 
 def page_in(folder: Path) -> Path:
-    """Return the path of a folder's page."""
+    """Return the path of the report page of a results folder."""
     return folder / "report.html"
 
 
 def estimates_in(folder: Path) -> dict[FilterName, Path]:
-    """Return the estimates that are there, in the order of `FilterName`."""
+    """Return the existing estimates, in the order of `FilterName`."""
     paths = {name: folder / "estimates" / f"{name.value}.h5" for name in FilterName}
     return {name: path for name, path in paths.items() if path.exists()}
 
 
 def tables_and_figures(folder: Path) -> list[Path]:
-    """Find those that auvid wrote into a folder, and its pages."""
+    """Return the existing tables, figures and pages of auvid in a folder."""
     tables = [f"{name}.csv" for name in _TABLES] + ["tables.md", "tables.tex"]
     figures = _figures(folder, (*_REPORT_FIGURES, *_OTHER_FIGURES))
     pages = [path for path in (folder / f"{name}.html" for name in _PAGES) if is_page(path)]
@@ -284,7 +268,7 @@ def tables_and_figures(folder: Path) -> list[Path]:
 
 
 def is_page(path: Path) -> bool:
-    """Say whether a file is a page that auvid made."""
+    """Whether a file is a page of auvid."""
     if not path.is_file():
         return False
     with path.open("rb") as file:
@@ -292,7 +276,7 @@ def is_page(path: Path) -> bool:
 
 
 def products(folder: Path) -> list[Path]:
-    """Find all that auvid made from a folder's dataset, and nothing that a user put there."""
+    """Return all files that auvid made from the dataset of a folder, and no files of the user."""
     exports = [
         path for path in sorted((folder / "export").glob("*.*")) if path.suffix in _EXPORTS and exported_from(path)
     ]
@@ -300,22 +284,22 @@ def products(folder: Path) -> list[Path]:
 
 
 def exported_from(path: Path) -> str:
-    """Return the SHA-256 of the dataset behind an exported model; empty if the file is no such thing."""
+    """Return the SHA-256 of the dataset of an exported model; empty if the file is none."""
     if not path.is_file():
         return ""
     with path.open(encoding="utf-8", errors="replace") as file:
-        match = _EXPORTED_FROM.search(file.read(_LONGEST_EXPORT))
+        match = _EXPORTED_FROM.search(file.read(_MAX_EXPORT))
     return match[1] if match else ""
 
 
 def remove(paths: Iterable[Path]) -> None:
-    """Take away results that are true no more."""
+    """Remove outdated results."""
     for path in paths:
         path.unlink(missing_ok=True)
 
 
 def remove_former(folder: Path, drawn: Collection[Path]) -> None:
-    """Take away what earlier reports drew and the present one did not."""
+    """Remove figures of earlier reports that are not in `drawn`."""
     remove(path for path in _figures(folder, _REPORT_FIGURES) if path not in drawn)
 
 

@@ -1,38 +1,44 @@
-"""Noise levels and missing terms as the data show them: value objects between identification and report."""
+"""Results of searches: noise levels, missing terms, and the state of a manoeuvre search."""
 
+import json
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import yaml
+from pydantic import AfterValidator, BaseModel, Field, FiniteFloat, ValidationError
 
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.settings import Spans
 from auvid_cli.data.checks import NamedRows
+from auvid_cli.data.files import write_text
+from auvid_cli.errors import FileError
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_NOT_QUITE_NONE = 0.1
-# Gain in log-likelihood that a term must have where it was not fitted: e^3, or twenty to one, is usually called strong
-# evidence (Kass and Raftery 1995).
-LEAST_HELD_OUT_GAIN = 3.0
+# Share of the upper end of its interval to use for noise that is likely to be zero: it costs a fiftieth of a
+# log-likelihood, and a smoother hardly converges without any process noise.
+_SHARE_OF_HIGH = 0.1
+# Gain in log-likelihood of a term in held-out data: e^3, or twenty to one, is strong evidence (Kass and Raftery 1995).
+MIN_HELD_OUT_GAIN = 3.0
 
 
 class TunedNoise(NamedTuple):
-    """One kind of noise.
+    """Estimate of one noise level.
 
     Attributes
     ----------
     setting : str
-        Its key, as behind ``--set``, and of one of a list its number.
+        Key as after ``--set``, with an index for an element of a list.
     unit : str
         SI.
     stated, tuned : float
-        As the settings had it, and as it is most likely.
+        In the settings, and most likely.
     low, high : float
-        95 % interval; from 0 where less is as likely, however little, and to infinity where more is. Of a time constant
-        from 0 where the data are as likely with white noise.
+        95 % interval; low is 0 if any smaller noise is as likely (for a time constant: white noise), high is infinite
+        if any larger one is.
     """
 
     setting: str
@@ -44,59 +50,55 @@ class TunedNoise(NamedTuple):
 
     @property
     def is_time_constant(self) -> bool:
-        """Say whether it says how long something lasts, and not how large it is."""
+        """Whether it is a correlation time instead of a noise level."""
         return "time_constant" in self.setting.split(".")
 
     @property
     def worth_stating(self) -> float:
-        """Return what settings should state: what is most likely or, where none would be as likely, not quite none.
-
-        A tenth of the upper end costs a fiftieth of a log-likelihood, and a smoother follows a motion without any
-        process noise only with difficulty.
-        """
-        bounded = self.low == 0.0 and isfinite(self.high) and not self.is_time_constant
-        return max(self.tuned, _NOT_QUITE_NONE * self.high) if bounded else self.tuned
+        """Return the value for the settings: the most likely one, but not zero."""
+        may_be_zero = self.low == 0.0 and isfinite(self.high) and not self.is_time_constant
+        return max(self.tuned, _SHARE_OF_HIGH * self.high) if may_be_zero else self.tuned
 
 
 class DisturbanceChoice(NamedTuple):
-    """Whether data ask for a disturbance that lasts, by the Bayesian information criterion.
+    """Choice between models with and without an autocorrelated disturbance, by the Bayesian information criterion.
 
     Attributes
     ----------
     gain : float
-        By how much the log-likelihood is greater with one.
-    numbers : int
-        Which that takes.
+        In log-likelihood by the disturbance.
+    n_parameters : int
+        Of the disturbance.
     needed : float
-        Gain that so many numbers must be worth: half the logarithm of the number of measurements for each.
+        Least gain: half the logarithm of the number of measurements for each parameter.
     """
 
     gain: float
-    numbers: int
+    n_parameters: int
     needed: float
 
     @property
     def is_kept(self) -> bool:
-        """Say whether the disturbance is estimated."""
+        """Whether the disturbance is estimated."""
         return self.gain > self.needed
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """Noise that is most likely.
+    """Most likely noise.
 
     Attributes
     ----------
     noises : tuple of TunedNoise
     log_likelihood : float
-        But for a constant of the data.
+        Up to a constant of the data.
     gain : float
-        In it, over the noise that was stated.
+        In log-likelihood over the stated noise.
     converged : bool
     experiment : RunSettings
         With the tuned noise.
     choice : DisturbanceChoice or None
-        Whether it has a disturbance, where that was to be chosen.
+        None if the disturbance was not a choice.
     """
 
     noises: tuple[TunedNoise, ...]
@@ -115,44 +117,44 @@ class Tuning:
         return self.rows().to_pandas()
 
     def settings(self) -> str:
-        """Return settings with the tuned noise, what is estimated along, and what the smoother makes of it, as YAML."""
+        """Return the tuned noise, the estimated errors and the smoother's answer as YAML settings."""
         tree: dict[str, Any] = {}
         tuned = self.experiment.model_dump(mode="json")
         for noise in self.noises:
             *sections, key = (part for part in noise.setting.split(".") if not part.isdigit())
-            within, value = tree, tuned
+            branch, value = tree, tuned
             for section in sections:
-                within, value = within.setdefault(section, {}), value[section]
-            within[key] = value[key]
+                branch, value = branch.setdefault(section, {}), value[section]
+            branch[key] = value[key]
         estimate = tuned["identification"]["estimate"]
         if estimate["biases"] or self.choice is not None:
-            # This noise is that beside these: without one of them there is more.
+            # The noise is valid only with these errors estimated.
             tree["identification"]["estimate"] = {key: estimate[key] for key in ("biases", *estimate["biases"])}
         tree["identification"]["smoother"] = {"answer": tuned["identification"]["smoother"]["answer"]}
         return yaml.safe_dump(tree, sort_keys=False)
 
 
 class ScoredTerm(NamedTuple):
-    """A term that was looked at, beside those found before it; a row of ``terms.csv``.
+    """Candidate for an additional term; a row of ``terms.csv``.
 
     Attributes
     ----------
     look : int
-        Which look at the data it belongs to: each begins with the terms that the looks before it found.
+        Number of the search step; each starts with the terms found in the steps before.
     term, unit, equation : str
     size, standard_deviation : float
-        Of its coefficient if it alone were added, SI: of one that was tried by a fit to all data, of the others by the
-        linear problem about the fit without them, which is rough where that is far off.
+        Of its coefficient if no other term is added, SI: from a fit to all data if one was made, otherwise from
+        linearisation about the fit without the term, which is rough for large terms.
     gain : float
-        In log-likelihood of the data that the model is fitted to, by the linear problem: rough.
+        In log-likelihood of the fitted data, by linearisation.
     made_up_share : float
-        Of what it does to the data, what the model's own coefficients make up for: 1 if they do so wholly.
+        Share of the effect of the term that the coefficients of the model can reproduce, 0 to 1.
     like : str
-        Others that these data hardly tell from it.
+        Other terms with nearly the same effect on these data.
     held_out_gain : float or None
-        In log-likelihood of the data that were held out, from refitting with it; None where it was not tried.
+        In log-likelihood of the held-out data, from refitting with the term; None if not refitted.
     evidence_gain : float or None
-        In log-likelihood of all data, whatever the coefficients and the motion, from refitting with it.
+        In marginal log-likelihood of all data, from refitting with the term.
     found : bool
     """
 
@@ -171,23 +173,23 @@ class ScoredTerm(NamedTuple):
 
     @property
     def is_likelier(self) -> bool:
-        """Say whether the data that were held out speak for it."""
-        return self.held_out_gain is not None and self.held_out_gain >= LEAST_HELD_OUT_GAIN
+        """Whether the held-out data support the term."""
+        return self.held_out_gain is not None and self.held_out_gain >= MIN_HELD_OUT_GAIN
 
 
 @dataclass(frozen=True)
 class TermFindings:
-    """What was looked at, and what was found.
+    """Result of a search for missing terms.
 
     Attributes
     ----------
     scored : tuple of ScoredTerm
-        Of each look the best by the linear problem, best first.
+        The best candidates of each step by linearisation, best first.
     n_candidates : int
     fitted, held_out : tuple of (float, float)
         Spans of the data, s.
     experiment : RunSettings
-        With the terms that were found, to be estimated.
+        With the found terms, to be estimated.
     """
 
     scored: tuple[ScoredTerm, ...]
@@ -198,22 +200,74 @@ class TermFindings:
 
     @property
     def found(self) -> tuple[ScoredTerm, ...]:
-        """Return the terms that were found, in the order in which they were."""
+        """Return the found terms, in order."""
         return tuple(term for term in self.scored if term.found)
 
     def rows(self) -> NamedRows:
-        """Return a row for each term that was looked at."""
+        """Return a row for each candidate."""
         return NamedRows(ScoredTerm._fields, self.scored)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a table with a row for each term that was looked at."""
+        """Return a table with a row for each candidate."""
         return self.rows().to_pandas()
 
     def settings(self) -> str:
-        """Return settings with all terms of the vehicle, those found among them, as YAML."""
+        """Return all terms of the vehicle, the found ones included, as YAML settings."""
         keys = "name", "row", "factors", "value", "estimate"
         terms = []
         for term in self.experiment.vehicle.terms:
             dumped = term.model_dump(mode="json", exclude_unset=True)
             terms.append({key: dumped[key] for key in (*keys, *(k for k in dumped if k not in keys)) if key in dumped})
         return yaml.safe_dump({"vehicle": {"terms": terms}}, sort_keys=False)
+
+
+class SearchState(NamedTuple):
+    """State of a search for a manoeuvre, from which it can be continued.
+
+    Attributes
+    ----------
+    key : str
+        Hash of all inputs of the search.
+    elapsed : float
+        s.
+    costs : tuple of tuple of float
+        Of all manoeuvres, by generation.
+    """
+
+    key: str
+    elapsed: float
+    costs: tuple[tuple[float, ...], ...]
+
+
+def _check_sizes(costs: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    if len({len(generation) for generation in costs}) > 1:
+        raise ValueError("generations of different sizes")
+    return costs
+
+
+_Costs = Annotated[tuple[FiniteFloat, ...], Field(min_length=1)]
+
+
+class _SearchFile(BaseModel, strict=True):
+    kind: Literal["auvid design search"]
+    key: str
+    elapsed: FiniteFloat
+    costs: Annotated[tuple[_Costs, ...], Field(min_length=1), AfterValidator(_check_sizes)]
+
+
+def write_search(path: Path, state: SearchState) -> None:
+    """Write the state of a search; raise a FileError if the file cannot be written."""
+    write_text(path, json.dumps({"kind": "auvid design search"} | state._asdict()) + "\n")
+
+
+def read_search(path: Path) -> SearchState | None:
+    """Read the state of a search, None if there is no file; raise a FileError if it is damaged or another file."""
+    try:
+        content = _SearchFile.model_validate_json(path.read_bytes())
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error}") from None
+    except ValidationError:
+        raise FileError(f"{path}: damaged, or not the state of a search; remove it to start again") from None
+    return SearchState(content.key, content.elapsed, content.costs)

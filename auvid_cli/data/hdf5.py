@@ -1,4 +1,4 @@
-"""The one door for HDF5 files of others: `open_hdf5` opens only files that a child process could read to the end.
+"""Open HDF5 files of any origin, after a child process has read them to the end.
 
 On a damaged file libhdf5 may crash or never return, and an HDF5 file can refer to any other file. Run as
 ``python -m auvid_cli.data.hdf5 SECONDS FOREIGN FILE ...`` this module is that child: it prints one line for each file,
@@ -19,18 +19,18 @@ from typing import TypeGuard
 import h5py
 
 from auvid_cli.child_processes import end_with_parent, start_python
-from auvid_cli.regular import check_regular
+from auvid_cli.regular_files import check_regular_file
 from auvid_cli.text import one_line
 
 # Errors that h5py raises on damaged files.
-DAMAGE = OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError
+READ_ERRORS = OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError
 SCAN_TIME = 10  # s
 _SCAN_RATE = 20e6  # bytes/s
-# A busy machine may need this to start Python and load h5py.
+# Time to start Python and load h5py on a busy machine.
 _START_TIME = 60  # s
-# DEFLATE packs at most this many bytes into one.
+# Largest compression ratio of DEFLATE.
 _MAX_COMPRESSION = 1032
-# Any file may unpack to this.
+# Any file may unpack to this size.
 _ALWAYS_ALLOWED = 1 << 28  # bytes
 _MAX_ROW = 1 << 20  # bytes
 _MAX_ATTRIBUTE = 4_000_000  # bytes
@@ -38,7 +38,7 @@ _BLOCK = 1 << 22  # bytes
 _MATLAB_CLASS = "MATLAB_class"
 
 
-# Reason to refuse each file that was scanned; empty for a sound one.
+# Reason to refuse each file version; empty if it is sound.
 _flaws: dict[tuple[int, ...], str] = {}
 _scanning = threading.Lock()
 
@@ -51,17 +51,17 @@ def open_hdf5(path: Path, foreign: bool = False) -> Iterator[h5py.File]:
     ----------
     path : pathlib.Path
     foreign : bool
-        Whether another program wrote it: only variables of `numbers_in` may be read, and none in a group of the
-        root whose name begins with ``#``. In a file of auvid's everything must be numbers or text.
+        Whether another program wrote it: only variables of `numbers_in` may be read, and no group of the root whose
+        name begins with ``#``. In auvid's own files everything must be numbers or text.
 
     Raises
     ------
     ValueError
-        If it is a pipe, device or folder, or is refused; the message has the reason, without the path.
+        If it is no regular file, or is refused; the message omits the path.
     """
-    check_regular(path)
+    check_regular_file(path)
     scan([path], foreign)
-    if flaw := _flaws.get(_version(path, foreign), "it changes while it is read"):
+    if flaw := _flaws.get(_version(path, foreign), "changes while it is read"):
         raise ValueError(flaw)
     with h5py.File(path, "r") as file:
         yield file
@@ -73,21 +73,21 @@ def numbers_in(item: object) -> TypeGuard[h5py.Dataset]:
 
 
 def trust(path: Path) -> None:
-    """Regard a file as sound that this process has just written."""
+    """Treat a file as sound that this process has just written."""
     _flaws[_version(path, False)] = ""
 
 
 def scan(paths: Iterable[Path], foreign: bool = False) -> None:
-    """Scan files in one child process, each once; missing ones are left out."""
+    """Scan files in one child process, each version once; ignore missing files."""
     with _scanning:
         versions = {_version(path, foreign): path for path in paths if path.is_file()}
         if new := {version: path for version, path in versions.items() if version not in _flaws}:
-            # Files behind one that ended the child have no result, and are scanned when they are opened.
+            # Files after one that ended the child have no result, and are scanned when they are opened.
             _flaws.update(zip(new, scan_in_child(list(new.values()), foreign), strict=False))
 
 
 def begin_scan(paths: Iterable[Path]) -> None:
-    """Scan files while this process goes on; `scan` and `open_hdf5` wait for the result."""
+    """Scan files in the background; `scan` and `open_hdf5` wait for the result."""
     threading.Thread(target=scan, args=([*paths],), daemon=True).start()
 
 
@@ -97,7 +97,7 @@ def _version(path: Path, foreign: bool) -> tuple[int, ...]:
 
 
 def scan_in_child(paths: list[Path], foreign: bool = False, seconds: int = SCAN_TIME) -> list[str]:
-    """Return the flaw of each file, in order, up to the first that ended the child; `seconds` are for small files."""
+    """Return the flaw of each file, up to the first that ended the child; `seconds` is the time for small files."""
     seconds += ceil(sum(path.stat().st_size for path in paths) / _SCAN_RATE)
     arguments = "-m", "auvid_cli.data.hdf5", str(seconds), str(int(foreign)), *map(str, paths)
     with start_python(*arguments, stdout=subprocess.PIPE) as process:
@@ -110,8 +110,8 @@ def scan_in_child(paths: list[Path], foreign: bool = False, seconds: int = SCAN_
             process.kill()
     flaws = output.decode("ascii").split("\n")[:-1]
     if len(flaws) < len(paths):
-        stopped = process.returncode in (-getattr(signal, "SIGALRM", 0), -getattr(signal, "SIGKILL", 0))
-        flaws.append("reading it does not end" if stopped else "reading it ends in a crash of the HDF5 library")
+        timed_out = process.returncode in (-getattr(signal, "SIGALRM", 0), -getattr(signal, "SIGKILL", 0))
+        flaws.append("reading it does not end" if timed_out else "reading it ends in a crash of the HDF5 library")
     return flaws
 
 
@@ -119,12 +119,12 @@ def flaw_of(path: Path, foreign: bool = False) -> str:
     """Return the reason to refuse a file, in one line; empty if all of it can be read."""
     try:
         with h5py.File(path, "r") as file:
-            left = max(_ALWAYS_ALLOWED, _MAX_COMPRESSION * _stored_bytes(path))
+            allowed = max(_ALWAYS_ALLOWED, _MAX_COMPRESSION * _stored_bytes(path))
             for item in _items(file, foreign):
                 _read_attributes(item, foreign)
                 if isinstance(item, h5py.Dataset):
-                    left -= _read_values(item, foreign, left)
-    except DAMAGE as error:
+                    allowed -= _read_values(item, foreign, allowed)
+    except READ_ERRORS as error:
         return one_line(str(error)) or type(error).__name__
     return ""
 
@@ -140,7 +140,7 @@ def _stored_bytes(path: Path) -> int:
             try:
                 start = file.seek(end, os.SEEK_DATA)
             except OSError:
-                # Only a hole is left.
+                # Only a hole follows.
                 break
             end = file.seek(start, os.SEEK_HOLE)
             stored += end - start
@@ -148,10 +148,10 @@ def _stored_bytes(path: Path) -> int:
 
 
 def _items(file: h5py.File, foreign: bool) -> Iterator[h5py.HLObject]:
-    """Yield groups and variables, each once; refuse links that are not hard."""
-    seen, ahead = set(), [file["/"]]
-    while ahead:
-        item = ahead.pop()
+    """Yield groups and variables, each once; refuse soft and external links."""
+    seen, waiting = set(), [file["/"]]
+    while waiting:
+        item = waiting.pop()
         if item in seen:
             continue
         seen.add(item)
@@ -162,7 +162,7 @@ def _items(file: h5py.File, foreign: bool) -> Iterator[h5py.HLObject]:
                     continue
                 if not isinstance(item.get(name, getlink=True), h5py.HardLink):
                     raise ValueError(f"{name} in {item.name} is a link, not a part of the file")
-                ahead.append(item[name])
+                waiting.append(item[name])
 
 
 def _read_attributes(item: h5py.HLObject, foreign: bool) -> None:
@@ -177,7 +177,7 @@ def _read_attributes(item: h5py.HLObject, foreign: bool) -> None:
             raise ValueError(f"attribute {name} of {item.name} is larger than {_MAX_ATTRIBUTE / 1e6:g} MB")
 
 
-def _read_values(data: h5py.Dataset, foreign: bool, most: int) -> int:
+def _read_values(data: h5py.Dataset, foreign: bool, allowed: int) -> int:
     """Read a variable block by block and return its size, bytes."""
     if data.is_virtual or data.external:
         raise ValueError(f"{data.name} has its values in another file")
@@ -187,14 +187,14 @@ def _read_values(data: h5py.Dataset, foreign: bool, most: int) -> int:
         raise ValueError(f"{data.name} holds neither real numbers nor text")
     if data.shape is None:
         return 0
+    width = data.dtype.itemsize
     if not data.shape:
         data[()]
-        return data.dtype.itemsize
-    width, row = data.dtype.itemsize, data.dtype.itemsize * prod(data.shape[1:])
-    size = width * prod(data.shape)
-    if max(size, width * prod(data.chunks or ())) > most or (row > _MAX_ROW and not foreign):
+        return width
+    row, size = width * prod(data.shape[1:]), width * prod(data.shape)
+    if max(size, width * prod(data.chunks or ())) > allowed or (row > _MAX_ROW and not foreign):
         raise ValueError(f"{data.name} claims to be larger than its file can hold")
-    # Whole chunks, so that none is unpacked twice.
+    # Read whole chunks, so that each is unpacked once.
     unit = data.chunks[0] if data.chunks else 1
     rows = max(_BLOCK // max(row, 1) // unit, 1) * unit
     for first in range(0, data.shape[0], rows):

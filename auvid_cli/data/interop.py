@@ -1,19 +1,15 @@
-"""Datasets and estimates with names and units on their axes: tables of pandas, trees of xarray.
-
-Names are those of the files, see `auvid_cli.data.dataset_file` and `auvid_cli.data.estimate_file`.
-"""
+"""Datasets and estimates as pandas tables and xarray trees, with the names of their files."""
 
 from collections.abc import Sequence
 from itertools import chain
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import VECTORS, Dataset
-from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.innovations import Innovations
+from auvid_cli.data.estimate import Estimate, Innovations
 from auvid_cli.errors import DataError
 from auvid_cli.vehicle.parameters import SENSORS, Quantity
 
@@ -25,18 +21,7 @@ Array = NDArray[np.float64]
 
 
 class LabelledSeries(NamedTuple):
-    """Quantities over time.
-
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        s.
-    quantities : tuple of Quantity
-    values : ndarray, shape (n, len(quantities))
-        SI.
-    meaning : str
-        Of the time.
-    """
+    """Quantities over time, s; `values` has shape (n, len(quantities)), SI; `meaning` is that of the time."""
 
     time: Array
     quantities: tuple[Quantity, ...]
@@ -49,20 +34,14 @@ class LabelledSeries(NamedTuple):
         return _over_time(self.time, symbols, self.values, {q.symbol: q.unit for q in self.quantities})
 
     def to_xarray(self) -> "xr.Dataset":
-        """Return a variable for each quantity, with its unit and its meaning as attributes."""
+        """Return a variable for each quantity, with unit and meaning as attributes."""
         columns = zip(self.quantities, self.values.T, strict=True)
         variables = {q.symbol: ("time", column, {"long_name": q.meaning, "units": q.unit}) for q, column in columns}
         return import_xarray().Dataset(variables, {"time": _times(self.time, self.meaning)})
 
 
 def import_xarray() -> ModuleType:
-    """Load xarray.
-
-    Raises
-    ------
-    DataError
-        If it is not installed: auvid itself does not need it.
-    """
+    """Return the module xarray; raise a DataError if it is not installed."""
     try:
         import xarray
     except ModuleNotFoundError as error:
@@ -71,7 +50,7 @@ def import_xarray() -> ModuleType:
 
 
 def dataset_series(dataset: Dataset) -> dict[str, LabelledSeries]:
-    """Return what a dataset has over time, by the group of its file."""
+    """Return the time series of a dataset, by the group of its file."""
     series = {
         "inputs": LabelledSeries(
             dataset.inputs.time,
@@ -93,23 +72,21 @@ def dataset_tree(dataset: Dataset) -> "xr.DataTree":
     groups = {name: series.to_xarray() for name, series in dataset_series(dataset).items()}
     for name, record in dataset.sensors.items():
         attributes = {"long_name": "stated standard deviation of the noise", "units": SENSORS[name][0].unit}
-        groups[f"sensors/{name}"] = (
-            groups[f"sensors/{name}"]
-            .assign_coords(component=_components(name))
-            .assign(standard_deviation=("component", record.standard_deviation, attributes))
-        )
+        coordinates = {"component": _components(name)}
+        variables: dict[str, Any] = {"standard_deviation": ("component", record.standard_deviation, attributes)}
         for vector in VECTORS:
             if any(values := getattr(record, vector.name)):
-                axes = {vector.dimension: (vector.dimension, list(vector.axes), {"long_name": vector.along})}
-                named = vector.dimension, list(values), {"long_name": vector.meaning, "units": vector.unit}
-                group = groups[f"sensors/{name}"].assign_coords(axes)
-                groups[f"sensors/{name}"] = group.assign({vector.name: named})
+                axes = vector.dimension, list(vector.axes), {"long_name": vector.axes_meaning}
+                attributes = {"long_name": vector.meaning, "units": vector.unit}
+                coordinates[vector.dimension] = axes
+                variables[vector.name] = vector.dimension, list(values), attributes
+        groups[f"sensors/{name}"] = groups[f"sensors/{name}"].assign_coords(coordinates).assign(variables)
     if dataset.truth is not None:
         true, units = [*dataset.truth.coefficients.values()], dataset.units_of_truth()
-        named = "coefficient", [*dataset.truth.coefficients], {"long_name": "hydrodynamic coefficient"}
+        symbols = "coefficient", [*dataset.truth.coefficients], {"long_name": "hydrodynamic coefficient"}
         groups["truth"] = (
             groups["truth"]
-            .assign_coords(coefficient=named, unit=("coefficient", units, {"long_name": "unit of each coefficient"}))
+            .assign_coords(coefficient=symbols, unit=("coefficient", units, {"long_name": "unit of each coefficient"}))
             .assign(true_coefficient=("coefficient", true, {"long_name": "true value, SI; units in `unit`"}))
         )
     return import_xarray().DataTree.from_dict(groups, name=dataset.experiment.name)
@@ -119,37 +96,34 @@ def estimate_frames(estimate: Estimate) -> "dict[str, pd.DataFrame]":
     """Return the coefficients at the last time, and the state over time, see `Estimate.to_pandas`."""
     import pandas as pd
 
-    values, place = estimate.final_coefficients(), {symbol: i for i, symbol in enumerate(estimate.state)}
-    symbols, units = estimate.coefficient_set.symbols, estimate.coefficient_set.units
-    deviations = [
-        float(estimate.standard_deviation[-1, place[symbol]]) if symbol in place else np.nan for symbol in symbols
-    ]
+    values, symbols = estimate.final_coefficients(), estimate.coefficient_set.symbols
+    deviations = dict(zip(estimate.state, estimate.standard_deviation[-1].tolist(), strict=True))
     coefficients = pd.DataFrame(
         {
             "value": [values[symbol] for symbol in symbols],
-            "standard_deviation": deviations,
+            "standard_deviation": [deviations.get(symbol, np.nan) for symbol in symbols],
             "corrected_standard_deviation": [estimate.corrected.get(symbol, np.nan) for symbol in symbols],
-            "unit": [*units.values()],
-            "estimated": [symbol in place for symbol in symbols],
+            "unit": [*estimate.coefficient_set.units.values()],
+            "estimated": [symbol in deviations for symbol in symbols],
         },
         index=pd.Index(symbols, name="coefficient"),
     )
-    of_states = dict(zip(estimate.state, estimate.unit, strict=True))
+    units = dict(zip(estimate.state, estimate.unit, strict=True))
     return {
         "coefficients": coefficients,
-        "mean": _over_time(estimate.time, estimate.state, estimate.mean, of_states),
-        "standard_deviation": _over_time(estimate.time, estimate.state, estimate.standard_deviation, of_states),
+        "mean": _over_time(estimate.time, estimate.state, estimate.mean, units),
+        "standard_deviation": _over_time(estimate.time, estimate.state, estimate.standard_deviation, units),
     }
 
 
 def estimate_tree(estimate: Estimate) -> "xr.DataTree":
     """Return an estimate as a tree: the state over time, and the innovations of each sensor."""
-    xarray, both, square = import_xarray(), ("time", "state"), ("state", "state_of_column")
+    xarray, table, square = import_xarray(), ("time", "state"), ("state", "state_of_column")
     symbols = list(estimate.state)
     state = xarray.Dataset(
         {
-            "mean": (both, estimate.mean, {"long_name": "posterior mean; units in `unit`"}),
-            "standard_deviation": (both, estimate.standard_deviation, {"long_name": "posterior standard deviation"}),
+            "mean": (table, estimate.mean, {"long_name": "posterior mean; units in `unit`"}),
+            "standard_deviation": (table, estimate.standard_deviation, {"long_name": "posterior standard deviation"}),
             "covariance": (square, estimate.covariance, {"long_name": "posterior covariance at the last time"}),
         },
         {
@@ -167,11 +141,11 @@ def estimate_tree(estimate: Estimate) -> "xr.DataTree":
 
 
 def _innovations(sensor: str, innovations: Innovations) -> "xr.Dataset":
-    unit, both = SENSORS[sensor][0].unit, ("time", "component")
+    unit, table = SENSORS[sensor][0].unit, ("time", "component")
     return import_xarray().Dataset(
         {
-            "innovation": (both, innovations.innovation, {"long_name": "measured less predicted", "units": unit}),
-            "variance": (both, innovations.variance, {"long_name": "its variance", "units": f"({unit})^2"}),
+            "innovation": (table, innovations.innovation, {"long_name": "measured less predicted", "units": unit}),
+            "variance": (table, innovations.variance, {"long_name": "its variance", "units": f"({unit})^2"}),
             "nis": ("time", innovations.nis, {"long_name": "normalised innovation squared", "units": "1"}),
         },
         {"time": _times(innovations.time, "time of measurement"), "component": _components(sensor)},

@@ -1,4 +1,4 @@
-"""Write and read HDF5 files by the netCDF-4 conventions; every value that is read is checked."""
+"""Write and read HDF5 files by the netCDF-4 conventions; check their structure and their arrays."""
 
 import hashlib
 import platform
@@ -21,21 +21,23 @@ from auvid_cli._version import __version__
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.units import parse_quantity
 from auvid_cli.data.files import replacing
-from auvid_cli.data.hdf5 import DAMAGE, open_hdf5, trust
+from auvid_cli.data.hdf5 import READ_ERRORS, open_hdf5, trust
 from auvid_cli.errors import FileError
 from auvid_cli.text import one_line, shortened
 from auvid_cli.vehicle.parameters import Quantity
 
 SCHEMA_VERSION = 2
 _CHUNK_ROWS = 8192
-_BLOCK = 50_000
+_BLOCK_ROWS = 50_000
+_MAX_NAMES = 1000
+MAX_TIME = 1e8  # s, from the beginning of the data: three years
 _LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "h5py", "pydantic", "pint", "matplotlib")
-_MOST_NAMES = 1000
+Array = NDArray[np.float64]
 
 
 @contextmanager
 def new_file(path: Path, kind: str, settings: str, seed: int, **attributes: Any) -> Iterator[h5py.File]:
-    """Make a new file with its provenance written; it gets its name when the block ends well.
+    """Create a file with its provenance; it gets its name when the block ends without an error.
 
     Parameters
     ----------
@@ -43,7 +45,7 @@ def new_file(path: Path, kind: str, settings: str, seed: int, **attributes: Any)
     kind : str
         "dataset" or "estimate".
     settings : str
-        The full resolved settings as YAML text.
+        All resolved settings as YAML.
     seed : int
     **attributes
         More root attributes.
@@ -76,10 +78,9 @@ def _library_versions() -> str:
 
 
 class _Disk:
-    """The file object that HDF5 writes to: it keeps the first failure to itself.
+    """File object that HDF5 writes to; it reports success and keeps the first failure for `raise_failure`.
 
-    On a full disk HDF5 prints pages of its own, or crashes when it closes what it could not write. So it is
-    told that all is well, and whoever writes asks for the failure.
+    On a full disk HDF5 prints long messages, or crashes when it closes a file that it could not write.
     """
 
     def __init__(self, raw: RawIOBase) -> None:
@@ -105,7 +106,7 @@ class _Disk:
             return size
 
     def flush(self) -> None:
-        """Do nothing: nothing is buffered."""
+        """Do nothing, because the file is not buffered."""
 
     def raise_failure(self) -> None:
         if self._failure is not None:
@@ -113,7 +114,7 @@ class _Disk:
 
 
 def write_dimension(group: h5py.Group, name: str, values: NDArray, long_name: str, unit: str = "") -> None:
-    """Write a coordinate variable: a dimension scale that later variables of the group attach to."""
+    """Write a coordinate variable: a dimension scale for later variables of the group."""
     _create(group, name, values, long_name, unit).make_scale(name)
 
 
@@ -122,9 +123,9 @@ def _create(group: h5py.Group, name: str, values: NDArray, long_name: str, unit:
         data = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
     else:
         data = group.create_dataset(name, values.shape, values.dtype)
-        # A column of a table is copied for the library: of ten hours at 100 Hz 29 MB, were it whole.
-        for first in range(0, len(values), _BLOCK):
-            data[first : first + _BLOCK] = values[first : first + _BLOCK]
+        # h5py copies a column of a table; a block is smaller than the 29 MB of ten hours at 100 Hz.
+        for first in range(0, len(values), _BLOCK_ROWS):
+            data[first : first + _BLOCK_ROWS] = values[first : first + _BLOCK_ROWS]
     _describe(data, long_name, unit)
     return data
 
@@ -143,14 +144,14 @@ def _attach(data: h5py.Dataset, group: h5py.Group, dimensions: tuple[str, ...]) 
 def write_variable(
     group: h5py.Group, name: str, values: NDArray, dimensions: tuple[str, ...], long_name: str, unit: str = ""
 ) -> None:
-    """Write a variable on dimensions already written in the group."""
+    """Write a variable on dimensions that are already in the group."""
     _attach(_create(group, name, values, long_name, unit), group, dimensions)
 
 
 def write_growing(
     group: h5py.Group, name: str, shape: tuple[int, ...], dimensions: tuple[str, ...], long_name: str, unit: str = ""
 ) -> None:
-    """Make a variable of doubles without rows yet, each of `shape`. Named as its dimension, it is its scale."""
+    """Create an empty variable of doubles with rows of `shape`; a scale if it is named like its dimension."""
     data = group.create_dataset(name, (0, *shape), np.float64, maxshape=(None, *shape), chunks=(_CHUNK_ROWS, *shape))
     _describe(data, long_name, unit)
     if dimensions == (name,):
@@ -159,7 +160,7 @@ def write_growing(
         _attach(data, group, dimensions)
 
 
-def append(group: h5py.Group, name: str, rows: NDArray[np.float64]) -> None:
+def append(group: h5py.Group, name: str, rows: Array) -> None:
     """Append rows to a growing variable."""
     data = group[name]
     assert isinstance(data, h5py.Dataset)
@@ -175,7 +176,7 @@ def digest(path: Path) -> str:
 
 
 class FileAttributes(Settings):
-    """What the root of every file says of it; each kind of file has a form that adds to this."""
+    """Root attributes of every file; each kind of file adds its own."""
 
     schema_version: Annotated[int, Field(ge=1)]
 
@@ -185,13 +186,13 @@ Form = TypeVar("Form", bound=FileAttributes)
 
 @contextmanager
 def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
-    """Open an existing file, checked to be auvid's, of this kind and of a schema that is understood.
+    """Open a file of auvid of this kind and of a known schema.
 
     Raises
     ------
     FileError
-        If it is missing, truncated, not HDF5, of another kind, newer, or lacks what it must have; what is wrong with
-        it may be raised within the block as a ValueError that says where.
+        If it is missing, damaged, of another kind or of a newer schema, or if the block raises an error of
+        `READ_ERRORS`, such as a ValueError with the place in the file.
     """
     if not path.is_file():
         raise FileError(f"{path}: no such {kind} file")
@@ -210,50 +211,33 @@ def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
                     "upgrade with pip install --upgrade auvid"
                 )
             yield file
-    except DAMAGE as error:
+    except READ_ERRORS as error:
         raise FileError(f"{path}: damaged or not an auvid {kind} file: {one_line(str(error))}") from error
 
 
 def read_attributes(file: h5py.File, form: type[Form]) -> Form:
-    """Read the root attributes that a form asks for, and no others.
-
-    Raises
-    ------
-    ValueError
-        If one is missing or is not as it must be.
-    """
-    attributes = {name: _plain(file.attrs[name]) for name in form.model_fields if name in file.attrs}
+    """Read the root attributes that are fields of `form`; raise a ValueError if one is missing or invalid."""
+    values = {name: file.attrs[name] for name in form.model_fields if name in file.attrs}
+    attributes = {name: value.item() if isinstance(value, np.generic) else value for name, value in values.items()}
     try:
         return form.model_validate(attributes)
     except ValidationError as error:
         first = error.errors()[0]
-        name, why = str(first["loc"][0]), first["msg"]
+        name, reason = str(first["loc"][0]), first["msg"]
         if first["type"] == "string_pattern_mismatch":
-            # A pattern says nothing to whoever reads it.
-            why = f"{attributes[name]!r} is not as auvid writes it"
-        raise ValueError(f"attribute {name}: {shortened(one_line(why))}") from None
+            reason = f"{attributes[name]!r} is not as auvid writes it"
+        raise ValueError(f"attribute {name}: {shortened(one_line(reason))}") from None
 
 
-def _plain(value: Any) -> Any:
-    """Return a number of NumPy's as Python's own."""
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def read_array(group: h5py.Group, name: str, every: int = 1, ndim: int = 1) -> NDArray[np.float64]:
-    """Read a numeric variable as doubles; of its rows every so many, and the last."""
+def read_array(group: h5py.Group, name: str, every: int = 1, ndim: int = 1) -> Array:
+    """Read a numeric variable as doubles: every `every`-th row, the last one included."""
     data = _variable(group, name, "numbers", ndim)
     rows = data[(data.shape[0] - 1) % every :: every] if every > 1 else data[...]
     return np.asarray(rows, dtype=np.float64)
 
 
 def check_units(group: h5py.Group, quantities: Iterable[Quantity]) -> None:
-    """Refuse values in other units than auvid's, where a file states any.
-
-    Raises
-    ------
-    ValueError
-        With the variable, its unit, and what is expected.
-    """
+    """Raise a ValueError if the file states a unit other than the expected one."""
     for quantity in quantities:
         unit = group[quantity.symbol].attrs.get("units")
         if unit is not None and not _is_unit(unit, quantity.unit):
@@ -271,54 +255,54 @@ def _is_unit(text: Any, unit: str) -> bool:
         return False
 
 
-def read_table(group: h5py.Group, names: Sequence[str], every: int = 1) -> NDArray[np.float64]:
-    """Read variables of one length side by side, as `read_array` does."""
+def read_table(group: h5py.Group, names: Sequence[str], every: int = 1) -> Array:
+    """Read variables of equal length as columns, see `read_array`."""
     first = read_array(group, names[0], every)
     table = np.empty((len(first), len(names)))
     table[:, 0] = first
     for column, name in enumerate(names[1:], 1):
         values = read_array(group, name, every)
         if values.size != len(first):
-            raise ValueError(f"{group.name}/{name} is not as long as {group.name}/{names[0]}")
+            raise ValueError(f"{group.name}/{name} and {group.name}/{names[0]} differ in length")
         table[:, column] = values
     return table
 
 
-def mark_missing(group: h5py.Group, name: str, values: NDArray[np.float64]) -> None:
-    """Put NaN in place of values where a variable of flags is zero."""
+def mark_missing(group: h5py.Group, name: str, values: Array) -> None:
+    """Set values to NaN where a variable of flags is zero."""
     flags = read_array(group, name, ndim=2)
     if flags.shape != values.shape:
-        raise ValueError(f"{group.name}/{name} does not fit the values that it is about")
+        raise ValueError(f"{group.name}/{name} and its values differ in shape")
     values[flags == 0.0] = np.nan
 
 
-def read_rows(group: h5py.Group, name: str, first: int, last: int, ndim: int = 1) -> NDArray[np.float64]:
-    """Read consecutive rows of a numeric variable as doubles."""
+def read_rows(group: h5py.Group, name: str, first: int, last: int, ndim: int = 1) -> Array:
+    """Read the rows from `first` to before `last` of a numeric variable as doubles."""
     return np.asarray(_variable(group, name, "numbers", ndim)[first:last], dtype=np.float64)
 
 
 def count_rows(group: h5py.Group, name: str) -> int:
-    """Count the rows of a variable of one dimension."""
+    """Return the length of a variable of one dimension."""
     return _variable(group, name, "numbers", 1).shape[0]
 
 
 def read_names(group: h5py.Group, name: str) -> tuple[str, ...]:
-    """Read a variable of strings, of which there are not many."""
+    """Read a variable of at most `_MAX_NAMES` strings."""
     data = _variable(group, name, "text", 1)
-    if data.shape[0] > _MOST_NAMES:
-        raise ValueError(f"{data.name} has more entries than there are names")
+    if data.shape[0] > _MAX_NAMES:
+        raise ValueError(f"{data.name} has {data.shape[0]} entries; expected at most {_MAX_NAMES}")
     return tuple(str(text) for text in data.asstr()[...])
 
 
 def subgroups(group: h5py.Group, name: str) -> dict[str, h5py.Group]:
-    """Return the groups in a group, by name; none if that does not exist."""
+    """Return the groups in a group by name, none if it does not exist."""
     if name not in group:
         return {}
     return {key: item for key, item in subgroup(group, name).items() if isinstance(item, h5py.Group)}
 
 
 def subgroup(group: h5py.Group, name: str) -> h5py.Group:
-    """Return a group that must be there."""
+    """Return a group; raise a KeyError if it does not exist."""
     item = group[name]
     if not isinstance(item, h5py.Group):
         raise KeyError(f"{name} is not a group")
@@ -333,3 +317,30 @@ def _variable(group: h5py.Group, name: str, holds: str, ndim: int) -> h5py.Datas
     if item.shape is None or len(item.shape) != ndim or holds != ("text" if is_text else "numbers"):
         raise ValueError(f"{item.name} does not hold {holds} of {ndim} {'dimension' if ndim == 1 else 'dimensions'}")
     return item
+
+
+def check_times(where: str, time: Array, increasing: bool = False) -> None:
+    """Raise a ValueError if times are not finite, too late, or not in order."""
+    if not (np.abs(time) <= MAX_TIME).all():
+        raise ValueError(f"{where}: times are not finite, or later than {MAX_TIME:.0e} s")
+    steps = np.diff(time)
+    if (steps <= 0.0 if increasing else steps < 0.0).any():
+        raise ValueError(f"{where}: times are not {'strictly increasing' if increasing else 'in order'}")
+
+
+def check_shapes(where: str, *expected: tuple[NDArray, tuple[int, ...]]) -> None:
+    """Raise a ValueError if an array does not have its expected shape."""
+    if any(array.shape != shape for array, shape in expected):
+        raise ValueError(f"{where}: variables differ in length")
+
+
+def check_finite(where: str, *arrays: Array) -> None:
+    """Raise a ValueError if a value is infinite or NaN."""
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise ValueError(f"{where} has values that are not finite")
+
+
+def check_deviations(where: str, deviations: Array, may_be_infinite: bool = False) -> None:
+    """Raise a ValueError if a standard deviation is negative or not finite."""
+    if not (deviations >= 0.0).all() or not (may_be_infinite or np.isfinite(deviations).all()):
+        raise ValueError(f"{where}: standard deviations are negative or not finite")

@@ -1,4 +1,4 @@
-"""Results folders: read what belongs together, and decide which results may be replaced."""
+"""Results folders: read datasets and estimates that belong together, and decide which results may be replaced."""
 
 import shutil
 from collections.abc import Callable, Collection, Iterable
@@ -30,42 +30,42 @@ from auvid_cli.text import one_line
 
 
 class _Origin(FileAttributes):
-    """Settings that made a file, and the dataset of an estimate."""
+    """Settings of a file, and the dataset of an estimate."""
 
     settings: str
     dataset_sha256: str = ""
 
 
 def refuse_unless(overwrite: bool, objection: str) -> None:
-    """Raise a FileError with an objection, if there is one and the user does not allow to overwrite."""
+    """Raise a FileError with an objection, unless it is empty or the user allows to overwrite."""
     if objection and not overwrite:
         raise FileError(f"{objection}; name another place with --output, or replace it with --overwrite")
 
 
 def put_dataset(path: Path, dataset: Dataset, inputs: Iterable[Path], overwrite: bool, objection: str) -> None:
-    """Write a dataset, unless the file there has the same numbers: then everything made from it remains true.
+    """Write a dataset, unless the file has the same numbers already: then all results made from it stay valid.
 
     Parameters
     ----------
     path : pathlib.Path
     dataset : Dataset
     inputs : iterable of pathlib.Path
-        Files that it was made from; never overwritten.
+        Files that it was made from; they are never overwritten.
     overwrite : bool
-        Whether other results may be replaced.
+        Whether results of another run may be replaced.
     objection : str
         Result of `other_run`.
     """
     if path.exists() and not objection:
         if holds_data(path, dataset):
             return
-        objection = f"{path}: holds other data than auvid {__version__} makes by the same settings"
+        objection = f"{path}: holds other data than auvid {__version__} makes from the same settings"
     refuse_unless(overwrite, objection)
     _replace(path, inputs, lambda: write_dataset(path, dataset))
 
 
 def put_copy(path: Path, dataset: Dataset, folder: Path, inputs: Iterable[Path], overwrite: bool) -> None:
-    """Copy the file of a dataset into a results folder, unless it is there; arguments as of `put_dataset`."""
+    """Copy the file of a dataset into a results folder, unless it is there; see `put_dataset`."""
     copy = dataset_in(folder)
     if copy.is_file() and digest(copy) == dataset.sha256:
         return
@@ -79,7 +79,7 @@ def put_copy(path: Path, dataset: Dataset, folder: Path, inputs: Iterable[Path],
 
 
 def _replace(path: Path, inputs: Iterable[Path], write: Callable[[], None]) -> None:
-    """Write a dataset, then remove all that was made from the former one."""
+    """Write a dataset, then remove all results of the former one."""
     stale = products(path.parent) if path == dataset_in(path.parent) else []
     check_no_overlap([path, *stale], inputs)
     write()
@@ -87,13 +87,13 @@ def _replace(path: Path, inputs: Iterable[Path], write: Callable[[], None]) -> N
 
 
 def refuse_other_page(path: Path) -> None:
-    """Raise a FileError if a file that is no page of auvid's has the name of a page."""
+    """Raise a FileError if the path of a page has a file that auvid did not write."""
     if path.exists() and not is_page(path):
         raise FileError(f"{path}: is not a page of auvid's, and would be written over; move it away")
 
 
 def other_run(path: Path, experiment: RunSettings) -> str:
-    """Return the objection to writing the dataset of an experiment: results of another run; empty if none."""
+    """Return the results of another run that the dataset of an experiment would replace, as an objection or empty."""
     if path.exists():
         return _difference(path, "dataset", experiment)
     return _without_dataset(path.parent) if path == dataset_in(path.parent) else ""
@@ -102,17 +102,9 @@ def other_run(path: Path, experiment: RunSettings) -> str:
 def other_estimates(
     folder: Path, experiment: RunSettings, sha256: str, filters: Collection[FilterName]
 ) -> dict[Path, str]:
-    """Return the estimates in a folder that do not go with a run, each with the reason.
+    """Return the estimates in a folder that are not of a run, with the reasons.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-    experiment : RunSettings
-        Settings of the run.
-    sha256 : str
-        Digest of its dataset.
-    filters : collection of FilterName
-        Filters of the run: settings that concern one filter alone are compared for these only.
+    `sha256` is the digest of the dataset of the run; settings of a single filter are compared only for `filters`.
     """
     estimates = estimates_in(folder)
     scan(estimates.values())
@@ -131,7 +123,7 @@ def _without_dataset(folder: Path) -> str:
 def _difference(
     path: Path, kind: str, experiment: RunSettings, filter_name: FilterName | None = None, sha256: str = ""
 ) -> str:
-    """Return the reason why a file does not go with an experiment; empty if it does."""
+    """Return the reason why a file is not of an experiment; empty if it is."""
     if not path.is_file():
         return f"{path}: is no file"
     try:
@@ -141,36 +133,35 @@ def _difference(
             return f"{path}: was made from other data"
         if origin.settings == dump_experiment(experiment):
             return ""
-        there = parse_run(origin.settings, f"{path} (settings)")
+        former = parse_run(origin.settings, f"{path} (settings)")
     except AuvidError as error:
         return one_line(str(error).splitlines()[0])
-    here = experiment
     if kind == "estimate":
-        here, there = (
+        experiment, former = (
             run.model_copy(update={"name": "", "identification": run.identification.for_filter(filter_name)})
-            for run in (here, there)
+            for run in (experiment, former)
         )
-    parts = [part for part in type(here).model_fields if getattr(here, part) != getattr(there, part, None)]
+    parts = [part for part in type(experiment).model_fields if getattr(experiment, part) != getattr(former, part, None)]
     return f"{path}: was made with other settings of {', '.join(f'`{part}`' for part in parts)}" if parts else ""
 
 
 def read_simulated(folder: Path, experiment: RunSettings) -> Dataset:
-    """Read the simulated dataset of an experiment, with the experiment's present identification settings.
+    """Read the simulated dataset of an experiment, with its current identification settings.
 
     Raises
     ------
     FileError
-        If there is none, or if it was simulated with other settings than the experiment has now.
+        If it is missing, or was simulated with other settings.
     """
     path = dataset_in(folder)
     if not path.is_file():
-        raise FileError(f"{path}: no such dataset; make it with `auvid simulate`, or do all with `auvid run`")
+        raise FileError(f"{path}: no such dataset; make it with `auvid simulate`, or use `auvid run`")
     dataset = read_dataset(path)
     for part in ("seed", "vehicle", "sensors", "manoeuvre"):
         if getattr(dataset.experiment, part, None) != getattr(experiment, part, None):
             raise FileError(
-                f"{path}: was simulated with other settings of `{part}` than the experiment has now; run "
-                "`auvid simulate` again, give the same --set here, or name the dataset file to identify it as it is"
+                f"{path}: was simulated with other settings of `{part}`; run `auvid simulate` again, give the same "
+                "--set here, or name the dataset file to identify it as it is"
             )
     return replace(dataset, experiment=experiment)
 
@@ -181,7 +172,7 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
     Raises
     ------
     FileError
-        If something is missing or an estimate belongs to another dataset.
+        If a file is missing or an estimate is of another dataset.
     """
     paths = estimates_in(folder)
     scan([dataset_in(folder), *paths.values()])
@@ -197,8 +188,8 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
                 f"{folder / 'dataset.h5'}; run `auvid identify` again"
             )
     for why in other_estimates(folder, estimates[0].experiment, dataset.sha256, ()).values():
-        raise FileError(f"{why} than that of {estimates[0].filter}, and tables show all together; identify again")
+        raise FileError(f"{why} than {estimates[0].filter}, and tables show all together; run `auvid identify` again")
     if dataset.truth is None:
-        # Nothing else says which of them is right.
+        # Without a truth the judge is the reference, and comes first.
         estimates.sort(key=lambda estimate: estimate.filter != JUDGE)
     return dataset, estimates

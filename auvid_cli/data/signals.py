@@ -1,30 +1,36 @@
-"""Noise of a signal, and gaps in a record."""
+"""Signal processing: noise, quantisation, gaps, repeated measurements and rates of change."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_coeffs
 
 from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import SensorRecord
 
 Array = NDArray[np.float64]
-# Standard deviation of a normal variable per median of its size.
+# Standard deviation of a normal variable per median of its absolute value.
 _PER_MEDIAN = 1.4826022185056018
-# Of a signal's largest value: differences below that are rounding of the arithmetic.
+# Smaller differences are rounding errors, as a share of the largest value.
 _ROUNDING = 16.0 * np.finfo(np.float64).eps
-# How near to whole steps how many of the differences between neighbouring values are, if there is a step; it is among
-# the smallest of them, or in the middle where single values off the grid make smaller ones.
-_NEAR, _SHARE, _CANDIDATES = 0.01, 0.8, (0.05, 0.5)
-# Correlation of successive third differences from where on a signal was filtered, by how many of them; of their sizes
-# what counts as usual, for spikes do not.
-_SMOOTH, _FEWEST_PAIRS, _USUAL = -0.68, 400, 0.95
-# s, and times the usual interval.
-_LONGEST, _INTERVALS = 1.0, 10.0
-# s; a sensor with noise does not repeat itself to the last bit, and some quantised ones do for a while.
-LONGEST_REPEAT = 2.0
-# Steps by which a rounded measurement changes that hardly does.
-_NEIGHBOURS, _BY_NOISE = 1.5, 2.5
+# A quantisation step is a small quantile of the differences between values, or the median if single values are off the
+# grid.
+_STEP_QUANTILES = (0.05, 0.5)
+_MAX_STEP_ERROR = 0.01  # of a difference from a multiple of the step, in steps
+_MIN_STEP_SHARE = 0.8  # of the differences that are multiples of the step
+# A signal is filtered if successive third differences have a larger correlation than this.
+_MAX_WHITE_CORRELATION = -0.68
+_MIN_PAIRS = 400
+_CLIPPING_QUANTILE = 0.95  # of third differences, so that spikes do not count
+_MIN_GAP = 1.0  # s
+_MIN_GAP_INTERVALS = 10.0  # median intervals
+# A sensor with noise hardly ever repeats a measurement, a quantised one may for a while.
+MAX_REPEAT = 2.0  # s
+_NEIGHBOUR_STEPS = 1.5  # quantisation steps
+_NOISE_STEPS = 2.5  # quantisation steps
+# Window in which the change of attitude is a turn rate.
+TURN_RATE_WINDOW = 1.0  # s
 
 
 class Noise(NamedTuple):
@@ -33,9 +39,9 @@ class Noise(NamedTuple):
     Attributes
     ----------
     standard_deviation : float
-        NaN if the signal does not tell.
+        NaN if unknown.
     step : float
-        Of quantisation, if it is this that the standard deviation was taken from; else 0.
+        Quantisation step, if the standard deviation follows from it; otherwise 0.
     """
 
     standard_deviation: float
@@ -43,15 +49,7 @@ class Noise(NamedTuple):
 
 
 def estimate_noise(values: Array, is_angle: bool = False) -> Noise:
-    """Estimate noise by `noise_standard_deviation`, but no less than that of rounding to steps: step / sqrt(12).
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        NaN where one is missing.
-    is_angle : bool
-        Whether it is in rad and may jump by whole turns.
-    """
+    """Return `noise_standard_deviation`, or that of quantisation, step / sqrt(12), if it is larger."""
     deviation, step = noise_standard_deviation(values, is_angle), quantisation_step(values)
     least = step / np.sqrt(12.0)
     if step > 0.0 and deviation < least:
@@ -61,22 +59,21 @@ def estimate_noise(values: Array, is_angle: bool = False) -> Noise:
 
 
 def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
-    """Find the standard deviation of white noise on a signal that changes slowly from sample to sample.
+    """Return the standard deviation of white noise on a slowly changing signal.
 
-    Second differences leave of such a signal little but the noise, times the root of six; their median size does not
-    mind spikes.
+    Second differences of such a signal are mainly noise, times the root of six. Their median is robust to spikes.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
-        NaN where one is missing.
+        NaN where missing.
     is_angle : bool
-        Whether it is in rad and may jump by whole turns.
+        Whether values are in rad and may jump by whole turns.
 
     Returns
     -------
     float
-        NaN if there are fewer than three samples in a row.
+        NaN if there are fewer than three consecutive samples.
     """
     second = np.abs(_second_differences(values, is_angle))
     second = second[np.isfinite(second)]
@@ -84,23 +81,19 @@ def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
 
 
 def is_smoothed(values: Array, is_angle: bool = False) -> bool:
-    """Say whether a signal goes on from sample to sample as only a filter makes it: its scatter is not its noise.
+    """Whether a signal was low-pass filtered, so that its scatter is less than its noise.
 
-    Successive third differences of white noise correlate by -3/4, those of what was filtered less, or positively; of
-    second differences a motion of half a hertz, ten samples a second, is still the larger part.
-
-    Parameters
-    ----------
-    values, is_angle
-        As of `noise_standard_deviation`.
+    Successive third differences of white noise have a correlation of -3/4, those of a filtered signal a larger one.
+    Second differences would contain too much of the motion: half a hertz at ten samples a second. For the arguments
+    see `noise_standard_deviation`.
     """
     third = np.diff(_second_differences(values, is_angle))
-    size = float(np.nanquantile(np.abs(third), _USUAL)) if np.isfinite(third).any() else 0.0
+    size = float(np.nanquantile(np.abs(third), _CLIPPING_QUANTILE)) if np.isfinite(third).any() else 0.0
     pairs = np.clip(np.stack([third[1:], third[:-1]]), -size, size)
     pairs = pairs[:, np.isfinite(pairs).all(axis=0)]
-    if pairs.shape[1] < _FEWEST_PAIRS or not size > 0.0:
+    if pairs.shape[1] < _MIN_PAIRS or not size > 0.0:
         return False
-    return float(np.mean(pairs[0] * pairs[1]) / np.mean(pairs[0] * pairs[0])) > _SMOOTH
+    return float(np.mean(pairs[0] * pairs[1]) / np.mean(pairs[0] * pairs[0])) > _MAX_WHITE_CORRELATION
 
 
 def _second_differences(values: Array, is_angle: bool) -> Array:
@@ -109,33 +102,27 @@ def _second_differences(values: Array, is_angle: bool) -> Array:
 
 
 def quantisation_step(values: Array) -> float:
-    """Find the step of a quantised signal, 0 if it is none: most differences of neighbours are multiples of it."""
-    known = np.unique(values[np.isfinite(values)])
-    gaps = np.diff(known)
-    gaps = gaps[gaps > _ROUNDING * np.abs(known).max(initial=0.0)]
-    if not gaps.size:
+    """Return the step of which most differences of neighbouring values are multiples; 0 if there is none."""
+    levels = np.unique(values[np.isfinite(values)])
+    differences = np.diff(levels)
+    differences = differences[differences > _ROUNDING * np.abs(levels).max(initial=0.0)]
+    if not differences.size:
         return 0.0
-    for step in np.quantile(gaps, _CANDIDATES, method="higher"):
-        multiples = gaps / step
-        if np.mean(np.abs(multiples - np.maximum(np.rint(multiples), 1.0)) < _NEAR) >= _SHARE:
+    for step in np.quantile(differences, _STEP_QUANTILES, method="higher"):
+        multiples = differences / step
+        if np.mean(np.abs(multiples - np.maximum(np.rint(multiples), 1.0)) < _MAX_STEP_ERROR) >= _MIN_STEP_SHARE:
             return float(step)
     return 0.0
 
 
 def gap_limit(intervals: Array) -> float:
-    """Return the longest interval between measurements that is not a gap, s.
-
-    Parameters
-    ----------
-    intervals : ndarray, shape (n,)
-        Those between all measurements, s; at least one.
-    """
-    return max(_LONGEST, _INTERVALS * float(np.median(intervals)))
+    """Return the longest of the intervals between measurements, s, that is not a gap."""
+    return max(_MIN_GAP, _MIN_GAP_INTERVALS * float(np.median(intervals)))
 
 
-def longer_intervals(time: Array, longest: float) -> Array:
+def longer_intervals(time: Array, limit: float) -> Array:
     """Return begin and end, s, of the intervals between times that are longer than a limit, shape (n, 2)."""
-    long = np.flatnonzero(np.diff(time) > longest)
+    long = np.flatnonzero(np.diff(time) > limit)
     return np.stack([time[long], time[long + 1]], axis=1)
 
 
@@ -146,51 +133,89 @@ def gaps(time: Array) -> Array:
 
 
 def repeats(record: SensorRecord) -> Array:
-    """Find first and last time, s, of every run of the same measurement, shape (n, 2); one alone is a run, too."""
+    """Return first and last time, s, of every run of equal measurements, shape (n, 2); a run may have one."""
     time, _, edges = _runs(record)
     return np.stack([time[edges[:-1]], time[edges[1:] - 1]], axis=1)
 
 
 def stuck_times(record: SensorRecord) -> Array:
-    """Return those of the `repeats` that last too long, and not because measurements are rounded."""
+    """Return the `repeats` that are longer than `MAX_REPEAT` and not due to quantisation."""
     runs = repeats(record)
-    long = runs[:, 1] - runs[:, 0] > LONGEST_REPEAT
-    # Whether measurements are rounded takes sorting them all, and hardly ever matters.
+    long = runs[:, 1] - runs[:, 0] > MAX_REPEAT
+    # `rounded_repeats` sorts all measurements, and is rarely needed.
     return runs[long & ~rounded_repeats(record)] if long.any() else runs[long]
 
 
 def rounded_repeats(record: SensorRecord) -> NDArray[np.bool_]:
-    """Say of each of the `repeats` whether it is one of a rounded measurement that changed by less than a step.
+    """Whether each of the `repeats` is due to quantisation of a slowly changing value.
 
-    It then comes from a neighbouring step and goes on to one. Noise may take it two steps to one side, and what it
-    begins or ends the record with has but one: these are no longer than those with neighbours on both.
+    Such a run has neighbouring steps on both sides. Noise may add a second step on one side, and the first and last
+    run of the record have one side only: these count if they are not longer than those with neighbours on both sides.
     """
     time, values, edges = _runs(record)
     steps = rounding_steps(record)
     runs = values[edges[:-1]]
     if not steps.any():
         return np.zeros(len(runs), np.bool_)
-    # A component that is missing says nothing.
+    # Missing components are ignored.
     jumps = np.abs(np.diff(runs, axis=0))
-    near, by_noise = ((np.isnan(jumps) | (jumps <= most * steps)).all(axis=1) for most in (_NEIGHBOURS, _BY_NOISE))
-    lasted = time[edges[1:] - 1] - time[edges[:-1]]
-    before, after = np.append(False, near), np.append(near, False)
-    surely = before & after
-    longest = float(lasted.max(initial=0.0, where=surely))
-    perhaps = (before | after) & np.append(True, by_noise) & np.append(by_noise, True)
-    return surely | (perhaps & (lasted <= longest))
+    neighbours, noisy = (
+        (np.isnan(jumps) | (jumps <= limit * steps)).all(axis=1) for limit in (_NEIGHBOUR_STEPS, _NOISE_STEPS)
+    )
+    duration = time[edges[1:] - 1] - time[edges[:-1]]
+    before, after = np.append(False, neighbours), np.append(neighbours, False)
+    certain = before & after
+    longest = float(duration.max(initial=0.0, where=certain))
+    possible = (before | after) & np.append(True, noisy) & np.append(noisy, True)
+    return certain | (possible & (duration <= longest))
 
 
 def rounding_steps(record: SensorRecord) -> Array:
-    """Return the step in which each component is recorded, shape (c,); 0 where it is in none that shows."""
+    """Return the quantisation step of each component, shape (c,); 0 where there is none."""
     levels = (np.unique(column[np.isfinite(column)]) for column in record.values.T)
-    # Two levels alone are no grid.
+    # Two levels are not yet a grid.
     return np.array([quantisation_step(level) if level.size > 2 else 0.0 for level in levels])
 
 
 def _runs(record: SensorRecord) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return times and values that are there, and where each run of the same measurement begins and the last ends."""
+    """Return times and values of the measurements, and the index at which each run begins, and the last ends."""
     present = np.isfinite(record.values).any(axis=1)
     time, values = record.time[present], record.values[present]
     moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
     return time, values, np.concatenate([[0], moved, [len(values)]])
+
+
+def rate_of_change(values: Array, interval: float, half: int) -> Array:
+    """Return the slope at each of evenly spaced samples, per second, of a cubic (Savitzky and Golay 1964).
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    interval : float
+        s, between samples.
+    half : int
+        Number of samples on either side in the fit of the cubic; the slope is NaN without them.
+    """
+    rate = np.full(values.size, np.nan)
+    if values.size > 2 * half:
+        rate[half : values.size - half] = np.convolve(values, _slope_weights(interval, half), "valid")
+    return rate
+
+
+def response_to_rates(rates: Array, interval: float, half: int) -> Array:
+    """Return `rate_of_change` of an angle with these rates, which are linear between samples."""
+    smoothed = np.full(rates.size, np.nan)
+    if rates.size > 2 * half:
+        # The change of the angle between two samples counts in all later ones.
+        later = interval * np.cumsum(_slope_weights(interval, half))[:-1]
+        smoothed[half : rates.size - half] = np.convolve(rates, np.convolve(later, [0.5, 0.5]), "valid")
+    return smoothed
+
+
+def rate_noise(interval: float, half: int, averaged: int = 1) -> float:
+    """Return the standard deviation of a mean of `averaged` slopes per that of white samples, 1/s."""
+    return float(np.linalg.norm(np.convolve(_slope_weights(interval, half), np.full(averaged, 1.0 / averaged))))
+
+
+def _slope_weights(interval: float, half: int) -> Array:
+    return np.asarray(savgol_coeffs(2 * half + 1, 3, deriv=1, delta=interval), dtype=np.float64)

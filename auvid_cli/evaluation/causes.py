@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate import N_LAGS, Estimate, Innovations
 from auvid_cli.data.faults import Cause
-from auvid_cli.data.innovations import LAGS, Innovations
 
 Array = NDArray[np.float64]
 
@@ -72,11 +71,11 @@ def noise_cause(sensor: str, innovations: Innovations, or_less_process_noise: bo
     and, for each component, -n / 2 log(1 - R^2) by its memory, less the number of its coefficients (Akaike, IEEE Trans.
     Autom. Control 19(6), 1974).
     """
-    tally, (correlation, samples) = innovations.tally(), innovations.memory
+    tally, (correlation, samples) = innovations.sums(), innovations.autocorrelation
     nis = tally.mean_nis
     by_size = 0.5 * float(tally.components.sum()) * (nis - 1.0 - np.log(nis)) if nis > 0.0 else 0.0
     explained = np.array([_explained_by_the_past(row) for row in correlation])
-    by_memory = float(np.sum(np.maximum(-0.5 * samples * np.log1p(-explained) - LAGS, 0.0)))
+    by_memory = float(np.sum(np.maximum(-0.5 * samples * np.log1p(-explained) - N_LAGS, 0.0)))
     if nis < 1.0 and by_memory <= by_size:
         return Cause(by_size, f"noise of {sensor} that is stated too large", _TUNE_SENSORS)
     if nis >= 1.0 and by_memory <= _WORTH_NAMING:

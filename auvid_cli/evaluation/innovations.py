@@ -8,11 +8,10 @@ from scipy.special import chdtri
 
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.innovations import LAGS, WINDOW, Innovations
+from auvid_cli.data.estimate import N_LAGS, NIS_WINDOW, Estimate, Innovations
 from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
-# Limits of the mean NIS of a sensor, over a whole run and over any `WINDOW` of it. Neither chance nor the
+# Limits of the mean NIS of a sensor, over a whole run and over any `NIS_WINDOW` of it. Neither chance nor the
 # coloured noise of an AHRS reaches them (400 components scatter by 0.07). The window is for a filter that was
 # thrown off course early and looks settled later: what it learned then was wrong.
 LARGEST_MEAN_NIS, LARGEST_NIS_IN_WINDOW = 1.5, 2.0
@@ -63,7 +62,7 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
     """Return the consistency of every sensor, in the order of the estimate."""
     results = []
     for name, innovations in estimate.innovations.items():
-        tally = innovations.tally()
+        tally = innovations.sums()
         components = tally.components.sum()
         # Of chi-squared with so many components, whose mean is its number, and its variance twice that.
         scatter = _QUANTILE * float(np.sqrt(2.0 / components)) if components else float("nan")
@@ -83,25 +82,25 @@ def status_of(estimate: Estimate) -> str:
     if not estimate.completed:
         return estimate.status
     for sensor, innovations in estimate.innovations.items():
-        tally = innovations.tally()
+        tally = innovations.sums()
         if tally.squares.sum() > LARGEST_MEAN_NIS * tally.components.sum():
             return _belied(sensor, tally.mean_nis, "")
         for start, nis in windowed_nis(innovations):
             if nis > LARGEST_NIS_IN_WINDOW:
-                return _belied(sensor, nis, f" from t = {start:.0f} s on for {WINDOW:.0f} s")
+                return _belied(sensor, nis, f" from t = {start:.0f} s on for {NIS_WINDOW:.0f} s")
     return estimate.status
 
 
 def windowed_nis(innovations: Innovations) -> NDArray[np.float64]:
-    """Return start, s, and mean NIS per component of every `WINDOW` that has enough measurements to tell.
+    """Return start, s, and mean NIS per component of every `NIS_WINDOW` that has enough measurements to tell.
 
     Returns
     -------
     ndarray, shape (k, 2)
     """
-    tally = innovations.tally()
+    tally = innovations.sums()
     enough = np.flatnonzero(tally.components >= _FEWEST_COMPONENTS)
-    starts = tally.start + WINDOW * enough.astype(np.float64)
+    starts = tally.start + NIS_WINDOW * enough.astype(np.float64)
     return np.stack([starts, tally.squares[enough] / tally.components[enough]], axis=1).astype(np.float64)
 
 
@@ -114,7 +113,7 @@ def _belied(sensor: str, nis: float, when: str) -> str:
 
 def mean_nis(estimate: Estimate) -> float:
     """Return the normalised innovation squared per component, over all sensors."""
-    tallies = [innovations.tally() for innovations in estimate.innovations.values()]
+    tallies = [innovations.sums() for innovations in estimate.innovations.values()]
     components = sum(float(tally.components.sum()) for tally in tallies)
     return sum(float(tally.squares.sum()) for tally in tallies) / components if components else float("nan")
 
@@ -134,7 +133,7 @@ def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
 
 
 def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    tally = innovations.tally()
+    tally = innovations.sums()
     components = int(tally.components.sum())
     nis = tally.mean_nis
     tails = 0.5 + _CONFIDENCE / 2, 0.5 - _CONFIDENCE / 2
@@ -171,7 +170,7 @@ def _nis_in_windows(filter_name: str, sensor: str, innovations: Innovations) -> 
     return Check.of(
         filter_name,
         sensor,
-        f"NIS in any {WINDOW:.0f} s",
+        f"NIS in any {NIS_WINDOW:.0f} s",
         statistic=f"{largest:.4g} from t = {start:.6g} s on",
         threshold=f"<= {LARGEST_NIS_IN_WINDOW:g}",
         passed=bool(largest <= LARGEST_NIS_IN_WINDOW),
@@ -186,7 +185,7 @@ def _outliers(filter_name: str, sensor: str, innovations: Innovations) -> Check:
     name, what, without = "gate", "components rejected", "the gate"
     if innovations.weight is not None:
         name, what, without = "robust", "components counted less than half", "identification.robust"
-    rejected, used = innovations.tally().rejected, int(innovations.tally().components.sum())
+    rejected, used = innovations.sums().rejected, int(innovations.sums().components.sum())
     share = rejected / (rejected + used)
     return Check.of(
         filter_name,
@@ -203,11 +202,11 @@ def _outliers(filter_name: str, sensor: str, innovations: Innovations) -> Check:
 
 def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check:
     """Judge the largest autocorrelation of the normalised innovations over some lags."""
-    lags = np.arange(1, LAGS + 1)
+    lags = np.arange(1, N_LAGS + 1)
     # Of few, later pairs are fewer: each correlation by the number of its own.
     largest = {
         quantity.symbol: float(np.max(np.abs(correlation) * n / (n - lags)))
-        for quantity, correlation, n in zip(SENSORS[sensor], *innovations.memory, strict=True)
+        for quantity, correlation, n in zip(SENSORS[sensor], *innovations.autocorrelation, strict=True)
         if n
     }
     if not largest:
@@ -220,7 +219,7 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check
         "whiteness",
         innovations,
         largest,
-        f"correlation over {LAGS} lags",
+        f"correlation over {N_LAGS} lags",
         f"Errors of {sensor} last from sample to sample: standard deviations of the coefficients are too small, unless "
         "its noise was stated larger for that. What would explain it stands under `explained by noise`.",
     )
@@ -267,7 +266,7 @@ def _uncorrelated(
     """
     limit = _LARGEST_CORRELATION + 3.0 / np.sqrt(len(innovations.time))
     check = Check.of_values(filter_name, sensor, name, correlations, limit=limit, meaning=meaning, advice=advice)
-    tally = innovations.tally()
+    tally = innovations.sums()
     small = tally.squares.sum() < 0.25 * tally.components.sum()
     return check._replace(passed=None, advice=_told_larger(sensor)) if check.passed is False and small else check
 

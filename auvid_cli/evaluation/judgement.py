@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.extra_states import AugmentedStates, BiasName
 from auvid_cli.config.sanity import MAX_FIN_STRENGTH, MIN_FIN_STRENGTH
-from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate import N_LAGS, NIS_WINDOW, Estimate, Innovations
 from auvid_cli.data.faults import Cause, FaultKind
-from auvid_cli.data.innovations import LAGS, WINDOW, Innovations
 from auvid_cli.evaluation.causes import LARGEST_FAULT, is_from_ahrs, noise_cause, told_as_noise
 from auvid_cli.evaluation.innovations import LARGEST_MEAN_NIS, LARGEST_NIS_IN_WINDOW, mean_nis, status_of, windowed_nis
 from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
@@ -107,7 +106,7 @@ def remedy_of_linearisation(estimate: Estimate) -> str:
         return ""
     windows = [windowed_nis(innovations) for innovations in estimate.innovations.values()]
     begin = min((float(window[0, 0]) for window in windows if len(window)), default=0.0)
-    late = [nis for window in windows for start, nis in window if start > begin + 0.5 * WINDOW]
+    late = [nis for window in windows for start, nis in window if start > begin + 0.5 * NIS_WINDOW]
     if any(nis > LARGEST_NIS_IN_WINDOW for nis in late):
         return ""
     return (
@@ -344,15 +343,15 @@ class Whiteness(NamedTuple):
 
 def whiteness(innovations: Innovations) -> Whiteness:
     """Compare innovations with white noise; where there are few, NIS alone."""
-    tally = innovations.tally()
+    tally = innovations.sums()
     squares, components = float(tally.squares.sum()), float(tally.components.sum())
     if not components:
         return Whiteness(0.0, 0.0)
-    correlation, samples = innovations.memory
+    correlation, samples = innovations.autocorrelation
     enough = samples >= _FEWEST
     squared, n = correlation[enough] ** 2, samples[enough]
     # The squares of a Gaussian sequence correlate by the square of its own correlation.
     memory = float(squared.sum(axis=1).max(initial=0.0))
     nis = (squares - components) / np.sqrt(2.0 * components * (1.0 + 2.0 * memory))
-    sums = n * (n + 2.0) * (squared / (n[:, None] - np.arange(1, LAGS + 1))).sum(axis=1)
-    return Whiteness(float(nis), float(((sums - LAGS) / np.sqrt(2.0 * LAGS)).max(initial=0.0)))
+    sums = n * (n + 2.0) * (squared / (n[:, None] - np.arange(1, N_LAGS + 1))).sum(axis=1)
+    return Whiteness(float(nis), float(((sums - N_LAGS) / np.sqrt(2.0 * N_LAGS)).max(initial=0.0)))

@@ -1,4 +1,4 @@
-"""A vehicle file from size, shape and mass alone: every number with its standard deviation, formula and source."""
+"""A vehicle file from size, shape and mass; numbers have standard deviation, formula and source."""
 
 from typing import Any, get_args
 
@@ -12,13 +12,13 @@ from auvid_cli.vehicle.geometry import DERIVED_TERMS, DerivedValue, coefficients
 from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import PARAMETERS
 
-# How far the centre of gravity of four published vehicles is below that of buoyancy, of the diameter; their mean.
+# Mean distance of the centre of gravity below that of buoyancy of four published vehicles, as a share of the diameter.
 _BOTTOM_HEAVINESS = 0.06
 _UNITS = {quantity.symbol: quantity.unit for quantity in (*PARAMETERS, *COEFFICIENTS)}
 
 
 def derived_vehicle_yaml(drawing: Drawing) -> str:
-    """Write a vehicle file that follows from a drawing; the vehicle is taken to float in trim."""
+    """Return the vehicle file of a drawing; the vehicle is assumed to be neutrally buoyant and in trim."""
     mass, size, geometry = drawing.mass, drawing.size, drawing.geometry
     shape = geometry.shape(size.length, size.diameter, size.density)
     derived = {each.name: each for each in coefficients_from_geometry(shape, mass, geometry.speed)}
@@ -30,23 +30,23 @@ def derived_vehicle_yaml(drawing: Drawing) -> str:
         "zG": _entry("zG", _BOTTOM_HEAVINESS * size.diameter, f"assumed: {_BOTTOM_HEAVINESS:g} of the diameter"),
         "X_prop": _entry("X_prop", drag * geometry.speed**2, f"derived: -X_u|u| u^2 at {geometry.speed:g} m/s"),
     }
-    nothing = {quantity.symbol: _entry(quantity.symbol, 0.0, "assumed") for quantity in PARAMETERS}
-    known = nothing | assumed | {symbol: _derived_entry(each) for symbol, each in derived.items()}
+    zeros = {quantity.symbol: _entry(quantity.symbol, 0.0, "assumed") for quantity in PARAMETERS}
+    entries = zeros | assumed | {symbol: _derived_entry(each) for symbol, each in derived.items()}
     vehicle = {
         "name": drawing.name,
         "source": "hull, fins and mass alone; formulas by their numbers in auvid's theory",
         "size": _with_units(size),
         "geometry": _with_units(geometry),
-        "parameters": {quantity.symbol: known[quantity.symbol] for quantity in PARAMETERS},
-        "coefficients": {coefficient.symbol: known[coefficient.symbol] for coefficient in COEFFICIENTS},
+        "parameters": {quantity.symbol: entries[quantity.symbol] for quantity in PARAMETERS},
+        "coefficients": {coefficient.symbol: entries[coefficient.symbol] for coefficient in COEFFICIENTS},
         "terms": [_term(each) | _derived_entry(derived[each.symbol]) for each in DERIVED_TERMS],
     }
-    # A line for each entry, however long.
+    # One line for each entry.
     return yaml.safe_dump(vehicle, sort_keys=False, width=10**6, default_flow_style=None, allow_unicode=True)
 
 
 def _with_units(settings: Settings) -> dict[str, Any]:
-    """Write settings as somebody would, each number with its unit."""
+    """Return settings with the unit of each number."""
     units = {name: _unit_in(field.rebuild_annotation()) for name, field in type(settings).model_fields.items()}
     return {name: _written(value, units[name]) for name, value in settings if value is not None}
 
@@ -60,7 +60,7 @@ def _written(value: Any, unit: str) -> Any:
 
 
 def _unit_in(annotation: Any) -> str:
-    """Return the unit that stands in a type, however deep, or an empty text."""
+    """Return the unit in a type at any depth, otherwise an empty text."""
     if isinstance(annotation, Unit):
         return annotation.unit
     return next(filter(None, map(_unit_in, get_args(annotation))), "")

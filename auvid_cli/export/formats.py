@@ -1,4 +1,4 @@
-"""All export formats, with JSON and YAML written here."""
+"""All export formats; JSON and YAML are written here."""
 
 import json
 import re
@@ -13,7 +13,6 @@ from auvid_cli.errors import ConfigError
 from auvid_cli.export.functions import matlab_text, mss_losses, mss_text, python_text
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
 from auvid_cli.export.losses import (
-    NOTHING,
     UnsupportedFeatures,
     caveats,
     heading_lines,
@@ -27,22 +26,22 @@ from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 SCHEMA_VERSION = 2
-# Letters of a vehicle's name in that of a file: with the filter's, fewer than a function of MATLAB may have.
-_LONGEST = 32
-# Python imports and MATLAB calls such files by their names.
+# Length of the vehicle in the name of a file, so that it is a valid name of a MATLAB function.
+_MAX_VEHICLE_NAME = 32
+# Python imports and MATLAB calls these files by name.
 _CALLED_BY_NAME = {FormatName.PYTHON, FormatName.MATLAB, FormatName.HOLOOCEAN, FormatName.SIMULATOR, FormatName.MSS}
 
 
 def json_losses(model: IdentifiedModel) -> UnsupportedFeatures:
     """Return no losses."""
-    return NOTHING
+    return UnsupportedFeatures((), ())
 
 
 def json_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
-    """Write the whole file; numbers in SI, angles in radians."""
+    """Return the JSON file; numbers in SI, angles in radians."""
     vehicle = model.experiment.vehicle
     parameters = vehicle.known_parameters()
-    held = {
+    content = {
         "kind": "auvid model",
         "schema_version": SCHEMA_VERSION,
         "name": name,
@@ -78,28 +77,28 @@ def json_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) ->
         "thrust": {
             "value": model.actuation.thrust,
             "unit": "1",
-            "meaning": "how many times the stated surge force acts",
+            "meaning": "scale of the stated surge force",
             "rms_of_change": model.actuation.thrust_rms,
         },
         "actuators": {
             **model.actuation.actuators.model_dump(mode="json", exclude_none=True),
-            "meaning": "how fins and propeller follow their commands, SI; see the settings of a vehicle",
+            "meaning": "dynamics of fins and propeller, SI; see the settings of a vehicle",
             "rms_of_change": model.actuation.changes,
         },
         "terms": [size._asdict() for size in model.term_sizes],
         "lost": {"terms": [size._asdict() for size in losses.terms], "notes": losses.notes},
         "provenance": model.origin._asdict() | {"settings": yaml.safe_load(dump_experiment(model.experiment))},
     }
-    return json.dumps(held, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def yaml_losses(model: IdentifiedModel) -> UnsupportedFeatures:
-    """Name what a vehicle file has no place for."""
+    """Return the losses of a vehicle file."""
     return unsupported_features(model, holds_actuators=True)
 
 
 def yaml_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
-    """Write the whole file; what was not estimated stands as in the vehicle file before."""
+    """Return the vehicle file; entries that were not estimated stay the same."""
     before = model.experiment.vehicle.model_dump(mode="json", by_alias=True, exclude_none=True)
     units = {quantity.symbol: quantity.unit for quantity in PARAMETERS}
     parameters = {symbol: _with_unit(entry, units[symbol]) for symbol, entry in before["parameters"].items()}
@@ -110,10 +109,18 @@ def yaml_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) ->
         else _estimated(coefficient, model)
         for coefficient in model.coefficients
     }
-    notes = [*before["notes"], _provenance(model)]
+    origin, experiment = model.origin, model.experiment
+    provenance = (
+        f"Coefficients estimated by {model.filter} ({model.judgement.grade}) with auvid {origin.auvid_version}; "
+        f"{origin.estimate}, from {origin.dataset}, experiment {experiment.name}, seed {experiment.seed}."
+    )
+    notes = [*before["notes"], provenance]
     coefficients = {symbol: entry for symbol, entry in entries.items() if symbol in SYMBOLS}
     vehicle = before | {"notes": notes, "parameters": parameters, "coefficients": coefficients}
-    terms = [_without_prior(term) | entries[term["name"]] for term in vehicle.pop("terms")]
+    # Priors are from before there were data.
+    terms = [
+        {key: term[key] for key in term if key != "prior"} | entries[term["name"]] for term in vehicle.pop("terms")
+    ]
     if terms:
         vehicle["terms"] = terms
     if not any(vehicle["actuators"].values()):
@@ -123,26 +130,13 @@ def yaml_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) ->
 
 
 def _estimated(coefficient: IdentifiedCoefficient, model: IdentifiedModel) -> dict[str, Any]:
-    doubt = "" if coefficient.identified else ", identified: false"
+    remark = "" if coefficient.identified else ", identified: false"
     return {
         "value": _quantity(coefficient.value, coefficient.unit),
         "standard_deviation": _quantity(coefficient.standard_deviation, coefficient.unit),
-        "status": f"estimated by {model.filter}{doubt}",
+        "status": f"estimated by {model.filter}{remark}",
         "source": f"estimate {model.origin.estimate_sha256[:12] or 'in memory'}",
     }
-
-
-def _without_prior(term: dict[str, Any]) -> dict[str, Any]:
-    """Return an entry without what was guessed before there were data."""
-    return {key: value for key, value in term.items() if key != "prior"}
-
-
-def _provenance(model: IdentifiedModel) -> str:
-    origin, experiment = model.origin, model.experiment
-    return (
-        f"Coefficients estimated by {model.filter} ({model.judgement.grade}) with auvid {origin.auvid_version}; "
-        f"{origin.estimate}, from {origin.dataset}, experiment {experiment.name}, seed {experiment.seed}."
-    )
 
 
 def _with_unit(entry: dict[str, Any], unit: str) -> dict[str, Any]:
@@ -151,21 +145,21 @@ def _with_unit(entry: dict[str, Any], unit: str) -> dict[str, Any]:
 
 
 def _quantity(value: float | None, unit: str) -> str | float | None:
-    """Return a value as a vehicle file states it: bare where it has no dimension, as a share of the thrust."""
+    """Return a value with its unit, and a dimensionless value without."""
     return value if unit == "1" else f"{value!r} {unit}"
 
 
 class Format(NamedTuple):
-    """A form, and how to write it.
+    """An export format.
 
     Attributes
     ----------
     suffix : str
-        Of its files, apart from those of the others.
+        Of its files, unique.
     losses : callable
-        What it cannot hold of a model.
+        Returns the parts of a model that it cannot hold.
     text : callable
-        The file's text from the model, those losses, and the file's name without suffix, printable.
+        Returns the file from the model, these losses, and a printable file name without suffix.
     """
 
     suffix: str
@@ -173,7 +167,7 @@ class Format(NamedTuple):
     text: Callable[[IdentifiedModel, UnsupportedFeatures, str], str]
 
     def file_text(self, model: IdentifiedModel, losses: UnsupportedFeatures, stem: str) -> str:
-        """Return the text of a file that may be called what is no text."""
+        """Return the text of a file with any name."""
         return self.text(model, losses, printable(stem))
 
 
@@ -190,15 +184,14 @@ FORMATS = {
 
 
 def file_stem(vehicle: str, filter_name: str) -> str:
-    """Return a file name without suffix, from vehicle and filter; also a name for Python and MATLAB."""
-    words = re.sub(r"[^a-z0-9]+", "_", vehicle.lower())[:_LONGEST].strip("_")
+    """Return a file name without suffix from vehicle and filter, valid also as a name in Python and MATLAB."""
+    words = re.sub(r"[^a-z0-9]+", "_", vehicle.lower())[:_MAX_VEHICLE_NAME].strip("_")
     return f"{words if words[:1].isalpha() else f'vehicle_{words}'}_{filter_name}"
 
 
 def check_stem(target: FormatName, stem: str) -> None:
-    """Raise ConfigError if a file of that name could not be used."""
+    """Raise a ConfigError if Python or MATLAB could not use a file of that name."""
     if target in _CALLED_BY_NAME and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", stem):
         raise ConfigError(
-            f"{stem!r} is no name for a {target} file, which is used by it: "
-            "letters, digits and _ only, a letter first, 63 at most"
+            f"{stem!r}: not a valid name of a {target} file; expected at most 63 letters, digits and _, a letter first"
         )

@@ -1,18 +1,18 @@
-"""The equations of motion as functions of Python, MATLAB and the MSS toolbox."""
+"""Equations of motion as functions for Python, MATLAB and the MSS toolbox."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from auvid_cli.export.losses import UnsupportedFeatures, certainty, heading_lines, line_comments, unsupported_features
 from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.export.model_parts import CALLED_OTHERWISE
+from auvid_cli.export.model_parts import FACTOR_INPUTS
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUTS, MOTION_SYMBOLS, PARAMETERS, Quantity
 
 _RESTORING = ("W", "B", "xG", "yG", "zG", "xB", "yB", "zB")
 # Coriolis forces as cross products of momentum (Kirchhoff), weight and buoyancy, propulsion.
-_KNOWN = {
+_RIGID_BODY = {
     "X": "r * a2 - q * a3 - excess * sin(theta) + surge_force",
     "Y": "p * a3 - r * a1 + excess * down_y",
     "Z": "q * a1 - p * a2 + excess * down_z",
@@ -49,16 +49,16 @@ _MSS_HELP = """Compatible with MATLAB and GNU Octave, in the form of the vessels
   [xdot, U, M] = {name}(x, ui, Vc, betaVc)        horizontal ocean current
   [xdot, U, M] = {name}(x, ui)                    no ocean current
   x = [u v w p q r x y z phi theta psi]', SI and radians: body axes forward, starboard, down; north, east, down.
-  ui = [{inputs}]', {units}; as large as you like.
-  Vc, betaVc, w_c: speed of the current, m/s, whereto, rad, and down, m/s.
+  ui = [{inputs}]', {units}; without limits.
+  Vc, betaVc, w_c: speed of the current, m/s, direction to which it flows, rad, and speed down, m/s.
   xdot: derivative of x; U: speed over ground, m/s; M: rigid-body and added mass.
 For example: x = rk4(@{name}, 0.02, x, ui)
 """
 _NOTES = (
     "Inputs are fin angles and the thrust in newtons, without limits and rates; MSS's thrust curves are not used.",
-    "The state has Euler angles; quaternions are not taken.",
+    "The state has Euler angles, not quaternions.",
 )
-# Body axes to north, east, down, a column each.
+# Columns are the body axes in north, east, down.
 _ROTATION = [
     "cphi = cos(phi); sphi = sin(phi); cth = cos(theta); sth = sin(theta); cpsi = cos(psi); spsi = sin(psi)",
     "R = [cpsi*cth, cpsi*sth*sphi - spsi*cphi, cpsi*sth*cphi + spsi*sphi; ...\n"
@@ -76,7 +76,7 @@ class Constant(NamedTuple):
 
 
 def constants(model: IdentifiedModel) -> list[Constant]:
-    """List weight, buoyancy, their centres and the coefficients, SI."""
+    """Return weight, buoyancy, their centres and the coefficients, SI."""
     parameters = model.experiment.vehicle.known_parameters()
     remarks = {q.symbol: f"{q.unit}, {q.meaning}" for q in PARAMETERS}
     restoring = [Constant(symbol, parameters[symbol], remarks[symbol]) for symbol in _RESTORING]
@@ -87,28 +87,27 @@ def constants(model: IdentifiedModel) -> list[Constant]:
 
 
 def inputs_of(model: IdentifiedModel) -> tuple[Quantity, ...]:
-    """Return what moves a model, in this order: revolutions and voltage too where terms are made of them."""
+    """Return the inputs of a model; revolutions and voltage only if terms depend on them."""
     return ALL_INPUTS if model.coefficient_set.of_propulsion else INPUTS
 
 
 def mass_rows(model: IdentifiedModel) -> list[list[float]]:
     """Return rigid-body and added mass."""
-    # Adding zero takes the sign off a zero.
+    # Adding zero turns -0.0 into 0.0.
     return (mass_matrix(model.experiment.vehicle.known_parameters()) + 0.0).tolist()
 
 
-def statements(of_vehicle: CoefficientSet) -> list[str]:
-    """Write assignments of the forces X to N and of the attitude rates.
+def statements(coefficient_set: CoefficientSet) -> list[str]:
+    """Return assignments of the forces X to N and of the attitude rates, Sabet et al. 2018, eqs. (3), (8) and (13).
 
-    They need the constants, the motion u to theta, the inputs, and the momentum of the mass matrix, linear a1 to a3 and
-    angular b1 to b3. Sabet et al. 2018, eqs. (3), (8) and (13).
+    They need the constants, the motion u to theta, the inputs, and the momentum: linear a1 to a3, angular b1 to b3.
     """
     return [
         "excess = W - B",
         *(f"lever_{axis} = {axis}G * W - {axis}B * B" for axis in "xyz"),
         "down_y = cos(theta) * sin(phi)",
         "down_z = cos(theta) * cos(phi)",
-        *(statement for row in EQUATION_ROWS for statement in _force(row, of_vehicle)),
+        *(statement for row in EQUATION_ROWS for statement in _force(row, coefficient_set)),
         "turning = q * sin(phi) + r * cos(phi)",
         "phi_rate = p + sin(theta) / cos(theta) * turning",
         "theta_rate = q * cos(phi) - r * sin(phi)",
@@ -117,59 +116,59 @@ def statements(of_vehicle: CoefficientSet) -> list[str]:
 
 
 def identifier(symbol: str) -> str:
-    """Write a coefficient's symbol as a name, for example ``X_uu`` for ``X_u|u|``."""
+    """Return a symbol as an identifier, for example ``X_uu`` for ``X_u|u|``."""
     return symbol.replace("|", "")
 
 
-def _force(row: str, of_vehicle: CoefficientSet) -> list[str]:
-    in_row = [c for c in of_vehicle if EQUATION_ROWS[c.row] == row]
+def _force(row: str, coefficient_set: CoefficientSet) -> list[str]:
+    in_row = [c for c in coefficient_set if EQUATION_ROWS[c.row] == row]
     sums = [
         " + ".join(_term(c) for c in in_row if c.group == group) for group in dict.fromkeys(c.group for c in in_row)
     ]
-    return [f"{row} = {_KNOWN[row]}", *(f"{row} = {row} + {terms}" for terms in sums)]
+    return [f"{row} = {_RIGID_BODY[row]}", *(f"{row} = {row} + {terms}" for terms in sums)]
 
 
 def _term(coefficient: Coefficient) -> str:
-    names = (CALLED_OTHERWISE.get(signal, signal) for signal in coefficient.signals)
+    names = (FACTOR_INPUTS.get(signal, signal) for signal in coefficient.signals)
     factors = (f"abs({name})" if modulus else name for name, modulus in zip(names, coefficient.moduli, strict=True))
     return " * ".join([identifier(coefficient.symbol), *factors])
 
 
 def matlab_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
-    """Write the whole function; `name` is that of the file without ``.m``."""
+    """Return the MATLAB function; `name` is that of the file without ``.m``."""
     signals = [f"{symbol} = motion({i})" for i, symbol in enumerate(MOTION_SYMBOLS, 1) if symbol != "psi"]
     inputs = inputs_of(model)
     signals += [f"{quantity.symbol} = inputs({i})" for i, quantity in enumerate(inputs, 1)]
     example = " ".join("100" if quantity.symbol == "surge_force" else "0" for quantity in inputs)
-    said = _MATLAB_HELP.format(name=name, example=example, **in_words(inputs))
+    help_text = _MATLAB_HELP.format(name=name, example=example, **_in_words(inputs))
     lines = [
         f"function derivative = {name}(motion, inputs)\n",
-        line_comments("%", [*said.splitlines(), *heading_lines(model, losses)]),
-        numbers(model),
-        *(f"{statement};\n" for statement in [*signals, *acceleration(model)]),
+        line_comments("%", [*help_text.splitlines(), *heading_lines(model, losses)]),
+        _matlab_constants(model),
+        *(f"{statement};\n" for statement in [*signals, *_matlab_acceleration(model)]),
         "derivative = [acceleration; phi_rate; theta_rate; psi_rate];\n",
         "end\n",
     ]
     return "".join(lines)
 
 
-def in_words(inputs: Sequence[Quantity]) -> dict[str, str]:
-    """Return the names and the units of inputs, for help texts."""
+def _in_words(inputs: Sequence[Quantity]) -> dict[str, str]:
+    """Return names and units of inputs for help texts."""
     return {
         "inputs": " ".join(quantity.symbol for quantity in inputs),
         "units": ", ".join(quantity.unit.replace("*", " ") for quantity in inputs),
     }
 
 
-def numbers(model: IdentifiedModel) -> str:
-    """Write the mass matrix and all constants, a line each, between empty ones."""
+def _matlab_constants(model: IdentifiedModel) -> str:
+    """Return the mass matrix and all constants, a line each."""
     rows = "; ...\n".join("    " + " ".join(f"{number:.17g}" for number in row) for row in mass_rows(model))
     values = "".join(f"{c.name} = {c.value:.17g}; % {c.remark}\n" for c in constants(model))
     return f"\n% Rigid-body and added mass, kg, kg m, kg m^2.\nMASS = [ ...\n{rows}];\n{values}\n"
 
 
-def acceleration(model: IdentifiedModel) -> list[str]:
-    """Write statements that make ``acceleration`` and the attitude rates of motion and inputs."""
+def _matlab_acceleration(model: IdentifiedModel) -> list[str]:
+    """Return statements that compute ``acceleration`` and the attitude rates from motion and inputs."""
     momentum = [f"{axis} = momentum({i})" for i, axis in enumerate(("a1", "a2", "a3", "b1", "b2", "b3"), 1)]
     return [
         "momentum = MASS * [u; v; w; p; q; r]",
@@ -180,7 +179,7 @@ def acceleration(model: IdentifiedModel) -> list[str]:
 
 
 def python_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
-    """Write the whole module."""
+    """Return the Python module."""
     rows = ",\n".join(f"        {row!r}" for row in mass_rows(model))
     deviations = [
         f"    {coefficient.symbol!r}: {coefficient.standard_deviation!r},\n"
@@ -189,7 +188,7 @@ def python_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) 
     ]
     inputs = inputs_of(model)
     lines = [
-        # Else a vehicle's name could state an encoding, in which the module would be another one.
+        # Otherwise the name of a vehicle could declare another encoding.
         "# coding: utf-8\n",
         line_comments("#", heading_lines(model, losses)),
         "\nfrom math import cos, sin\n\nimport numpy as np\n\n",
@@ -209,14 +208,14 @@ def python_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) 
 
 
 def mss_losses(model: IdentifiedModel) -> UnsupportedFeatures:
-    """Name what lies outside the equations of motion, as in a bare function, and what MSS's own vessels have."""
+    """Return the losses of a function with the equations of motion, and features of MSS's own vessels."""
     return unsupported_features(model, notes=_NOTES)
 
 
 def mss_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
-    """Write the whole function; `name` is that of the file without ``.m``."""
+    """Return the function of a vessel of MSS; `name` is that of the file without ``.m``."""
     inputs = inputs_of(model)
-    said = _MSS_HELP.format(name=name, **in_words(inputs))
+    help_text = _MSS_HELP.format(name=name, **_in_words(inputs))
     names = ", ".join(quantity.symbol.replace("_", " ") for quantity in inputs)
     places = {"p": 4, "q": 5, "r": 6, "phi": 10, "theta": 11, "psi": 12}
     body = [
@@ -230,8 +229,8 @@ def mss_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> 
         *_ROTATION,
         "current = R' * [Vc*cos(betaVc); Vc*sin(betaVc); w_c]",
         "u = x(1) - current(1); v = x(2) - current(2); w = x(3) - current(3)",
-        *acceleration(model),
-        "% In turning axes the current turns the other way.",
+        *_matlab_acceleration(model),
+        "% In rotating axes the current rotates in the opposite direction.",
         "acceleration(1:3) = acceleration(1:3) - cross([p; q; r], current)",
         "xdot = [acceleration; R * x(1:3); phi_rate; theta_rate; psi_rate]",
         "U = norm(x(1:3))",
@@ -239,8 +238,8 @@ def mss_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> 
     ]
     lines = [
         f"function [xdot, U, M] = {name}(x, ui, Vc, betaVc, w_c)\n",
-        line_comments("%", [*said.splitlines(), *heading_lines(model, losses)]),
-        numbers(model),
+        line_comments("%", [*help_text.splitlines(), *heading_lines(model, losses)]),
+        _matlab_constants(model),
         *(statement + ("\n" if statement.startswith(("%", "if ")) else ";\n") for statement in body),
         "end\n",
     ]

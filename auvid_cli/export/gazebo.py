@@ -1,4 +1,4 @@
-"""Vehicles for Gazebo: hydrodynamics plugin and fins as SDF."""
+"""Vehicle for Gazebo: an SDF model with the hydrodynamics plugin and fins."""
 
 from textwrap import indent
 from typing import NamedTuple
@@ -14,12 +14,12 @@ from auvid_cli.text import printable
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient
 
 Array = NDArray[np.float64]
-# Of the vehicle's mass, taken from its hull; a link without mass is none.
-_SHARE_OF_MASS = 1e-3
-# m; of a ball, which is the same however it is turned.
-_RADIUS_OF_GYRATION = 0.05
-# Where they are drawn, of the length behind the centre of buoyancy.
-_BEHIND = 0.45
+# Mass of a fin as a share of that of the vehicle; Gazebo needs a mass for every link.
+_FIN_MASS = 1e-3
+# The inertia of a fin is that of a ball, which does not change with its angle.
+_RADIUS_OF_GYRATION = 0.05  # m
+# Distance of the fins behind the centre of buoyancy, as a share of the length.
+_FIN_DISTANCE = 0.45
 _LINK = "base_link"
 _NOTES = (
     "Thrust and roll moment: give the model a Thruster system, or apply them with ApplyLinkWrench.",
@@ -36,14 +36,14 @@ def child_of(parent: ElementTree.Element, tag: str, text: str | None = None, **a
 
 def as_text(*values: float) -> str:
     """Write numbers, separated by spaces."""
-    # Adding zero takes the sign off a zero.
+    # Adding zero turns -0.0 into 0.0.
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
 def add_inertial(
     link: ElementTree.Element, mass: float, centre: tuple[float, float, float], moments: NDArray[np.float64]
 ) -> ElementTree.Element:
-    """Append what a link weighs: kg, its centre of gravity, m, and the inertia about that, kg m^2, shape (3, 3)."""
+    """Append mass, kg, centre of gravity, m, and the inertia about it, kg m^2, shape (3, 3), to a link."""
     inertial = child_of(link, "inertial")
     child_of(inertial, "mass", as_text(mass))
     child_of(inertial, "pose", as_text(*centre, 0.0, 0.0, 0.0))
@@ -54,16 +54,7 @@ def add_inertial(
 
 
 class FinLink(NamedTuple):
-    """A fin as a body.
-
-    Attributes
-    ----------
-    surface : FinSurface
-    mass : float
-        kg.
-    place : float
-        Forward of the origin, m, where it is drawn.
-    """
+    """A fin as a body with a mass, kg, drawn at `place`, m forward of the origin."""
 
     surface: FinSurface
     mass: float
@@ -71,12 +62,12 @@ class FinLink(NamedTuple):
 
     @property
     def inertia(self) -> Array:
-        """Return that about its centre, kg m^2."""
+        """Return the inertia about its centre, kg m^2."""
         return self.mass * _RADIUS_OF_GYRATION**2 * np.eye(3)
 
     @property
     def inertia_about_origin(self) -> Array:
-        """Return that about the origin of the vehicle, kg m^2."""
+        """Return the inertia about the origin of the vehicle, kg m^2."""
         return self.inertia + self.mass * self.place**2 * np.diag([0.0, 1.0, 1.0])
 
 
@@ -84,19 +75,19 @@ def fin_links(model: IdentifiedModel) -> list[FinLink]:
     """Return the fins of a model as bodies."""
     vehicle = model.experiment.vehicle
     parameters = vehicle.known_parameters()
-    place = parameters["xB"] - _BEHIND * vehicle.size.length
+    place = parameters["xB"] - _FIN_DISTANCE * vehicle.size.length
     surfaces = fin_surfaces({each.symbol: each.value for each in model.coefficients})
-    return [FinLink(surface, _SHARE_OF_MASS * parameters["m"], place) for surface in surfaces]
+    return [FinLink(surface, _FIN_MASS * parameters["m"], place) for surface in surfaces]
 
 
 def fin_area(model: IdentifiedModel) -> float:
-    """Return the area of two fins of the drawing, m^2, or 1 where there is none: only its product with a slope acts."""
+    """Return the area of two fins, m^2, or 1 if unknown: only its product with the lift slope matters."""
     geometry = model.experiment.vehicle.geometry
     return 1.0 if geometry is None else 2.0 * geometry.fins.area
 
 
 def add_fins(body: ElementTree.Element, hull: str, model: IdentifiedModel) -> None:
-    """Append links, joints and systems of all fins to a model, the link of whose hull has that name."""
+    """Append links, joints and systems of all fins to a model with a link named `hull`."""
     size, area = model.experiment.vehicle.size, fin_area(model)
     side = float(np.sqrt(area / 2.0)) if area < size.length**2 else size.diameter
     for fin in fin_links(model):
@@ -110,18 +101,19 @@ def add_fins(body: ElementTree.Element, hull: str, model: IdentifiedModel) -> No
         joint = child_of(body, "joint", name=f"{name}_joint", type="revolute")
         child_of(joint, "parent", hull)
         child_of(joint, "child", name)
-        # Its leading edge goes to where the force does.
-        push = float(np.sign(fin.surface.force))
-        child_of(child_of(joint, "axis"), "xyz", as_text(0.0, *((0.0, -push) if is_rudder else (push, 0.0))))
+        # The leading edge turns to the side of the force.
+        side_of_force = float(np.sign(fin.surface.force))
+        axis = (0.0, -side_of_force) if is_rudder else (side_of_force, 0.0)
+        child_of(child_of(joint, "axis"), "xyz", as_text(0.0, *axis))
         _add_lift(body, hull, fin.surface, model, area)
-        driven = child_of(
+        controller = child_of(
             body,
             "plugin",
             filename="gz-sim-joint-position-controller-system",
             name="gz::sim::systems::JointPositionController",
         )
-        child_of(driven, "joint_name", f"{name}_joint")
-        child_of(driven, "use_velocity_commands", "true")
+        child_of(controller, "joint_name", f"{name}_joint")
+        child_of(controller, "use_velocity_commands", "true")
 
 
 def _add_lift(body: ElementTree.Element, hull: str, surface: FinSurface, model: IdentifiedModel, area: float) -> None:
@@ -129,7 +121,7 @@ def _add_lift(body: ElementTree.Element, hull: str, surface: FinSurface, model: 
     system = child_of(body, "plugin", filename="gz-sim-lift-drag-system", name="gz::sim::systems::LiftDrag")
     child_of(system, "link_name", hull)
     child_of(system, "control_joint_name", f"{surface.name}_joint")
-    # Gazebo's axes are to port and up, so that a force to starboard or down is negative.
+    # Axes of Gazebo are to port and up, so that a force to starboard or down is negative.
     child_of(system, "control_joint_rad_to_cl", as_text(-2.0 * surface.force / (density * area)))
     child_of(system, "area", as_text(area))
     child_of(system, "air_density", as_text(density))
@@ -141,23 +133,20 @@ def _add_lift(body: ElementTree.Element, hull: str, surface: FinSurface, model: 
 
 
 def gazebo_losses(model: IdentifiedModel) -> UnsupportedFeatures:
-    """Name terms for which no system has a place, what changes, and an inertia that Gazebo would not accept."""
-    in_fins = {symbol for fin in fin_links(model) for symbol in fin.surface.symbols}
-    lost = [c.symbol for c in model.coefficient_set if not _has_element(c) and c.symbol not in in_fins]
+    """Return terms without an element, effects of the fin surfaces, and an inertia that Gazebo would refuse."""
+    fin_symbols = {symbol for fin in fin_links(model) for symbol in fin.surface.symbols}
+    lost = [c.symbol for c in model.coefficient_set if not _has_element(c) and c.symbol not in fin_symbols]
     notes = (*_fin_notes(model), *_NOTES)
     smallest, middle, largest = np.linalg.eigvalsh(_hull(model).moments)
-    physical = smallest > 0.0 and smallest + middle >= largest
-    if physical:
-        return unsupported_features(model, lost, notes)
-    refused = (
-        f"Gazebo refuses the inertia: no body has principal moments {smallest:.4g}, {middle:.4g}, {largest:.4g} kg m^2 "
-        "about its centre of gravity."
-    )
-    return unsupported_features(model, lost, (*notes, refused))
+    if not (smallest > 0.0 and smallest + middle >= largest):
+        moments = f"{smallest:.4g}, {middle:.4g}, {largest:.4g}"
+        refused = f"Gazebo refuses the inertia: impossible principal moments {moments} kg m^2 of the hull."
+        notes = (*notes, refused)
+    return unsupported_features(model, lost, notes)
 
 
 def gazebo_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
-    """Write the whole file: a model of hull and fins; `name` is the model's."""
+    """Return the file of a model with hull and fins."""
     size, parameters = model.experiment.vehicle.size, model.experiment.vehicle.known_parameters()
     gravity = parameters["W"] / parameters["m"]
     root = ElementTree.Element("sdf", version="1.10")
@@ -175,8 +164,8 @@ def gazebo_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) 
     child_of(system, "default_current", "0 0 0")
     child_of(system, "disable_added_mass", "true")
     child_of(system, "disable_coriolis", "true")
-    # Gazebo's axes are a half turn about x away, but none of the 22 changes its sign: where the force turns, so does
-    # one signal, and else none or two. A term that no vehicle with a plane of symmetry has does.
+    # The half turn about x to the axes of Gazebo changes no sign of the 22 coefficients: force and signals change sign
+    # together. Terms of a vehicle without a plane of symmetry may change sign.
     for coefficient, identified in zip(model.coefficient_set, model.coefficients, strict=True):
         if _has_element(coefficient):
             system.append(ElementTree.Comment(f" {xml_comment([f'{identified.symbol}: {certainty(identified)}'])} "))
@@ -218,7 +207,7 @@ def _fin_notes(model: IdentifiedModel) -> list[str]:
 
 
 class _Hull(NamedTuple):
-    """What the link of the hull weighs: all but the fins, in Gazebo's axes."""
+    """Mass, centre of gravity and inertia about it of the hull without fins, in axes of Gazebo."""
 
     mass: float
     centre: tuple[float, float, float]
@@ -226,7 +215,7 @@ class _Hull(NamedTuple):
 
 
 def _hull(model: IdentifiedModel) -> _Hull:
-    """Take the fins from the vehicle; auvid's inertia is about the body's origin, Gazebo's about the centre."""
+    """Return the hull: inertia is about the origin in auvid, and about the centre of gravity in Gazebo."""
     parameters, fins = model.experiment.vehicle.known_parameters(), fin_links(model)
     mass = parameters["m"] - sum(fin.mass for fin in fins)
     moment = parameters["m"] * np.array(_turned(parameters, "G"))
@@ -243,7 +232,7 @@ def _hull(model: IdentifiedModel) -> _Hull:
 def _add_inertial(link: ElementTree.Element, model: IdentifiedModel) -> None:
     parameters = model.experiment.vehicle.known_parameters()
     added = child_of(add_inertial(link, *_hull(model)), "fluid_added_mass")
-    # The half turn leaves all of these as they are: it changes the signs of y and r, and of z and q, together.
+    # The half turn does not change these: it changes the signs of y and r, and of z and q, together.
     for element, symbols in (
         ("xx", ("X_udot",)),
         ("yy", ("Y_vdot",)),
@@ -262,9 +251,10 @@ def _turned(parameters: dict[str, float], centre: str) -> tuple[float, float, fl
 
 
 def _has_element(coefficient: Coefficient) -> bool:
-    """Say whether it is a ``<xU>``, ``<xUV>`` or ``<xUabsV>``, which Hydrodynamics reads."""
-    moving = {*coefficient.signals} <= {*"uvwpqr"}
-    return moving and len(coefficient.factors) <= 2 and sum(coefficient.moduli) < len(coefficient.factors)
+    """Whether it has the form ``<xU>``, ``<xUV>`` or ``<xUabsV>``, which Hydrodynamics reads."""
+    depends_on_velocity = {*coefficient.signals} <= {*"uvwpqr"}
+    n_factors = len(coefficient.factors)
+    return depends_on_velocity and n_factors <= 2 and sum(coefficient.moduli) < n_factors
 
 
 def _sign_after_turn(coefficient: Coefficient) -> float:
@@ -274,7 +264,7 @@ def _sign_after_turn(coefficient: Coefficient) -> float:
 
 
 def _element(coefficient: Coefficient) -> str:
-    """Name the element, for example ``yUV``, or ``yRabsR`` where a magnitude enters."""
+    """Return the name of the element, for example ``yUV``, or ``yRabsR`` with a magnitude."""
     factors = sorted(zip(coefficient.moduli, coefficient.signals, strict=True), key=lambda factor: factor[0])
     return EQUATION_ROWS[coefficient.row].lower() + "".join(
         "abs" * modulus + signal.upper() for modulus, signal in factors

@@ -6,21 +6,21 @@ from typing import NamedTuple
 
 from auvid_cli.evaluation.accuracy import LARGEST_SHARE_OF_VALUE
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.export.model import EstimatedState, IdentifiedCoefficient, IdentifiedModel
+from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
 from auvid_cli.export.model_parts import TermSize
 from auvid_cli.text import one_line
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
 
-_COVARIANCES = "The covariances are lost; standard deviations stand beside the values."
+_COVARIANCES = "The covariances are lost; standard deviations are next to the values."
 
 
 def line_comments(mark: str, lines: Iterable[str]) -> str:
-    """Write comments that end with their lines: of Python and YAML behind ``#``, of MATLAB behind ``%``."""
+    """Return lines as comments after a mark, such as ``#`` or ``%``."""
     return "".join(f"{mark} {_line(line)}\n" for line in lines)
 
 
 def xml_comment(lines: Iterable[str]) -> str:
-    """Return what may stand between ``<!--`` and ``-->``, where two hyphens may not."""
+    """Return lines as the content of an XML comment, without two hyphens in a row."""
     return re.sub("-(?=-)", "- ", "\n".join(_line(line) for line in lines))
 
 
@@ -30,21 +30,10 @@ def _line(text: str) -> str:
 
 
 class UnsupportedFeatures(NamedTuple):
-    """Parts of a model that a form cannot hold.
-
-    Attributes
-    ----------
-    terms : tuple of TermSize
-        Terms of the equations of motion, with how large they are.
-    notes : tuple of str
-        All else, a line each.
-    """
+    """Parts of a model that a format cannot hold: terms of the equations of motion, and notes on all others."""
 
     terms: tuple[TermSize, ...]
     notes: tuple[str, ...]
-
-
-NOTHING = UnsupportedFeatures((), ())
 
 
 def unsupported_features(
@@ -55,19 +44,19 @@ def unsupported_features(
     holds_gain: bool = False,
     holds_actuators: bool = False,
 ) -> UnsupportedFeatures:
-    """Return what a form loses that holds the equations of motion alone.
+    """Return the losses of a format with the equations of motion.
 
     Parameters
     ----------
     model : IdentifiedModel
     symbols : collection of str
-        Coefficients whose terms it loses as well.
+        Coefficients that it loses.
     notes : tuple of str
-        All else that it loses.
+        Further losses.
     holds_gain : bool
-        Whether it has the propeller's gain.
+        Whether it has the gain of the propeller.
     holds_actuators : bool
-        Whether it has how fins and propeller follow their commands.
+        Whether it has the dynamics of fins and propeller.
     """
     terms = tuple(size for size in model.term_sizes if size.symbol in symbols)
     gain = [] if holds_gain else _gain_lines(model)
@@ -78,12 +67,12 @@ def unsupported_features(
 
 
 def unsupported_lines(losses: UnsupportedFeatures) -> list[str]:
-    """Write losses in words, a line each."""
-    if not losses.terms and not losses.notes:
+    """Return losses in words, a line each."""
+    if not any(losses):
         return ["Nothing is lost."]
-    if not losses.terms:
-        return ["No term of the equations of motion is lost.", *losses.notes]
-    opening = "Terms that are lost, RMS along the estimated motion and share of all terms of their row:"
+    opening = "No term of the equations of motion is lost."
+    if losses.terms:
+        opening = "Terms that are lost, RMS along the estimated motion and share of all terms of their row:"
     terms = [f"  {t.symbol} in {t.row}: {t.rms:.3g} {t.unit}, {t.percent:.3g} %" for t in losses.terms]
     return [opening, *terms, *losses.notes]
 
@@ -100,7 +89,7 @@ def _gain_lines(model: IdentifiedModel) -> list[str]:
 
 def _actuator_lines(model: IdentifiedModel) -> list[str]:
     actuators, units = model.actuation.actuators, {size.symbol: size.unit for size in model.term_sizes}
-    described = [f"{what} of {words}" for what, words in actuators.descriptions().items() if words]
+    described = [f"{name} of {words}" for name, words in actuators.descriptions().items() if words]
     if not described:
         return []
     changes = ", ".join(
@@ -113,8 +102,8 @@ def _actuator_lines(model: IdentifiedModel) -> list[str]:
 
 
 def _ballast_lines(model: IdentifiedModel) -> list[str]:
-    found = {state.symbol: state.value for state in model.states}
-    ballast = Ballast(*(found.get(symbol, 0.0) for symbol in Ballast._fields))
+    values = {state.symbol: state.value for state in model.states}
+    ballast = Ballast(*(values.get(symbol, 0.0) for symbol in Ballast._fields))
     if ballast == NO_BALLAST:
         return []
     loaded = ballast.added_to(model.experiment.vehicle.known_parameters())
@@ -123,46 +112,44 @@ def _ballast_lines(model: IdentifiedModel) -> list[str]:
 
 
 def _state_lines(model: IdentifiedModel) -> list[str]:
-    if not model.states:
-        return []
-    return ["Estimated beside the coefficients, and lost:", *map(_state_line, model.states)]
-
-
-def _state_line(state: EstimatedState) -> str:
-    unit = "" if state.unit == "1" else f" {state.unit}"
-    return f"  {state.symbol}: {state.value:.4g}{unit}, standard deviation {state.standard_deviation:.2g}{unit}"
+    lines = ["Estimated beside the coefficients, and lost:"] if model.states else []
+    for state in model.states:
+        unit = "" if state.unit == "1" else f" {state.unit}"
+        deviation = f"standard deviation {state.standard_deviation:.2g}{unit}"
+        lines.append(f"  {state.symbol}: {state.value:.4g}{unit}, {deviation}")
+    return lines
 
 
 def heading_lines(model: IdentifiedModel, losses: UnsupportedFeatures) -> list[str]:
-    """Write vehicle, filter, origin, doubts and losses, a line each; for `auvid_cli.export.losses`."""
+    """Return vehicle, filter, origin, caveats and losses, a line each."""
     experiment, origin = model.experiment, model.origin
     return [
         f"{experiment.vehicle.name}: coefficients identified by {model.filter}",
         f"Exported by auvid {origin.auvid_version} at {origin.created}",
         f"from {origin.estimate},",
         f"made from {origin.dataset}",
-        f"(experiment {experiment.name}, seed {experiment.seed}; all settings stand in the estimate file).",
+        f"(experiment {experiment.name}, seed {experiment.seed}; all settings are in the estimate file).",
         *caveats(model),
         *unsupported_lines(losses),
     ]
 
 
 def caveats(model: IdentifiedModel) -> list[str]:
-    """Say what speaks against the estimate and its coefficients, a sentence each."""
-    doubts = caveats_of(model.judgement)
-    if doubts or not model.not_identified():
-        return doubts
+    """Return the reasons not to rely on the coefficients, a sentence each."""
+    reasons = caveats_of(model.judgement)
+    if reasons or not model.not_identified():
+        return reasons
     share = f"uncertain by more than {LARGEST_SHARE_OF_VALUE:.0%} of their value"
     return [f"Not identified by these data, {share}: {', '.join(model.not_identified())}."]
 
 
 def caveats_of(judgement: Judgement) -> list[str]:
-    """Say why an estimate is not sound; nothing if it is."""
+    """Return the reason why an estimate is not sound, if it is not."""
     return [] if judgement.grade is Grade.SOUND else [f"Do not rely on these values, {judgement}."]
 
 
 def certainty(coefficient: IdentifiedCoefficient) -> str:
-    """Say how sure a coefficient is, as a remark beside its value."""
+    """Return the uncertainty of a coefficient as a remark."""
     if coefficient.standard_deviation is None:
         return "held, not estimated"
     remark = f"standard deviation {coefficient.standard_deviation!r}"

@@ -1,4 +1,4 @@
-"""What is exported: the coefficients that a filter found, with how sure they are and where they come from."""
+"""Identified model of a vehicle: coefficients with uncertainty, states, sizes of terms, and origin."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,9 +42,9 @@ class IdentifiedCoefficient(NamedTuple):
     value : float
         SI.
     standard_deviation : float or None
-        SI, corrected where it is; None of one that was held.
+        SI, corrected if known; None if held.
     identified : bool or None
-        As the tables of a report mark it; None of one that was held.
+        As in the tables of a report; None if held.
     """
 
     symbol: str
@@ -55,14 +55,7 @@ class IdentifiedCoefficient(NamedTuple):
 
 
 class EstimatedState(NamedTuple):
-    """A constant or slow state that was estimated beside the coefficients: of a sensor, the current or the thrust.
-
-    Attributes
-    ----------
-    symbol, unit : str
-    value, standard_deviation : float
-        At the last time, SI.
-    """
+    """An error of a sensor or actuator, or the current, at the last time, SI."""
 
     symbol: str
     unit: str
@@ -76,10 +69,10 @@ class Origin(NamedTuple):
     Attributes
     ----------
     dataset_sha256, estimate_sha256 : str
-        Of the files, in hexadecimal; empty of what was in no file.
+        Of the files, in hexadecimal; empty if in memory.
     auvid_version : str
     created : str
-        When it was exported, UTC.
+        Time of the export, UTC.
     """
 
     dataset_sha256: str
@@ -89,36 +82,36 @@ class Origin(NamedTuple):
 
     @property
     def dataset(self) -> str:
-        """Name the dataset in words."""
+        """Return the dataset in words."""
         return f"the dataset with SHA-256 {self.dataset_sha256}" if self.dataset_sha256 else "a dataset in memory"
 
     @property
     def estimate(self) -> str:
-        """Name the estimate in words."""
+        """Return the estimate in words."""
         return f"the estimate with SHA-256 {self.estimate_sha256}" if self.estimate_sha256 else "an estimate in memory"
 
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """A vehicle with the coefficients that a filter found.
+    """A vehicle with coefficients estimated by a filter.
 
     Attributes
     ----------
     experiment : RunSettings
-        With which they were found; its vehicle has the known parameters.
+        Settings of the estimate; its vehicle has the known parameters.
     filter : str
     judgement : Judgement
     coefficients : tuple of IdentifiedCoefficient
-        All, in the order of the table.
+        All, in the order of the coefficient set.
     states : tuple of EstimatedState
         In the order of the estimate.
     covariance : ndarray, shape (k, k)
-        Of the coefficients that were estimated, in that order, and of `states`, SI.
+        Of the estimated coefficients, then of `states`, SI.
     actuation : Actuation
     term_sizes : tuple of TermSize
-        Of all along the estimated motion.
+        Of all terms along the estimated motion.
     surface_changes : dict of float
-        What would change along it, RMS by row, N or N m, if the fins were lifting surfaces.
+        Change along that motion if the fins were lifting surfaces, RMS by row, N or N m.
     origin : Origin
     """
 
@@ -135,40 +128,22 @@ class IdentifiedModel:
 
     @property
     def coefficient_set(self) -> CoefficientSet:
-        """Return the coefficients of the vehicle, without values."""
+        """Return the coefficient set of the vehicle."""
         return self.experiment.vehicle.coefficient_set
 
     def estimated(self) -> tuple[str, ...]:
-        """Return the symbols of the coefficients that were not held."""
-        return tuple(
-            coefficient.symbol for coefficient in self.coefficients if coefficient.standard_deviation is not None
-        )
+        """Return the symbols of the estimated coefficients."""
+        return tuple(each.symbol for each in self.coefficients if each.standard_deviation is not None)
 
     def not_identified(self) -> tuple[str, ...]:
-        """Return the symbols of those that were estimated in vain."""
-        return tuple(coefficient.symbol for coefficient in self.coefficients if coefficient.identified is False)
+        """Return the symbols of the coefficients that the data do not identify."""
+        return tuple(each.symbol for each in self.coefficients if each.identified is False)
 
 
 def model_found_by(
     estimate: Estimate, dataset: Dataset, estimate_sha256: str, reference: Estimate | None = None
 ) -> IdentifiedModel:
-    """Take the model out of an estimate, with the bounds of its data and where it comes from, now.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    dataset : Dataset
-        From which it was made.
-    estimate_sha256 : str
-        Of its file; empty if there is none.
-    reference : Estimate, optional
-        Of the smoother from the same data, by which it is judged.
-
-    Raises
-    ------
-    DataError
-        As of `identified_model`.
-    """
+    """Return `identified_model` with the bounds of the dataset; the digest of the estimate is empty if in memory."""
     bounds = BoundsOf(prepare(dataset))(estimate).of_data if estimate.completed else {}
     created = datetime.now(UTC).isoformat(timespec="seconds")
     origin = Origin(dataset.sha256, estimate_sha256, __version__, created)
@@ -182,24 +157,23 @@ def identified_model(
     origin: Origin,
     reference: Estimate | None = None,
 ) -> IdentifiedModel:
-    """Take the model out of an estimate.
+    """Return the model of an estimate.
 
     Parameters
     ----------
     estimate : Estimate
     dataset : Dataset
-        From which it was made: its inputs tell how large each term was, and its truth, where it has one, what counts
-        as identified.
+        Of the estimate; its inputs are needed for the sizes of the terms.
     bounds : mapping
-        Cramer-Rao's by symbol, as far as they are known.
+        Known Cramer-Rao bounds by symbol.
     origin : Origin
     reference : Estimate, optional
-        Of the smoother from the same data, by which it is judged.
+        Smoother's estimate of the same data, for the judgement.
 
     Raises
     ------
     DataError
-        If the filter did not end well: its last values are no model of anything.
+        If the filter did not complete.
     """
     if not estimate.completed:
         raise DataError(
@@ -210,19 +184,13 @@ def identified_model(
     judgement = judge_one(estimate, reference)
     is_sound = judgement.grade is Grade.SOUND
     results = {row.coefficient: row for row in coefficient_results(estimate, dataset.truth, bounds, is_sound)}
-    of_vehicle, coefficients = estimate.coefficient_set, []
-    for coefficient in of_vehicle:
-        result = results.get(coefficient.symbol)
-        certainty = (None, None) if result is None else (deviations[coefficient.symbol], result.identified)
-        coefficients.append(
-            IdentifiedCoefficient(coefficient.symbol, coefficient.unit, values[coefficient.symbol], *certainty)
-        )
+    coefficient_set, coefficients = estimate.coefficient_set, []
+    for symbol, unit in coefficient_set.units.items():
+        certainty = (deviations[symbol], results[symbol].identified) if symbol in results else (None, None)
+        coefficients.append(IdentifiedCoefficient(symbol, unit, values[symbol], *certainty))
     errors = {quantity.symbol for quantity in ERROR_STATES}
-    others = [i for i, symbol in enumerate(estimate.state) if symbol in errors]
-    kept = [
-        *(estimate.state.index(symbol) for symbol in of_vehicle.symbols if symbol in results),
-        *others,
-    ]
+    error_rows = [i for i, symbol in enumerate(estimate.state) if symbol in errors]
+    rows = [*(estimate.state.index(symbol) for symbol in coefficient_set.symbols if symbol in results), *error_rows]
     motion = estimate.mean[:, [estimate.state.index(symbol) for symbol in MOTION_SYMBOLS]]
     inputs = acting_inputs(estimate, dataset.inputs)
     return IdentifiedModel(
@@ -231,17 +199,12 @@ def identified_model(
         judgement=judgement,
         coefficients=tuple(coefficients),
         states=tuple(
-            EstimatedState(
-                estimate.state[i],
-                estimate.unit[i],
-                float(estimate.mean[-1, i]),
-                deviations[estimate.state[i]],
-            )
-            for i in others
+            EstimatedState(symbol, estimate.unit[i], float(estimate.mean[-1, i]), deviations[symbol])
+            for i, symbol in ((i, estimate.state[i]) for i in error_rows)
         ),
-        covariance=estimate.final_covariance()[np.ix_(kept, kept)],
+        covariance=estimate.final_covariance()[np.ix_(rows, rows)],
         actuation=actuation(estimate, dataset.inputs, values, motion),
-        term_sizes=tuple(term_sizes(of_vehicle, term_histories(of_vehicle, values, motion, inputs))),
+        term_sizes=tuple(term_sizes(coefficient_set, term_histories(coefficient_set, values, motion, inputs))),
         surface_changes=surface_changes(values, motion, inputs),
         origin=origin,
     )

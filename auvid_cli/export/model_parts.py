@@ -1,4 +1,4 @@
-"""Parts of an exported model: terms, actuation and fin surfaces."""
+"""Sizes of terms along a motion, actuation, and fins as lifting surfaces."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -14,8 +14,8 @@ from auvid_cli.vehicle.coefficients import EQUATION_ROWS, PROPULSION_SIGNALS, Co
 from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUT_SYMBOLS, MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
-# Of factors what inputs they are, where these have other names.
-CALLED_OTHERWISE = {"thrust": "surge_force", **PROPULSION_SIGNALS}
+# Inputs by the factors of terms with other names.
+FACTOR_INPUTS = {"thrust": "surge_force", **PROPULSION_SIGNALS}
 _FORCE = INPUT_SYMBOLS.index("surge_force")
 
 
@@ -27,11 +27,11 @@ class FinSurface(NamedTuple):
     name : str
         "rudder" or "elevator".
     symbols : tuple of str
-        Of its force's and its moment's coefficient.
+        Coefficients of its force and its moment.
     force : float
         Coefficient of the force to starboard or down, kg/(m rad).
     place : float
-        Where force and moment meet, forward of the origin, m.
+        Centre of pressure forward of the origin, m: moment divided by force.
     """
 
     name: str
@@ -41,7 +41,7 @@ class FinSurface(NamedTuple):
 
 
 def fin_surfaces(coefficients: Mapping[str, float]) -> list[FinSurface]:
-    """Return those that there are; one with a moment and no force acts nowhere, and is left out."""
+    """Return the fin surfaces with a force; without a force there is no centre of pressure."""
     pairs = (("rudder", ("Y_uudr", "N_uudr"), 1.0), ("elevator", ("Z_uude", "M_uude"), -1.0))
     return [
         FinSurface(name, (force, moment), coefficients[force], sign * coefficients[moment] / coefficients[force])
@@ -51,7 +51,7 @@ def fin_surfaces(coefficients: Mapping[str, float]) -> list[FinSurface]:
 
 
 def surface_changes(coefficients: Mapping[str, float], motion: Array, inputs: Array) -> dict[str, float]:
-    """Return how much changes if the fins are such surfaces.
+    """Return the change of forces and moments if the fins are lifting surfaces, RMS by row, N or N m.
 
     Parameters
     ----------
@@ -59,11 +59,6 @@ def surface_changes(coefficients: Mapping[str, float], motion: Array, inputs: Ar
         All by symbol, SI.
     motion : ndarray, shape (n, 9)
     inputs : ndarray, shape (n, 4)
-
-    Returns
-    -------
-    dict of float
-        Root mean square by row of the equations of motion, N or N m.
     """
     signals = dict(zip(MOTION_SYMBOLS, motion.T, strict=True)) | dict(zip(INPUT_SYMBOLS, inputs.T, strict=False))
     changes = dict.fromkeys("XYZMN", np.zeros(len(motion)))
@@ -80,7 +75,7 @@ def surface_changes(coefficients: Mapping[str, float], motion: Array, inputs: Ar
 
 
 class TermSize(NamedTuple):
-    """One coefficient's term of the equations of motion.
+    """Size of the term of a coefficient.
 
     Attributes
     ----------
@@ -90,10 +85,10 @@ class TermSize(NamedTuple):
     unit : str
         "N" or "N*m".
     rms : float
-        Root mean square of the force or moment.
+        Of the force or moment.
     percent : float
-        Of all terms of the row together, the root of the sum of their mean squares: unlike their sum, that does
-        not grow small where terms balance each other.
+        Of the root of the sum of the mean squares of all terms of the row. The sum of the terms would be small where
+        they balance.
     """
 
     symbol: str
@@ -104,30 +99,29 @@ class TermSize(NamedTuple):
 
 
 def term_histories(
-    of_vehicle: CoefficientSet, coefficients: Mapping[str, float], motion: Array, inputs: Array
+    coefficient_set: CoefficientSet, coefficients: Mapping[str, float], motion: Array, inputs: Array
 ) -> Array:
     """Return the force or moment of every coefficient, Sabet et al. 2018, eq. (13).
 
     Parameters
     ----------
-    of_vehicle : CoefficientSet
+    coefficient_set : CoefficientSet
     coefficients : mapping
-        All of them by symbol, SI.
+        Values by symbol, SI.
     motion : ndarray, shape (n, 9)
         u, v, w, p, q, r, phi, theta, psi; m/s, rad/s, rad.
     inputs : ndarray, shape (n, 4) or (n, 6)
-        As of a dataset.
 
     Returns
     -------
-    ndarray, shape (n, len(of_vehicle))
-        N or N m, in that order.
+    ndarray, shape (n, len(coefficient_set))
+        N or N m.
     """
-    given = dict(zip((quantity.symbol for quantity in ALL_INPUTS), inputs.T, strict=False))
-    signals = dict(zip(MOTION_SYMBOLS, motion.T, strict=True)) | given
-    signals |= {name: given[symbol] for name, symbol in CALLED_OTHERWISE.items() if symbol in given}
-    terms = np.empty((len(motion), len(of_vehicle)))
-    for column, coefficient in enumerate(of_vehicle):
+    by_symbol = dict(zip((quantity.symbol for quantity in ALL_INPUTS), inputs.T, strict=False))
+    signals = dict(zip(MOTION_SYMBOLS, motion.T, strict=True)) | by_symbol
+    signals |= {name: by_symbol[symbol] for name, symbol in FACTOR_INPUTS.items() if symbol in by_symbol}
+    terms = np.empty((len(motion), len(coefficient_set)))
+    for column, coefficient in enumerate(coefficient_set):
         factors = [
             np.abs(signals[name]) if modulus else signals[name]
             for name, modulus in zip(coefficient.signals, coefficient.moduli, strict=True)
@@ -136,14 +130,14 @@ def term_histories(
     return terms
 
 
-def term_sizes(of_vehicle: CoefficientSet, terms: Array) -> list[TermSize]:
-    """Return the size of every term from its history; `terms` as of `term_histories`."""
+def term_sizes(coefficient_set: CoefficientSet, terms: Array) -> list[TermSize]:
+    """Return the size of every term from `term_histories`."""
     squares = np.mean(terms**2, axis=0)
-    rows = np.array([coefficient.row for coefficient in of_vehicle])
-    of_rows = np.sqrt(np.bincount(rows, squares, minlength=len(EQUATION_ROWS)))
+    rows = np.array([coefficient.row for coefficient in coefficient_set])
+    row_sizes = np.sqrt(np.bincount(rows, squares, minlength=len(EQUATION_ROWS)))
     sizes = []
-    for coefficient, square in zip(of_vehicle, squares, strict=True):
-        rms, whole = float(np.sqrt(square)), float(of_rows[coefficient.row])
+    for coefficient, square in zip(coefficient_set, squares, strict=True):
+        rms, whole = float(np.sqrt(square)), float(row_sizes[coefficient.row])
         unit = "N" if coefficient.row < 3 else "N*m"
         percent = 100.0 * rms / whole if whole else 0.0
         sizes.append(TermSize(coefficient.symbol, EQUATION_ROWS[coefficient.row], unit, rms, percent))
@@ -151,21 +145,17 @@ def term_sizes(of_vehicle: CoefficientSet, terms: Array) -> list[TermSize]:
 
 
 def held_inputs(time: Array, input_time: Array, values: Array) -> Array:
-    """Return the inputs in force at given times; each holds from its own time to the next.
+    """Return the inputs at given times, shape (n, 4); each holds from its own time to the next.
 
-    Times are compared in whole nanoseconds, to which a filter rounds those of its events.
+    Times are compared in whole nanoseconds, to which filters round the times of events.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
-        s, none before the first of `input_time`.
+        s, not before the first of `input_time`.
     input_time : ndarray, shape (k,)
         s, increasing.
     values : ndarray, shape (k, 4)
-
-    Returns
-    -------
-    ndarray, shape (n, 4)
     """
     return values[np.searchsorted(input_time.round(9), time.round(9), side="right") - 1]
 
@@ -176,14 +166,14 @@ class Actuation(NamedTuple):
     Attributes
     ----------
     thrust : float
-        How many times the stated surge force acts.
+        Scale of the stated surge force.
     thrust_rms : float
-        Root mean square of the surge force that this adds or takes, N.
+        RMS of the change of the surge force by this scale, N.
     actuators : ActuatorSettings
-        How fins and propeller follow their commands.
+        Dynamics of fins and propeller.
     changes : dict of float
-        Root mean square of what that changes in the force or moment of each coefficient of an input, and in
-        `surge_force`, N or N m.
+        RMS of the change by these dynamics in `surge_force`, and in the force or moment of each coefficient of an
+        input, N or N m.
     """
 
     thrust: float
@@ -193,33 +183,33 @@ class Actuation(NamedTuple):
 
 
 def acting_inputs(estimate: Estimate, inputs: InputRecord) -> Array:
-    """Return inputs at the times of an estimate as its filter saw them act, but for trims and the thrust's gain."""
+    """Return the acting inputs at the times of an estimate, without fin trims and thrust scale."""
     acting = as_acting(inputs, estimate.experiment)
     return held_inputs(estimate.time, acting.time, acting.values)
 
 
 def actuation(estimate: Estimate, inputs: InputRecord, coefficients: Mapping[str, float], motion: Array) -> Actuation:
-    """Return gain and actuators of an estimate, sized along its motion.
+    """Return thrust scale and actuators of an estimate, with their effects along its motion.
 
     Parameters
     ----------
     estimate : Estimate
     inputs : InputRecord
-        As stated.
+        Recorded inputs.
     coefficients : mapping
         All by symbol, SI.
     motion : ndarray, shape (n, 9)
         At the times of the estimate.
     """
     commanded = held_inputs(estimate.time, inputs.time, inputs.values)
-    of_vehicle, acting = estimate.coefficient_set, acting_inputs(estimate, inputs)
-    by_command, by_actuator = (term_histories(of_vehicle, coefficients, motion, each) for each in (commanded, acting))
+    coefficient_set, acting = estimate.coefficient_set, acting_inputs(estimate, inputs)
+    by_command, by_actuator = (term_histories(coefficient_set, coefficients, motion, u) for u in (commanded, acting))
     changes = np.sqrt(np.mean((by_actuator - by_command) ** 2, axis=0))
     thrust, force = estimate.final_actuators().thrust, acting[:, _FORCE]
-    of_inputs = {c.symbol: float(rms) for c, rms in zip(of_vehicle, changes, strict=True) if c.is_of_inputs}
+    input_changes = {c.symbol: float(rms) for c, rms in zip(coefficient_set, changes, strict=True) if c.is_of_inputs}
     return Actuation(
         thrust=thrust,
         thrust_rms=float(abs(thrust - 1.0) * np.sqrt(np.mean(force**2))),
         actuators=estimate.experiment.vehicle.actuators,
-        changes=of_inputs | {"surge_force": float(np.sqrt(np.mean((force - commanded[:, _FORCE]) ** 2)))},
+        changes=input_changes | {"surge_force": float(np.sqrt(np.mean((force - commanded[:, _FORCE]) ** 2)))},
     )

@@ -3,38 +3,38 @@
 from auvid_cli.export.functions import inputs_of, python_text
 from auvid_cli.export.losses import UnsupportedFeatures, unsupported_features
 from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.vehicle.actuators import Actuators
 
 _SIMULATOR_NOTES = (
-    "Steps are Euler's, as the simulator takes them.",
-    "It has no autopilot: commands are those of stepInput, which you write. ACTUATORS are all the limits "
-    "of fins and thrust.",
+    "Integration is by Euler's method, like in the simulator.",
+    "There is no autopilot: write your commands in stepInput. ACTUATORS are the only limits of fins and thrust.",
 )
-_SHOWN = {"rad": "deg", "N*m": "N m"}
+_PLOT_UNITS = {"rad": "deg", "N*m": "N m"}
 _ACTUATORS = '''
 
 def demanded(actuator, command):
-    """Where a command sends an actuator."""
+    """Position that a command demands, after saturation and dead band."""
     return np.copysign(max(min(abs(command), actuator["saturation"]) - actuator["dead_band"], 0.0), command)
 
 
 def position(actuator, before, command):
-    """Where an actuator is: what neither lags nor is limited is where it is sent to."""
+    """Current position: that of the command without lag and rate limit."""
     at_once = actuator["time_constant"] == 0.0 and actuator["rate_limit"] == np.inf
     return demanded(actuator, command) if at_once else before
 
 
 def moved(actuator, before, command, duration):
-    """Where it is a short while later, s."""
-    lag, left = actuator["time_constant"], demanded(actuator, command) - before
-    way = left * (1.0 - np.exp(-duration / lag)) if lag else left
-    return before + np.clip(way, -duration * actuator["rate_limit"], duration * actuator["rate_limit"])
+    """Position after a short time, s."""
+    lag, distance = actuator["time_constant"], demanded(actuator, command) - before
+    change = distance * (1.0 - np.exp(-duration / lag)) if lag else distance
+    return before + np.clip(change, -duration * actuator["rate_limit"], duration * actuator["rate_limit"])
 
 
-def effective(actuator, at):
-    """Deflection that would make the force of a stalled fin if it had not stalled."""
-    beyond = abs(at) - actuator["stall"]
-    return at if beyond <= 0.0 else np.copysign(max(actuator["stall"] + actuator["stall_slope"] * beyond, 0.0), at)
+def effective(actuator, angle):
+    """Deflection without stall that has the same force as a stalled fin."""
+    excess = abs(angle) - actuator["stall"]
+    if excess <= 0.0:
+        return angle
+    return np.copysign(max(actuator["stall"] + actuator["stall_slope"] * excess, 0.0), angle)
 '''
 _CLASS = '''
 
@@ -54,7 +54,7 @@ class Vehicle:
             raise ValueError(f"{{controlSystem!r}}: this vehicle has only stepInput")
         self.name = {name!r}
         self.controlMode = controlSystem
-        self.controlDescription = "Straight on, until you write another stepInput"
+        self.controlDescription = "Straight ahead; replace stepInput for other commands"
         self.L = {length!r}
         self.V_c = V_current
         self.beta_c = np.radians(beta_current)
@@ -71,7 +71,7 @@ class Vehicle:
         eta, nu : array_like, shape (6,)
             North, east, down (m), roll, pitch, yaw (rad); u, v, w over ground (m/s), p, q, r (rad/s).
         u_actual, u_control : array_like, shape (dimU,)
-            As of `motion_derivative`, as they are and as commanded.
+            Inputs of `motion_derivative`, actual and commanded.
         sampleTime : float
             s.
 
@@ -89,19 +89,19 @@ class Vehicle:
         forces = np.array([*map(effective, ACTUATORS, acting), *acting[len(ACTUATORS):]])
         forces[2] *= THRUST_GAIN
         slope = motion_derivative(relative, forces)[:6]
-        # In turning axes the current turns the other way.
+        # In rotating axes the current rotates in the opposite direction.
         slope[:3] -= np.cross(nu[3:], current)
         for k, actuator in enumerate(ACTUATORS):
             acting[k] = moved(actuator, acting[k], commanded[k], sampleTime)
         return nu + sampleTime * slope, acting
 
     def stepInput(self, t):
-        """Commands at a time (s): fins amidships, and the thrust of the reference speed."""
+        """Commands at a time (s): fins at zero, and the thrust of the reference speed."""
         return np.array([0.0, 0.0, {thrust!r}, {torque!r}, *np.zeros(self.dimU - 4)])
 '''
 _HOLOOCEAN_NOTES = (
     "HoloOcean holds an acceleration for a whole tick, so that the length of the tick is the step of the integration.",
-    "HoloOcean's own ocean current does not act: it is the velocity over ground that the sensor gives.",
+    "HoloOcean's own ocean current has no effect, because its sensor gives the velocity over ground.",
 )
 _FUNCTION = '''
 
@@ -123,10 +123,10 @@ def accelerations(state, inputs):
     Parameters
     ----------
     state : array_like, shape (19,)
-        What that sensor gives, in the global frame: linear acceleration, velocity, position, angular acceleration,
+        Output of that sensor in the global frame: linear acceleration, velocity, position, angular acceleration,
         angular velocity, quaternion x, y, z, w; SI.
     inputs : array_like
-        As of `motion_derivative`.
+        Inputs of `motion_derivative`.
 
     Returns
     -------
@@ -155,13 +155,8 @@ def accelerations(state, inputs):
 
 
 def simulator_losses(model: IdentifiedModel) -> UnsupportedFeatures:
-    """Name what lies outside the equations of motion and the actuators."""
+    """Return the losses of a vehicle for PythonVehicleSimulator."""
     return unsupported_features(model, notes=_SIMULATOR_NOTES, holds_gain=True, holds_actuators=True)
-
-
-def _written(actuators: Actuators) -> str:
-    entries = (", ".join(f"{name!r}: {_number(value)}" for name, value in a._asdict().items()) for a in actuators)
-    return "".join(["ACTUATORS = (\n", *(f"    {{{entry}}},\n" for entry in entries), ")\n"])
 
 
 def _number(value: float) -> str:
@@ -169,25 +164,34 @@ def _number(value: float) -> str:
 
 
 def simulator_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
-    """Write the whole module, which needs only NumPy; `name` is the vehicle's there."""
+    """Return the Python module of a vehicle with this name; it needs only NumPy."""
     vehicle, actuation = model.experiment.vehicle, model.actuation
-    known = vehicle.known_parameters()
-    actuators = (
-        "\n\n# How many times the surge force acts; how rudder, elevator and surge force follow their commands, SI.\n"
-        f"THRUST_GAIN = {actuation.thrust!r}\n{_written(actuation.actuators.actuators())}{_ACTUATORS}"
+    parameters = vehicle.known_parameters()
+    entries = (
+        ", ".join(f"{key!r}: {_number(value)}" for key, value in actuator._asdict().items())
+        for actuator in actuation.actuators.actuators()
     )
-    # The simulator's plots are in degrees.
-    shown = (f"{q.symbol.replace('_', ' ').capitalize()} ({_SHOWN.get(q.unit, q.unit)})" for q in inputs_of(model))
-    propulsion = {"thrust": known["X_prop"], "torque": known["K_prop"]}
-    body = _CLASS.format(name=name, length=vehicle.size.length, controls=[*shown], **propulsion)
-    return python_text(model, losses, name) + actuators + body
+    lines = [
+        "\n\n# Scale of the surge force; dynamics of rudder, elevator and surge force, SI.",
+        f"THRUST_GAIN = {actuation.thrust!r}",
+        "ACTUATORS = (",
+        *(f"    {{{entry}}}," for entry in entries),
+        ")\n",
+    ]
+    # Plots of the simulator are in degrees.
+    controls = [
+        f"{q.symbol.replace('_', ' ').capitalize()} ({_PLOT_UNITS.get(q.unit, q.unit)})" for q in inputs_of(model)
+    ]
+    propulsion = {"thrust": parameters["X_prop"], "torque": parameters["K_prop"]}
+    body = _CLASS.format(name=name, length=vehicle.size.length, controls=controls, **propulsion)
+    return python_text(model, losses, name) + "\n".join(lines) + _ACTUATORS + body
 
 
 def holoocean_losses(model: IdentifiedModel) -> UnsupportedFeatures:
-    """Name what lies outside the equations of motion, as in a bare function, and what HoloOcean adds."""
+    """Return the losses of a vehicle for HoloOcean."""
     return unsupported_features(model, notes=_HOLOOCEAN_NOTES)
 
 
 def holoocean_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
-    """Write the whole module, which needs only NumPy."""
+    """Return the Python module for HoloOcean; it needs only NumPy."""
     return python_text(model, losses, name) + _FUNCTION

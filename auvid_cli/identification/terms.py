@@ -13,7 +13,7 @@ from auvid_cli.config.coefficients import Term
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.identification import Use
 from auvid_cli.config.settings import Spans
-from auvid_cli.data.findings import LEAST_HELD_OUT_GAIN, ScoredTerm, TermFindings
+from auvid_cli.data.findings import MIN_HELD_OUT_GAIN, ScoredTerm, TermFindings
 from auvid_cli.errors import DataError
 from auvid_cli.filters.fault_scores import correlation, explained, gains, score_faults, sizes
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
@@ -228,7 +228,7 @@ def search_terms(
         # A fit is large, and is not needed to compare models.
         del fit
         fits = noisier.fits(scored.leaders() + noisier.leaders(), functools.partial(fit_with, model.settings))
-        least = LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_GAIN + math.log(len(candidates))
+        least = MIN_HELD_OUT_GAIN, MIN_HELD_OUT_GAIN + math.log(len(candidates))
         better = [k for k, other in fits.items() if all(np.greater_equal(other.gains(model), least))]
         found = max(better, key=lambda k: fits[k].whole, default=None)
         tried += scored.rows(look, model, fits, found)
@@ -239,7 +239,7 @@ def search_terms(
         for earlier in model.settings.vehicle.terms[len(prepared.experiment.vehicle.terms) : -1]:
             others = [term for term in model.settings.vehicle.terms if term != earlier]
             without = fitted_model(prepared, with_terms(model.settings, others))
-            if without is not None and model.held_out - without.held_out < LEAST_HELD_OUT_GAIN:
+            if without is not None and model.held_out - without.held_out < MIN_HELD_OUT_GAIN:
                 model, dropped = without, [*dropped, earlier.name]
     rows = [row._replace(found=row.found and row.term not in dropped) for row in tried]
     return TermFindings(tuple(rows), len(candidates), training, held_out, model.settings)

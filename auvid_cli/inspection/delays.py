@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.checks import Check
-from auvid_cli.data.rate_of_change import rate_of_change, response_to_rates
+from auvid_cli.data.signals import rate_of_change, response_to_rates
 from auvid_cli.inspection.fins import LinearMotion, predicted_response
 from auvid_cli.inspection.inspection import UNDETERMINED, judged, undetermined
 from auvid_cli.inspection.kinematic_relations import (

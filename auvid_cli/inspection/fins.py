@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from auvid_cli.config.sanity import MAX_FIN_STRENGTH, MIN_FIN_STRENGTH
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.checks import Check
-from auvid_cli.data.rate_of_change import response_to_rates
+from auvid_cli.data.signals import response_to_rates
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.kinematic_relations import Signals, attitude_window, change, fit, rates_by_sensor
 from auvid_cli.inspection.responses import AXES, RotationAxis, moment, response_window

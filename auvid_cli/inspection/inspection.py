@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.checks import Check, Checks, NamedRows
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
-from auvid_cli.data.signals import LONGEST_REPEAT, gap_limit, repeats, rounded_repeats, rounding_steps
+from auvid_cli.data.signals import MAX_REPEAT, gap_limit, repeats, rounded_repeats, rounding_steps
 from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import SENSORS
 
@@ -122,7 +122,7 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Ch
     """Return the longest duration of a repeated measurement, s, and its check."""
     runs, rounded = repeats(record), rounded_repeats(record)
     duration = runs[:, 1] - runs[:, 0]
-    if not (duration[~rounded] > LONGEST_REPEAT).any() and (duration > LONGEST_REPEAT).any():
+    if not (duration[~rounded] > MAX_REPEAT).any() and (duration > MAX_REPEAT).any():
         return _rounded(filter_name, name, record, float(duration.max()))
     duration[rounded] = 0.0
     start, end = runs[int(np.argmax(duration))]
@@ -131,8 +131,8 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Ch
         name,
         "stuck",
         statistic=f"{end - start:.4g} s from t = {start:.6g} s on",
-        threshold=f"<= {LONGEST_REPEAT:g} s of the same measurement",
-        passed=bool(end - start <= LONGEST_REPEAT),
+        threshold=f"<= {MAX_REPEAT:g} s of the same measurement",
+        passed=bool(end - start <= MAX_REPEAT),
         advice=f"{name} repeats one measurement from t = {start:.6g} s to {end:.6g} s: it failed or was logged twice. "
         "Exclude that time (`exclude` of the sensor in the map).",
     )
@@ -152,7 +152,7 @@ def _rounded(filter_name: str, name: str, record: SensorRecord, longest: float) 
         name,
         "stuck",
         statistic=f"quantised: {sizes}; constant for up to {longest:.4g} s",
-        threshold=f"<= {LONGEST_REPEAT:g} s of the same measurement, unless it is rounded",
+        threshold=f"<= {MAX_REPEAT:g} s of the same measurement, unless it is rounded",
         passed=None,
         advice=f"{name} is recorded in steps and at times changes by less than one. This is not a failure, but adds "
         f"autocorrelated noise of step / sqrt(12): set `standard_deviation` in the map to at least {noise}. In the "

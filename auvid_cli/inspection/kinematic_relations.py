@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import InputRecord, SensorRecord
-from auvid_cli.data.rate_of_change import WHILE_TURNING, rate_of_change
+from auvid_cli.data.signals import TURN_RATE_WINDOW, rate_of_change
 from auvid_cli.errors import DataError
 from auvid_cli.inspection.single_sensor import continuous
 from auvid_cli.vehicle.kinematics import GRAVITY
@@ -295,7 +295,7 @@ def attitude_rates(signals: Signals, heading: str = "psi") -> dict[str, Relation
 
 def attitude_window(signals: Signals, heading: str = "psi") -> int:
     """Return the number of cells over which attitude is differentiated: a second, or a few measurements of an angle."""
-    return signals.window("phi", "theta", heading, least=WHILE_TURNING)
+    return signals.window("phi", "theta", heading, least=TURN_RATE_WINDOW)
 
 
 def rates_by_sensor(signals: Signals, symbol: str) -> dict[str, Array]:

@@ -9,7 +9,7 @@ from scipy.ndimage import median_filter
 
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset, SensorRecord
-from auvid_cli.data.rate_of_change import rate_noise
+from auvid_cli.data.signals import rate_noise
 from auvid_cli.inspection.inspection import Mark, judged, mistaken_units, undetermined
 from auvid_cli.inspection.kinematic_relations import (
     Regression,

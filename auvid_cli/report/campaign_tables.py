@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from auvid_cli.campaign.summary import Findings
+from auvid_cli.campaign.summary import CampaignSummary
 from auvid_cli.data.checks import csv_cell
 from auvid_cli.data.files import write_text
 from auvid_cli.report.screen import print_files
@@ -24,7 +24,7 @@ _LEAST_OF_COLUMNS = "by chance", "error / bound", "5 - 95 %", "sd / bound", "in 
 _WHAT = {"steady_state_error_percent": "steady-state error", "rmse_percent": "RMSE"}
 
 
-def write_findings(findings: Findings, folder: Path) -> list[Path]:
+def write_findings(findings: CampaignSummary, folder: Path) -> list[Path]:
     """Write ``filters.csv``, ``coefficients.csv``, ``comparisons.csv`` and ``campaign.md``.
 
     Raises
@@ -45,7 +45,7 @@ def write_findings(findings: Findings, folder: Path) -> list[Path]:
     return [*paths, markdown]
 
 
-def print_findings(console: Console, findings: Findings, files: Sequence[Path]) -> None:
+def print_findings(console: Console, findings: CampaignSummary, files: Sequence[Path]) -> None:
     """Print a row for each combination of settings and filter, who is better in how many, and where the files are."""
     if len(findings.filters) <= _MOST_ON_SCREEN:
         table = filters_table(findings)
@@ -59,7 +59,7 @@ def print_findings(console: Console, findings: Findings, files: Sequence[Path]) 
     print_files(console, files)
 
 
-def comparison_sentences(findings: Findings) -> list[str]:
+def comparison_sentences(findings: CampaignSummary) -> list[str]:
     """Say for each pair of filters and measure in how many combinations of settings which conclusion holds."""
     sentences = []
     if not len(findings.comparisons):
@@ -71,7 +71,7 @@ def comparison_sentences(findings: Findings) -> list[str]:
     return sentences
 
 
-def filters_table(findings: Findings) -> Table:
+def filters_table(findings: CampaignSummary) -> Table:
     """Lay out the statistics of each combination of settings and filter."""
     columns = [Column(_heading(column), numeric=False) for column in [*findings.columns, "filter"]]
     headers = (
@@ -118,7 +118,7 @@ def filters_table(findings: Findings) -> Table:
     return Table("campaign", "Filters", tuple(columns), rows, notes=notes)
 
 
-def comparison_table(findings: Findings) -> list[Table]:
+def comparison_table(findings: CampaignSummary) -> list[Table]:
     """Compare the filters in a table; in none if there is but one filter."""
     if not len(findings.comparisons):
         return []

@@ -264,7 +264,7 @@ def _noises(tuning: Tuning) -> Table:
 
 def choice_text(choice: DisturbanceChoice) -> str:
     """Say whether a disturbance is estimated, and why."""
-    criterion = f"{choice.numbers} numbers more must bring {choice.needed:.3g} (Bayesian information criterion)"
+    criterion = f"{choice.n_parameters} numbers more must bring {choice.needed:.3g} (Bayesian information criterion)"
     what = "kept" if choice.is_kept else "left out"
     return f"a disturbance that lasts is {what}: with it the log-likelihood is {choice.gain:+.4g}, and {criterion}"
 
@@ -299,7 +299,7 @@ def _estimates(before: Judged, after: Judged) -> Table:
     """Lay out mean NIS and memory of the innovations of each sensor, and the judgement."""
     rows: list[list[Cell]] = []
     for sensor in before[0].innovations:
-        nis: list[Cell] = [estimate.innovations[sensor].tally().mean_nis for estimate, _ in (before, after)]
+        nis: list[Cell] = [estimate.innovations[sensor].sums().mean_nis for estimate, _ in (before, after)]
         rows.append([f"mean NIS of {sensor}", *nis])
         memory: list[Cell] = [whiteness(estimate.innovations[sensor]).portmanteau for estimate, _ in (before, after)]
         rows.append([f"memory of {sensor}, Ljung-Box", *memory])

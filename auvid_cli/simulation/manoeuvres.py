@@ -23,7 +23,7 @@ from auvid_cli.config.manoeuvre import (
 )
 from auvid_cli.config.units import parse_number
 from auvid_cli.errors import ConfigError
-from auvid_cli.regular import check_regular
+from auvid_cli.regular_files import check_regular_file
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -229,7 +229,7 @@ def _recorded(path: Path, time: Array) -> Array:
 def _rows(path: Path) -> Iterator[list[float]]:
     """Yield time and inputs of each row; ValueError with the line if the file is not a table of numbers."""
     names = ("time", *INPUT_SYMBOLS)
-    check_regular(path)
+    check_regular_file(path)
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.reader(file)
         try:

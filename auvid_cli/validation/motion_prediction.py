@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.rate_of_change import WHILE_TURNING, rate_noise, rate_of_change
+from auvid_cli.data.signals import TURN_RATE_WINDOW, rate_noise, rate_of_change
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.process import N_PREDICTED, move_through
 from auvid_cli.numerics import LANES
@@ -110,9 +110,9 @@ def _yaw_rate_by_attitude(signals: Mapping[str, MeasuredSignal]) -> MeasuredSign
         return None
     time, heading, deviation = signals["psi"]
     interval = float(np.median(np.diff(time)))
-    half = round(0.5 * WHILE_TURNING / interval)
+    half = round(0.5 * TURN_RATE_WINDOW / interval)
     # Half a window before and after, plus a margin, without gaps.
-    ends = np.concatenate([[True], np.diff(time) > 0.5 * WHILE_TURNING, [True]])
+    ends = np.concatenate([[True], np.diff(time) > 0.5 * TURN_RATE_WINDOW, [True]])
     last_begin = np.maximum.accumulate(np.where(ends[:-1], time, -np.inf))
     next_end = np.minimum.accumulate(np.where(ends[1:], time, np.inf)[::-1])[::-1]
     good = np.minimum(time - last_begin, next_end - time) >= (half + 0.9) * interval

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import psutil
 from distributed import Client
 
-from auvid_cli.campaign.cluster import cluster_client, perform_groups, run_group
+from auvid_cli.campaign.cluster import cluster_client, run_group, run_groups
 from auvid_cli.campaign.plan import CampaignPlan, RunGroup
 from auvid_cli.campaign.store import Store
 from auvid_cli.config.campaign import load_campaign
@@ -65,10 +65,10 @@ def timed(groups: list[RunGroup], folder: Path) -> Round:
 def _seconds_on(workers: int, groups: list[RunGroup], folder: Path) -> float:
     """Return the wall time, s, of groups on so many workers, results written."""
     with cluster_client(None, workers) as client:
-        list(perform_groups(client, _warm(folder.parent, workers), False))
+        list(run_groups(client, _warm(folder.parent, workers), False))
         store = Store(folder, {})
         start = time.perf_counter()
-        for performed in perform_groups(client, iter(groups), False):
+        for performed in run_groups(client, iter(groups), False):
             store.add(performed)
         store.merge()
         return time.perf_counter() - start
@@ -83,7 +83,7 @@ def memory_over(groups: Iterator[RunGroup], n_runs: int) -> list[tuple[int, floa
     """Return the memory of a single worker, MB, after so many runs."""
     seen, ended = [], 0
     with cluster_client(None, 1) as client:
-        for performed in perform_groups(client, groups, False):
+        for performed in run_groups(client, groups, False):
             before, ended = ended, ended + len(performed)
             if before * _LOOKS // n_runs < ended * _LOOKS // n_runs:
                 seen.append((ended, _memory(client)))

@@ -1,4 +1,4 @@
-"""Who is better is said where it is known, and only there."""
+"""Comparison of filters names only significant differences."""
 
 import numpy as np
 import pandas as pd
@@ -45,7 +45,7 @@ def conclusions(*filters):
     return {(row["measure"], row["first"], row["second"]): row for row in table.to_dict("records")}
 
 
-def test_a_filter_that_is_better_on_the_same_data_is_named():
+def test_better_filter_is_named():
     random = np.random.default_rng(2)
     # The seeds differ far more than the filters: only pairs can tell.
     difficulty = np.exp(random.standard_normal(N))
@@ -81,7 +81,7 @@ def test_equal_filters_tie():
     assert row["conclusion"] == "tie"
 
 
-def test_chance_is_not_named():
+def test_chance_difference_is_not_significant():
     random = np.random.default_rng(4)
     named = [
         row["conclusion"]
@@ -92,7 +92,7 @@ def test_chance_is_not_named():
     assert "no difference found" in named
 
 
-def test_too_few_seeds_tell_nothing():
+def test_too_few_seeds_find_no_difference():
     row = conclusions(rows_of("a", [1.0, 2.0, 3.0]), rows_of("b", [5.0, 6.0, 7.0]))[
         "steady_state_error_percent", "a", "b"
     ]
@@ -100,7 +100,7 @@ def test_too_few_seeds_tell_nothing():
     assert (row["difference_low"], row["difference_high"]) == (-np.inf, np.inf)
 
 
-def test_who_diverges_more_often_is_not_better():
+def test_filter_that_diverges_more_often_is_not_better():
     errors = np.linspace(1.0, 2.0, N)
     row = conclusions(rows_of("ckf", errors), rows_of("ekf", 0.5 * errors, lost=range(10)))[
         "steady_state_error_percent", "ckf", "ekf"
@@ -111,7 +111,7 @@ def test_who_diverges_more_often_is_not_better():
     assert row["conclusion"] == "ekf diverges more often"
 
 
-def test_pairs_are_of_one_combination_of_settings():
+def test_pairs_are_compared_within_one_combination():
     rows = pd.concat(
         [
             pd.DataFrame([*rows_of("a", np.ones(N)), *rows_of("b", 2.0 * np.ones(N))]).assign(factor=1.0),
@@ -126,12 +126,12 @@ def test_pairs_are_of_one_combination_of_settings():
     ]
 
 
-def test_one_filter_has_nobody_to_be_compared_with():
+def test_single_filter_has_no_comparisons():
     assert len(compare_filters(pd.DataFrame(rows_of("a", [1.0, 2.0])), [])) == 0
 
 
 @given(st.integers(1, 60))
-def test_an_interval_of_the_median_is_right_in_95_percent(n):
+def test_median_interval_covers_95_percent(n):
     low, high = median_interval(np.arange(n, dtype=np.float64))
     # The true median lies between two order statistics unless too many values fall to one side of it.
     k = int(low) + 1 if np.isfinite(low) else 0

@@ -8,7 +8,7 @@ import dask.config
 import pytest
 from distributed import LocalCluster
 
-from auvid_cli.campaign.cluster import cluster_client, perform_groups
+from auvid_cli.campaign.cluster import cluster_client, run_groups
 from auvid_cli.campaign.plan import RunGroup
 from auvid_cli.errors import ClusterError
 
@@ -20,31 +20,31 @@ filters: [ckf, tukf]
 """
 
 
-def test_all_runs_come_back_from_a_scheduler_that_was_there_before(planned):
+def test_existing_scheduler_returns_all_runs(planned):
     plan = planned(MANY, "seeds=4")
     with (
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         cluster_client(cluster.scheduler_address, 1) as client,
     ):
-        runs = [done for group in perform_groups(client, plan.groups(), False) for done in group]
+        runs = [done for group in run_groups(client, plan.groups(), False) for done in group]
     assert sorted(done.run.identity for done in runs) == sorted(plan.labels())
     assert {done.failure for done in runs} == {""}
 
 
-def test_a_worker_that_dies_while_it_starts_is_one_line(monkeypatch):
+def test_worker_that_dies_at_start_is_cluster_error(monkeypatch):
     def cluster(**options):
         raise RuntimeError("Nanny failed to start.")
 
     monkeypatch.setattr("auvid_cli.campaign.cluster.LocalCluster", cluster)
-    with pytest.raises(ClusterError, match=r"^the workers on this machine do not start, .*; fewer may: --workers 1$"):
+    with pytest.raises(ClusterError, match=r"workers on this machine do not start.*--workers 1"):
         cluster_client(None, 1).__enter__()
 
 
-def test_one_of_two_workers_that_is_killed_loses_and_repeats_nothing(planned):
+def test_killed_worker_loses_and_repeats_no_run(planned):
     plan, performed = planned(MANY), []
     with cluster_client(None, 2) as client:
         victim, _ = client.run(os.getpid).values()
-        for number, group in enumerate(perform_groups(client, plan.groups(), False)):
+        for number, group in enumerate(run_groups(client, plan.groups(), False)):
             performed += group
             if number == 4:
                 os.kill(victim, signal.SIGKILL)
@@ -52,7 +52,7 @@ def test_one_of_two_workers_that_is_killed_loses_and_repeats_nothing(planned):
     assert {done.failure for done in performed} == {""}
 
 
-def test_a_group_that_no_worker_can_do_has_failed_and_the_others_go_on(planned):
+def test_group_that_kills_workers_fails_and_others_go_on(planned):
     plan = planned(MANY, "seeds=3")
     groups = list(plan.groups())
     # Text that no worker can read: it fails in the worker's own code, not in a run.
@@ -61,12 +61,12 @@ def test_a_group_that_no_worker_can_do_has_failed_and_the_others_go_on(planned):
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         cluster_client(cluster.scheduler_address, 1) as client,
     ):
-        runs = [done for group in perform_groups(client, iter(broken), False) for done in group]
+        runs = [done for group in run_groups(client, iter(broken), False) for done in group]
     assert len(runs) == 6
     assert sum(bool(done.failure) for done in runs) == 2
 
 
-def test_no_more_is_sent_than_is_worked_on_soon(planned):
+def test_few_groups_wait_at_the_scheduler(planned):
     plan, taken = planned(MANY, "seeds=200"), []
 
     def watched():
@@ -78,34 +78,32 @@ def test_no_more_is_sent_than_is_worked_on_soon(planned):
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         cluster_client(cluster.scheduler_address, 1) as client,
     ):
-        for count, _ in enumerate(islice(perform_groups(client, watched(), False), 5), 1):
+        for count, _ in enumerate(islice(run_groups(client, watched(), False), 5), 1):
             assert len(taken) <= count + 3
 
 
-def test_a_scheduler_that_does_not_answer_is_said(monkeypatch):
-    monkeypatch.setattr("auvid_cli.campaign.cluster._PATIENCE", 1.0)
+def test_silent_scheduler_is_cluster_error():
     with (
-        pytest.raises(ClusterError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler with workers answers"),
-        cluster_client("tcp://127.0.0.1:9", 1),
+        pytest.raises(ClusterError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler"),
+        cluster_client("tcp://127.0.0.1:9", 1, start_time=1.0),
     ):
         pass
 
 
-def test_a_scheduler_that_goes_away_is_said_and_what_came_is_there(planned, monkeypatch):
-    monkeypatch.setattr("auvid_cli.campaign.cluster._PATIENCE", 4.0)
+def test_lost_scheduler_is_cluster_error_after_finished_runs(planned):
     plan, came = planned(MANY, "seeds=100"), []
     cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")
 
     def work_until_it_goes(client) -> None:
-        for group in perform_groups(client, plan.groups(), False):
+        for group in run_groups(client, plan.groups(), False):
             came.extend(group)
             if len(came) == 4:
                 cluster.close()
 
     with (
         dask.config.set({"distributed.comm.timeouts.connect": "1 s"}),
-        cluster_client(cluster.scheduler_address, 1) as client,
-        pytest.raises(ClusterError, match="the scheduler is gone; what was done is kept"),
+        cluster_client(cluster.scheduler_address, 1, start_time=4.0) as client,
+        pytest.raises(ClusterError, match="scheduler is gone"),
     ):
         work_until_it_goes(client)
     assert 4 <= len(came) < plan.n_runs

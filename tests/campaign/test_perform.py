@@ -1,4 +1,4 @@
-"""What a worker makes of a group: the same as the commands do, one step after the other."""
+"""A worker performs a group like the single commands do."""
 
 import json
 
@@ -33,7 +33,7 @@ def performed(planned):
     return group, run_group(group, with_estimates=True)
 
 
-def test_a_shortened_group_is_the_beginning_of_its_data(planned):
+def test_shortened_group_has_the_first_data(planned):
     (group,) = planned(TEXT).groups()
     short, share = shortened_group(group, 5.0)
     assert share == 0.25
@@ -41,7 +41,7 @@ def test_a_shortened_group_is_the_beginning_of_its_data(planned):
     assert json.loads(short.simulated)["manoeuvre"]["duration"] == 5.0
 
 
-def test_runs_are_measured_as_the_report_does(performed):
+def test_measures_equal_those_of_the_report(performed):
     group, done = performed
     for assumed, result in zip(group.assumed, done, strict=True):
         assert result.failure == ""
@@ -75,7 +75,7 @@ def test_runs_are_measured_as_the_report_does(performed):
         np.testing.assert_array_equal(result.estimate.mean, estimate.mean)
 
 
-def test_bounds_are_of_the_sensors_that_the_filter_uses(planned):
+def test_bounds_use_the_sensors_of_the_filter(planned):
     text = TEXT + "vary: [{setting: identification.attitude_from, values: [ahrs, inertial]}]\n"
     (group,) = planned(text).groups()
     for assumed, result in zip(group.assumed, run_group(group), strict=True):
@@ -86,12 +86,12 @@ def test_bounds_are_of_the_sensors_that_the_filter_uses(planned):
         assert bounds == pytest.approx({symbol: wanted[symbol] for symbol in SYMBOLS})
 
 
-def test_estimates_stay_where_they_are_unless_asked_for(planned):
+def test_estimates_are_returned_only_on_request(planned):
     (group,) = planned(TEXT).groups()
     assert [done.estimate for done in run_group(group)] == [None, None]
 
 
-def test_a_filter_that_is_not_told_keeps_the_noise_it_knows(planned):
+def test_filter_assumes_noise_of_the_experiment_by_default(planned):
     text = TEXT + "vary: [{setting: sensors.dvl.noise, values: [0.05 m/s], known: false}]\n"
     (group,) = planned(text).groups()
     rows = run_group(group)[0].rows
@@ -102,7 +102,7 @@ def test_a_filter_that_is_not_told_keeps_the_noise_it_knows(planned):
     assert rows[0].status.startswith(("inconsistent", "diverged"))
 
 
-def test_what_goes_wrong_in_one_run_is_its_failure(planned):
+def test_error_in_one_run_does_not_stop_the_others(planned):
     (group,) = planned(TEXT).groups()
     broken = group.assumed[0].replace('"length": 2.194', '"length": -1.0')
     assert broken != group.assumed[0]
@@ -113,13 +113,13 @@ def test_what_goes_wrong_in_one_run_is_its_failure(planned):
     assert len(second.rows) > N_COEFFICIENTS
 
 
-def test_a_worker_of_another_version_does_nothing(planned):
+def test_worker_of_another_version_is_refused(planned):
     (group,) = planned(TEXT).groups()
-    with pytest.raises(ConfigError, match=r"the worker has auvid \d.*, the campaign is of auvid 0\.0\.1"):
+    with pytest.raises(ConfigError, match=r"worker has auvid \d.*expected 0\.0\.1"):
         run_group(group._replace(version="0.0.1"))
 
 
-def test_data_that_cannot_be_simulated_fail_all_their_runs(planned):
+def test_failed_simulation_fails_all_its_runs(planned):
     text = TEXT.replace("duration: 20 s", "duration: 20 s\n  manoeuvre.pitch: 1.5\n  manoeuvre.initial_pitch: 1.5")
     (group,) = planned(text).groups()
     for done in run_group(group):

@@ -64,10 +64,10 @@ def rows_of(filter_name, n_runs, factor, overconfidence=1.0, lost=0):
     return pd.DataFrame(rows).assign(factor=factor)
 
 
-def test_an_honest_filter_is_found_honest():
+def test_consistent_filter_has_consistent_statistics():
     (row,) = by_filter(rows_of("ckf", 400, 1.0), ["factor"]).to_dict("records")
     assert (row["filter"], row["factor"], row["runs"], row["diverged"]) == ("ckf", 1.0, 400, 0.0)
-    # Of 1200 normal errors.
+    # Interval for 1200 normal errors.
     assert row["within_two_sigma"] == pytest.approx(0.9545, abs=4 * (0.9545 * 0.0455 / 1200) ** 0.5)
     assert row["nees_low"] < row["nees"] < row["nees_high"]
     assert (row["nees_low"], row["nees_high"]) == pytest.approx(tuple(chi2.interval(0.95, 1200) / np.float64(1200)))
@@ -81,13 +81,13 @@ def test_an_honest_filter_is_found_honest():
     assert row["nis_dvl"] > row["nis_dvl_high"]
 
 
-def test_an_overconfident_filter_is_found_out():
+def test_overconfident_filter_has_high_nees():
     (row,) = by_filter(rows_of("ckf", 100, 1.0, overconfidence=2.0), []).to_dict("records")
     assert row["nees"] > row["nees_high"]
     assert row["within_two_sigma"] == pytest.approx(0.683, abs=4 * (0.68 * 0.32 / 300) ** 0.5)
 
 
-def test_runs_that_diverged_count_only_as_such():
+def test_diverged_runs_count_only_in_their_share():
     rows = pd.concat([rows_of("ckf", 50, 1.0, lost=10), rows_of("ckf", 50, 3.0)])
     table = by_filter(rows, ["factor"]).set_index("factor")
     assert list(table["diverged"]) == [0.2, 0.0]
@@ -96,14 +96,14 @@ def test_runs_that_diverged_count_only_as_such():
     assert list(coefficients["runs"]) == 3 * [40] + 3 * [50]
 
 
-def test_nothing_but_losses_leaves_no_number():
+def test_only_failed_runs_have_no_statistics():
     (row,) = by_filter(rows_of("ckf", 4, 1.0, lost=4), []).to_dict("records")
     assert row["diverged"] == 1.0
     for name in ("steady_state_error_percent", "within_two_sigma", "nees", "times_bound", "error_times_bound"):
         assert np.isnan(row[name])
 
 
-def test_the_share_of_a_coefficient_has_an_exact_interval():
+def test_share_of_a_coefficient_has_exact_interval():
     rows = rows_of("ckf", 30, 1.0)
     rows.loc[rows["kind"] == "coefficient", "estimate"] = -10.0
     table = by_coefficient(rows, [])

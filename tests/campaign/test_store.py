@@ -1,4 +1,4 @@
-"""Results on disk: nothing twice, nothing lost, one table for whoever reads it."""
+"""Results on disk: no run is lost or duplicated, and all form one table."""
 
 import json
 
@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.campaign.cluster import Performed
+from auvid_cli.campaign.cluster import RunResult
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.plan import CampaignRun
-from auvid_cli.campaign.store import Store, _read
+from auvid_cli.campaign.store import MAX_PARTS, Store, _read
 from auvid_cli.data.files import locked
 from auvid_cli.errors import FileError
 
@@ -24,18 +24,18 @@ def finished(name, factor=1.0, rate="slow", error=2.5):
         name, "ckf", 1, "run", "", "", "completed", "sound", "", steady_state_error_percent=error, components=22
     )
     part = Measure(name, "ckf", 1, "coefficient", "X_u|u|", "kg/m", "completed", "sound", "", true=-3.0, estimate=-3.1)
-    return Performed(run, [whole, part], "", None)
+    return RunResult(run, [whole, part], "", None)
 
 
 def failed(name, reason="no data"):
-    return Performed(CampaignRun(name, {"factor": 1.0, "rate": "slow"}, "ckf", 1), [], reason, None)
+    return RunResult(CampaignRun(name, {"factor": 1.0, "rate": "slow"}, "ckf", 1), [], reason, None)
 
 
 def labels_of(*names):
     return {name: {"filter": "ckf", "factor": 1.0, "rate": "slow"} for name in names}
 
 
-def test_what_is_added_is_there_for_the_next_one(tmp_path):
+def test_added_runs_are_found_by_the_next_store(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a"), finished("b", 3.0, "fast")])
     store.add([finished("c")])
@@ -55,7 +55,7 @@ def test_what_is_added_is_there_for_the_next_one(tmp_path):
     assert pd.isna(row["rmse"])
 
 
-def test_what_came_in_becomes_results_with_the_same_rows(tmp_path):
+def test_merge_keeps_all_rows(tmp_path):
     store = Store(tmp_path, COLUMNS)
     for k in range(7):
         store.add([finished(f"run-{k}", factor=float(k))])
@@ -67,17 +67,16 @@ def test_what_came_in_becomes_results_with_the_same_rows(tmp_path):
     pd.testing.assert_frame_equal(before, after)
 
 
-def test_results_grow_by_themselves_when_much_came_in(tmp_path, monkeypatch):
-    monkeypatch.setattr("auvid_cli.campaign.store._MOST_PARTS", 4)
-    store = Store(tmp_path, COLUMNS)
-    for k in range(10):
+def test_many_incoming_files_are_merged(tmp_path):
+    store, n_runs = Store(tmp_path, COLUMNS), 2 * MAX_PARTS + 2
+    for k in range(n_runs):
         store.add([finished(f"run-{k}")])
     assert len(list((tmp_path / "results").iterdir())) == 2
     assert len(list((tmp_path / "incoming").iterdir())) == 2
-    assert len(Store(tmp_path, COLUMNS).finished()) == 10
+    assert len(Store(tmp_path, COLUMNS).finished()) == n_runs
 
 
-def test_killed_between_merging_and_taking_away_nothing_is_there_twice(tmp_path):
+def test_kill_between_merging_and_removing_duplicates_no_run(tmp_path):
     store = Store(tmp_path, COLUMNS)
     for k in range(3):
         store.add([finished(f"run-{k}")])
@@ -85,16 +84,16 @@ def test_killed_between_merging_and_taking_away_nothing_is_there_twice(tmp_path)
     store.merge()
     for name, content in parts.items():
         (tmp_path / "incoming" / name).write_bytes(content)
-    # Whoever reads sees each run once, also before anybody has tidied up.
+    # Readers see each run once, also before the next store.
     assert len(pd.read_parquet(tmp_path / "results")) == 6
     again = Store(tmp_path, COLUMNS)
     assert again.finished() == {"run-0", "run-1", "run-2"}
-    again.conform(labels_of("run-0", "run-1", "run-2"))
+    again.match_plan(labels_of("run-0", "run-1", "run-2"))
     assert len(pd.read_parquet(tmp_path / "results")) == 6
     assert not list((tmp_path / "incoming").iterdir())
 
 
-def test_killed_while_writing_leaves_nothing_that_counts(tmp_path):
+def test_kill_while_writing_adds_no_rows(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a")])
     (tmp_path / "incoming" / ".b-x1.parquet").write_bytes(b"PAR1 half of it")
@@ -104,7 +103,7 @@ def test_killed_while_writing_leaves_nothing_that_counts(tmp_path):
     assert set(pd.read_parquet(tmp_path / "results")["run"]) == {"a"}
 
 
-def test_a_run_that_failed_and_was_done_since_is_no_failure(tmp_path):
+def test_repeated_run_is_no_longer_a_failure(tmp_path):
     """Killed between the result and the list of failures."""
     store = Store(tmp_path, COLUMNS)
     store.add([failed("a")])
@@ -114,7 +113,7 @@ def test_a_run_that_failed_and_was_done_since_is_no_failure(tmp_path):
     assert Store(tmp_path, COLUMNS).failures == []
 
 
-def test_a_run_that_failed_is_told_until_it_succeeds(tmp_path):
+def test_failure_is_listed_until_the_run_succeeds(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([failed("a", "the vehicle\ncapsized, twice"), finished("b")])
     (failure,) = Store(tmp_path, COLUMNS).failures
@@ -126,27 +125,27 @@ def test_a_run_that_failed_is_told_until_it_succeeds(tmp_path):
     assert Store(tmp_path, COLUMNS).finished() == {"a", "b"}
 
 
-def test_what_is_done_again_takes_the_place_of_what_was_there(tmp_path):
+def test_repeated_runs_replace_earlier_ones(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a"), finished("b")])
     store.set_aside()
     assert not list((tmp_path / "results").iterdir())
     store.add([finished("a", error=1.5)])
-    # Interrupted here: what was not done again comes back, what was stays as it is now.
+    # After an interrupt here, runs that were not repeated come back, and repeated ones stay.
     again = Store(tmp_path, COLUMNS)
-    again.conform(labels_of("a", "b"))
+    again.match_plan(labels_of("a", "b"))
     table = pd.read_parquet(tmp_path / "results")
     errors = table[table["kind"] == "run"].set_index("run")["steady_state_error_percent"]
     assert errors.to_dict() == {"a": 1.5, "b": 2.5}
     assert not list((tmp_path / "earlier").iterdir())
 
 
-def test_what_fails_when_it_is_done_again_stays_what_it_was(tmp_path):
+def test_repeated_run_that_fails_keeps_earlier_result(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a"), finished("b")])
     store.set_aside()
     store.add([failed("a"), failed("c"), finished("b", error=1.5)])
-    store.conform(labels_of("a", "b", "c"))
+    store.match_plan(labels_of("a", "b", "c"))
     table = store.rows(labels_of("a", "b", "c")).to_pandas()
     own = table[table["kind"] == "run"].set_index("run")
     assert own["steady_state_error_percent"].dropna().to_dict() == {"a": 2.5, "b": 1.5}
@@ -155,8 +154,8 @@ def test_what_fails_when_it_is_done_again_stays_what_it_was(tmp_path):
     assert Store(tmp_path, COLUMNS).failures == store.failures
 
 
-def test_a_failed_run_is_labelled_as_those_that_are_finished(tmp_path):
-    """Of an axis with values that are no numbers all are text."""
+def test_failed_run_has_the_labels_of_the_plan(tmp_path):
+    """An axis with a value other than a number is text."""
     store = Store(tmp_path, {"gate": False})
     labels = {name: {"filter": "ckf", "gate": 4} for name in "ab"}
     runs = [CampaignRun(name, {"gate": 4}, "ckf", 1) for name in "ab"]
@@ -167,59 +166,52 @@ def test_a_failed_run_is_labelled_as_those_that_are_finished(tmp_path):
     assert set(rows["gate"].to_pylist()) == {"4"}
 
 
-def test_two_campaigns_do_not_share_a_folder(tmp_path):
-    with locked(tmp_path), pytest.raises(FileError, match="another auvid command"), locked(tmp_path):
-        pass
-    with locked(tmp_path):
-        pass
-
-
-def test_what_goes_wrong_meanwhile_is_not_blamed_on_the_folder(tmp_path):
+def test_error_within_the_lock_is_not_a_lock_error(tmp_path):
     with pytest.raises(BrokenPipeError), locked(tmp_path):
         raise BrokenPipeError
     with locked(tmp_path):
         pass
 
 
-def test_results_take_on_the_axes_that_a_campaign_has_now(tmp_path):
+def test_results_get_the_current_axes(tmp_path):
     store = Store(tmp_path, {"factor": True})
     store.add([finished("a")._replace(run=CampaignRun("a", {"factor": 1.0}, "ckf", 1))])
     wider = Store(tmp_path, COLUMNS)
-    wider.conform({"a": {"filter": "ckf", "factor": 1.0, "rate": "fast"}})
+    wider.match_plan({"a": {"filter": "ckf", "factor": 1.0, "rate": "fast"}})
     table = pd.read_parquet(tmp_path / "results")
     assert set(table["rate"]) == {"fast"}
     assert wider.rows({})["rate"].to_pylist() == ["fast", "fast"]
 
 
-def test_numbers_become_text_where_an_axis_has_both(tmp_path):
+def test_axis_of_numbers_and_text_is_text(tmp_path):
     Store(tmp_path, COLUMNS).add([finished("a", factor=3.0)])
     mixed = Store(tmp_path, {"factor": False, "rate": False})
-    mixed.conform({"a": {"filter": "ckf", "factor": 3.0, "rate": "slow"}})
+    mixed.match_plan({"a": {"filter": "ckf", "factor": 3.0, "rate": "slow"}})
     mixed.add([finished("b", factor="wide")])
     mixed.merge()
     assert set(mixed.rows({})["factor"].to_pylist()) == {"3.0", "wide"}
 
 
-def test_runs_of_other_settings_are_kept_apart_and_come_back(tmp_path):
+def test_runs_of_other_settings_are_set_aside_and_return(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a"), finished("b")])
     store.add([finished("c")])
     other = Store(tmp_path, {"factor": True})
-    other.conform({name: {"filter": "ckf", "factor": 2.0} for name in ("b", "new")})
+    other.match_plan({name: {"filter": "ckf", "factor": 2.0} for name in ("b", "new")})
     table = pd.read_parquet(tmp_path / "results")
     assert set(table["run"]) == {"b"}
     assert "rate" not in table
     # Nothing of it has to be done again.
     assert other.finished() == {"a", "b", "c"}
     again = Store(tmp_path, COLUMNS)
-    again.conform(labels_of(*"abc"))
+    again.match_plan(labels_of(*"abc"))
     table = pd.read_parquet(tmp_path / "results")
     assert sorted(table["run"]) == ["a", "a", "b", "b", "c", "c"]
     assert set(table["rate"]) == {"slow"}
     assert not list((tmp_path / "earlier").glob("*.parquet"))
 
 
-def test_killed_while_runs_come_back_none_is_there_twice(tmp_path):
+def test_kill_while_runs_return_duplicates_no_run(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a")])
     store.merge()
@@ -227,12 +219,12 @@ def test_killed_while_runs_come_back_none_is_there_twice(tmp_path):
     (tmp_path / "earlier").mkdir()
     (tmp_path / "earlier" / "part-1.parquet").write_bytes(part.read_bytes())
     (tmp_path / "earlier" / "part-2.parquet").write_bytes(part.read_bytes())
-    Store(tmp_path, COLUMNS).conform(labels_of("a"))
+    Store(tmp_path, COLUMNS).match_plan(labels_of("a"))
     assert len(pd.read_parquet(tmp_path / "results")) == 2
     assert not list((tmp_path / "earlier").glob("*.parquet"))
 
 
-def test_other_names_for_levels_and_filters_are_taken_on(tmp_path):
+def test_results_get_the_current_labels(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a", rate="low"), finished("b", rate="high")])
     store.merge()
@@ -240,22 +232,22 @@ def test_other_names_for_levels_and_filters_are_taken_on(tmp_path):
         "a": {"filter": "first", "factor": 1.0, "rate": "high"},
         "b": {"filter": "first", "factor": 1.0, "rate": "low"},
     }
-    Store(tmp_path, COLUMNS).conform(swapped)
+    Store(tmp_path, COLUMNS).match_plan(swapped)
     table = pd.read_parquet(tmp_path / "results")
     assert table.groupby("run")["rate"].agg(set).to_dict() == {"a": {"high"}, "b": {"low"}}
     assert set(table["filter"]) == {"first"}
 
 
-def test_an_axis_that_becomes_numeric_does_not_trip_over_text(tmp_path):
+def test_axis_that_becomes_numeric_replaces_text(tmp_path):
     store = Store(tmp_path, {"prior": False})
     runs = {name: CampaignRun(name, {"prior": name}, "ckf", 1) for name in ("low", "high")}
     store.add([finished(name)._replace(run=run) for name, run in runs.items()])
     numeric = Store(tmp_path, {"prior": True})
-    numeric.conform({"low": {"filter": "ckf", "prior": 0.3}})
+    numeric.match_plan({"low": {"filter": "ckf", "prior": 0.3}})
     assert numeric.rows({})["prior"].to_pylist() == [0.3, 0.3]
 
 
-def test_looking_makes_nothing(tmp_path):
+def test_reading_creates_no_files(tmp_path):
     store = Store(tmp_path / "new", COLUMNS)
     assert store.finished() == set()
     assert store.rows({}).num_rows == 0
@@ -263,7 +255,7 @@ def test_looking_makes_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("place", ["incoming/*.parquet", "failures.csv"])
-def test_a_damaged_file_is_named(tmp_path, place):
+def test_damaged_file_is_refused_with_its_name(tmp_path, place):
     Store(tmp_path, COLUMNS).add([finished("a"), failed("b")])
     (path,) = tmp_path.glob(place)
     path.write_bytes(b"run,nonsense\n1,2\n")
@@ -272,8 +264,8 @@ def test_a_damaged_file_is_named(tmp_path, place):
 
 
 @pytest.mark.parametrize("place", ["results", "incoming", "earlier"])
-def test_a_device_is_not_read(tmp_path, place):
-    """Of which nothing could be read to the end, or at all."""
+def test_device_is_refused(tmp_path, place):
+    """None of these can be read completely."""
     (tmp_path / place).mkdir()
     (tmp_path / place / "a.parquet").symlink_to("/dev/null")
     with pytest.raises(FileError, match=r"a\.parquet: .* is a pipe or a device, not a regular file"):
@@ -292,14 +284,14 @@ def test_a_device_is_not_read(tmp_path, place):
     ],
     ids=["not UTF-8", "empty", "a seed that is none", "a short row", "a column less", "a long cell"],
 )
-def test_a_list_of_failures_that_is_none_is_named_and_kept(tmp_path, content):
+def test_damaged_list_of_failures_is_refused_and_kept(tmp_path, content):
     (tmp_path / "failures.csv").write_bytes(content)
-    with pytest.raises(FileError, match=r"failures\.csv: is no list of failed runs; move it away"):
+    with pytest.raises(FileError, match=r"failures\.csv: .*move it away"):
         Store(tmp_path, COLUMNS)
     assert (tmp_path / "failures.csv").read_bytes() == content
 
 
-def test_every_flipped_byte_of_the_numbers_is_noticed(tmp_path):
+def test_every_flipped_byte_is_detected(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a"), finished("b")])
     (path,) = (tmp_path / "incoming").glob("*.parquet")
@@ -315,14 +307,14 @@ def test_every_flipped_byte_of_the_numbers_is_noticed(tmp_path):
     assert len(noticed) > pages // 14
 
 
-def test_a_parquet_file_of_something_else_is_named(tmp_path):
+def test_foreign_parquet_file_is_refused(tmp_path):
     (tmp_path / "results").mkdir()
     pd.DataFrame({"time": [1.0], "u": [2.0]}).to_parquet(tmp_path / "results/mission.parquet")
-    with pytest.raises(FileError, match=r"mission\.parquet: is no file of this campaign: .* 'run'.*; move it away"):
+    with pytest.raises(FileError, match=r"mission\.parquet: .*'run'.*; move it away"):
         Store(tmp_path, COLUMNS)
 
 
-def test_what_a_file_says_of_itself_takes_nothing_away_elsewhere(tmp_path):
+def test_merged_names_remove_no_file_elsewhere(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a")])
     store.merge()
@@ -345,7 +337,7 @@ def test_what_a_file_says_of_itself_takes_nothing_away_elsewhere(tmp_path):
         max_size=12,
     )
 )
-def test_whatever_is_done_each_run_is_there_once(tmp_path_factory, operations):
+def test_any_operations_keep_each_run_once(tmp_path_factory, operations):
     folder = tmp_path_factory.mktemp("store")
     everything: set[str] = set()
     for what, runs in operations:
@@ -360,7 +352,7 @@ def test_whatever_is_done_each_run_is_there_once(tmp_path_factory, operations):
             store.set_aside()
         else:
             mine = {f"{k}" for k in runs}
-            store.conform(labels_of(*mine))
+            store.match_plan(labels_of(*mine))
             assert set(store.rows({})["run"].to_pylist()) == everything & mine
     assert Store(folder, COLUMNS).finished() == everything
     rows = [row for path in folder.glob("*/*.parquet") for row in pq.read_table(path)["run"].to_pylist()]

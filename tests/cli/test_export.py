@@ -144,7 +144,7 @@ def test_the_dataset_may_be_elsewhere(own_results, tmp_path):
 @pytest.mark.parametrize(("target", "name"), [("python", "my-model.py"), ("matlab", "690.m"), ("mss", "a.b.m")])
 def test_invalid_function_name_is_refused(target, name, results, tmp_path):
     result = run(results / "estimates/tukf.h5", "--to", target, "-o", tmp_path / name)
-    assert_one_clear_complaint(result, "is no name for a", repr(Path(name).stem))
+    assert_one_clear_complaint(result, "not a valid name", repr(Path(name).stem))
     assert not (tmp_path / name).exists()
 
 

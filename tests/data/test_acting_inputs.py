@@ -47,7 +47,7 @@ def acting_with(commands, experiment_with):
         Actuator(dead_band=0.03, saturation=0.2, rate_limit=0.7, time_constant=0.05),
     ],
 )
-def test_each_piece_holds_the_mean_of_what_moves(commands, actuator):
+def test_each_step_holds_the_mean_position(commands, actuator):
     record = with_actuator_dynamics(commands, Actuators(actuator, actuator), 0.02)
     step = 1e-5
     time = np.arange(250_000) * step
@@ -63,7 +63,7 @@ def test_each_piece_holds_the_mean_of_what_moves(commands, actuator):
     assert_allclose(record.values[: means.size, 0], means, atol=1e-4)
 
 
-def test_a_fin_that_lags_is_the_mean_of_its_equations_solution(commands):
+def test_lagging_fin_has_the_mean_of_the_exact_solution(commands):
     record = with_actuator_dynamics(commands, LAGGING_FINS, 0.02)
 
     def slope(t, state):
@@ -77,7 +77,7 @@ def test_a_fin_that_lags_is_the_mean_of_its_equations_solution(commands):
     assert_allclose(record.values[:, 1], -2.0 * record.values[:, 0], rtol=1e-12)
 
 
-def test_commands_within_the_dead_band_do_nothing_and_those_beyond_saturation_no_more():
+def test_dead_band_and_saturation_limit_commands():
     values = np.zeros((6, 4))
     values[:, 2] = [0.0, 4.9, -5.0, 7.0, -40.0, 90.0]
     record = with_actuator_dynamics(InputRecord(np.arange(6.0), values), Actuators(thrust=Actuator(5.0, 40.0)), 0.02)
@@ -85,7 +85,7 @@ def test_commands_within_the_dead_band_do_nothing_and_those_beyond_saturation_no
     assert_allclose(record.values[:, 2], [0.0, 0.0, 0.0, 2.0, -35.0, 35.0])
 
 
-def test_a_stalled_fin_acts_as_a_smaller_angle_until_nothing_is_left():
+def test_stalled_fin_acts_as_smaller_angle():
     values = np.zeros((5, 4))
     values[:, 1] = [0.1, 0.2, -0.3, 0.4, 0.9]
     record = with_actuator_dynamics(
@@ -94,7 +94,7 @@ def test_a_stalled_fin_acts_as_a_smaller_angle_until_nothing_is_left():
     assert_allclose(record.values[:, 1], [0.1, 0.2, -0.15, 0.1, 0.0], atol=1e-15)
 
 
-def test_what_has_no_actuator_is_left_alone_and_pieces_are_short(commands):
+def test_roll_moment_is_unchanged_and_steps_are_short(commands):
     record = with_actuator_dynamics(commands, LAGGING_FINS, 0.02)
     held = np.searchsorted(TIMES, record.time, side="right") - 1
     assert np.array_equal(record.values[:, 2:], commands.values[held][:, 2:])
@@ -102,23 +102,23 @@ def test_what_has_no_actuator_is_left_alone_and_pieces_are_short(commands):
     assert set(TIMES) <= set(record.time)
 
 
-def test_with_ideal_actuators_nothing_changes(commands):
+def test_ideal_actuators_change_nothing(commands):
     assert with_actuator_dynamics(commands, Actuators(), 0.02) is commands
 
 
-def test_a_command_long_ago_needs_no_pieces():
+def test_settled_command_needs_no_steps():
     record = with_actuator_dynamics(
         InputRecord(np.array([0.0, 1e5]), np.ones((2, 4))), Actuators(Actuator(time_constant=0.1)), 0.02
     )
     assert record.time.size < 1000
 
 
-def test_a_single_input_acts(commands):
+def test_single_input_acts(commands):
     one = InputRecord(TIMES[:1], commands.values[:1])
     assert np.isfinite(with_actuator_dynamics(one, Actuators(Actuator(dead_band=0.01)), 0.02).values).all()
 
 
-def test_straight_lines_have_the_mean_of_each_step(commands, acting_with):
+def test_linear_inputs_have_the_mean_of_each_step(commands, acting_with):
     record = acting_with(inputs={"between": "linear"})
     assert np.diff(record.time).max() <= 0.02 + 1e-12
     assert set(TIMES) <= set(record.time)
@@ -129,7 +129,7 @@ def test_straight_lines_have_the_mean_of_each_step(commands, acting_with):
 
 
 @pytest.mark.parametrize("delay", [0.05, -0.05])
-def test_late_inputs_act_later_from_the_first_on(commands, delay, acting_with):
+def test_delay_shifts_inputs(commands, delay, acting_with):
     record = acting_with(delays={"inputs": delay})
     assert_allclose(record.time[-5:], TIMES + delay)
     assert np.array_equal(record.values[-5:], commands.values)
@@ -137,13 +137,13 @@ def test_late_inputs_act_later_from_the_first_on(commands, delay, acting_with):
     assert np.array_equal(record.values[0], commands.values[0])
 
 
-def test_a_delay_of_what_is_no_sensor_is_refused(experiment_with):
-    with pytest.raises(ConfigError, match="unknown sensor 'gyro'; expected one of gyroscope"):
+def test_delay_of_unknown_sensor_is_refused(experiment_with):
+    with pytest.raises(ConfigError, match="'gyro' is no sensor; expected one of gyroscope"):
         experiment_with("identification.delays={gyro: 2 ms}")
 
 
-def test_delays_that_are_stated_are_taken_back(simulated_with, with_settings):
-    """Of the gyroscope and the inputs; the smoother's tests of faults find nothing more."""
+def test_stated_delays_are_compensated(simulated_with, with_settings):
+    """Delays of the gyroscope and the inputs; the fault tests of the smoother find nothing else."""
     white = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
     run = simulated_with("manoeuvre.duration=60 s", white)
     gyroscope, time = run.sensors["gyroscope"], run.inputs.time
@@ -153,9 +153,11 @@ def test_delays_that_are_stated_are_taken_back(simulated_with, with_settings):
         sensors=run.sensors | {"gyroscope": replace(gyroscope, time=gyroscope.time + 0.004)},
         inputs=replace(run.inputs, values=np.ascontiguousarray(early)),
     )
-    unsaid = identify(late, FilterName.SMOOTHER)
-    said = identify(with_settings(late, "identification.delays={gyroscope: 4 ms, inputs: 20 ms}"), FilterName.SMOOTHER)
+    unstated = identify(late, FilterName.SMOOTHER)
+    stated = identify(
+        with_settings(late, "identification.delays={gyroscope: 4 ms, inputs: 20 ms}"), FilterName.SMOOTHER
+    )
     names = "delay of the gyroscope", "delay of the inputs"
-    before, after = ({test.fault: test for test in e.faults if str(test.fault) in names} for e in (unsaid, said))
+    before, after = ({test.fault: test for test in e.faults if str(test.fault) in names} for e in (unstated, stated))
     assert max(abs(test.z) for test in before.values()) > 10.0
     assert max(abs(test.z) for test in after.values()) < 4.0

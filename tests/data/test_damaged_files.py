@@ -1,4 +1,4 @@
-"""Files that are no good are refused in one line, and nothing is written by halves."""
+"""Damaged files are refused in one line, and files are written completely or not at all."""
 
 import os
 import subprocess
@@ -29,7 +29,7 @@ def refused(kind, path):
     return message
 
 
-def test_a_newer_schema(kind, copy):
+def test_newer_schema_is_refused(kind, copy):
     with h5py.File(copy, "a") as file:
         file.attrs["schema_version"] = SCHEMA_VERSION + 1
     message = refused(kind, copy)
@@ -38,40 +38,40 @@ def test_a_newer_schema(kind, copy):
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.001, 0.3, 0.9])
-def test_a_truncated_file(kept, kind, copy):
+def test_truncated_file_is_refused(kept, kind, copy):
     with copy.open("rb+") as file:
         file.truncate(int(kept * copy.stat().st_size))
     refused(kind, copy)
 
 
-def test_a_file_of_something_else(kind, tmp_path):
+def test_text_file_is_refused(kind, tmp_path):
     path = tmp_path / "notes.h5"
     path.write_text("This is no HDF5 file.\n" * 100)
     refused(kind, path)
 
 
-def test_an_hdf5_file_of_someone_else(kind, tmp_path):
+def test_foreign_hdf5_file_is_refused(kind, tmp_path):
     path = tmp_path / "foreign.h5"
     with h5py.File(path, "w") as file:
         file["measurements"] = np.arange(5.0)
     assert f"not an auvid {kind}" in refused(kind, path)
 
 
-def test_a_file_that_is_missing(kind, tmp_path):
+def test_missing_file_is_refused(kind, tmp_path):
     assert "no such" in refused(kind, tmp_path / "nowhere.h5")
 
 
-def test_a_folder(kind, tmp_path):
+def test_folder_is_refused(kind, tmp_path):
     refused(kind, tmp_path)
 
 
-def test_the_other_kind_of_file(kind, written):
+def test_other_kind_of_file_is_refused(kind, written):
     other = "estimate" if kind == "dataset" else "dataset"
     assert other in refused(kind, written[other])
 
 
 @pytest.mark.parametrize("gone", ["settings", "schema_version"])
-def test_an_attribute_is_gone(gone, kind, copy):
+def test_missing_attribute_is_refused(gone, kind, copy):
     with h5py.File(copy, "a") as file:
         del file.attrs[gone]
     refused(kind, copy)
@@ -80,7 +80,7 @@ def test_an_attribute_is_gone(gone, kind, copy):
 @pytest.mark.parametrize(
     "gone", ["inputs", "inputs/elevator", "sensors/dvl/u", "truth/coefficient", "sensors/dvl/valid"]
 )
-def test_a_part_of_a_dataset_is_gone(gone, written, tmp_path):
+def test_missing_part_of_dataset_is_refused(gone, written, tmp_path):
     path = tmp_path / "dataset.h5"
     path.write_bytes(written["dataset"].read_bytes())
     with h5py.File(path, "a") as file:
@@ -89,7 +89,7 @@ def test_a_part_of_a_dataset_is_gone(gone, written, tmp_path):
 
 
 @pytest.mark.parametrize("gone", ["mean", "state", "held_value", "innovations/dvl/nis"])
-def test_a_part_of_an_estimate_is_gone(gone, written, tmp_path):
+def test_missing_part_of_estimate_is_refused(gone, written, tmp_path):
     path = tmp_path / "estimate.h5"
     path.write_bytes(written["estimate"].read_bytes())
     with h5py.File(path, "a") as file:
@@ -133,7 +133,7 @@ def words(values):
 
 @pytest.mark.parametrize("change", [short, backwards, all_zero, all_nan, one_nan])
 @pytest.mark.parametrize("name", ["inputs/time", "sensors/dvl/time"])
-def test_times_that_make_no_sense(name, change, dataset, tmp_path):
+def test_invalid_times_are_refused(name, change, dataset, tmp_path):
     refused("dataset", tampered(tmp_path / "dataset.h5", dataset, name, change))
 
 
@@ -150,11 +150,11 @@ def test_times_that_make_no_sense(name, change, dataset, tmp_path):
         ("truth/u", short),
     ],
 )
-def test_values_that_make_no_sense(name, change, dataset, tmp_path):
+def test_invalid_values_are_refused(name, change, dataset, tmp_path):
     refused("dataset", tampered(tmp_path / "dataset.h5", dataset, name, change))
 
 
-def test_a_sensor_that_is_not_known(written, tmp_path):
+def test_unknown_sensor_is_refused(written, tmp_path):
     path = tmp_path / "dataset.h5"
     path.write_bytes(written["dataset"].read_bytes())
     with h5py.File(path, "a") as file:
@@ -166,7 +166,7 @@ class Interrupted(Exception):
     """Something goes wrong in the middle of writing."""
 
 
-def test_a_dataset_that_cannot_be_written_whole_leaves_nothing(dataset, tmp_path, monkeypatch):
+def test_failed_write_leaves_no_file(dataset, tmp_path, monkeypatch):
     def fail(group, truth, units):
         raise Interrupted
 
@@ -193,7 +193,7 @@ except FileError as error:
 """
 
 
-def test_a_full_disk_keeps_the_file_that_was_there(dataset, tmp_path):
+def test_full_disk_keeps_the_earlier_file(dataset, tmp_path):
     """In a process of its own: the limit holds for everything that a process writes."""
     source, path = tmp_path / "source.h5", tmp_path / "results" / "dataset.h5"
     write_dataset(source, dataset)
@@ -209,7 +209,7 @@ def test_a_full_disk_keeps_the_file_that_was_there(dataset, tmp_path):
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_a_write_into_a_file_as_folder_is_refused(dataset, estimate, write_estimate, tmp_path):
+def test_write_below_a_file_is_refused(dataset, estimate, write_estimate, tmp_path):
     (tmp_path / "results").write_text("a file, not a folder")
     for write, content in ((write_dataset, dataset), (write_estimate, estimate)):
         with pytest.raises(FileError) as caught:
@@ -217,7 +217,7 @@ def test_a_write_into_a_file_as_folder_is_refused(dataset, estimate, write_estim
         assert "\n" not in str(caught.value)
 
 
-def test_a_write_onto_a_folder_is_refused(tmp_path):
+def test_write_onto_a_folder_is_refused(tmp_path):
     (tmp_path / "taken").mkdir()
     with pytest.raises(FileError):
         write_text(tmp_path / "taken", "text")
@@ -225,7 +225,7 @@ def test_a_write_onto_a_folder_is_refused(tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(os, "umask") or os.name != "posix", reason="rights of POSIX files")
-def test_new_files_have_the_rights_that_the_user_asks_for(tmp_path):
+def test_new_files_follow_the_umask(tmp_path):
     before = os.umask(0o027)
     try:
         write_text(tmp_path / "table.csv", "a,b\n")
@@ -234,7 +234,7 @@ def test_new_files_have_the_rights_that_the_user_asks_for(tmp_path):
     assert (tmp_path / "table.csv").stat().st_mode & 0o777 == 0o640
 
 
-def test_a_file_appears_under_its_name_only_when_it_is_whole(tmp_path):
+def test_file_gets_its_name_when_it_is_complete(tmp_path):
     path = tmp_path / "figure.svg"
     with replacing(path) as temporary:
         temporary.write_text("half")

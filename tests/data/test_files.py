@@ -35,7 +35,7 @@ def names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
-def test_what_a_killed_writer_left_goes_with_the_next_file(tmp_path):
+def test_next_write_removes_files_of_killed_writer(tmp_path):
     result = subprocess.run([sys.executable, "-c", KILLED, tmp_path / "a.txt"], check=False)
     assert result.returncode == -signal.SIGKILL
     assert len(names(tmp_path)) == 1
@@ -43,7 +43,7 @@ def test_what_a_killed_writer_left_goes_with_the_next_file(tmp_path):
     assert names(tmp_path) == {"b.txt"}
 
 
-def test_two_writers_in_one_folder_leave_each_other_alone(tmp_path):
+def test_writers_in_one_folder_keep_their_temporary_files(tmp_path):
     with replacing(tmp_path / "a.txt") as one, replacing(tmp_path / "b.txt") as other:
         write_text(tmp_path / "c.txt", "c")
         one.write_text("a")
@@ -51,7 +51,7 @@ def test_two_writers_in_one_folder_leave_each_other_alone(tmp_path):
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {f"{x}.txt": x for x in "abc"}
 
 
-def test_a_failing_writer_leaves_nothing_and_what_stood_there(tmp_path):
+def test_failed_write_keeps_the_earlier_file(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("before")
     with pytest.raises(TypeError):
@@ -59,7 +59,7 @@ def test_a_failing_writer_leaves_nothing_and_what_stood_there(tmp_path):
     assert (names(tmp_path), path.read_text()) == ({"a.txt"}, "before")
 
 
-def test_hidden_files_of_others_stay(tmp_path):
+def test_hidden_files_of_the_user_stay(tmp_path):
     (tmp_path / ".notes").write_text("mine")
     (tmp_path / ".auvid-link").symlink_to(tmp_path / ".notes")
     os.mkfifo(tmp_path / ".auvid-pipe")
@@ -81,7 +81,7 @@ def link_to_device(path: Path) -> None:
     ("make", "kind"),
     [(os.mkfifo, "a pipe"), (Path.mkdir, "a folder"), (make_socket, "a socket"), (link_to_device, "a device")],
 )
-def test_what_is_no_file_is_not_replaced(make, kind, tmp_path, monkeypatch):
+def test_pipe_device_or_folder_is_not_replaced(make, kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "a.txt"
     make(path)
@@ -92,7 +92,7 @@ def test_what_is_no_file_is_not_replaced(make, kind, tmp_path, monkeypatch):
     assert names(tmp_path) == {"a.txt"}
 
 
-def test_a_link_stays_one_and_its_file_is_replaced(tmp_path):
+def test_file_behind_a_link_is_replaced(tmp_path):
     elsewhere = tmp_path / "disk/a.txt"
     (tmp_path / "a.txt").symlink_to(elsewhere)
     for text in ("new", "newer"):
@@ -102,7 +102,7 @@ def test_a_link_stays_one_and_its_file_is_replaced(tmp_path):
     assert names(elsewhere.parent) == {"a.txt"}
 
 
-def test_a_loop_of_links_is_one_clear_complaint(tmp_path):
+def test_loop_of_links_is_file_error(tmp_path):
     (tmp_path / "a").symlink_to(tmp_path / "b")
     (tmp_path / "b").symlink_to(tmp_path / "a")
     with pytest.raises(FileError, match="a: cannot be written"):
@@ -110,7 +110,7 @@ def test_a_loop_of_links_is_one_clear_complaint(tmp_path):
 
 
 @pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
-def test_what_is_read_is_known_by_any_name(link, tmp_path):
+def test_input_is_recognised_under_any_name(link, tmp_path):
     (tmp_path / "read.yaml").write_text("a")
     link(tmp_path / "other", tmp_path / "read.yaml")
     check_no_overlap([tmp_path / "new"], [tmp_path / "read.yaml", tmp_path / "missing"])
@@ -119,14 +119,14 @@ def test_what_is_read_is_known_by_any_name(link, tmp_path):
             check_no_overlap([tmp_path / name], [tmp_path / "read.yaml"])
 
 
-def test_a_new_folder_is_there_whole_with_rights_as_any_other(tmp_path):
+def test_new_folder_is_complete_with_usual_rights(tmp_path):
     write_folder(tmp_path / "a" / "b", {"x.txt": "1", "y.txt": "2"})
     assert names(tmp_path / "a") == {"b"}
     assert {path.name: path.read_text() for path in (tmp_path / "a" / "b").iterdir()} == {"x.txt": "1", "y.txt": "2"}
     assert (tmp_path / "a" / "b").stat().st_mode == (tmp_path / "a").stat().st_mode
 
 
-def test_an_empty_folder_stays_the_same_folder(tmp_path):
+def test_empty_folder_keeps_its_inode(tmp_path):
     before = tmp_path.stat().st_ino
     write_folder(tmp_path, {"x.txt": "1"})
     assert names(tmp_path) == {"x.txt"}
@@ -134,7 +134,7 @@ def test_an_empty_folder_stays_the_same_folder(tmp_path):
 
 
 @pytest.mark.parametrize("stands", ["file", "filled", "dangling"])
-def test_a_new_folder_takes_no_place_where_something_stands(stands, tmp_path):
+def test_new_folder_replaces_nothing(stands, tmp_path):
     place = tmp_path / "a"
     match stands:
         case "file":
@@ -150,7 +150,7 @@ def test_a_new_folder_takes_no_place_where_something_stands(stands, tmp_path):
     assert names(tmp_path) == before
 
 
-def test_what_is_left_of_a_folder_by_a_killed_writer_is_no_hindrance(tmp_path):
+def test_next_write_removes_folder_of_killed_writer(tmp_path):
     for place, folder in ((tmp_path, tmp_path / "a"), (tmp_path / "b", tmp_path / "b")):
         place.mkdir(exist_ok=True)
         subprocess.run([sys.executable, "-c", KILLED_WITH_A_FOLDER, place], check=False)
@@ -160,7 +160,7 @@ def test_what_is_left_of_a_folder_by_a_killed_writer_is_no_hindrance(tmp_path):
         assert names(place) == {"a"} if place == tmp_path else {"x.txt"}
 
 
-def test_a_folder_that_is_being_written_is_left_to_its_writer(tmp_path):
+def test_folder_of_running_writer_stays(tmp_path):
     with temporary_in(tmp_path, is_folder=True) as other:
         write_folder(tmp_path / "a", {"x.txt": "1"})
         write_text(tmp_path / "b.txt", "b")
@@ -168,12 +168,12 @@ def test_a_folder_that_is_being_written_is_left_to_its_writer(tmp_path):
     assert names(tmp_path) == {"a", "b.txt"}
 
 
-def test_of_a_folder_that_cannot_be_written_nothing_is_left(tmp_path):
+def test_failed_folder_leaves_nothing(tmp_path):
     # The second file lies in a folder that is not there.
     with pytest.raises(FileError, match="a: cannot be written: No such file or directory"):
         write_folder(tmp_path / "a", {"x.txt": "1", "no/y.txt": "2"})
     assert names(tmp_path) == set()
-    with pytest.raises(FileError, match=r"cannot be (written|looked at): File name too long"):
+    with pytest.raises(FileError, match=r"cannot be (written|read): File name too long"):
         write_folder(tmp_path / ("a" * 300), {"x.txt": "1"})
 
 
@@ -184,7 +184,7 @@ def test_temporary_of_another_machine_stays(tmp_path):
     assert left.exists()
 
 
-def test_temporary_stays_where_processes_cannot_be_asked_for(tmp_path, monkeypatch):
+def test_temporary_stays_on_windows(tmp_path, monkeypatch):
     """As on Windows, where the signal 0 would end the process."""
     subprocess.run([sys.executable, "-c", KILLED, tmp_path / "a.txt"], check=False)
     (left,) = names(tmp_path)

@@ -8,7 +8,7 @@ from auvid_cli.data.signals import repeats, rounded_repeats, rounding_steps, stu
 from auvid_cli.inspection.inspection import data_checks
 
 TIME = 0.1 * np.arange(1200)
-# Down to 30 m and held there, as a vehicle does, for 40 s and more within a centimetre.
+# A dive to 30 m, then held within a centimetre for 40 s and more.
 DEPTH = 30.0 - 3.0 * np.exp(-TIME / 8.0)
 
 
@@ -30,7 +30,7 @@ def segment():
     return Data
 
 
-def test_a_depth_in_centimetres_is_quantised_and_not_stuck(segment):
+def test_quantised_depth_is_not_stuck(segment):
     rounded = record(np.round(DEPTH, 2))
     lasted = np.diff(repeats(rounded))
     assert lasted.max() > 2.0
@@ -42,7 +42,7 @@ def test_a_depth_in_centimetres_is_quantised_and_not_stuck(segment):
     assert "at least 0.0029 m for down" in check.advice
 
 
-def test_a_sensor_that_fails_while_the_vehicle_goes_on_is_stuck(segment):
+def test_failed_sensor_is_stuck(segment):
     values = np.round(np.sin(0.3 * TIME), 2)
     values[300:340] = values[300]
     (stuck,) = stuck_times(record(values))
@@ -52,22 +52,22 @@ def test_a_sensor_that_fails_while_the_vehicle_goes_on_is_stuck(segment):
     assert "from t = 30 s" in check.advice
 
 
-def test_one_that_dies_is_stuck_to_the_end():
+def test_dead_sensor_is_stuck_to_the_end():
     values = np.round(np.sin(0.3 * TIME), 2)
     values[800:] = values[799]
     assert stuck_times(record(values))[-1][1] == TIME[-1]
     assert not rounded_repeats(record(values))[-1]
 
 
-def test_without_steps_whatever_repeats_is_stuck(rng):
+def test_repeats_without_quantisation_are_stuck(rng):
     values = rng.standard_normal(TIME.size)
     values[500:540] = values[500]
     assert len(stuck_times(record(values))) == 1
     assert not rounded_repeats(record(values)).any()
 
 
-def test_noise_that_skips_a_step_makes_no_failure_of_a_rounded_depth():
-    """Of half a step, four times a second about a held depth: some runs of two seconds begin two steps away."""
+def test_noise_over_two_steps_is_not_a_failure():
+    """Noise of half a step at 4 Hz about a held depth: some runs of two seconds begin two steps away."""
     time = 0.25 * np.arange(40_000)
     noise = 0.005 * np.random.default_rng(1).standard_normal(time.size)
     values = np.round(12.0 + 0.03 * np.sin(0.02 * time) + noise, 2)

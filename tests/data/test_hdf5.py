@@ -28,10 +28,10 @@ READ = {"dataset": read_dataset, "estimate": read_estimate}
 
 
 def endless(path, dataset):
-    """A dataset in which one attribute claims to be longer than it is, after which libhdf5 does not come back."""
+    """A dataset with an attribute that claims too large a size, on which libhdf5 never returns."""
     write_dataset(path, dataset)
     content = bytearray(path.read_bytes())
-    # Behind the name stand its type and its dimensions: of the number of entries the second byte.
+    # After the name follow type and dimensions; this is the second byte of the number of entries.
     content[content.index(b"DIMENSION_LIST") + 31] = 0xFF
     path.write_bytes(content)
     return path
@@ -72,7 +72,7 @@ def test_crash_of_the_scan_refuses_the_file(written, tmp_path, monkeypatch):
     assert "crash" in refused("dataset", shutil.copy(written["dataset"], tmp_path / "dataset.h5"))
 
 
-def test_an_interrupt_ends_the_wait_at_once_and_the_process_with_it(dataset, tmp_path, monkeypatch):
+def test_interrupt_ends_wait_and_scan(dataset, tmp_path, monkeypatch):
     path, started = endless(tmp_path / "dataset.h5", dataset), []
     popen = subprocess.Popen
 
@@ -88,7 +88,7 @@ def test_an_interrupt_ends_the_wait_at_once_and_the_process_with_it(dataset, tmp
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends after its time, not at once")
-def test_the_process_ends_with_the_one_that_started_it(dataset, tmp_path):
+def test_scan_ends_with_its_parent(dataset, tmp_path):
     path = endless(tmp_path / "dataset.h5", dataset)
     code = f"from auvid_cli.data.hdf5 import scan; from pathlib import Path; scan([Path({str(path)!r})])"
     with subprocess.Popen([sys.executable, "-c", code]) as parent:
@@ -97,7 +97,7 @@ def test_the_process_ends_with_the_one_that_started_it(dataset, tmp_path):
             time.sleep(0.05)
             running = [int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit()]
             children = [each for each in running if parent_of(each) == parent.pid]
-        # Until it has said with whom it ends, it looks for itself.
+        # Until the child has called `prctl`, it compares its parent itself.
         parent.kill()
     for _ in range(200):
         if all(parent_of(child) is None for child in children):
@@ -115,7 +115,7 @@ def parent_of(pid):
     return None if state == "Z" else int(parent)
 
 
-def test_what_was_written_here_is_not_gone_through_and_what_changed_is(dataset, tmp_path, monkeypatch):
+def test_own_file_is_scanned_only_after_a_change(dataset, tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(hdf5, "scan_in_child", lambda paths, foreign: asked.extend(paths) or [""] * len(paths))
     path = tmp_path / "dataset.h5"
@@ -131,9 +131,9 @@ def test_what_was_written_here_is_not_gone_through_and_what_changed_is(dataset, 
 
 # Benchmarks do the same thousands of times.
 @pytest.mark.parametrize(("kind", "files"), [("dataset", 40), ("estimate", 10)])
-def test_flipped_bytes_end_in_data_or_in_one_line(kind, files, written, tmp_path, monkeypatch):
+def test_flipped_bytes_are_read_or_refused_in_one_line(kind, files, written, tmp_path, monkeypatch):
     content, rng, paths = written[kind].read_bytes(), random.Random(1), []
-    # Where names stand there is more to harm than among numbers.
+    # Damage to names is more likely to matter than damage to numbers.
     marks = [found.start() for found in re.finditer(rb"[A-Za-z_]{4,}", content)]
     for number in range(files):
         harmed = bytearray(content)
@@ -189,7 +189,7 @@ def test_structure_that_auvid_does_not_write_is_refused(what, written, tmp_path)
     refused("dataset", tampered("dataset", written, tmp_path, STRUCTURE[what]))
 
 
-def test_groups_within_themselves_are_gone_through_once(written, tmp_path):
+def test_recursive_groups_are_scanned_once(written, tmp_path):
     path = tampered("dataset", written, tmp_path, lambda file: file.__setitem__("inputs/again", file["/"]))
     assert hdf5.flaw_of(path) == ""
 
@@ -217,7 +217,7 @@ def link_in_root(file):
     file["more"] = h5py.SoftLink("/t")
 
 
-def test_matlab_cells_and_complex_numbers_are_left_out(tmp_path):
+def test_matlab_cells_and_complex_numbers_are_ignored(tmp_path):
     def change(file):
         file["#refs#/a"] = h5py.SoftLink("/t")
         file.create_dataset("cells", (3,), h5py.ref_dtype)

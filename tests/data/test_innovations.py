@@ -1,9 +1,9 @@
-"""What innovations remember, against a closed form."""
+"""Autocorrelation of innovations against a closed form."""
 
 import numpy as np
 import pytest
 
-from auvid_cli.data.innovations import LAGS, Innovations
+from auvid_cli.data.estimate import N_LAGS, Innovations
 
 
 def innovations_of(values, variance):
@@ -11,24 +11,24 @@ def innovations_of(values, variance):
     return Innovations(time, values, variance, np.nansum(values**2, axis=1), np.ones(values.shape[1]))
 
 
-def test_a_moving_average_remembers_one_sample(rng):
+def test_moving_average_correlates_at_lag_one(rng):
     noise = rng.standard_normal((20_001, 2))
     values = np.column_stack([noise[1:, 0] + noise[:-1, 0], noise[1:, 1]])
-    memory = innovations_of(values, np.ones(values.shape)).memory
-    assert memory.correlation.shape == (2, LAGS)
-    expected = np.zeros((2, LAGS))
+    memory = innovations_of(values, np.ones(values.shape)).autocorrelation
+    assert memory.correlation.shape == (2, N_LAGS)
+    expected = np.zeros((2, N_LAGS))
     expected[0, 0] = 0.5
     assert np.abs(memory.correlation - expected).max() < 0.04
     assert list(memory.samples) == [20_000, 20_000]
 
 
-@pytest.mark.parametrize(("n", "said"), [(49, 0), (50, 50)])
-def test_of_a_few_samples_nothing_is_said(n, said, rng):
+@pytest.mark.parametrize(("n", "n_samples"), [(49, 0), (50, 50)])
+def test_few_samples_have_no_autocorrelation(n, n_samples, rng):
     values = rng.standard_normal((n, 1))
-    assert list(innovations_of(values, np.ones((n, 1))).memory.samples) == [said]
+    assert list(innovations_of(values, np.ones((n, 1))).autocorrelation.samples) == [n_samples]
 
 
-def test_what_a_fit_left_no_room_is_passed_over(rng):
+def test_zero_variance_is_ignored(rng):
     values, variance = rng.standard_normal((100, 1)), np.ones((100, 1))
     variance[:30], values[40] = 0.0, np.nan
-    assert list(innovations_of(values, variance).memory.samples) == [69]
+    assert list(innovations_of(values, variance).autocorrelation.samples) == [69]

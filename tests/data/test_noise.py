@@ -29,14 +29,14 @@ def test_values_off_the_grid_do_not_hide_the_step():
 
 
 @given(st.integers(0, 1000), st.integers(50, 2000))
-def test_noise_that_is_no_rounding_is_told_by_differences(seed, samples):
+def test_noise_without_steps_follows_from_differences(seed, samples):
     noise = 0.01 * np.random.default_rng(seed).standard_normal(samples)
     found = estimate_noise(SLOW[:samples] + noise)
     assert found.step == 0.0
     assert found.standard_deviation == pytest.approx(0.01, rel=0.8)
 
 
-def test_noise_above_the_step_is_told_by_differences():
+def test_noise_above_the_step_follows_from_differences():
     noisy = np.round(SLOW + 0.05 * np.random.default_rng(2).standard_normal(TIME.size), 3)
     found = estimate_noise(noisy)
     assert found.step == 0.0
@@ -48,12 +48,12 @@ def test_noise_above_the_step_is_told_by_differences():
     [np.zeros(50), np.full(50, np.nan), np.repeat(SLOW[::50], 50)],
     ids=["constant", "missing", "held for fifty samples"],
 )
-def test_signal_without_noise_and_steps_tells_nothing(values):
+def test_signal_without_noise_and_steps_is_nan(values):
     assert np.isnan(estimate_noise(values).standard_deviation)
 
 
 @pytest.mark.parametrize("is_angle", [False, True])
-def test_a_filtered_signal_is_told_from_one_with_white_noise(is_angle):
+def test_filtered_signal_is_smoothed(is_angle):
     noise = 0.01 * np.random.default_rng(1).standard_normal(TIME.size)
     filtered = np.zeros(TIME.size)
     for k in range(1, TIME.size):
@@ -63,13 +63,13 @@ def test_a_filtered_signal_is_told_from_one_with_white_noise(is_angle):
     assert is_smoothed(SLOW, is_angle)
 
 
-def test_a_fast_motion_is_not_taken_for_a_filter():
+def test_fast_motion_is_not_smoothed():
     """Half a hertz at ten samples a second, thirty times as large as the noise."""
     time = 0.1 * np.arange(600)
     noise = 1e-3 * np.random.default_rng(3).standard_normal(time.size)
     assert not is_smoothed(0.03 * np.sin(np.pi * time) + noise)
 
 
-def test_a_few_samples_do_not_tell_whether_a_signal_was_filtered():
+def test_few_samples_are_not_smoothed():
     assert not is_smoothed(SLOW[:100])
     assert not is_smoothed(np.full(1000, np.nan))

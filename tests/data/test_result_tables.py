@@ -14,7 +14,7 @@ def write(folder, text, name="coefficients"):
 
 
 @pytest.mark.parametrize("place", ["tables", ".", "spiral/tables", "spiral"])
-def test_tables_are_found_in_a_results_folder_and_in_a_copy_of_them(place, tmp_path):
+def test_tables_are_found_in_results_folder_and_copy(place, tmp_path):
     write(tmp_path / place, HEADER + "ckf,X_uu,-5\n")
     write(tmp_path / place, "filter,grade\nckf,sound\n", "summary")
     assert read_result_tables(tmp_path, "spiral") == {
@@ -23,8 +23,8 @@ def test_tables_are_found_in_a_results_folder_and_in_a_copy_of_them(place, tmp_p
     }
 
 
-def test_where_there_are_none_the_command_that_makes_them_is_named(tmp_path):
-    with pytest.raises(FileError, match="`auvid report` makes those"):
+def test_missing_tables_error_names_the_command(tmp_path):
+    with pytest.raises(FileError, match="`auvid report`"):
         read_result_tables(tmp_path, "spiral")
     with pytest.raises(FileError, match="no such folder"):
         read_result_tables(tmp_path / "absent", "spiral")
@@ -33,17 +33,17 @@ def test_where_there_are_none_the_command_that_makes_them_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("", r"coefficients\.csv:1: is no table of results: there is no column filter, coefficient"),
-        ("filter,estimate\n", "there is no column coefficient"),
-        ("filter,coefficient,filter\n", "a column stands there twice"),
-        (HEADER + "ckf,X_uu\n", r"csv:2: 2 cells, and the table has 3 columns"),
-        (HEADER + "ckf,X_uu,1\nckf,X_uu,1\n", r"csv:3: a second row of ckf X_uu"),
-        (HEADER + '"ckf,X_uu,1\n', "is no CSV"),
-        (HEADER.encode() + b"\xff,X,1\n", "is no text in UTF-8"),
+        ("", r"coefficients\.csv:1: .*filter, coefficient"),
+        ("filter,estimate\n", "csv:1: .*coefficient"),
+        ("filter,coefficient,filter\n", "csv:1: .*twice"),
+        (HEADER + "ckf,X_uu\n", "csv:2: 2 cells; expected 3"),
+        (HEADER + "ckf,X_uu,1\nckf,X_uu,1\n", "csv:3: .*second row of ckf X_uu"),
+        (HEADER + '"ckf,X_uu,1\n', "not a CSV"),
+        (HEADER.encode() + b"\xff,X,1\n", "UTF-8"),
         (b"\0" * 20_000_001, "too large"),
     ],
 )
-def test_a_damaged_table_is_one_clear_complaint(text, complaint, tmp_path):
+def test_damaged_table_is_refused_in_one_line(text, complaint, tmp_path):
     write(tmp_path, text)
     with pytest.raises(FileError, match=complaint) as caught:
         read_result_tables(tmp_path, "spiral")

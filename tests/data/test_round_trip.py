@@ -1,4 +1,4 @@
-"""What is written is read back, by auvid and by others."""
+"""Written files are read back by auvid and by xarray."""
 
 import hashlib
 from dataclasses import fields, replace
@@ -9,11 +9,10 @@ import xarray
 
 from auvid_cli._version import __version__
 from auvid_cli.config.enums import FilterName
-from auvid_cli.data import estimate_file
 from auvid_cli.data.dataset_file import holds_data, read_dataset, write_dataset
+from auvid_cli.data.estimate import Innovations
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.data.faults import Fault, FaultTest
-from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import ConfigError
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -36,14 +35,14 @@ def assert_equal(a, b):
             assert one == other, field.name
 
 
-def test_a_dataset_comes_back_as_it_was(dataset, written):
+def test_dataset_is_read_back(dataset, written):
     back = read_dataset(written["dataset"])
     assert_equal(dataset, back)
     assert np.isnan(back.sensors["dvl"].values).any()
 
 
 @pytest.mark.parametrize("known", ["position", "earth_field"])
-def test_what_is_known_of_a_sensor_comes_back_and_is_what_xarray_opens(known, dataset, tmp_path):
+def test_sensor_vectors_are_read_back(known, dataset, tmp_path):
     accelerometer = replace(dataset.sensors["accelerometer"], **{known: (0.4, -0.2, 0.1)})
     moved = replace(dataset, sensors=dataset.sensors | {"accelerometer": accelerometer})
     write_dataset(tmp_path / "moved.h5", moved)
@@ -53,7 +52,7 @@ def test_what_is_known_of_a_sensor_comes_back_and_is_what_xarray_opens(known, da
         xarray.testing.assert_identical(own[known], opened[known])
 
 
-def test_what_disturbed_a_simulation_comes_back(dataset, tmp_path):
+def test_disturbance_is_read_back(dataset, tmp_path):
     force = np.arange(6.0) + dataset.truth.time[:, None]
     disturbed = replace(dataset, truth=replace(dataset.truth, disturbance=force))
     write_dataset(tmp_path / "disturbed.h5", disturbed)
@@ -63,14 +62,14 @@ def test_what_disturbed_a_simulation_comes_back(dataset, tmp_path):
     assert not holds_data(tmp_path / "disturbed.h5", calmer)
 
 
-def test_a_dataset_without_truth_comes_back_without(dataset, tmp_path):
+def test_dataset_without_truth_is_read_back(dataset, tmp_path):
     write_dataset(tmp_path / "logged.h5", dataset.without_truth())
     back = read_dataset(tmp_path / "logged.h5")
     assert back.truth is None
     assert_equal(dataset.without_truth(), back)
 
 
-def test_single_missing_components_come_back_missing(dataset, tmp_path):
+def test_missing_components_are_read_back(dataset, tmp_path):
     dvl = dataset.sensors["dvl"]
     values = dvl.values.copy()
     values[3, 1] = np.nan
@@ -79,7 +78,7 @@ def test_single_missing_components_come_back_missing(dataset, tmp_path):
     assert np.array_equal(read_dataset(tmp_path / "holed.h5").sensors["dvl"].values, values, equal_nan=True)
 
 
-def test_a_dataset_knows_the_digest_of_its_file(written):
+def test_dataset_has_the_digest_of_its_file(written):
     path = written["dataset"]
     assert read_dataset(path).sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
 
@@ -91,14 +90,14 @@ def test_settings_in_a_dataset_can_be_overridden(written):
         read_dataset(written["dataset"], ("identification.prior.factor=wide",))
 
 
-def test_an_estimate_comes_back_as_it_was(estimate, written):
+def test_estimate_is_read_back(estimate, written):
     back = read_estimate(written["estimate"])
     assert_equal(estimate, back)
     assert back.dataset_sha256 == "0123abcd" * 8
     assert len(back.held) == 19
 
 
-def test_an_estimate_without_held_coefficients_comes_back(dataset, write_estimate, tmp_path):
+def test_estimate_without_held_coefficients_is_read_back(dataset, write_estimate, tmp_path):
     changed = replace(identify(dataset, FilterName.EKF), status="diverged at t = 1.000 s: why")
     write_estimate(tmp_path / "estimate.h5", changed)
     back = read_estimate(tmp_path / "estimate.h5")
@@ -140,7 +139,7 @@ def test_xarray_opens_an_estimate(estimate, written):
         assert np.array_equal(opened["nis"].values, estimate.innovations["dvl"].nis)
 
 
-def test_files_tell_where_they_come_from(kind, written):
+def test_files_have_their_provenance(kind, written):
     with xarray.open_dataset(written[kind], engine="h5netcdf") as opened:
         assert opened.attrs["kind"] == f"auvid {kind}"
         assert opened.attrs["auvid_version"] == __version__
@@ -148,12 +147,9 @@ def test_files_tell_where_they_come_from(kind, written):
         assert "numpy" in opened.attrs["library_versions"]
 
 
-def test_of_a_very_long_estimate_evenly_spaced_rows_are_read_and_the_last(
-    estimate, write_estimate, tmp_path, monkeypatch
-):
+def test_long_estimate_is_thinned_evenly_with_the_last_row(estimate, write_estimate, tmp_path):
     write_estimate(tmp_path / "estimate.h5", estimate)
-    monkeypatch.setattr(estimate_file, "_MOST_ROWS", 30)
-    thin = read_estimate(tmp_path / "estimate.h5")
+    thin = read_estimate(tmp_path / "estimate.h5", max_rows=30)
     for got, whole in (
         (thin.time, estimate.time),
         (thin.mean, estimate.mean),
@@ -165,21 +161,18 @@ def test_of_a_very_long_estimate_evenly_spaced_rows_are_read_and_the_last(
     assert np.array_equal(thin.innovations["dvl"].time, estimate.innovations["dvl"].time)
 
 
-def test_sums_over_innovations_are_of_all_however_few_are_read(estimate, write_estimate, tmp_path, monkeypatch):
+def test_thinned_innovations_keep_sums_over_all(estimate, write_estimate, tmp_path):
     write_estimate(tmp_path / "estimate.h5", estimate)
-    monkeypatch.setattr(estimate_file, "_MOST_ROWS", 7)
-    thin = read_estimate(tmp_path / "estimate.h5")
+    thin = read_estimate(tmp_path / "estimate.h5", max_rows=7)
     assert thin.innovations["gyroscope"].time.size < estimate.innovations["gyroscope"].time.size
     for name, innovations in estimate.innovations.items():
-        got, expected = thin.innovations[name].tally(), innovations.tally()
+        got, expected = thin.innovations[name].sums(), innovations.sums()
         assert (got.measurements, got.rejected, got.start) == (expected.measurements, expected.rejected, expected.start)
         assert np.allclose(got.squares, expected.squares, rtol=1e-12)
         assert np.array_equal(got.components, expected.components)
 
 
-def test_what_innovations_remember_is_of_neighbours_however_few_are_read(
-    estimate, write_estimate, tmp_path, monkeypatch, rng
-):
+def test_thinned_innovations_keep_autocorrelation_of_all(estimate, write_estimate, tmp_path, rng):
     n = 4000
     noise = rng.standard_normal((n + 1, 3))
     coloured = noise[1:] + 0.5 * noise[:-1]
@@ -187,15 +180,17 @@ def test_what_innovations_remember_is_of_neighbours_however_few_are_read(
     long = Innovations(np.arange(n) / 100.0, coloured, one, (coloured**2).sum(axis=1), np.ones(3))
     innovations = estimate.innovations | {"gyroscope": long}
     write_estimate(tmp_path / "estimate.h5", replace(estimate, innovations=innovations))
-    monkeypatch.setattr(estimate_file, "_MOST_ROWS", 500)
-    got, expected = read_estimate(tmp_path / "estimate.h5").innovations["gyroscope"].memory, long.memory
+    got, expected = (
+        read_estimate(tmp_path / "estimate.h5", max_rows=500).innovations["gyroscope"].autocorrelation,
+        long.autocorrelation,
+    )
     assert np.array_equal(got.samples, expected.samples)
     # But for those at the edges of the blocks that are read.
     assert np.allclose(got.correlation, expected.correlation, atol=0.01)
     assert np.allclose(got.correlation[:, 0], 0.4, atol=0.05)
 
 
-def test_faults_come_back_as_they_were_tested(estimate, write_estimate, tmp_path):
+def test_faults_are_read_back(estimate, write_estimate, tmp_path):
     faults = (
         FaultTest(Fault.parse("bias of r"), "rad/s", 1e-4, 2e-5, "N_url", 0.5),
         FaultTest(Fault.parse("Y_|v|r"), "kg/rad", -3.0, 1.0, "Y_url", 2.25),
@@ -206,18 +201,18 @@ def test_faults_come_back_as_they_were_tested(estimate, write_estimate, tmp_path
     assert [fault.z for fault in back.faults] == pytest.approx([5.0, -3.0])
 
 
-def test_corrected_standard_deviations_come_back_as_they_were(estimate, write_estimate, tmp_path):
+def test_corrected_deviations_are_read_back(estimate, write_estimate, tmp_path):
     corrected = {"X_u|u|": 1.5 * float(estimate.standard_deviation[-1, 0])}
     write_estimate(tmp_path / "estimate.h5", replace(estimate, corrected=corrected))
     assert read_estimate(tmp_path / "estimate.h5").corrected == corrected
 
 
-def test_an_estimate_without_corrected_standard_deviations_is_read_without(estimate, written):
+def test_estimate_without_corrected_deviations_is_read_back(estimate, written):
     back = read_estimate(written["estimate"])
     assert estimate.corrected == back.corrected == {}
     assert list(back.final_deviations().values()) == estimate.standard_deviation[-1].tolist()
     assert np.array_equal(back.final_covariance(), estimate.covariance)
 
 
-def test_an_estimate_that_tests_for_no_faults_is_read_without(estimate, written):
+def test_estimate_without_faults_is_read_back(estimate, written):
     assert estimate.faults == read_estimate(written["estimate"]).faults == ()

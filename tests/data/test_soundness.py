@@ -1,4 +1,4 @@
-"""What is read from a file is as a filter or a vehicle can have made it."""
+"""Files with impossible values are refused."""
 
 import re
 import shutil
@@ -24,7 +24,7 @@ def refused(read, path):
     with pytest.raises(AuvidError) as caught:
         read(path)
     message = str(caught.value)
-    # Of settings the place is shown, in lines of its own.
+    # Errors in settings show the position in further lines.
     assert message.isprintable() or "(settings)" in message
     assert str(path) in message
 
@@ -62,7 +62,7 @@ def estimate_with(written, tmp_path):
         *(("settings", value) for value in (b"\xff\xfe", np.zeros(3), 5, "", "[", "a: &a [*a]")),
     ],
 )
-def test_attributes_of_an_estimate_are_as_they_must_be(name, value, estimate_with):
+def test_invalid_attribute_of_estimate_is_refused(name, value, estimate_with):
     refused(read_estimate, estimate_with(name, value))
 
 
@@ -101,11 +101,11 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("name", "change"), WRONG, ids=[f"{name}-{i}" for i, (name, _) in enumerate(WRONG)])
-def test_arrays_of_an_estimate_are_as_they_must_be(name, change, estimate_with):
+def test_invalid_array_of_estimate_is_refused(name, change, estimate_with):
     refused(read_estimate, estimate_with(name, change))
 
 
-def test_innovations_of_a_sensor_that_is_not_known(written, tmp_path):
+def test_innovations_of_unknown_sensor_are_refused(written, tmp_path):
     path = shutil.copy(written["estimate"], tmp_path / "estimate.h5")
     with h5py.File(path, "a") as file:
         file.move("innovations/dvl", "innovations/$x$")
@@ -131,7 +131,7 @@ def test_innovations_of_a_sensor_that_is_not_known(written, tmp_path):
         ("truth/coefficient", with_(0, b"X_q")),
     ],
 )
-def test_arrays_of_a_dataset_are_as_they_must_be(name, change, written, tmp_path):
+def test_invalid_array_of_dataset_is_refused(name, change, written, tmp_path):
     path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
     with h5py.File(path, "a") as file:
         values = change(file[name][...])
@@ -141,21 +141,21 @@ def test_arrays_of_a_dataset_are_as_they_must_be(name, change, written, tmp_path
 
 
 @pytest.mark.parametrize("position", [[0.4], [0.4, 0.0, np.nan], [0.4, 0.0, 1e9]])
-def test_a_sensor_sits_somewhere_in_the_vehicle(position, written, tmp_path):
+def test_invalid_sensor_position_is_refused(position, written, tmp_path):
     path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
     with h5py.File(path, "a") as file:
         file["sensors/accelerometer/position"] = position
     refused(read_dataset, path)
 
 
-def test_an_infinite_measurement_is_missing(written, tmp_path):
+def test_infinite_measurement_is_missing(written, tmp_path):
     path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
     with h5py.File(path, "a") as file:
         file["sensors/gyroscope/p"][3] = np.inf
     assert np.isnan(read_dataset(path).sensors["gyroscope"].values[3]).tolist() == [True, False, False]
 
 
-def test_what_a_filter_may_leave_behind_is_read(dataset, filter_name, write_estimate, with_settings, tmp_path):
+def test_estimate_with_few_settings_is_read_back(dataset, filter_name, write_estimate, with_settings, tmp_path):
     settings = (
         "identification.coefficients=[X_u|u|]",
         "identification.keep_every=7",
@@ -169,7 +169,7 @@ def test_what_a_filter_may_leave_behind_is_read(dataset, filter_name, write_esti
     assert read_estimate(tmp_path / "estimate.h5").status == estimate.status
 
 
-def test_a_filter_that_diverged_is_read(dataset, kalman_filter, write_estimate, with_settings, tmp_path):
+def test_diverged_estimate_is_read_back(dataset, kalman_filter, write_estimate, with_settings, tmp_path):
     wild = replace(dataset, sensors=dataset.sensors | {"dvl": replace(dataset.sensors["dvl"])})
     wild.sensors["dvl"] = replace(wild.sensors["dvl"], values=wild.sensors["dvl"].values * 1e160)
     estimate = identify(wild, kalman_filter)
@@ -178,7 +178,7 @@ def test_a_filter_that_diverged_is_read(dataset, kalman_filter, write_estimate, 
     assert read_estimate(tmp_path / "estimate.h5").status == estimate.status
 
 
-def test_infinite_deviations_are_for_the_output_error_method_alone(dataset, estimate, write_estimate, tmp_path):
+def test_infinite_deviations_are_only_for_output_error(dataset, estimate, write_estimate, tmp_path):
     deviation, covariance = estimate.standard_deviation.copy(), estimate.covariance.copy()
     deviation[:, 0], covariance[0, 0], covariance[0, 1], covariance[1, 0] = np.inf, np.inf, -np.inf, -np.inf
     blind = replace(estimate, standard_deviation=deviation, covariance=covariance)
@@ -189,13 +189,13 @@ def test_infinite_deviations_are_for_the_output_error_method_alone(dataset, esti
         read_estimate(tmp_path / "filter.h5")
 
 
-def test_every_state_that_can_be_estimated_may_be_read():
+def test_every_state_has_a_unit():
     blocks = AugmentedStates(biases=tuple(BiasName)).blocks()
     assert {each.symbol: each.unit for block in blocks for each in block.quantities}.items() <= STATES.items()
 
 
 @pytest.mark.parametrize("unit", ["furlong", "deg/s", "km/s", "", 3.0])
-def test_values_in_units_that_are_not_auvids_are_refused(unit, written, tmp_path):
+def test_other_units_are_refused(unit, written, tmp_path):
     path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
     with h5py.File(path, "a") as file:
         file["sensors/dvl/u"].attrs["units"] = unit
@@ -204,7 +204,7 @@ def test_values_in_units_that_are_not_auvids_are_refused(unit, written, tmp_path
 
 
 @pytest.mark.parametrize("unit", ["m/s", "m / s", "meter/second", None])
-def test_units_may_be_written_otherwise_or_left_out(unit, written, tmp_path):
+def test_equivalent_and_missing_units_are_read(unit, written, tmp_path):
     path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
     with h5py.File(path, "a") as file:
         del file["sensors/dvl/u"].attrs["units"]
@@ -232,7 +232,7 @@ FAULTS = (
         ("coefficient", lambda column: np.arange(column.size)),
     ],
 )
-def test_faults_are_as_a_test_can_have_found_them(name, change, estimate, write_estimate, tmp_path):
+def test_invalid_faults_are_refused(name, change, estimate, write_estimate, tmp_path):
     path = tmp_path / "estimate.h5"
     write_estimate(path, replace(estimate, faults=FAULTS))
     with h5py.File(path, "a") as file:
@@ -250,7 +250,7 @@ def test_faults_are_as_a_test_can_have_found_them(name, change, estimate, write_
         ("constant_state", with_(0, b"Y_nothing")),
     ],
 )
-def test_corrected_standard_deviations_are_no_less_than_the_nominal(name, change, estimate, write_estimate, tmp_path):
+def test_invalid_corrected_deviations_are_refused(name, change, estimate, write_estimate, tmp_path):
     path, nominal = tmp_path / "estimate.h5", estimate.standard_deviation[-1, :2].tolist()
     write_estimate(path, replace(estimate, corrected=dict(zip(estimate.state, nominal, strict=False))))
     with h5py.File(path, "a") as file:
@@ -275,7 +275,7 @@ def with_times(change):
         lambda dataset: replace(dataset, sensors={"sonar": next(iter(dataset.sensors.values()))}),
     ],
 )
-def test_dataset_that_could_not_be_read_is_not_written(change, dataset, tmp_path):
+def test_invalid_dataset_is_not_written(change, dataset, tmp_path):
     with pytest.raises(FileError, match=r"dataset\.h5: not written: "):
         write_dataset(tmp_path / "dataset.h5", change(dataset))
     assert not list(tmp_path.iterdir())

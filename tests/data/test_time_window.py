@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.data.dataset import InputRecord, SensorRecord, within
+from auvid_cli.data.dataset import InputRecord, SensorRecord, cut
 from auvid_cli.errors import DataError
 
 
@@ -18,31 +18,31 @@ def dataset(short_run):
     return replace(short_run, inputs=inputs, sensors=sensors)
 
 
-def test_ends_belong_to_a_part_and_an_input_holds_into_it(dataset):
-    part = within(dataset, 12.5, 20.0)
+def test_cut_includes_both_ends_and_the_holding_input(dataset):
+    part = cut(dataset, 12.5, 20.0)
     assert part.sensors["depth"].time.tolist() == [13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 19.0, 20.0]
     assert part.sensors["depth"].values[:, 0].tolist() == part.sensors["depth"].time.tolist()
     assert part.inputs.time.tolist() == [12.5, 20.0]
     assert part.inputs.values.tolist() == [[4.0, 5.0, 6.0, 7.0], [8.0, 9.0, 10.0, 11.0]]
 
 
-def test_an_input_that_holds_as_a_part_ends_is_known_until_then(dataset):
-    """But for the last one, of which nobody knows how long it held."""
-    part = within(dataset, 12.0, 17.0)
+def test_cut_repeats_the_last_input_at_its_end(dataset):
+    """Except the last one, which holds for an unknown time."""
+    part = cut(dataset, 12.0, 17.0)
     assert part.inputs.time.tolist() == [12.0, 17.0]
     assert np.array_equal(part.inputs.values[1], dataset.inputs.values[1])
-    assert within(dataset, 32.0, 40.0).inputs.time.tolist() == [32.0]
+    assert cut(dataset, 32.0, 40.0).inputs.time.tolist() == [32.0]
 
 
-def test_a_part_that_holds_all_is_the_same(dataset):
-    part = within(dataset, -np.inf, np.inf)
+def test_cut_to_all_times_changes_nothing(dataset):
+    part = cut(dataset, -np.inf, np.inf)
     assert part.inputs.time.tolist() == dataset.inputs.time.tolist()
     assert part.sensors["depth"].time.tolist() == dataset.sensors["depth"].time.tolist()
 
 
-def test_a_part_without_measurements_or_inputs_is_refused(dataset):
-    with pytest.raises(DataError, match="no sensor says anything from t = 50 s to 60 s"):
-        within(dataset, 50.0, 60.0)
+def test_cut_without_measurements_or_inputs_is_refused(dataset):
+    with pytest.raises(DataError, match=r"no sensor .* t = 50 s to 60 s"):
+        cut(dataset, 50.0, 60.0)
     late = replace(dataset, inputs=replace(dataset.inputs, time=dataset.inputs.time + 30.0))
     with pytest.raises(DataError, match="the inputs begin at t = 30 s"):
-        within(late, 5.0, 20.0)
+        cut(late, 5.0, 20.0)

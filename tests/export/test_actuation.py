@@ -34,13 +34,13 @@ def history(simulated_with, with_settings):
     return make
 
 
-def test_the_gain_is_sized_by_the_force_that_it_adds(history):
+def test_thrust_rms_is_the_added_force(history):
     effect = actuation(history(thrust_scale=-0.2), INPUTS, VALUES, MOTION)
     assert effect.thrust == pytest.approx(0.8)
     assert effect.thrust_rms == pytest.approx(0.2 * FORCE)
 
 
-def test_the_lag_is_sized_by_what_it_changes_in_the_fins_forces(history):
+def test_lag_changes_fin_forces(history):
     effect = actuation(history(f"vehicle.actuators.fins.time_constant={LAG} s"), INPUTS, VALUES, MOTION)
     late = np.where(TIME >= 1.0, STEP * np.exp(-(TIME - 1.0) / LAG), 0.0)
     missing = SPEED**2 * np.sqrt(np.mean(late**2))
@@ -49,14 +49,14 @@ def test_the_lag_is_sized_by_what_it_changes_in_the_fins_forces(history):
     assert effect.changes == pytest.approx(of_fins | {"surge_force": 0.0}, rel=2e-3)
 
 
-def test_fins_act_where_the_filter_saw_them(history):
+def test_fins_act_after_lag(history):
     acting = acting_inputs(history(f"vehicle.actuators.fins.time_constant={LAG} s"), INPUTS)
     expected = np.where(TIME >= 1.0, STEP * -np.expm1(-(TIME - 1.0) / LAG), 0.0)
     np.testing.assert_allclose(acting[:, 1], expected, atol=2e-3 * STEP)
     assert (acting[:, 2] == FORCE).all()
 
 
-def test_without_either_nothing_changes(history):
+def test_ideal_actuation_changes_nothing(history):
     effect = actuation(history(), INPUTS, VALUES, MOTION)
     nothing = dict.fromkeys(("Y_uudr", "Z_uude", "M_uude", "N_uudr", "surge_force"), 0.0)
     assert effect == (1.0, 0.0, ActuatorSettings(), nothing)

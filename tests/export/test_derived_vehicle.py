@@ -33,7 +33,7 @@ def vehicle(text, tmp_path_factory):
     return load_experiment(find_experiment(None), (f"vehicle={path}", "identification.prior=geometry")).vehicle
 
 
-def test_it_is_a_whole_vehicle_that_looks_right(vehicle):
+def test_derived_vehicle_is_complete_and_sane(vehicle):
     assert tuple(vehicle.all_coefficients()) == (*SYMBOLS, "K_up")
     assert set(vehicle.known_parameters()) == set(PARAMETER_SYMBOLS)
     assert sanity_warnings(vehicle) == []
@@ -42,7 +42,7 @@ def test_it_is_a_whole_vehicle_that_looks_right(vehicle):
     assert known["X_prop"] == pytest.approx(-vehicle.all_coefficients()["X_u|u|"] * 1.5**2, rel=1e-4)
 
 
-def test_its_numbers_are_exactly_those_of_its_geometry(vehicle):
+def test_derived_numbers_are_those_of_the_geometry(vehicle):
     """So that a simulation of this file and a prior from its geometry are known to be the same."""
     stated = vehicle.known_parameters() | vehicle.all_coefficients()
     unsure = vehicle.parameters.deviations() | vehicle.stated_deviations()
@@ -51,7 +51,7 @@ def test_its_numbers_are_exactly_those_of_its_geometry(vehicle):
     assert {each.name: each.standard_deviation for each in derived} == unsure
 
 
-def test_each_number_has_a_line_with_formula_and_source(text, vehicle):
+def test_each_number_has_formula_and_source(text, vehicle):
     lines = {line.split(":")[0].strip(): line for line in text.splitlines()}
     lines |= {term["name"]: str(term) for term in yaml.safe_load(text)["terms"]}
     for each in vehicle.derived_values():
@@ -59,7 +59,7 @@ def test_each_number_has_a_line_with_formula_and_source(text, vehicle):
         assert each.source in lines[each.name]
 
 
-def test_lengths_areas_and_the_speed_are_written_with_their_units_and_read_back():
+def test_geometry_is_written_with_units():
     hull = {"type": "table", "station": ["0 m", "40 cm", "1.4 m", 2.0], "radius": [0.0, 0.1, "10 cm", 0.02]}
     shape = {
         "hull": hull,
@@ -77,7 +77,7 @@ def test_lengths_areas_and_the_speed_are_written_with_their_units_and_read_back(
     assert parse_vehicle(text, "vehicle.yaml").geometry == drawing.geometry
 
 
-def test_roll_damping_by_speed_is_a_term_of_which_the_geometry_is_the_prior(text, vehicle):
+def test_roll_damping_by_speed_is_a_term(text, vehicle):
     (entry,) = yaml.safe_load(text)["terms"]
     assert (entry["name"], entry["row"], entry["factors"]) == ("K_up", "K", ["u", "p"])
     (derived,) = (each for each in vehicle.derived_values() if each.name == "K_up")
@@ -89,7 +89,7 @@ def test_roll_damping_by_speed_is_a_term_of_which_the_geometry_is_the_prior(text
     assert by_hand * 1.5 < prior.mean < by_hand / 1.5
 
 
-def test_mistakes_in_a_drawing_are_all_named():
+def test_all_mistakes_in_a_drawing_are_named():
     fins = {"position": "9 m", "span": "1 s", "area": 0.008}
     with pytest.raises(ConfigError) as error:
         parse_drawing(DRAWING | {"mass": "heavy", "geometry": DRAWING["geometry"] | {"fins": fins}})

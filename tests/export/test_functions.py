@@ -56,18 +56,18 @@ def matlab(skewed):
 
 
 @given(seed=seeds)
-def test_python_gives_the_derivative_of_the_core(seed, python, skewed, derivative_of, draw):
+def test_python_function_equals_the_core(seed, python, skewed, derivative_of, draw):
     motion, inputs = draw(seed)
     assert_same(python["motion_derivative"](motion, inputs), derivative_of(skewed, motion, inputs))
 
 
 @given(seed=seeds)
-def test_matlab_gives_the_derivative_of_the_core(seed, matlab, skewed, derivative_of, draw):
+def test_matlab_function_equals_the_core(seed, matlab, skewed, derivative_of, draw):
     motion, inputs = draw(seed)
     assert_same(matlab(motion, inputs), derivative_of(skewed, motion, inputs))
 
 
-def test_both_hold_every_shipped_vehicle(vehicle_file, model_with, derivative_of, draw, tmp_path):
+def test_functions_of_shipped_vehicles_equal_the_core(vehicle_file, model_with, derivative_of, draw, tmp_path):
     model = model_with(vehicle_file=vehicle_file)
     motion, inputs = draw(3)
     expected = derivative_of(model, motion, inputs)
@@ -76,14 +76,14 @@ def test_both_hold_every_shipped_vehicle(vehicle_file, model_with, derivative_of
     assert_same(read_matlab(matlab_text(model, unsupported_features(model), "m"))[1](motion, inputs), expected)
 
 
-def test_the_python_module_needs_nothing_but_numpy(skewed):
+def test_python_module_needs_only_numpy(skewed):
     imports = re.findall(
         r"^(?:import|from) (\w+)", python_text(skewed, unsupported_features(skewed), "m"), re.MULTILINE
     )
     assert [name for name in imports if name not in sys.stdlib_module_names] == ["numpy"]
 
 
-def test_the_python_module_says_how_sure_it_is(model_with, tmp_path):
+def test_python_module_has_uncertainties(model_with, tmp_path):
     model = model_with(held=("N_uudr",), not_identified=("Y_r|r|",))
     text = python_text(model, unsupported_features(model), "m")
     module = read_python(text, tmp_path)
@@ -94,18 +94,18 @@ def test_the_python_module_says_how_sure_it_is(model_with, tmp_path):
     assert re.search(r"^N_uudr = .*held, not estimated$", text, re.MULTILINE)
 
 
-def test_the_matlab_function_bears_the_name_of_its_file(skewed):
+def test_matlab_function_has_the_name_of_its_file(skewed):
     assert read_matlab(matlab_text(skewed, unsupported_features(skewed), "my_model"))[0] == "my_model"
 
 
-def test_no_name_of_a_vehicle_ends_a_comment(model_with, tmp_path):
+def test_vehicle_name_never_ends_a_comment(model_with, tmp_path):
     model = model_with('vehicle.name="one\\ntwo = 3"')
     assert "\n" in model.experiment.vehicle.name
     assert "two" not in read_python(python_text(model, unsupported_features(model), "m"), tmp_path)
     read_matlab(matlab_text(model, unsupported_features(model), "m"))
 
 
-def test_terms_of_revolutions_and_voltage_take_two_more_inputs(model_with, tmp_path, derivative_of, draw):
+def test_propulsion_terms_need_six_inputs(model_with, tmp_path, derivative_of, draw):
     terms = (
         '{name: X_n|n|, row: X, factors: [n, "|n|"], value: 0.3}',
         "{name: K_nV, row: K, factors: [n, voltage], value: 0.02}",

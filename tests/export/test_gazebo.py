@@ -91,7 +91,7 @@ def surface_force(plugin, velocity, position):
     """Force and moment by the LiftDrag system of gz-sim 8, about the origin of the link, in the link's axes."""
     centre, forward, upward = (vector(plugin, tag) for tag in ("cp", "forward", "upward"))
     area, density = (float(plugin.findtext(tag)) for tag in ("area", "air_density"))
-    # Of the flow's own angle it takes neither lift nor drag.
+    # The angle of the flow itself causes neither lift nor drag.
     assert [float(plugin.findtext(tag)) for tag in ("cla", "cda", "a0")] == [0.0, 0.0, 0.0]
     there = velocity[:3] + np.cross(velocity[3:], centre)
     if np.linalg.norm(there) <= 0.01:
@@ -157,11 +157,11 @@ def assert_same_without_fins(model, motion, inputs, derivative_of):
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_gazebo_accelerates_as_the_core_with_fins_amidships(seed, skewed, derivative_of, draw):
+def test_gazebo_model_equals_the_core_with_fins_at_zero(seed, skewed, derivative_of, draw):
     assert_same_without_fins(skewed, *draw(seed), derivative_of)
 
 
-def test_so_does_every_shipped_vehicle(vehicle_file, model_with, derivative_of, draw):
+def test_gazebo_models_of_shipped_vehicles_equal_the_core(vehicle_file, model_with, derivative_of, draw):
     assert_same_without_fins(model_with(vehicle_file=vehicle_file), *draw(5), derivative_of)
 
 
@@ -176,13 +176,13 @@ def fin_force(model, motion, inputs):
 
 @given(speed=st.floats(0.1, 8.0), rudder=st.floats(-0.5, 0.5), elevator=st.floats(-0.5, 0.5))
 @settings(max_examples=15)
-def test_straight_ahead_the_fins_push_as_in_the_core(speed, rudder, elevator, plain, derivative_of):
+def test_fin_forces_straight_ahead_equal_the_core(speed, rudder, elevator, plain, derivative_of):
     motion, inputs = np.array([speed, *np.zeros(8)]), np.array([rudder, elevator, 30.0, 1.0])
     assert_same(gazebo_acceleration(plain, motion, inputs), plain, motion, inputs, derivative_of)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_in_a_drift_the_fins_push_across_the_flow_and_that_by_the_second_order_more(seed, skewed):
+def test_fin_forces_in_a_drift_differ_in_second_order(seed, skewed):
     """With t the tangent of the flow's angle at the fin: sqrt(1 + t^2) times across the hull, and t times that back."""
     rng = np.random.default_rng(seed)
     motion, inputs = np.concatenate([[rng.uniform(1, 4)], rng.uniform(-0.4, 0.4, 8)]), rng.uniform(-0.4, 0.4, 4)
@@ -196,7 +196,7 @@ def test_in_a_drift_the_fins_push_across_the_flow_and_that_by_the_second_order_m
     assert_allclose(fin_force(skewed, motion, inputs), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
-def test_the_size_of_what_the_fins_change_is_that_of_the_systems_force(skewed):
+def test_surface_changes_equal_those_of_the_system(skewed):
     rng = np.random.default_rng(3)
     motion, inputs = rng.uniform(-0.4, 0.4, (40, 9)), rng.uniform(-0.4, 0.4, (40, 4))
     motion[:, 0] += 2.0
@@ -209,7 +209,7 @@ def test_the_size_of_what_the_fins_change_is_that_of_the_systems_force(skewed):
     assert surface_changes(value, motion, inputs) == pytest.approx(dict(zip("XYZMN", rms, strict=True)))
 
 
-def test_dart_itself_accelerates_the_bodies_of_the_model_as_the_core(skewed, derivative_of, draw):
+def test_dart_acceleration_equals_the_core(skewed, derivative_of, draw):
     """As gz-physics builds them: the added mass welded to the hull, without a weight, and a joint for each fin."""
     dart = pytest.importorskip("dartpy")
     text, root = read(skewed)
@@ -249,7 +249,7 @@ def test_dart_itself_accelerates_the_bodies_of_the_model_as_the_core(skewed, der
         assert_same(np.concatenate([found[3:], found[:3]]), skewed, motion, inputs, derivative_of)
 
 
-def test_a_fin_with_a_moment_and_no_force_acts_nowhere_and_is_lost(model_with):
+def test_fin_without_force_is_lost(model_with):
     model = model_with("vehicle.coefficients.Y_uudr=0")
     losses, (_, root) = gazebo_losses(model), read(model)
     assert [term.symbol for term in losses.terms] == ["Y_uudr", "N_uudr"]
@@ -258,7 +258,7 @@ def test_a_fin_with_a_moment_and_no_force_acts_nowhere_and_is_lost(model_with):
     assert "rudder at x" not in " ".join(losses.notes)
 
 
-def test_what_is_lost_is_some_products_with_their_size(skewed):
+def test_losses_have_their_sizes(skewed):
     losses = gazebo_losses(skewed)
     assert tuple(term.symbol for term in losses.terms) == OTHERS
     assert all(term in skewed.term_sizes for term in losses.terms)
@@ -267,7 +267,7 @@ def test_what_is_lost_is_some_products_with_their_size(skewed):
         assert f"{term.symbol} in {term.row}: {term.rms:.3g} {term.unit}, {term.percent:.3g} %" in text
 
 
-def test_every_other_coefficient_is_there_with_its_standard_deviation(model_with):
+def test_other_coefficients_have_standard_deviations(model_with):
     text, root = read(model_with(held=("X_u|u|",), not_identified=("N_v|v|",)))
     numbers = [child.tag for child in root.find("model/plugin") if re.fullmatch("[xyzkmn][A-Z](abs)?[A-Z]", child.tag)]
     assert len(numbers) == 18
@@ -275,13 +275,13 @@ def test_every_other_coefficient_is_there_with_its_standard_deviation(model_with
     assert re.search(r"<!-- N_v\|v\|: standard deviation \S+; identified: false -->\s*<nVabsV>", text)
 
 
-def test_an_impossible_inertia_is_told_of(model_with):
+def test_impossible_inertia_is_noted(model_with):
     heavy_below = model_with("vehicle.parameters.zG=0.2")
     assert "Gazebo refuses the inertia" in " ".join(gazebo_losses(heavy_below).notes)
     assert "Gazebo refuses the inertia" not in " ".join(gazebo_losses(model_with()).notes)
 
 
 @pytest.mark.parametrize("name", ["one--two", "one -->", "<b> & ---"])
-def test_any_vehicle_name_leaves_the_file_readable(name, model_with):
+def test_any_vehicle_name_gives_valid_xml(name, model_with):
     _, root = read(model_with(f"vehicle.name={name}"))
     assert root.find("model").get("name") == "vehicle"

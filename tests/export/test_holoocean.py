@@ -30,7 +30,7 @@ def skew(a):
 
 
 def sensor_of(motion, centre):
-    """What the DynamicsSensor says of a motion; accelerations and position, which nothing needs, are not numbers."""
+    """Output of the DynamicsSensor for a motion; unused accelerations and position are NaN."""
     to_earth = HALF_TURN @ body_to_ned(motion[6:9])
     velocity = to_earth @ (motion[:3] + np.cross(motion[3:6], centre))
     turning = to_earth @ motion[3:6]
@@ -65,16 +65,16 @@ def module(skewed, tmp_path_factory):
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_the_centre_of_gravity_accelerates_as_in_the_core(seed, module, skewed, derivative_of, draw):
+def test_holoocean_acceleration_equals_the_core(seed, module, skewed, derivative_of, draw):
     assert_same(module, skewed, *draw(seed), derivative_of)
 
 
-def test_so_it_does_for_every_shipped_vehicle(vehicle_file, model_with, derivative_of, draw, tmp_path):
+def test_holoocean_modules_of_shipped_vehicles_equal_the_core(vehicle_file, model_with, derivative_of, draw, tmp_path):
     model = model_with(vehicle_file=vehicle_file)
     assert_same(read(model, tmp_path), model, *draw(7), derivative_of)
 
 
-def test_steps_of_a_millisecond_go_where_the_core_goes(module, skewed, derivative_of):
+def test_millisecond_steps_follow_the_core(module, skewed, derivative_of):
     """Without a formula for the acceleration: positions and quaternions stepped on as HoloOcean does."""
     parameters = skewed.experiment.vehicle.known_parameters()
     centre = np.array([parameters[symbol] for symbol in ("xG", "yG", "zG")])
@@ -97,6 +97,6 @@ def test_steps_of_a_millisecond_go_where_the_core_goes(module, skewed, derivativ
     assert_allclose(state[12:15], sensor_of(motion, centre)[12:15], atol=2e-3)
 
 
-def test_the_turns_here_are_those_of_the_core():
+def test_rotations_equal_the_core():
     angles = np.array([0.3, -0.5, 2.0])
     assert_allclose(body_to_ned(angles), rotation_matrix(angles), atol=1e-15)

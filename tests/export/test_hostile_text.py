@@ -62,7 +62,7 @@ def tame(model_with):
 
 @pytest.mark.parametrize("write", [python_text, holoocean_text, simulator_text])
 @hostile
-def test_a_python_module_is_the_same_but_for_its_comments(text, write, tame):
+def test_python_module_differs_only_in_comments(text, write, tame):
     code, as_it_was = (write(model, unsupported_features(model), "m").encode() for model in (named(tame, text), tame))
     assert tokenize.detect_encoding(io.BytesIO(code).readline)[0] == "utf-8"
     assert ast.dump(ast.parse(code)) == ast.dump(ast.parse(as_it_was))
@@ -71,7 +71,7 @@ def test_a_python_module_is_the_same_but_for_its_comments(text, write, tame):
 
 @pytest.mark.parametrize("write", [matlab_text, mss_text])
 @hostile
-def test_a_matlab_function_is_the_same_but_for_its_comments(text, write, tame):
+def test_matlab_function_differs_only_in_comments(text, write, tame):
     code, as_it_was = (
         [line for line in re.split(r"[\n\r\x0b\x0c\x85\u2028\u2029]", matlab) if not line.startswith("% ")]
         for model in (named(tame, text), tame)
@@ -81,7 +81,7 @@ def test_a_matlab_function_is_the_same_but_for_its_comments(text, write, tame):
 
 
 @hostile
-def test_a_vehicle_file_holds_the_text_as_it_is(text, tame):
+def test_vehicle_file_keeps_the_text(text, tame):
     held = yaml.safe_load(yaml_text(named(tame, text), unsupported_features(tame), "m"))
     assert (held["name"], held["source"], held["notes"][0]) == (text, text, text)
     assert held.keys() == VehicleSettings.model_fields.keys() - {"terms", "actuators"}
@@ -89,7 +89,7 @@ def test_a_vehicle_file_holds_the_text_as_it_is(text, tame):
 
 
 @hostile
-def test_a_gazebo_model_has_the_same_elements(text, tame):
+def test_gazebo_model_has_the_same_elements(text, tame):
     model = named(tame, text)
     written = gazebo_text(model, gazebo_losses(model), text)
     root, as_it_was = (ElementTree.fromstring(each) for each in (written, gazebo_text(tame, gazebo_losses(tame), "m")))
@@ -98,14 +98,14 @@ def test_a_gazebo_model_has_the_same_elements(text, tame):
 
 
 @hostile
-def test_json_holds_the_text_as_it_is(text, tame):
+def test_json_keeps_the_text(text, tame):
     model = named(tame, text)
     held = json.loads(json_text(model, json_losses(model), "m"))
     assert (held["vehicle"], held["provenance"]["settings"]["vehicle"]["notes"]) == (text, [text])
 
 
 @hostile
-def test_the_name_of_a_file_is_one_for_every_form(text, tame):
+def test_file_name_is_valid_for_every_format(text, tame):
     stem = file_stem(text * 9, "output_error")
     assert re.fullmatch("[a-z][a-z0-9_]*", stem)
     for name, form in FORMATS.items():

@@ -16,7 +16,7 @@ def written(model):
     return json.loads(json_text(model, json_losses(model), "identified"))
 
 
-def test_everything_is_there(model_with):
+def test_json_is_complete(model_with):
     model = model_with(held=("N_uudr",), not_identified=("Y_r|r|",))
     held = written(model)
     assert {symbol: entry["value"] for symbol, entry in held["coefficients"].items()} == {
@@ -33,14 +33,14 @@ def test_everything_is_there(model_with):
     assert (held["filter"], held["status"]) == ("tukf", "sound")
 
 
-def test_the_covariance_is_of_the_estimated_in_their_order(model_with):
+def test_covariance_is_in_the_order_of_the_estimate(model_with):
     model = model_with(held=("X_u|u|", "N_uudr"))
     covariance = written(model)["covariance"]
     assert tuple(covariance["order"]) == tuple(c.symbol for c in model.coefficients)[1:-1]
     assert np.array_equal(covariance["values"], model.covariance)
 
 
-def test_states_gain_and_lag_are_there_with_their_covariance(model_with):
+def test_json_has_states_gain_and_lag(model_with):
     states = EstimatedState("thrust_scale", "1", 0.2, 0.01), EstimatedState("bias_q", "rad/s", -3e-3, 1e-4)
     model = model_with(held=("X_u|u|",), states=states, actuation=Actuation(1.2, 14.5, LAGGING, {"N_uudr": 2.5}))
     held = written(model)
@@ -54,7 +54,7 @@ def test_states_gain_and_lag_are_there_with_their_covariance(model_with):
     assert unsupported_lines(json_losses(model)) == ["Nothing is lost."]
 
 
-def test_its_settings_are_those_of_the_estimate(model_with):
+def test_settings_are_those_of_the_estimate(model_with):
     model = model_with()
     provenance = written(model)["provenance"]
     assert parse_experiment(json.dumps(provenance["settings"]), "test") == model.experiment
@@ -62,7 +62,7 @@ def test_its_settings_are_those_of_the_estimate(model_with):
     assert provenance["estimate_sha256"] == "e" * 64
 
 
-def test_nothing_is_lost(model_with):
+def test_json_loses_nothing(model_with):
     model = model_with()
     assert written(model)["lost"] == {"terms": [], "notes": []}
     assert unsupported_lines(json_losses(model)) == ["Nothing is lost."]

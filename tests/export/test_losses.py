@@ -31,10 +31,10 @@ def model(model_with):
 
 
 @pytest.mark.parametrize("target", WITHOUT_ACTUATORS)
-def test_every_form_but_json_says_what_it_loses_beside_the_terms_and_how_large_it_is(target, model):
+def test_lossy_format_states_its_losses(target, model):
     losses = FORMATS[target].losses(model)
     text = FORMATS[target].text(model, losses, "model")
-    said = (
+    expected = (
         "multiply the stated surge force by 1.2; along the estimated motion that changed it by 14.5 N RMS.",
         "put fins of dead band 0.01, time constant 0.1 and a propeller of saturation 80 between the commands and the",
         "changed surge_force by 0.2 N, Y_uudr by 3.14 N,",
@@ -45,13 +45,13 @@ def test_every_form_but_json_says_what_it_loses_beside_the_terms_and_how_large_i
         "with it the buoyancy is B = 470 N at xB = -0.01 m, yB = 0 m, zB = 0 m.",
         "  trim_moment: -4.7 N*m, standard deviation 0.01 N*m",
     )
-    for sentence in said:
+    for sentence in expected:
         assert sentence in "\n".join(unsupported_lines(losses))
         assert sentence in text
 
 
 @pytest.mark.parametrize("target", POOR)
-def test_nothing_is_said_of_what_was_not_asked_for(target, model_with):
+def test_losses_name_only_estimated_parts(target, model_with):
     lines = unsupported_lines(FORMATS[target].losses(model_with()))
     assert not [
         line
@@ -61,12 +61,12 @@ def test_nothing_is_said_of_what_was_not_asked_for(target, model_with):
 
 
 @pytest.mark.parametrize("target", POOR)
-def test_the_covariances_are_told_of_once(target, model):
+def test_covariances_are_mentioned_once(target, model):
     form = FORMATS[target]
     assert form.text(model, form.losses(model), "model").count("covariances") == 1
 
 
-def test_a_vehicle_file_holds_the_actuators_and_not_the_gain(model):
-    said = " ".join(unsupported_lines(FORMATS[FormatName.YAML].losses(model)))
-    assert "gain" in said
-    assert "actuators" not in said
+def test_vehicle_file_loses_gain_but_not_actuators(model):
+    lines = " ".join(unsupported_lines(FORMATS[FormatName.YAML].losses(model)))
+    assert "gain" in lines
+    assert "actuators" not in lines

@@ -8,8 +8,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from auvid_cli.export.mcap_file import write_mcap
-from auvid_cli.export.recording import topics_of
+from auvid_cli.export.recording import topics_of, write_mcap
 
 TIME = np.array([0.0, 0.1, 1.0 / 3.0])
 ORIGIN = {"made from": f"the dataset with SHA-256 {'d' * 64}"}
@@ -30,7 +29,7 @@ def file(topics, tmp_path):
     return tmp_path / "run.mcap"
 
 
-def test_every_number_comes_back_as_it_was(topics, file):
+def test_mcap_reader_gets_every_number(topics, file):
     with file.open("rb") as stream:
         decoded = list(make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages())
     rows = {topic.name: [] for topic in topics}
@@ -54,7 +53,7 @@ def test_every_number_comes_back_as_it_was(topics, file):
             np.testing.assert_array_equal(held, row)
 
 
-def test_rosbags_finds_transforms_paths_and_what_the_tables_hold(topics, file):
+def test_rosbags_reads_transforms_paths_and_tables(topics, file):
     with AnyReader([file]) as reader:
         messages = {}
         for connection, stamp, raw in reader.messages():
@@ -70,13 +69,13 @@ def test_rosbags_finds_transforms_paths_and_what_the_tables_hold(topics, file):
     assert len(stamps) == sum(len(topic.time) * (2 if topic.kind.value == "pose" else 1) for topic in topics) + 2
 
 
-def test_it_begins_with_where_it_comes_from(file):
+def test_recording_begins_with_its_origin(file):
     with file.open("rb") as stream:
         assert [record.metadata for record in make_reader(stream).iter_metadata()] == [ORIGIN]
     assert b"SHA-256 ddd" in file.read_bytes()[:200]
 
 
-def test_what_cannot_be_written_leaves_what_was_there(topics, tmp_path):
+def test_failed_recording_keeps_the_earlier_file(topics, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(b"as it was")
     broken = topics[0]._replace(values=topics[0].values[:, :2])

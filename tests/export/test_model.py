@@ -31,7 +31,7 @@ def model(estimate, dataset):
     return identified_model(estimate, dataset, {}, ORIGIN)
 
 
-def test_values_are_the_last_of_the_estimate_and_those_held(model, estimate, dataset):
+def test_values_are_final_or_held(model, estimate, dataset):
     final = dict(zip(estimate.state, zip(estimate.mean[-1], estimate.standard_deviation[-1], strict=True), strict=True))
     for coefficient in model.coefficients:
         if coefficient.symbol in CHOSEN:
@@ -42,13 +42,13 @@ def test_values_are_the_last_of_the_estimate_and_those_held(model, estimate, dat
     assert model.estimated() == CHOSEN
 
 
-def test_the_covariance_is_that_of_the_coefficients(model):
+def test_covariance_is_that_of_the_coefficients(model):
     deviations = [each.standard_deviation for each in model.coefficients if each.standard_deviation is not None]
     np.testing.assert_allclose(np.sqrt(np.diag(model.covariance)), deviations, rtol=1e-9)
     assert np.array_equal(model.covariance, model.covariance.T)
 
 
-def test_uncertainties_are_the_corrected_ones_with_correlations_as_they_were(estimate, dataset, model):
+def test_corrected_uncertainties_keep_correlations(estimate, dataset, model):
     nominal = dict(zip(estimate.state, estimate.standard_deviation[-1].tolist(), strict=True))
     corrected = replace(estimate, corrected={symbol: 2.0 * nominal[symbol] for symbol in CHOSEN[:2]})
     wider = identified_model(corrected, dataset, {}, ORIGIN)
@@ -58,18 +58,18 @@ def test_uncertainties_are_the_corrected_ones_with_correlations_as_they_were(est
     np.testing.assert_allclose(wider.covariance, model.covariance * np.outer(times, times))
 
 
-def test_what_is_identified_is_what_the_tables_say(estimate, dataset):
+def test_identified_coefficients_equal_the_tables(estimate, dataset):
     bounds = {"Z_uude": np.inf}
     model = identified_model(estimate, dataset, bounds, ORIGIN, reference=replace(estimate, filter="smoother"))
     assert "Z_uude" in model.not_identified()
-    said = {
+    expected = {
         result.coefficient: result.identified for result in coefficient_results(estimate, dataset.truth, bounds, True)
     }
-    assert {c.symbol: c.identified for c in model.coefficients if c.identified is not None} == said
+    assert {c.symbol: c.identified for c in model.coefficients if c.identified is not None} == expected
     assert "Z_uude" in caveats(model)[0]
 
 
-def test_terms_are_sized_along_the_estimated_motion_with_the_inputs_of_the_dataset(model, estimate, dataset):
+def test_term_sizes_are_along_the_estimated_motion(model, estimate, dataset):
     """The elevator's heave force by hand, event by event."""
     u = estimate.mean[:, estimate.state.index("u")]
     value = next(each.value for each in model.coefficients if each.symbol == "Z_uude")
@@ -86,7 +86,7 @@ def test_terms_are_sized_along_the_estimated_motion_with_the_inputs_of_the_datas
     assert [size.symbol for size in model.term_sizes] == [c.symbol for c in COEFFICIENTS]
 
 
-def test_with_segments_left_out_the_inputs_are_still_those_of_the_time(simulated_with, with_settings):
+def test_unused_segments_do_not_shift_inputs(simulated_with, with_settings):
     """The gap is four seconds; an elevator that tells its own time shows which row was taken."""
     dataset = simulated_with(f"identification.coefficients=[{', '.join(CHOSEN)}]", "manoeuvre.duration=10 s")
     estimate = identify(with_settings(dataset, "identification.use.spans=[[0, 3], [7, 10]]"), FilterName.CKF)
@@ -102,7 +102,7 @@ def test_with_segments_left_out_the_inputs_are_still_those_of_the_time(simulated
     assert late.max() < step - 1e-9
 
 
-def test_what_was_estimated_beside_coefficients_is_there_with_its_covariance(dataset, with_settings):
+def test_further_states_have_their_covariance(dataset, with_settings):
     seen = with_settings(
         dataset, "identification.estimate.biases=[thrust, current, gyro]", "vehicle.actuators.fins.time_constant=0.1 s"
     )
@@ -126,7 +126,7 @@ def test_what_was_estimated_beside_coefficients_is_there_with_its_covariance(dat
     np.testing.assert_allclose(np.sqrt(np.diag(model.covariance)), deviations, rtol=1e-9)
 
 
-def test_a_measured_depth_is_motion_and_no_such_state(simulated_with):
+def test_depth_is_not_a_further_state(simulated_with):
     measured = simulated_with("manoeuvre.duration=4 s", "sensors.depth={rate: 10 Hz, noise: 0.02 m}")
     estimate = identify(measured, FilterName.CKF)
     assert "down" in estimate.state
@@ -136,12 +136,12 @@ def test_a_measured_depth_is_motion_and_no_such_state(simulated_with):
 
 
 @pytest.mark.parametrize("status", ["diverged at t = 2 s: not finite", "unconverged: out of evaluations"])
-def test_an_estimate_that_did_not_end_well_is_refused(status, estimate, dataset):
+def test_incomplete_estimate_is_refused(status, estimate, dataset):
     with pytest.raises(DataError, match=f"tukf {status.split(':')[0]}.*nothing is exported"):
         identified_model(replace(estimate, status=status), dataset, {}, ORIGIN)
 
 
-def test_an_estimate_that_its_data_belie_is_not_to_be_relied_on(estimate, dataset):
+def test_inconsistent_estimate_has_a_caveat(estimate, dataset):
     belied = {
         name: replace(one, innovation=10 * one.innovation, nis=100 * one.nis)
         for name, one in estimate.innovations.items()

@@ -46,19 +46,19 @@ def assert_same(found, wanted):
     assert_allclose(found, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
 
 
-def test_the_bare_function_gives_the_derivative_of_the_core(results, cases, skewed, derivative_of):
+def test_octave_function_equals_the_core(results, cases, skewed, derivative_of):
     for row, (motion, inputs) in zip(results, cases, strict=True):
         assert_same(row[:9], derivative_of(skewed, motion, inputs))
 
 
-def test_the_vessel_gives_it_with_the_way_over_ground(results, cases, skewed, derivative_of):
+def test_mss_vessel_equals_the_core(results, cases, skewed, derivative_of):
     for row, (motion, inputs) in zip(results, cases, strict=True):
         slope = derivative_of(skewed, motion, inputs)
         over_ground = rotation_matrix(motion[6:]) @ motion[:3]
         assert_same(row[9:21], np.concatenate([slope[:6], over_ground, slope[6:]]))
 
 
-def test_in_a_current_the_water_decides(results, cases, skewed, derivative_of):
+def test_mss_vessel_in_a_current_equals_the_core(results, cases, skewed, derivative_of):
     speed, whereto, down = CURRENT
     for row, (motion, inputs) in zip(results, cases, strict=True):
         rotation = rotation_matrix(motion[6:])
@@ -72,7 +72,7 @@ def test_in_a_current_the_water_decides(results, cases, skewed, derivative_of):
         assert row[33] == pytest.approx(np.linalg.norm(motion[:3]), rel=1e-12)
 
 
-def test_it_states_its_mass(results, skewed):
+def test_mss_vessel_returns_its_mass(results, skewed):
     parameters = skewed.experiment.vehicle.known_parameters()
     mass = results[0, 34:].reshape(6, 6)
     assert_allclose(mass, mass.T, rtol=1e-12)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.data.innovations import Innovations
+from auvid_cli.data.estimate import Innovations
 from auvid_cli.errors import DataError
 from auvid_cli.export.recording import TopicKind, field_names, ros_pose, topics_of
 from auvid_cli.vehicle.kinematics import body_to_earth
@@ -38,7 +38,7 @@ def by_name(topics):
 
 
 @given(attitude=angles)
-def test_a_pose_turns_what_it_turned_before(attitude):
+def test_ros_pose_keeps_the_rotation(attitude):
     angles = np.array([attitude])
     pose = ros_pose(np.array([[1.0, 2.0, 3.0]]), angles)[0]
     assert_allclose(pose[:3], [2.0, 1.0, -3.0])
@@ -47,17 +47,17 @@ def test_a_pose_turns_what_it_turned_before(attitude):
 
 
 @given(symbols=st.lists(st.text("uU_|2", min_size=1).map("N_".__add__), unique=True, max_size=6))
-def test_every_symbol_gets_a_name_of_its_own_that_ros_allows(symbols):
+def test_field_names_are_unique_and_valid(symbols):
     names = field_names(symbols)
     assert len({*names}) == len(symbols)
     assert all(re.fullmatch("[a-z][a-z0-9]*(_[a-z0-9]+)*", name) for name in names)
 
 
-def test_the_22_keep_their_names():
+def test_field_names_of_the_22_are_readable():
     assert field_names(["X_u|u|", "Y_uudr", "N_|v|r", "N_vr"]) == ("x_uu", "y_uudr", "n_vr", "n_vr_2")
 
 
-def test_the_estimate_and_the_truth_are_there_with_their_deviations(run):
+def test_topics_have_estimate_and_truth(run):
     dataset, estimate = run
     topics = by_name(topics_of(dataset, estimate))
     states, innovations = topics["/states"], topics["/innovations/dvl"]
@@ -72,7 +72,7 @@ def test_the_estimate_and_the_truth_are_there_with_their_deviations(run):
     assert not [name for name in by_name(topics_of(replace(dataset, truth=None), estimate)) if "truth" in name]
 
 
-def test_the_motion_ends_where_it_broke_down_and_the_states_say_so(run):
+def test_motion_ends_where_it_is_not_finite(run):
     dataset, estimate = run
     estimate.mean[2] = np.nan
     topics = by_name(topics_of(dataset, estimate))
@@ -81,7 +81,7 @@ def test_the_motion_ends_where_it_broke_down_and_the_states_say_so(run):
 
 
 @pytest.mark.parametrize("shift", [-0.01, 2.0**31])
-def test_times_that_ros_cannot_state_are_refused(shift, run):
+def test_times_outside_ros_range_are_refused(shift, run):
     dataset, estimate = run
     with pytest.raises(DataError, match="times from 0 to 2147483648 s"):
         topics_of(dataset, replace(estimate, time=estimate.time + shift))

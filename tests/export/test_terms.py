@@ -7,7 +7,7 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.matrices import mass_matrix
 
 
-def test_terms_add_up_to_what_the_core_makes_of_the_coefficients(skewed, derivative_of, draw):
+def test_terms_add_up_to_the_core(skewed, derivative_of, draw):
     states = [draw(seed) for seed in range(20)]
     motion, inputs = (np.array(each) for each in zip(*states, strict=True))
     of_vehicle = skewed.coefficient_set
@@ -20,7 +20,7 @@ def test_terms_add_up_to_what_the_core_makes_of_the_coefficients(skewed, derivat
 
 
 @pytest.mark.parametrize("symbol", [*SYMBOLS, "N_|v|r", "K_T"])
-def test_each_term_is_that_of_its_coefficient_alone(symbol, skewed, derivative_of, draw):
+def test_each_term_depends_on_its_coefficient_only(symbol, skewed, derivative_of, draw):
     motion, inputs = draw(7)
     of_vehicle, symbols = skewed.coefficient_set, skewed.coefficient_set.symbols
     alone = np.where(np.array(symbols) == symbol, 2.5, 0.0)
@@ -32,7 +32,7 @@ def test_each_term_is_that_of_its_coefficient_alone(symbol, skewed, derivative_o
     assert np.count_nonzero(terms) == 1
 
 
-def test_sizes_are_shares_of_the_row_even_where_terms_cancel():
+def test_percent_is_finite_where_terms_cancel():
     terms = np.zeros((2, N_COEFFICIENTS))
     terms[:, SYMBOLS.index("Y_uvl")] = 3.0, -3.0
     terms[:, SYMBOLS.index("Y_url")] = -4.0, 4.0
@@ -45,13 +45,13 @@ def test_sizes_are_shares_of_the_row_even_where_terms_cancel():
     assert sizes["X_u|u|"].percent == 0.0
 
 
-def test_an_input_holds_from_its_own_time_on():
+def test_input_holds_from_its_time():
     values = np.arange(8.0).reshape(2, 4)
     held = held_inputs(np.array([1.0, 1.9, 2.0, 5.0]), np.array([1.0, 2.0]), values)
     assert held[:, 0].tolist() == [0.0, 0.0, 4.0, 4.0]
 
 
-def test_an_input_and_an_event_of_the_same_nanosecond_are_at_the_same_time():
+def test_inputs_are_compared_in_nanoseconds():
     by_log, by_filter = 3 * 0.1, 0.3
     assert by_log > by_filter
     held = held_inputs(np.array([by_filter]), np.array([0.0, by_log]), np.arange(8.0).reshape(2, 4))

@@ -46,7 +46,7 @@ def simulate(vehicle, steps):
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_step_is_eulers_with_the_slope_of_the_core(seed, vehicle_class, skewed, derivative_of, draw):
+def test_simulator_step_is_euler_of_the_core(seed, vehicle_class, skewed, derivative_of, draw):
     motion, inputs = draw(seed)
     eta = np.concatenate([[5.0, 6.0, 7.0], motion[6:]])
     after, acting = vehicle_class().dynamics(eta, motion[:6], np.zeros(4), inputs, STEP)
@@ -56,7 +56,7 @@ def test_a_step_is_eulers_with_the_slope_of_the_core(seed, vehicle_class, skewed
 
 
 @given(seed=st.integers(0, 2**32 - 1), direction=st.floats(-360.0, 360.0))
-def test_in_a_current_only_the_water_matters(seed, direction, vehicle_class, skewed, derivative_of, draw):
+def test_simulator_current_moves_the_water(seed, direction, vehicle_class, skewed, derivative_of, draw):
     """The velocity over ground, turned to the earth, changes as that through the water does."""
     motion, inputs = draw(seed)
     angle = np.radians(direction)
@@ -66,13 +66,13 @@ def test_in_a_current_only_the_water_matters(seed, direction, vehicle_class, ske
     drifting = vehicle_class(V_current=0.5, beta_current=direction)
     after, _ = drifting.dynamics(eta, over_ground, np.zeros(4), inputs, STEP)
     slope, water = (after - over_ground) / STEP, derivative_of(skewed, motion, inputs)[:6]
-    # Of what is turned to the earth, the derivative has a part from turning.
+    # The derivative of a rotated vector has a part from the rotation.
     slope[:3] += np.cross(motion[3:6], over_ground[:3])
     water[:3] += np.cross(motion[3:6], motion[:3])
     assert_allclose(slope, water, rtol=1e-9, atol=1e-9 * np.abs(water).max())
 
 
-def test_the_main_loop_finds_all_that_it_asks_for_and_sails(model_with, tmp_path):
+def test_main_loop_of_the_simulator_runs(model_with, tmp_path):
     model = model_with()
     vehicle = read(model, tmp_path)()
     assert vehicle.controlMode == "stepInput"
@@ -83,21 +83,21 @@ def test_the_main_loop_finds_all_that_it_asks_for_and_sails(model_with, tmp_path
     assert sailed[-1, 6] > 1.0
 
 
-def test_gain_and_actuators_are_held_and_not_said_to_be_lost(model_with, tmp_path, derivative_of):
+def test_simulator_has_gain_and_actuators(model_with, tmp_path, derivative_of):
     model = model_with(actuation=LAGGED)
-    said = " ".join(simulator_losses(model).notes)
-    assert "actuators are lost" not in said
-    assert "gain" not in said
+    lines = " ".join(simulator_losses(model).notes)
+    assert "actuators are lost" not in lines
+    assert "gain" not in lines
     vehicle = read(model, tmp_path)()
     acting, nu, eta = np.array([0.3, 0.0, 0.0, 0.0]), np.array([2.0, *np.zeros(5)]), np.zeros(6)
     after, acting = vehicle.dynamics(eta, nu, acting, np.array([0.1, -0.1, 50.0, 0.0]), STEP)
-    # Of the rudder 0.05 beyond the stall take 0.025; the thrust is where it was.
+    # The rudder is 0.05 beyond the stall, which subtracts 0.025; the thrust is unchanged.
     slope = derivative_of(model, [*nu, 0.0, 0.0, 0.0], [0.225, 0.0, 0.0, 0.0])[:6]
     assert_allclose((after - nu) / STEP, slope, rtol=1e-9, atol=1e-12)
     left = np.exp(-STEP / 0.2)
     assert_allclose(acting, [0.08 + 0.22 * left, -0.08 + 0.08 * left, 100.0 * STEP, 0.0])
 
 
-def test_an_autopilot_that_is_not_there_is_refused(vehicle_class):
+def test_unknown_autopilot_is_refused(vehicle_class):
     with pytest.raises(ValueError, match="'depthHeadingAutopilot': this vehicle has only stepInput"):
         vehicle_class("depthHeadingAutopilot")

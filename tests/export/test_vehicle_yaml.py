@@ -24,7 +24,7 @@ def written(model):
     return yaml_text(model, unsupported_features(model), "identified")
 
 
-def test_an_experiment_takes_it_and_gets_every_number_back(vehicle_file, model_with, load_as_vehicle):
+def test_vehicle_file_is_read_back(vehicle_file, model_with, load_as_vehicle):
     model = model_with(vehicle_file=vehicle_file)
     vehicle, before = load_as_vehicle(written(model)), model.experiment.vehicle
     assert vehicle.all_coefficients() == {each.symbol: each.value for each in model.coefficients}
@@ -32,7 +32,7 @@ def test_an_experiment_takes_it_and_gets_every_number_back(vehicle_file, model_w
     assert (vehicle.name, vehicle.source, vehicle.size) == (before.name, before.source, before.size)
 
 
-def test_standard_deviations_and_origin_stand_beside_the_values(model_with, load_as_vehicle):
+def test_vehicle_file_has_deviations_and_origin(model_with, load_as_vehicle):
     model = model_with(held=("N_uudr",), not_identified=("Y_r|r|",))
     vehicle, before = load_as_vehicle(written(model)), model.experiment.vehicle
     entries = vehicle.coefficients
@@ -46,7 +46,7 @@ def test_standard_deviations_and_origin_stand_beside_the_values(model_with, load
         assert part in vehicle.notes[-1]
 
 
-def test_a_model_exported_again_reads_the_same(model_with, load_as_vehicle):
+def test_second_export_is_equal(model_with, load_as_vehicle):
     model = model_with(held=("N_uudr",))
     vehicle = load_as_vehicle(written(model))
     later = replace(model, experiment=model.experiment.model_copy(update={"vehicle": vehicle}))
@@ -54,7 +54,7 @@ def test_a_model_exported_again_reads_the_same(model_with, load_as_vehicle):
     assert load_as_vehicle(text).coefficients == vehicle.coefficients
 
 
-def test_terms_of_its_own_come_back(skewed, load_as_vehicle):
+def test_additional_terms_are_read_back(skewed, load_as_vehicle):
     vehicle = load_as_vehicle(written(skewed))
     assert vehicle.coefficient_set == skewed.coefficient_set
     assert vehicle.all_coefficients() == {each.symbol: each.value for each in skewed.coefficients}
@@ -64,7 +64,7 @@ def test_terms_of_its_own_come_back(skewed, load_as_vehicle):
 
 
 @pytest.mark.parametrize("held", [(), ("X_T",)])
-def test_a_term_without_a_dimension_comes_back(held, model_with, load_as_vehicle):
+def test_dimensionless_term_is_read_back(held, model_with, load_as_vehicle):
     model = model_with("vehicle.terms=[{name: X_T, row: X, factors: [thrust], value: -0.1}]", held=held)
     assert model.coefficients[-1].unit == "1"
     vehicle = load_as_vehicle(written(model))
@@ -72,7 +72,7 @@ def test_a_term_without_a_dimension_comes_back(held, model_with, load_as_vehicle
     assert vehicle.terms[0].standard_deviation == model.coefficients[-1].standard_deviation
 
 
-def test_it_says_above_what_is_lost(skewed):
+def test_heading_states_losses(skewed):
     heading = [line for line in written(skewed).splitlines() if line.startswith("#")]
     assert "# No term of the equations of motion is lost." in heading
     assert any("covariances" in line for line in heading)

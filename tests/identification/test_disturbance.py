@@ -248,7 +248,7 @@ def test_estimators_follow_the_force_and_are_consistent_with_it(name, pushed):
         assert np.sqrt(np.mean(((found - acted[:, axis]) / deviation) ** 2)) < 1.5
     assert "disturbance_K" not in estimate.state
     for sensor, innovations in estimate.innovations.items():
-        assert innovations.tally().mean_nis == pytest.approx(1.0, abs=0.15), sensor
+        assert innovations.sums().mean_nis == pytest.approx(1.0, abs=0.15), sensor
 
 
 def test_output_error_refuses_a_disturbance(pushed):

@@ -325,8 +325,8 @@ def test_outliers_are_gated_and_counted(short_run, short_estimates, with_setting
     assert status_of(bad) != "completed"
     good = identify(with_settings(wild, "identification.gate=6"), kalman_filter)
     assert status_of(good) == "completed"
-    assert good.innovations["dvl"].tally().rejected == len(values[20::40])
-    assert good.innovations["gyroscope"].tally().rejected == 0
+    assert good.innovations["dvl"].sums().rejected == len(values[20::40])
+    assert good.innovations["gyroscope"].sums().rejected == 0
     shift = np.abs(good.mean[-1, :N_COEFFICIENTS] - short_estimates[kalman_filter].mean[-1, :N_COEFFICIENTS])
     assert (shift / good.standard_deviation[-1, :N_COEFFICIENTS]).max() < 1.0
 

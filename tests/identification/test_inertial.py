@@ -120,7 +120,7 @@ def test_every_estimator_finds_coefficients_and_biases(name, raw_run, with_setti
         i = estimate.state.index(symbol)
         assert abs(estimate.mean[-1, i] - value) < 4.0 * estimate.standard_deviation[-1, i], symbol
     for innovations in estimate.innovations.values():
-        tally = innovations.tally()
+        tally = innovations.sums()
         assert 0.8 < tally.squares.sum() / tally.components.sum() < 1.2
 
 

@@ -50,7 +50,7 @@ def test_estimators_use_the_tuned_noise(tuned, overstated):
     dataset = replace(overstated, experiment=tuned.experiment)
     assert dataset.experiment.identification.measurement_noise["dvl"] == pytest.approx(0.5, rel=0.2)
     estimate = identify(dataset, FilterName.CKF)
-    tally = estimate.innovations["dvl"].tally()
+    tally = estimate.innovations["dvl"].sums()
     assert tally.squares.sum() / tally.components.sum() == pytest.approx(1.0, abs=0.15)
 
 
@@ -153,7 +153,7 @@ def test_disturbance_is_chosen_in_disturbed_data(simulated_with):
     )
     chosen = choose_disturbance(prepare(simulated_with("manoeuvre.duration=15 s", *SLOW, FEW, pushes)))
     assert chosen.choice.is_kept
-    assert chosen.choice.numbers == 8
+    assert chosen.choice.n_parameters == 8
     assert chosen.gain > chosen.choice.gain > chosen.choice.needed
     assert chosen.experiment.identification.estimate.biases == ("disturbance",)
     noises = {noise.setting.partition("disturbance.")[2]: noise for noise in chosen.noises}

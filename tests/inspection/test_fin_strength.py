@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.data.rate_of_change import rate_of_change, response_to_rates
+from auvid_cli.data.signals import rate_of_change, response_to_rates
 from auvid_cli.inspection.inspect import inspect_dataset
 
 RUDDER, ELEVATOR = ("rudder", "strength"), ("elevator", "strength")

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from auvid_cli.campaign.measures import Measure
-from auvid_cli.campaign.summary import find
+from auvid_cli.campaign.summary import summarize
 from auvid_cli.report.campaign_tables import comparison_sentences, print_findings, write_findings
 from auvid_cli.report.figures.campaign_errors import map_figure, spread_figure
 
@@ -39,7 +39,7 @@ def findings():
         for factor in (1.0, 10.0)
         for name, error, lost in (("ckf", 1.0, 0), ("wide", 1.0, 0), ("ekf", 2.0, 10))
     ]
-    return find(pd.concat(parts, ignore_index=True), COLUMNS)
+    return summarize(pd.concat(parts, ignore_index=True), COLUMNS)
 
 
 def test_files_hold_every_combination(findings, tmp_path):
@@ -90,14 +90,14 @@ def test_the_map_writes_error_and_losses_into_each_cell(findings):
 def test_one_axis_or_none_has_boxes_too():
     rows = rows_of("ckf", 1.0, "slow", 1.0, 0)
     for columns in ([], ["rate"]):
-        figure = spread_figure(find(rows, columns).runs, columns, {"ckf": "ckf"})
+        figure = spread_figure(summarize(rows, columns).runs, columns, {"ckf": "ckf"})
         (axes,) = figure.axes
         assert len(axes.patches) == 1
 
 
 def test_runs_too_few_for_quartiles_are_drawn_one_by_one():
     rows = rows_of("ckf", 1.0, "slow", 1.0, 0)
-    runs = find(rows[rows["seed"] == 1], []).runs
+    runs = summarize(rows[rows["seed"] == 1], []).runs
     figure = spread_figure(runs, [], {"ckf": "ckf"})
     (axes,) = figure.axes
     assert [list(line.get_ydata()) for line in axes.lines] == [[pytest.approx(1.01)]]
@@ -108,7 +108,7 @@ def test_runs_too_few_for_quartiles_are_drawn_one_by_one():
 
 def test_a_campaign_of_which_all_runs_were_lost_is_told_as_well(tmp_path):
     rows = pd.concat([rows_of(name, 1.0, "slow", 1.0, SEEDS) for name in ("ckf", "ekf")], ignore_index=True)
-    findings = find(rows, ["rate", "identification.prior.factor"])
+    findings = summarize(rows, ["rate", "identification.prior.factor"])
     write_findings(findings, tmp_path)
     assert set(findings.filters["diverged"]) == {1.0}
     assert set(findings.comparisons["conclusion"]) == {"no difference found"}

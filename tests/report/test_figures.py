@@ -116,7 +116,7 @@ def test_a_coefficient_that_is_infinitely_uncertain_is_drawn_and_printed(tmp_pat
     estimate = make_estimate("output_error", FEW)
     estimate.standard_deviation[:, 0] = np.inf
     evaluation = evaluation_of(dataset, [estimate])
-    figure = convergence_figure(FEW[:1], [estimate.course(FEW)], {"X_u|u|": 10.0})
+    figure = convergence_figure(FEW[:1], [estimate.history(FEW)], {"X_u|u|": 10.0})
     assert len(kinds.save(figure, tmp_path / "figures", "convergence", EVERY_FORMAT[:1])) == 1
     write_tables(evaluation, tmp_path)
     assert "output_error,X_u|u|,kg/m,10.0,10.1,inf," in (tmp_path / "coefficients.csv").read_text(encoding="utf-8")
@@ -169,12 +169,12 @@ def inches_beyond(figure):
 def test_margins_have_room_for_what_stands_in_them(dataset):
     names = [name.value for name in FilterName]
     estimates = [make_estimate(name) for name in names]
-    motions = [estimate.course(MOTION_SYMBOLS) for estimate in estimates]
+    motions = [estimate.history(MOTION_SYMBOLS) for estimate in estimates]
     # Numbers with as many digits as there are.
     long = replace(dataset.truth, motion=dataset.truth.motion + 1.23e-7 * np.arange(9))
     runs = {name: FreeRun(TIME, long.motion) for name in names}
     for figure in (
-        convergence_figure([c.symbol for c in COEFFICIENTS], [e.course(tuple(TRUE)) for e in estimates], TRUE),
+        convergence_figure([c.symbol for c in COEFFICIENTS], [e.history(tuple(TRUE)) for e in estimates], TRUE),
         motion_error_figure(long, motions),
         free_run_figure(dataset.sensors, runs),
         path_figure(long, motions),
@@ -185,7 +185,7 @@ def test_margins_have_room_for_what_stands_in_them(dataset):
 
 def test_percents_are_of_the_truth_or_else_of_the_final_value():
     symbol = "X_u|u|"
-    courses = [make_estimate("ckf", offset=0.01).course((symbol,))]
+    courses = [make_estimate("ckf", offset=0.01).history((symbol,))]
     of_truth = convergence_figure([symbol], courses, {symbol: 10.0}).axes[0].lines[0].get_ydata()
     assert of_truth[-1] == pytest.approx(1.0, rel=1e-3), "1 % above the truth, as they are made"
     for true in ({}, {symbol: 0.0}):
@@ -196,7 +196,7 @@ def test_percents_are_of_the_truth_or_else_of_the_final_value():
 
 def test_bands_set_the_scale_of_convergence_and_the_transient_does_not(estimates):
     estimates[0].mean[:50, 0] = 1e9
-    low, high = convergence_figure(["X_u|u|"], [estimates[0].course(FEW)], {"X_u|u|": 10.0}).axes[0].get_ylim()
+    low, high = convergence_figure(["X_u|u|"], [estimates[0].history(FEW)], {"X_u|u|": 10.0}).axes[0].get_ylim()
     # Twice .25 of 10.
     assert low < 5.0 <= high <= 1000.0
 
@@ -204,7 +204,7 @@ def test_bands_set_the_scale_of_convergence_and_the_transient_does_not(estimates
 def test_errors_of_the_motion_are_estimates_minus_the_truth(dataset):
     estimate = make_estimate("ckf")
     estimate.mean[:, -1] += 2.0 * np.pi + 0.01
-    figure = motion_error_figure(dataset.truth, [estimate.course(MOTION_SYMBOLS)])
+    figure = motion_error_figure(dataset.truth, [estimate.history(MOTION_SYMBOLS)])
     surge, *_, heading = figure.axes
     np.testing.assert_allclose(surge.lines[0].get_ydata(), 0.0, atol=1e-12)
     np.testing.assert_allclose(heading.lines[0].get_ydata(), np.rad2deg(0.01), atol=1e-9)
@@ -217,7 +217,7 @@ def test_numbers_at_one_panel_do_not_reach_into_its_neighbour(dataset):
     # As small as on the default run, where numbers are longest.
     estimate.mean[:, columns] = motion_at(TIME) + 1.4e-4
     estimate.standard_deviation[:, columns] = 7e-5
-    figure = motion_error_figure(dataset.truth, [estimate.course(MOTION_SYMBOLS)])
+    figure = motion_error_figure(dataset.truth, [estimate.history(MOTION_SYMBOLS)])
     renderer = FigureCanvasAgg(figure).get_renderer()
     for left, right in pairwise(figure.axes):
         numbers = [label.get_window_extent(renderer) for label in right.get_yticklabels()]
@@ -287,7 +287,7 @@ def test_without_a_measurement_the_sound_free_run_sets_the_scale(dataset, estima
 
 
 def test_depth_increases_downwards_and_the_map_is_to_scale(dataset):
-    space, plan, profile, distance = path_figure(dataset.truth, [make_estimate("ckf").course(MOTION_SYMBOLS)]).axes
+    space, plan, profile, distance = path_figure(dataset.truth, [make_estimate("ckf").history(MOTION_SYMBOLS)]).axes
     assert np.diff(space.get_zlim()) < 0.0
     assert np.diff(profile.get_ylim()) < 0.0
     assert plan.get_aspect() == 1.0

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pymavlink.DFReader import FORMAT_TO_STRUCT, DFFormat, DFReader_binary
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from auvid_cli.data.files import refusing_damage
+from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
 
@@ -69,7 +69,7 @@ class DataFlashLog(Log):
     def _index(self) -> dict[str, tuple[DFFormat, list[int]]]:
         """Return the format and the offsets of each kind of message."""
         complaints = StringIO()
-        refusing = refusing_damage(lambda reason: f"{self.path}: is damaged: {reason}")
+        refusing = damage_as_file_error(lambda reason: f"{self.path}: is damaged: {reason}")
         # The library prints a line for each invalid byte and continues.
         out, err = redirect_stdout(complaints), redirect_stderr(complaints)
         with refusing, out, err, closing(_Reader(str(self.path))) as reader:

@@ -17,7 +17,7 @@ from scipy.io import loadmat
 from scipy.io.matlab import mat_struct
 
 from auvid_cli.child_processes import WorkerPool
-from auvid_cli.data.files import refusing_damage
+from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.data.hdf5 import numbers_in, open_hdf5
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import ColumnValues, Log, LogColumn, look_up
@@ -81,7 +81,7 @@ class ArrayLog(Log):
         return places
 
     def _refusing_damage(self) -> AbstractContextManager[None]:
-        return refusing_damage(lambda reason: f"{self.path}: damaged, or of another kind than its name: {reason}")
+        return damage_as_file_error(lambda reason: f"{self.path}: damaged, or of another kind than its name: {reason}")
 
     @abstractmethod
     def _variables(self) -> Sequence[str]:

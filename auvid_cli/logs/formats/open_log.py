@@ -9,11 +9,11 @@ from enum import Enum
 from pathlib import Path
 from typing import assert_never
 
-from auvid_cli.data.files import refusing_damage
+from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.formats.text_layout import TextLayout
-from auvid_cli.regular import check_regular
+from auvid_cli.regular_files import check_regular_file
 
 _HEAD_BYTES = 4096
 _READABLE = (
@@ -139,7 +139,7 @@ def _reader(kind: _Kind) -> Callable[[Path], Log]:
 
 def _check_regular(path: Path) -> None:
     try:
-        check_regular(path)
+        check_regular_file(path)
     except ValueError as error:
         raise FileError(f"{path}: {error}") from None
 
@@ -183,7 +183,10 @@ def _kind_of(path: Path) -> _Kind | None:
 
 
 def _kind_of_zip(path: Path) -> _Kind:
-    with refusing_damage(lambda reason: f"{path}: is a damaged archive: {reason}"), zipfile.ZipFile(path) as archive:
+    with (
+        damage_as_file_error(lambda reason: f"{path}: is a damaged archive: {reason}"),
+        zipfile.ZipFile(path) as archive,
+    ):
         names = archive.namelist()
     if any(name.endswith(".npy") for name in names):
         return _Kind.NPZ

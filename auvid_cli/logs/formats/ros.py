@@ -12,7 +12,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from auvid_cli.data.files import refusing_damage
+from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, missing
 
@@ -80,7 +80,7 @@ class BagLog(Log):
 
     @contextmanager
     def _opened(self) -> Iterator[AnyReader]:
-        with refusing_damage(lambda reason: self._damaged("it cannot be opened", reason)):
+        with damage_as_file_error(lambda reason: self._damaged("it cannot be opened", reason)):
             reader = AnyReader([self.path], default_typestore=get_typestore(Stores.LATEST))
             reader.open()
         try:
@@ -92,7 +92,7 @@ class BagLog(Log):
         """Yield the time of the log, ns, and the message (None if its type is unknown) for each message of a topic."""
         connections = [connection for connection in reader.connections if connection.topic == topic]
         count = 0
-        with refusing_damage(lambda reason: self._damaged(f"after {count} messages of {topic}", reason)):
+        with damage_as_file_error(lambda reason: self._damaged(f"after {count} messages of {topic}", reason)):
             for connection, stamp, raw in reader.messages(connections):
                 known = connection.msgtype in reader.typestore.fielddefs
                 yield stamp, reader.deserialize(raw, connection.msgtype) if known else None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.files import refusing_damage
+from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
 from auvid_cli.logs.formats.text_layout import is_number
@@ -46,7 +46,7 @@ class ULogLog(Log):
 
     @cached_property
     def _topics(self) -> dict[str, dict[str, NDArray[np.float64]]]:
-        refusing = refusing_damage(lambda reason: f"{self.path}: is a damaged ULog: {reason}")
+        refusing = damage_as_file_error(lambda reason: f"{self.path}: is a damaged ULog: {reason}")
         with self.path.open("rb") as file, refusing:
             topics = self._reader(file).data_list
         return {
@@ -82,7 +82,7 @@ class LsfLog(Log):
     @cached_property
     def _messages(self) -> dict[str, dict[str, list[float]]]:
         tables: dict[str, dict[str, list[float]]] = {}
-        with refusing_damage(lambda reason: f"{self.path}: is a damaged IMC log: {reason}"):
+        with damage_as_file_error(lambda reason: f"{self.path}: is a damaged IMC log: {reason}"):
             for packet in _packets(self.path.read_bytes()):
                 message = self._deserialize(packet)
                 fields = tables.setdefault(message.msg_name, {LOG_TIME: []})

@@ -14,7 +14,7 @@ from auvid_cli.report.figures.workers import Submit, draw_and_save
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_SYMBOLS, SENSORS, Quantity, state_of
 
 if TYPE_CHECKING:
-    from auvid_cli.campaign.summary import Findings
+    from auvid_cli.campaign.summary import CampaignSummary
 
     # They bring the compiled core along, which is loaded elsewhere, and said to be.
     from auvid_cli.design.mission import Band
@@ -57,10 +57,10 @@ class FigureQueue:
         state = {symbol for estimate in estimates for symbol in estimate.state}
         if symbols := [symbol for symbol in known if symbol in state]:
             true = dataset.truth.coefficients_of(symbols) if dataset.truth is not None else {}
-            courses = [estimate.course(symbols) for estimate in estimates]
+            courses = [estimate.history(symbols) for estimate in estimates]
             self._add("estimates", "estimates", symbols, courses, true)
             self._add("convergence", "convergence", symbols, courses, true)
-        motions = [estimate.course(MOTION_SYMBOLS) for estimate in estimates]
+        motions = [estimate.history(MOTION_SYMBOLS) for estimate in estimates]
         if dataset.truth is not None or estimates:
             self._add("path", "path", dataset.truth, motions)
         if dataset.truth is not None and estimates:
@@ -95,7 +95,7 @@ class FigureQueue:
         percents = {name: design.trials[name].percent() for name in shown}
         self._add("mission", "mission", design.truth.time, design.truth.inputs, band, design.symbols, percents)
 
-    def add_campaign(self, findings: "Findings", filters: dict[str, str]) -> None:
+    def add_campaign(self, findings: "CampaignSummary", filters: dict[str, str]) -> None:
         """Draw the spread of the errors of each filter variant, and a map where two settings vary."""
         self._add("spread", "spread", findings.runs, findings.columns, filters)
         if len(findings.columns) > 1:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from auvid_cli.campaign.axes import ended
-from auvid_cli.campaign.summary import Findings
+from auvid_cli.campaign.summary import CampaignSummary
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.report.campaign_tables import comparison_table, filters_table
 from auvid_cli.report.page.parts import (
@@ -31,13 +31,15 @@ _ROW, _LEFT, _WIDTH, _TOP = 22.0, 170.0, 560.0, 12.0
 _MOST_DRAWN, _LARGEST = 24, 1e3
 
 
-def campaign_page(campaign: Campaign, findings: Findings, filters: Mapping[str, str], failures: Sequence[str]) -> Page:
+def campaign_page(
+    campaign: Campaign, findings: CampaignSummary, filters: Mapping[str, str], failures: Sequence[str]
+) -> Page:
     """Lay out the statistics of a campaign.
 
     Parameters
     ----------
     campaign : Campaign
-    findings : Findings
+    findings : CampaignSummary
     filters : mapping of str
         Of each variant, by name, its filter.
     failures : sequence of str
@@ -59,7 +61,7 @@ def campaign_page(campaign: Campaign, findings: Findings, filters: Mapping[str, 
     return Page(f"Campaign: {campaign.name}", size, sections)
 
 
-def _spread(findings: Findings, filters: Mapping[str, str]) -> list[Part]:
+def _spread(findings: CampaignSummary, filters: Mapping[str, str]) -> list[Part]:
     """Draw the error of every run that ended, a row for each combination of settings and filter."""
     keys = [*findings.columns, "filter"]
     cells = [(key, runs) for key, runs in findings.runs.groupby(keys, sort=False)]

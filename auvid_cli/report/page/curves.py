@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
-from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.innovations import LAGS, Innovations
+from auvid_cli.data.estimate import N_LAGS, Estimate, Innovations
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.page.parts import (
     Axis,
@@ -196,7 +195,7 @@ def path_parts(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list
 
 def _tracks(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list[PathTrack]:
     tracks = []
-    for track in travelled_paths(truth, (estimate.course(MOTION_SYMBOLS) for estimate in estimates)):
+    for track in travelled_paths(truth, (estimate.history(MOTION_SYMBOLS) for estimate in estimates)):
         names = ("truth", "true") if track.filter is None else (filter_label(track.filter), track.filter)
         tracks.append(PathTrack(*names, track.position[spaced(len(track.position), _MOST_POINTS)]))
     return tracks
@@ -302,7 +301,7 @@ def _nis(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[Plot
             mean = np.where(count > 0.0, squares / count, np.nan)
         middle = 0.5 * (edges[1:] + edges[:-1])
         lines.append(PlotLine(filter_label(name), name, middle, mean))
-        words.append(f"{filter_label(name)} {innovations.tally().mean_nis:.3g}")
+        words.append(f"{filter_label(name)} {innovations.sums().mean_nis:.3g}")
         band = (middle, count) if band is None else band
     if band is None:
         return []
@@ -318,10 +317,10 @@ def _memory(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[P
     """Plot how innovations correlate with those before, of each component."""
     lines: list[PlotLine] = []
     largest = []
-    lags = np.arange(1.0, LAGS + 1.0)
+    lags = np.arange(1.0, N_LAGS + 1.0)
     samples = 0.0
     for name, innovations in of_sensor:
-        memory = innovations.memory
+        memory = innovations.autocorrelation
         rows = zip(SENSORS[sensor], memory.correlation, memory.samples, strict=True)
         for component, (quantity, values, n) in enumerate(rows):
             if n:
@@ -332,7 +331,7 @@ def _memory(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[P
                 samples = max(samples, float(n))
     if not lines:
         return []
-    bound = np.full(LAGS, _TWO_SIDED / np.sqrt(samples))
+    bound = np.full(N_LAGS, _TWO_SIDED / np.sqrt(samples))
     chance = [PlotLine("chance, upper", "chance", lags, bound), PlotLine("chance, lower", "chance", lags, -bound)]
     size, label = max(largest)
     says = f"Autocorrelation of the innovations of {sensor}; largest {size:.2g}, of {label}."

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from auvid_cli.campaign.summary import Findings
+from auvid_cli.campaign.summary import CampaignSummary
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.data.checks import Checks, NamedRows
 from auvid_cli.evaluation.assessment import CoefficientBound, Identifiability
@@ -136,7 +136,9 @@ def test_the_page_of_a_campaign_draws_every_run_that_ended(monkeypatch):
         return Campaign(name=name, experiment="<i>")
 
     monkeypatch.setattr(campaign, "filters_table", lambda _: table_of_rows("k", "t", NamedRows(("a",), [(1.0,)])))
-    page = campaign.campaign_page(of("x"), Findings([], runs, nothing, nothing, nothing), {"ckf": "ckf"}, ["why <u>"])
+    page = campaign.campaign_page(
+        of("x"), CampaignSummary([], runs, nothing, nothing, nothing), {"ckf": "ckf"}, ["why <u>"]
+    )
     (drawing,) = parts_of(page, Picture)
     dots = [shape for shape in drawing.shapes if isinstance(shape, Dot)]
     assert [dot.says for dot in dots] == ["ckf: 1 %", "ckf: 10 %", "<b>: 1 %", "<b>: 1e+06 %"]
@@ -147,7 +149,9 @@ def test_the_page_of_a_campaign_draws_every_run_that_ended(monkeypatch):
     assert page.subtitle == "5 runs, 3 seeds"
     (listing,) = parts_of(page, Listing)
     assert yaml.safe_load(listing.text) == {"name": "x", "experiment": "<i>"}
-    one = campaign.campaign_page(of("one"), Findings([], runs[:1], nothing, nothing, nothing), {"ckf": "ckf"}, [])
+    one = campaign.campaign_page(
+        of("one"), CampaignSummary([], runs[:1], nothing, nothing, nothing), {"ckf": "ckf"}, []
+    )
     assert one.subtitle == "1 run, 1 seed"
 
 

@@ -1,16 +1,16 @@
-"""Reading what may be anything: a pipe that never speaks, a device that never ends, a folder."""
+"""Refuse folders, pipes and devices, which a reader could wait for forever."""
 
 import stat
 from pathlib import Path
 
 
-def check_regular(path: Path) -> None:
-    """Refuse what is no file of some length.
+def check_regular_file(path: Path) -> None:
+    """Check that a path is a regular file.
 
     Raises
     ------
     ValueError
-        If it is missing, a folder, a pipe or a device, or cannot be looked at; the message says so, without the path.
+        If it is missing, a folder, a pipe or a device, or its status cannot be read; the message omits the path.
     """
     try:
         mode = path.stat().st_mode
@@ -24,20 +24,20 @@ def check_regular(path: Path) -> None:
         raise ValueError("is a pipe or a device, not a regular file")
 
 
-def read_bytes(path: Path, most: int) -> bytes:
-    """Read a regular file of at most so many bytes.
+def read_bytes(path: Path, limit: int) -> bytes:
+    """Read a regular file of at most `limit` bytes.
 
     Raises
     ------
     ValueError
-        As of `check_regular`, or if it is larger, or cannot be read.
+        Like `check_regular_file`, or if the file is larger or cannot be read.
     """
-    check_regular(path)
+    check_regular_file(path)
     try:
         with path.open("rb") as file:
-            content = file.read(most + 1)
+            content = file.read(limit + 1)
     except OSError as error:
         raise ValueError(f"cannot be read: {error.strerror or error}") from None
-    if len(content) > most:
-        raise ValueError(f"is larger than {most / 1e6:g} MB")
+    if len(content) > limit:
+        raise ValueError(f"is larger than {limit / 1e6:g} MB")
     return content
