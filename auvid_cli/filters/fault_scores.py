@@ -28,11 +28,11 @@ class FaultEffects(NamedTuple):
         To what is measured; overwritten.
     """
 
-    pushed: Array
-    added: Array
+    on_states: Array
+    on_measurements: Array
 
 
-class ShownFaults(NamedTuple):
+class FaultSignatures(NamedTuple):
     """What innovations show of faults in a chunk of the data.
 
     Attributes
@@ -119,12 +119,12 @@ def carry_errors(timeline, about, forward_pass, effects, error, moved):
                         error[j, f] -= gain * by_variance[f]
 
 
-def shown_faults(
+def fault_signatures(
     smoothing: LinearSmoothing,
     filtered: Filtered,
     n_faults: int,
     effects: Callable[[int, Timeline, Linearised], FaultEffects],
-) -> Iterator[ShownFaults]:
+) -> Iterator[FaultSignatures]:
     """Find what innovations show of faults, chunk by chunk.
 
     Parameters
@@ -147,7 +147,9 @@ def shown_faults(
         carry_errors(timeline, about, forward_pass, of_chunk, error, moved)
         there = ~np.isnan(about.residual)
         deviation = np.sqrt(forward_pass.total[there])
-        yield ShownFaults(of_chunk.added[there] / deviation[:, None], forward_pass.error[there] / deviation, error)
+        yield FaultSignatures(
+            of_chunk.on_measurements[there] / deviation[:, None], forward_pass.error[there] / deviation, error
+        )
 
 
 def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults) -> FaultScores:
@@ -163,7 +165,7 @@ def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults)
     n_faults, n_parameters = len(faults.labels), filtered.trajectory.parameters.size
     score, information = np.zeros(n_faults), np.zeros((n_faults, n_faults))
     effect = np.zeros((n_parameters, n_faults))
-    for shown, innovation, error in shown_faults(smoothing, filtered, n_faults, faults.effects):
+    for shown, innovation, error in fault_signatures(smoothing, filtered, n_faults, faults.effects):
         score += innovation @ shown
         information += shown.T @ shown
         effect = error[:n_parameters]
@@ -206,7 +208,7 @@ def correlation(scores: FaultScores, candidate: int) -> Array:
     return np.divide(scores.information[candidate], both, out=np.zeros_like(told), where=both > 0.0)
 
 
-def explained(scores: FaultScores, covariance: Array) -> Array:
+def fraction_explained(scores: FaultScores, covariance: Array) -> Array:
     """Return which share of what each would do to the data the parameters make up for, shape (n,), from 0 to 1.
 
     Parameters

@@ -101,9 +101,9 @@ def _given_parameters(about: Linearised, step: Array) -> tuple[Linearised, Fault
     n = step.size
     by_parameters = FaultEffects(about.transition[..., :n].copy(), about.rows[..., :n].copy())
     return about._replace(
-        residual=about.residual - by_parameters.added @ step,
+        residual=about.residual - by_parameters.on_measurements @ step,
         rows=about.rows[..., n:].copy(),
-        defect=about.defect + by_parameters.pushed @ step,
+        defect=about.defect + by_parameters.on_states @ step,
         transition=about.transition[..., n:].copy(),
     ), by_parameters
 
@@ -163,7 +163,7 @@ class _FreeMotion:
 
     def __iter__(self) -> Iterator[Influence]:
         process, sensors, segments, _ = self.problem
-        place, root = self.problem.places[self.segment], self.uncertainty.root
+        place, root = self.problem.indices[self.segment], self.uncertainty.root
         covariance = root[place] @ root[: self.problem.n_parameters].T
         for response in responses(process, sensors, segments[self.segment], self.state[place]):
             rows, residual = response.whitened[..., :-1] @ covariance, response.whitened[..., -1]
@@ -187,5 +187,5 @@ class _Innovations:
         for timeline, _, motion, by_parameters, _, forward_pass in chunks:
             carry_errors(timeline, motion, forward_pass, by_parameters, error, moved)
             deviation = np.sqrt(forward_pass.total)
-            rows = (by_parameters.added / deviation[..., None]) @ covariance
+            rows = (by_parameters.on_measurements / deviation[..., None]) @ covariance
             yield _influence(timeline, ~np.isnan(motion.residual), forward_pass.error / deviation, rows)

@@ -11,7 +11,7 @@ from scipy.linalg import solve_triangular
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import Gaussian, Indices
-from auvid_cli.filters.segments import JointProblem, places
+from auvid_cli.filters.segments import JointProblem, segment_indices
 from auvid_cli.filters.sensitivities import Response, responses
 from auvid_cli.filters.smoother_forward import weight
 
@@ -62,7 +62,7 @@ def _compress(triangle, rows, columns):
 
 
 class Uncertainty(NamedTuple):
-    """Covariance ``root root'``, and infinite variance along the columns of `blind`.
+    """Covariance ``root root'``, and infinite variance along the columns of `unobserved`.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Uncertainty(NamedTuple):
     """
 
     root: Array
-    blind: Array
+    unobserved: Array
     unit: Array
 
     def deviation(self, combinations: Array) -> Array:
@@ -84,7 +84,7 @@ class Uncertainty(NamedTuple):
 
     def covariance(self, combinations: Array) -> Array:
         """Return the covariance matrix of the rows of a matrix, shape (m, n), with infinities where it is blind."""
-        root, share = combinations @ self.root, combinations @ self.blind
+        root, share = combinations @ self.root, combinations @ self.unobserved
         share[~self._unknown(combinations)] = 0.0
         common, size = share @ share.T, np.linalg.norm(share, axis=1)
         infinite = np.abs(common) > _SHARE * np.outer(size, size)
@@ -92,11 +92,11 @@ class Uncertainty(NamedTuple):
 
     def of(self, place: Indices) -> "Uncertainty":
         """Return that of some components."""
-        return Uncertainty(np.linalg.qr(self.root[place].T)[1].T, self.blind[place], self.unit[place])
+        return Uncertainty(np.linalg.qr(self.root[place].T)[1].T, self.unobserved[place], self.unit[place])
 
     def _unknown(self, combinations: Array) -> NDArray[np.bool_]:
         size = np.sqrt(np.square(combinations * self.unit).sum(axis=-1, keepdims=True))
-        return np.abs(combinations @ self.blind) > _SHARE * size
+        return np.abs(combinations @ self.unobserved) > _SHARE * size
 
 
 class Information(NamedTuple):
@@ -124,7 +124,7 @@ class Information(NamedTuple):
     n_measurements: int
 
     @classmethod
-    def none(cls, n: int) -> "Information":
+    def empty(cls, n: int) -> "Information":
         """Make one that says nothing about a state of n components."""
         return cls(np.zeros((n, n)), np.zeros(n), 0.0, 0)
 
@@ -133,7 +133,7 @@ class Information(NamedTuple):
         """Make one of what a Gaussian says, as rows about `state`; it counts no measurements."""
         about_state = np.column_stack([np.eye(state.size), gaussian.mean - state])
         rows = solve_triangular(gaussian.factor, about_state, lower=True)
-        return cls.none(state.size).with_rows(rows, 0)
+        return cls.empty(state.size).with_rows(rows, 0)
 
     @property
     def is_finite(self) -> bool:
@@ -184,7 +184,7 @@ class Information(NamedTuple):
         rest = whole - directions @ rows
         rest[:, n:-1] = 0.0
         last = np.append(np.zeros(self.projected.size), self.remaining)
-        return rows, Information.none(self.projected.size).with_rows(np.vstack([rest, last]), self.n_measurements)
+        return rows, Information.empty(self.projected.size).with_rows(np.vstack([rest, last]), self.n_measurements)
 
     def uncertainty(self) -> Uncertainty:
         """Invert it: the bound of Cramer and Rao, infinite where the measurements say nothing."""
@@ -208,13 +208,13 @@ class Information(NamedTuple):
         return scale, values, directions, values > _ROUNDING * values.max(initial=0.0)
 
 
-def jointly(by_segment: Sequence[Information], n_parameters: int) -> Information:
+def join_segments(by_segment: Sequence[Information], n_parameters: int) -> Information:
     """Join what segments say of their joint state, see `auvid_cli.filters.segments`."""
     n_of_segment = by_segment[0].projected.size
     n_moving = n_of_segment - n_parameters
     n = n_parameters + len(by_segment) * n_moving
-    shared, factor, projected = Information.none(n_of_segment), np.zeros((n, n)), np.zeros(n)
-    for information, place in zip(by_segment, places(n, n_moving, len(by_segment)), strict=True):
+    shared, factor, projected = Information.empty(n_of_segment), np.zeros((n, n)), np.zeros(n)
+    for information, place in zip(by_segment, segment_indices(n, n_moving, len(by_segment)), strict=True):
         rows, rest = information.split(n_parameters)
         shared = shared.join(rest)
         factor[np.ix_(place[n_parameters:], place)] = rows[:, :-1]
@@ -246,7 +246,7 @@ class LeastSquaresFit(NamedTuple):
     cost: float
     converged: bool
     evaluations: int
-    share: float = 1.0
+    fraction: float = 1.0
 
     def deviation(self, n_parameters: int) -> Array:
         """Find the standard deviations of the parameters, infinite where the measurements say nothing."""
@@ -318,15 +318,15 @@ class _SumOfSquares:
         """Return the information of all measurements; None if the motion from that state blows up."""
         if self._latest is None or not np.array_equal(self._latest[0], state):
             by_segment = self._by_segment(state)
-            self._latest = state.copy(), jointly(by_segment, self._problem.n_parameters) if by_segment else None
+            self._latest = state.copy(), join_segments(by_segment, self._problem.n_parameters) if by_segment else None
         return self._latest[1]
 
     def _by_segment(self, state: Array) -> list[Information]:
         """Return the information of each segment; none if the motion or its squares blow up in one."""
         process, sensors, segments, _ = self._problem
         by_segment = []
-        for timelines, place in zip(segments, self._problem.places, strict=True):
-            information = Information.none(place.size)
+        for timelines, place in zip(segments, self._problem.indices, strict=True):
+            information = Information.empty(place.size)
             for response in responses(process, sensors, timelines, state[place]):
                 if response.blew_up:
                     return []

@@ -131,7 +131,7 @@ class Filtered:
     cost, least : float
         Of the trajectory, and at the minimum of the linear problem.
     log_determinant : float
-        Sum of the logarithms of the innovations' variances: with `least` twice the negative log-likelihood of the
+        Sum of the logarithms of the innovations' variances: with `min_log_factor` twice the negative log-likelihood of the
         measurements in the linear problem, but for a constant.
     before : list of list of State
         Deviation before each chunk of each segment.

@@ -98,7 +98,9 @@ def gradient_scores(smoothing: LinearSmoothing, filtered: Filtered, gradient: Tr
         if chunk == 0:
             adjoint.mean[n:] += gradient.initial[segment]
         effects = faults.effects(segment, timeline, about)
-        changes += np.einsum("ki,kif->f", by_pushed, effects.pushed) + np.einsum("kc,kcf->f", by_added, effects.added)
+        changes += np.einsum("ki,kif->f", by_pushed, effects.on_states) + np.einsum(
+            "kc,kcf->f", by_added, effects.on_measurements
+        )
     return changes
 
 
@@ -171,7 +173,7 @@ def _propagate_back(timeline, about, forward_pass, gradient, adjoint, by_pushed,
             adjoint_predict(about.transition[event], n_parameters, adjoint)
 
 
-class MarginalAnswer(NamedTuple):
+class MarginalEstimate(NamedTuple):
     """The most probable parameters whatever the motion was, and what they were found by.
 
     Attributes
@@ -180,7 +182,7 @@ class MarginalAnswer(NamedTuple):
         Whose process noise is forgotten as fast as the motion is, see `auvid_cli.filters.linear_smoother`.
     answer : Filtered
     convergence : ConvergenceStatus or None
-        As of `without_motion`.
+        As of `integrate_out_motion`.
     """
 
     problem: JointProblem
@@ -188,9 +190,9 @@ class MarginalAnswer(NamedTuple):
     convergence: ConvergenceStatus | None
 
 
-def marginal_answer(
+def marginal_estimate(
     problem: JointProblem, smoothing: LinearSmoothing, joint: Filtered, max_steps: int
-) -> MarginalAnswer | None:
+) -> MarginalEstimate | None:
     """Go from the joint answer to the most probable parameters, by process noise as `auvid tune` finds it.
 
     Parameters
@@ -210,11 +212,11 @@ def marginal_answer(
     forgotten = with_process_memory(problem, joint.trajectory.parameters, joint.trajectory.moving)
     smoothing.change_noise(forgotten.process, forgotten.sensors)
     again = smoothing.filter(joint.trajectory)
-    found = None if again is None else without_motion(forgotten, smoothing, again, max_steps)
-    return None if found is None else MarginalAnswer(forgotten, *found)
+    found = None if again is None else integrate_out_motion(forgotten, smoothing, again, max_steps)
+    return None if found is None else MarginalEstimate(forgotten, *found)
 
 
-def without_motion(
+def integrate_out_motion(
     problem: JointProblem, smoothing: LinearSmoothing, joint: Filtered, max_steps: int
 ) -> tuple[Filtered, ConvergenceStatus | None] | None:
     """Go from the joint answer to the most probable parameters; None where the motion cannot follow these.
@@ -255,7 +257,7 @@ def without_motion(
 def _most_probable_motion(problem: JointProblem, answer: Filtered, parameters: Array) -> tuple[Trajectory, bool] | None:
     """Return the motion given the parameters, and whether it converged; None where its cost is not finite."""
     n, mean, factor = problem.n_parameters, problem.prior.mean.copy(), problem.prior.factor.copy()
-    for place, owed in zip(problem.places, answer.by_parameters, strict=True):
+    for place, owed in zip(problem.indices, answer.by_parameters, strict=True):
         mean[place[n:]] += owed @ (parameters - mean[:n])
     mean[:n] = parameters
     factor[:, :n] *= _HELD
@@ -286,7 +288,7 @@ def marginal_scores(problem: JointProblem, smoothing: LinearSmoothing, answer: F
     smoothing : LinearSmoothing
         Of the problem.
     answer : Filtered
-        From `without_motion`.
+        From `integrate_out_motion`.
     faults : Faults
     """
     scores = score_faults(smoothing, answer, faults)
@@ -332,8 +334,8 @@ def _slopes(
             by_states[-1] = by_last
             for state in range(n_moving):
                 beside = columns(timeline, _beside(problem, data, timeline, about, state, work))
-                led = np.einsum("ki,kij->kj", by_transition[..., state], beside.pushed - here.pushed)
-                seen = np.einsum("kc,kcj->kj", by_rows[..., state], beside.added - here.added)
+                led = np.einsum("ki,kij->kj", by_transition[..., state], beside.on_states - here.on_states)
+                seen = np.einsum("kc,kcj->kj", by_rows[..., state], beside.on_measurements - here.on_measurements)
                 slopes += led.sum(axis=0) + seen.sum(axis=0)
                 by_states[:-1] += led[:, n:n_states]
                 np.add.at(by_states, seen_at, seen[:, n:n_states])

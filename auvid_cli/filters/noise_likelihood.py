@@ -78,7 +78,7 @@ class _Likelihood:
     def __init__(self, problem: JointProblem, groups: Sequence[NoiseGroup], on_evaluation: Callable[[], None]) -> None:
         self._problem, self._groups, self._on_evaluation = problem, groups, on_evaluation
         self._present, self.smoothing = problem, LinearSmoothing(problem)
-        self.least = np.array([group.least for group in groups])
+        self.least = np.array([group.min_log_factor for group in groups])
 
     def filter(self, logarithms: Array, trajectory: Trajectory) -> Filtered | None:
         """Filter with some noise; None where it cannot be."""
@@ -163,7 +163,7 @@ def most_likely_noise(
     def without(i: int, at: float | None = None) -> float:
         # What one group leaves undone others may do: they are as likely as they can be without it.
         others = np.arange(x.size) != i
-        start = np.where(others, x, groups[i].least if at is None else at)
+        start = np.where(others, x, groups[i].min_log_factor if at is None else at)
         return below(_climb(likelihood, start, trajectory, others))
 
     low, high = _intervals(below, without, x, information, [bool(group.rates) for group in groups])

@@ -22,7 +22,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.fault_scores import FaultEffects, shown_faults
+from auvid_cli.filters.fault_scores import FaultEffects, fault_signatures
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, noise_variance, variance_by_time_constant
 from auvid_cli.filters.problem import TIMELINE, ModelData, Process, Timeline
 from auvid_cli.filters.segments import JointProblem
@@ -64,10 +64,10 @@ class NoiseGroup(NamedTuple):
     moving: tuple[int, ...] = ()
     sensor: int = -1
     rates: tuple[int, ...] = ()
-    least: float = -14.0
+    min_log_factor: float = -14.0
 
     @property
-    def fading(self) -> tuple[int, ...]:
+    def correlated(self) -> tuple[int, ...]:
         """Return the moving states whose time constants it multiplies."""
         return self.moving if self.rates else ()
 
@@ -214,7 +214,7 @@ def noise_scores(
     """
     n, n_moving = problem.n_parameters + problem.n_moving, problem.n_moving
     slope, probable = np.zeros(len(groups)), list[FaultEffects]()
-    rows = np.array([row for group in groups for row in group.fading], dtype=np.int64)
+    rows = np.array([row for group in groups for row in group.correlated], dtype=np.int64)
     adjoint, remembered, segment_before = Adjoint.zeros(n, with_variance=True), np.zeros(rows.size), -1
     chunks = [len(before) for before in filtered.before]
     for segment, timeline, about, forward_pass in smoothing.forward_passes_back(filtered, adjoint):
@@ -235,7 +235,7 @@ def noise_scores(
         return probable.pop()
 
     information = np.zeros((len(groups), len(groups)))
-    for chunk in shown_faults(smoothing, filtered, len(groups), effects):
+    for chunk in fault_signatures(smoothing, filtered, len(groups), effects):
         information += 0.5 * chunk.shown.T @ chunk.shown
     return NoiseScores(slope, information)
 
@@ -252,7 +252,7 @@ def with_time_constants(process: Process, group: NoiseGroup, factor: float) -> P
 
 def _changes(problem: JointProblem, timeline: Timeline, about: Linearised, groups: Sequence[NoiseGroup]) -> Array:
     """Return how the transitions depend on the logarithms of time constants, see `_Fading.change`."""
-    process, rows = problem.process, [row for group in groups for row in group.fading]
+    process, rows = problem.process, [row for group in groups for row in group.correlated]
     if not rows:
         return np.zeros((0, 0, 0))
     for group in groups:

@@ -22,7 +22,7 @@ from auvid_cli.filters.problem import (
     Sensors,
     Timeline,
 )
-from auvid_cli.filters.segments import JointProblem, one_after_the_other
+from auvid_cli.filters.segments import JointProblem, filter_sequentially
 from auvid_cli.filters.sensitivities import Response, responses
 from auvid_cli.filters.smoother_forward import SET_ASIDE, weight
 from auvid_cli.filters.square_root import run_square_root_filter
@@ -168,7 +168,7 @@ def run_output_error(
         if fit.converged and any(_is_near(fit, other, problem.n_parameters) for other in known):
             break
     # Of fits that end in the same place the first counts, however the last digits of their costs are.
-    best, *others = sorted(fits, key=lambda fit: (-fit.share, round(fit.cost, 1)))
+    best, *others = sorted(fits, key=lambda fit: (-fit.fraction, round(fit.cost, 1)))
     outcome = _hand_over_segments(problem, sizes, best, on_chunk)
     deviation = best.deviation(problem.n_parameters)
     if outcome.failure == NOT_CONVERGED:
@@ -228,7 +228,7 @@ def _convergence(fit: LeastSquaresFit, deviation: Array) -> ConvergenceStatus:
     """Say how far from its end a fit was."""
     factor, projected, root = fit.information.factor, fit.information.projected, fit.information.uncertainty().root
     step = root @ (root.T @ (factor.T @ projected))
-    return ConvergenceStatus(float(projected @ projected), step[: deviation.size] / deviation, fit.share)
+    return ConvergenceStatus(float(projected @ projected), step[: deviation.size] / deviation, fit.fraction)
 
 
 def _fit_longer_and_longer(
@@ -254,7 +254,7 @@ def _fit_longer_and_longer(
     LeastSquaresFit
         The last one that there is; converged, with a cost to be compared, only if it is one of all events.
     """
-    best = LeastSquaresFit(start, Information.none(start.size), np.inf, converged=False, evaluations=0)
+    best = LeastSquaresFit(start, Information.empty(start.size), np.inf, converged=False, evaluations=0)
     fitted, span, left = 0, min(span, longest), max_evaluations
     while left > 0 and fitted < span:
         longer = fit_first(span, best.state, left)
@@ -271,7 +271,7 @@ def _hand_over_segments(
 ) -> FilterOutcome:
     """Pass on the motion from the fitted state, segment after segment, up to where it blows up."""
     uncertainty, n_good, covariance = best.information.uncertainty(), 0, np.zeros((0, 0))
-    for timelines, size, place in zip(problem.segments, sizes, problem.places, strict=True):
+    for timelines, size, place in zip(problem.segments, sizes, problem.indices, strict=True):
         solution = responses(problem.process, problem.sensors, timelines, best.state[place])
         covariance, reached = hand_over(solution, problem.sensors, uncertainty.of(place), on_chunk)
         n_good += reached
@@ -293,7 +293,7 @@ def _filtered(problem: JointProblem) -> _Start | None:
             deviation[:] = records.standard_deviation[-1, :n_parameters]
 
     run = partial(run_square_root_filter, cubature(n_parameters + problem.n_moving), *problem[:2])
-    outcome = one_after_the_other(run, problem, keep_last)
+    outcome = filter_sequentially(run, problem, keep_last)
     return _Start(guess, deviation) if outcome.failure == OK else None
 
 

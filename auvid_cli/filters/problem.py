@@ -35,12 +35,12 @@ LINEARISATION_SIGNATURE = types.void(*(_vector, types.int64, _vector, _vector, _
 
 
 @compiled(OBSERVATION_SIGNATURE, pointer=True)
-def nothing_nonlinear(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
+def no_observation(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
     """Stand in for the observation of a problem without nonlinear sensors; never called."""
 
 
 @compiled(LINEARISATION_SIGNATURE, pointer=True)
-def nothing_to_linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
+def no_linearisation(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
     """Stand in for the derivative of that observation; never called."""
 
 
@@ -74,8 +74,8 @@ class Process(NamedTuple):
     selection: Indices
     noise_density: Array
     scratch_size: int = 0
-    observe: Any = nothing_nonlinear
-    linearise: Any = nothing_to_linearise
+    observe: Any = no_observation
+    linearise: Any = no_linearisation
     decay: Array = np.zeros(0)
 
 

@@ -58,16 +58,16 @@ class JointProblem(NamedTuple):
         return self.prior.mean.size - len(self.segments) * self.n_moving
 
     @property
-    def places(self) -> list[Indices]:
+    def indices(self) -> list[Indices]:
         """Return where in the joint state the state of each segment stands."""
-        return places(self.prior.mean.size, self.n_moving, len(self.segments))
+        return segment_indices(self.prior.mean.size, self.n_moving, len(self.segments))
 
     @property
     def priors(self) -> list[Gaussian]:
         """Return what the prior says of the state of each segment."""
-        return [of_segment(self.prior, place) for place in self.places]
+        return [segment_gaussian(self.prior, place) for place in self.indices]
 
-    def alone(self) -> "list[JointProblem]":
+    def by_segment(self) -> "list[JointProblem]":
         """Return the problem that each segment is by itself."""
         return [
             self._replace(segments=[timelines], prior=prior)
@@ -75,7 +75,7 @@ class JointProblem(NamedTuple):
         ]
 
 
-def places(n_joint: int, n_moving: int, n_segments: int) -> list[Indices]:
+def segment_indices(n_joint: int, n_moving: int, n_segments: int) -> list[Indices]:
     """Find where in a joint state the state of each segment stands."""
     n_parameters = n_joint - n_segments * n_moving
     motions = np.arange(n_parameters, n_joint).reshape(n_segments, n_moving)
@@ -86,18 +86,18 @@ def joint_gaussian(gaussians: Sequence[Gaussian], n_moving: int) -> Gaussian:
     """Join segments of which the same is known of the parameters, and whose motions share nothing else."""
     n = gaussians[0].mean.size + (len(gaussians) - 1) * n_moving
     joint = Gaussian(np.zeros(n), np.zeros((n, n)))
-    for gaussian, place in zip(gaussians, places(n, n_moving, len(gaussians)), strict=True):
+    for gaussian, place in zip(gaussians, segment_indices(n, n_moving, len(gaussians)), strict=True):
         joint.mean[place] = gaussian.mean
         joint.factor[np.ix_(place, place)] = gaussian.factor
     return joint
 
 
-def of_segment(joint: Gaussian, place: Indices) -> Gaussian:
+def segment_gaussian(joint: Gaussian, place: Indices) -> Gaussian:
     """Return what a joint Gaussian says of the state of a segment."""
     return Gaussian(joint.mean[place], joint.factor[np.ix_(place, place)])
 
 
-def one_after_the_other(run: FilterPass, problem: JointProblem, on_chunk: OnChunk) -> FilterOutcome:
+def filter_sequentially(run: FilterPass, problem: JointProblem, on_chunk: OnChunk) -> FilterOutcome:
     """Filter segments in their order; each begins with what the one before says of the parameters.
 
     Parameters
@@ -121,7 +121,7 @@ def one_after_the_other(run: FilterPass, problem: JointProblem, on_chunk: OnChun
             final = records.mean[-1]
         on_chunk(timeline, records)
 
-    for k, alone in enumerate(problem.alone()):
+    for k, alone in enumerate(problem.by_segment()):
         gaussian = alone.prior
         if k:
             try:

@@ -30,7 +30,7 @@ from auvid_cli.filters.problem import (
     Timeline,
     truncate,
 )
-from auvid_cli.filters.segments import JointProblem, one_after_the_other
+from auvid_cli.filters.segments import JointProblem, filter_sequentially
 from auvid_cli.filters.smoother_forward import SET_ASIDE
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.filters.workspace import cubature
@@ -129,7 +129,7 @@ def _segment_estimates(problem: JointProblem, answer: Filtered) -> Iterator[Alte
     """
     trajectory, n = answer.trajectory, answer.trajectory.parameters.size
     together, variance = answer.final.mean[:n], np.diagonal(answer.final.covariance())[:n]
-    for alone, initial, moving in zip(problem.alone(), trajectory.initial, trajectory.moving, strict=True):
+    for alone, initial, moving in zip(problem.by_segment(), trajectory.initial, trajectory.moving, strict=True):
         own = LinearSmoothing(alone).filter(Trajectory(trajectory.parameters, [initial], [moving]))
         assert own is not None, "with the others its trajectory has a finite cost"
         own_variance = np.diagonal(own.final.covariance())[:n]
@@ -234,7 +234,7 @@ def _ckf(problem: JointProblem) -> Trajectory | None:
         return run_square_root_filter(points, problem.process, problem.sensors, timelines, gaussian, on_chunk)
 
     points = cubature(n_parameters + problem.n_moving)
-    outcome = one_after_the_other(run, problem, keep)
+    outcome = filter_sequentially(run, problem, keep)
     return Trajectory(parameters, initial, moving) if outcome.failure == OK else None
 
 

@@ -26,7 +26,7 @@ from auvid_cli.filters.problem import (
     empty_records,
     truncate,
 )
-from auvid_cli.filters.segments import JointProblem, one_after_the_other
+from auvid_cli.filters.segments import JointProblem, filter_sequentially
 from auvid_cli.filters.sigma_points import all_finite, collect_points, draw_points, update
 from auvid_cli.filters.workspace import (
     MODEL,
@@ -231,7 +231,7 @@ class KalmanFilter(ABC):
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Filter one segment after the other."""
         problem = JointProblem(self.process, self.sensors, segments, prior)
-        return one_after_the_other(self.filter_segment, problem, on_chunk)
+        return filter_sequentially(self.filter_segment, problem, on_chunk)
 
 
 class ExtendedKalmanFilter(KalmanFilter):

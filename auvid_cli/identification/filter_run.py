@@ -13,7 +13,7 @@ from auvid_cli.data.faults import Fault, FaultKind, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.filters import problem
 from auvid_cli.filters.problem import AlternativeEstimate, FaultScores, FilterOutcome, Gaussian, Records, Timeline
-from auvid_cli.filters.segments import of_segment
+from auvid_cli.filters.segments import segment_gaussian
 from auvid_cli.filters.square_root import Estimator
 from auvid_cli.identification.prepared_data import FoundDelays
 from auvid_cli.vehicle.parameters import SENSORS
@@ -230,7 +230,7 @@ class _Course:
         self._run, self._on_chunk = run, on_chunk
         self._every = run.header.experiment.identification.keep_every
         # Before the first event the last good state is the prior.
-        prior = of_segment(run.prior, np.arange(run.scale.size))
+        prior = segment_gaussian(run.prior, np.arange(run.scale.size))
         rows = np.array([self.reached]), prior.mean[None, :], np.diag(prior.factor)[None, :]
         self._latest = run.chunk(rows, {name: _no_innovations(record) for name, record in run.measuring.items()})
 

@@ -15,7 +15,7 @@ from auvid_cli.config.settings import Spans
 from auvid_cli.config.terms import Term
 from auvid_cli.data.findings import LEAST_HELD_OUT_GAIN, ScoredTerm, TermFindings
 from auvid_cli.errors import DataError
-from auvid_cli.filters.fault_scores import correlation, explained, gains, score_faults, sizes
+from auvid_cli.filters.fault_scores import correlation, fraction_explained, gains, score_faults, sizes
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import FaultScores
 from auvid_cli.filters.smoother import most_probable
@@ -284,7 +284,7 @@ class _Scored(NamedTuple):
         """Find what a fit says of them."""
         scores = fit.scores(candidates)
         n, by_gain = len(scores.effect), gains(scores)
-        shares = explained(scores, fit.answer.final.covariance()[:n, :n])
+        shares = fraction_explained(scores, fit.answer.final.covariance()[:n, :n])
         return cls(candidates, scores, by_gain, shares, np.argsort(-by_gain).tolist())
 
     def leaders(self) -> list[int]:

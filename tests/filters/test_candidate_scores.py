@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.fault_scores import correlation, explained, gains, sizes
+from auvid_cli.filters.fault_scores import correlation, fraction_explained, gains, sizes
 from auvid_cli.filters.problem import FaultScores
 
 N, N_PARAMETERS, N_CANDIDATES = 300, 3, 6
@@ -69,4 +69,4 @@ def test_what_the_parameters_make_up_for_is_the_share_of_the_squares(regression,
     known, candidates, _ = regression
     covariance = np.linalg.inv(known.T @ known)
     expected = 1.0 - np.sum(left_of(known, candidates) ** 2, axis=0) / np.sum(candidates**2, axis=0)
-    assert_allclose(explained(scores, covariance), expected)
+    assert_allclose(fraction_explained(scores, covariance), expected)

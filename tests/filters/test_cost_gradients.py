@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.linear_smoother import LinearSmoothing
-from auvid_cli.filters.marginal import marginal_scores, without_motion
+from auvid_cli.filters.marginal import integrate_out_motion, marginal_scores
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Gaussian, Process, Sensors, Timeline
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import most_probable
@@ -103,7 +103,7 @@ def test_what_damping_owes_to_the_motion_counts(cut, rng):
     problem = problem_of(measured, cut)
     smoothing = LinearSmoothing(problem)
     (joint, _), *_ = most_probable(problem, smoothing, 50)
-    found = without_motion(problem, smoothing, joint, 50)
+    found = integrate_out_motion(problem, smoothing, joint, 50)
     assert found is not None
     answer, _ = found
     scores = marginal_scores(problem, smoothing, answer, Scale())

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import OK, Gaussian
-from auvid_cli.filters.segments import JointProblem, joint_gaussian, places
+from auvid_cli.filters.segments import JointProblem, joint_gaussian, segment_indices
 from auvid_cli.filters.smoother import run_smoother
 
 N_MOVING, N_FAULTS = 4, 3
@@ -51,7 +51,7 @@ def dense(request, linear_problem, events_of):
     of_faults, of_noise = slice(n_joint, n_joint + N_FAULTS), n_joint + N_FAULTS
     columns, variances = of_noise + 30 * N_MOVING, np.zeros(30 * N_MOVING)
     rows, heard, noise = [], [], []
-    starts = dict(zip(cuts, places(n_joint, N_MOVING, len(p.segments)), strict=False))
+    starts = dict(zip(cuts, segment_indices(n_joint, N_MOVING, len(p.segments)), strict=False))
     state, mean = np.zeros((n, columns)), np.zeros(n)
     for event in range(30):
         if event in starts:

@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.linear_smoother import LinearSmoothing
-from auvid_cli.filters.marginal import without_motion
+from auvid_cli.filters.marginal import integrate_out_motion
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     OBSERVATION_SIGNATURE,
@@ -153,7 +153,7 @@ def test_it_says_how_far_it_is_from_its_end_where_the_steps_are_too_few(rng):
     problem = problem_of(simulated(rng), ())
     smoothing = LinearSmoothing(problem)
     (joint, _), *_ = most_probable(problem, smoothing, 50)
-    found, few = without_motion(problem, smoothing, joint, 50), without_motion(problem, smoothing, joint, 1)
+    found, few = integrate_out_motion(problem, smoothing, joint, 50), integrate_out_motion(problem, smoothing, joint, 1)
     assert found is not None
     assert few is not None
     (late, settled), (early, convergence) = found, few

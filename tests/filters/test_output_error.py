@@ -281,7 +281,7 @@ def test_a_fit_that_is_lost_where_nothing_is_known_is_not_believed(linear_proble
 
     def fit(problem, start, *others):
         if not lost:
-            lost.append(LeastSquaresFit(start + 100.0, Information.none(start.size), 1e8, True, 1))
+            lost.append(LeastSquaresFit(start + 100.0, Information.empty(start.size), 1e8, True, 1))
             return lost[0]
         return fit_free_motion(problem, start, *others)
 

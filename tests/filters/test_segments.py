@@ -9,10 +9,16 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from auvid_cli.filters.ekf import run_extended_filter
-from auvid_cli.filters.least_squares import Information, jointly
+from auvid_cli.filters.least_squares import Information, join_segments
 from auvid_cli.filters.output_error import run_output_error
 from auvid_cli.filters.problem import OK, PREDICTION, Gaussian
-from auvid_cli.filters.segments import JointProblem, joint_gaussian, of_segment, one_after_the_other, places
+from auvid_cli.filters.segments import (
+    JointProblem,
+    filter_sequentially,
+    joint_gaussian,
+    segment_gaussian,
+    segment_indices,
+)
 from auvid_cli.filters.smoother import run_smoother
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.filters.workspace import cubature
@@ -72,16 +78,16 @@ def received():
 
 
 def test_the_own_states_share_the_parameters():
-    assert [place.tolist() for place in places(8, 2, 3)] == [[0, 1, 2, 3], [0, 1, 4, 5], [0, 1, 6, 7]]
+    assert [place.tolist() for place in segment_indices(8, 2, 3)] == [[0, 1, 2, 3], [0, 1, 4, 5], [0, 1, 6, 7]]
 
 
 def test_a_joint_gaussian_says_of_each_what_was_known(cut_in_two):
     p = cut_in_two
     n = p.prior.mean.size
     covariance = p.joint.factor @ p.joint.factor.T
-    for place, gaussian in zip(p.places, [p.prior, of_segment(p.joint, p.places[1])], strict=True):
+    for place, gaussian in zip(p.places, [p.prior, segment_gaussian(p.joint, p.places[1])], strict=True):
         assert_allclose(covariance[np.ix_(place, place)], gaussian.factor @ gaussian.factor.T, rtol=1e-12)
-    assert np.array_equal(of_segment(p.joint, p.places[0]).factor, p.prior.factor)
+    assert np.array_equal(segment_gaussian(p.joint, p.places[0]).factor, p.prior.factor)
     # What the motions share is what both share with the parameters.
     known = n - N_MOVING
     by_parameters = [p.prior.factor[known:, :known], p.joint.factor[n:, :known]]
@@ -117,7 +123,7 @@ def test_without_process_noise_a_filter_knows_in_the_end_what_the_fit_knows(kind
         "extended": partial(run_extended_filter, process, p.sensors),
     }[kind]
     on_chunk, means, _ = received()
-    outcome = one_after_the_other(run, JointProblem(process, p.sensors, p.segments, p.joint), on_chunk)
+    outcome = filter_sequentially(run, JointProblem(process, p.sensors, p.segments, p.joint), on_chunk)
     assert (outcome.n_good, outcome.failure) == (30, OK)
     own = p.transition[1][-1] @ covariance[np.ix_(p.places[1], p.places[1])] @ p.transition[1][-1].T
     deviation = np.sqrt(np.diag(own))
@@ -164,13 +170,13 @@ def random_parts(rng, n_parameters, n_moving, n_segments):
 
 
 def of_rows(rows):
-    return Information.none(rows.shape[1] - 1).with_rows(rows, len(rows))
+    return Information.empty(rows.shape[1] - 1).with_rows(rows, len(rows))
 
 
 @given(seed=seeds, n_parameters=st.integers(1, 8), n_moving=st.integers(1, 5), n_segments=st.integers(1, 4))
 def test_information_of_all_is_that_of_all_rows(seed, n_parameters, n_moving, n_segments):
     own, rows = random_parts(np.random.default_rng(seed), n_parameters, n_moving, n_segments)
-    found = jointly([of_rows(chunk) for chunk in own], n_parameters)
+    found = join_segments([of_rows(chunk) for chunk in own], n_parameters)
     assert found.n_measurements == len(rows)
     size = np.linalg.norm(rows, axis=0)
     whole = np.vstack(
