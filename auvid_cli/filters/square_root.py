@@ -18,15 +18,15 @@ from auvid_cli.filters.problem import (
     TIMELINE,
     FilterOutcome,
     Gaussian,
+    JointProblem,
     ModelData,
     OnChunk,
     Process,
     Sensors,
     Timeline,
     empty_records,
-    truncate,
+    filter_sequentially,
 )
-from auvid_cli.filters.segments import JointProblem, filter_sequentially
 from auvid_cli.filters.sigma_points import all_finite, collect_points, draw_points, update
 from auvid_cli.filters.workspace import (
     MODEL,
@@ -175,7 +175,7 @@ def run_square_root_filter(
         before, records = state.copy(), empty_records(timeline, n)
         done, failure = _run(*model, timeline, state, records, work)
         n_good += done
-        on_chunk(timeline, truncate(records, done, int(timeline.measurement_offset[min(done + 1, timeline.time.size)])))
+        on_chunk(timeline, records.truncate(done, int(timeline.measurement_offset[min(done + 1, timeline.time.size)])))
         if failure != OK:
             # Once more from before the chunk, to stop at the last good state; what failed may have left anything.
             state, work = before, new_workspace(*space)
@@ -203,7 +203,7 @@ class Estimator(Protocol):
         ...
 
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
-        """Estimate the joint state of segments, see `auvid_cli.filters.segments`, and hand over what is found."""
+        """Estimate the joint state of segments, see `auvid_cli.filters.problem`, and hand over what is found."""
         ...
 
 

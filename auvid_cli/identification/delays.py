@@ -214,10 +214,10 @@ def _fit(prepared: PreparedData, symbols: Sequence[str]) -> _Fit | None:
         return None
     (answer, _), score = answers[0], score_faults
     if settings.is_marginal:
-        # What it is compiled from serves no other answer.
-        from auvid_cli.filters.marginal import marginal_answer, marginal_scores
+        # Its compiled code serves no other estimate.
+        from auvid_cli.filters.marginal import marginal_estimate, marginal_scores
 
-        found = marginal_answer(problem, smoothing, answer, max_passes)
+        found = marginal_estimate(problem, smoothing, answer, max_passes)
         if found is None:
             return None
         problem, answer, _ = found

@@ -12,8 +12,15 @@ from auvid_cli.data.estimate import EstimateChunk, EstimateHeader, Outcome
 from auvid_cli.data.faults import Fault, FaultKind, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.filters import problem
-from auvid_cli.filters.problem import AlternativeEstimate, FaultScores, FilterOutcome, Gaussian, Records, Timeline
-from auvid_cli.filters.segments import segment_gaussian
+from auvid_cli.filters.problem import (
+    AlternativeEstimate,
+    FaultScores,
+    FilterOutcome,
+    Gaussian,
+    Records,
+    Timeline,
+    segment_gaussian,
+)
 from auvid_cli.filters.square_root import Estimator
 from auvid_cli.identification.prepared_data import FoundDelays
 from auvid_cli.vehicle.parameters import SENSORS

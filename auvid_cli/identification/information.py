@@ -37,7 +37,7 @@ class DatasetInformation:
     prior : Gaussian
         That a filter would start from, in the same units, about the joint state of the segments.
     by_sensor : dict of Information
-        Of each sensor that measures motion, about the joint state, see `auvid_cli.filters.segments`.
+        Of each sensor that measures motion, about the joint state, see `auvid_cli.filters.problem`.
     total : Information
         Of all sensors.
     growing : tuple of (float, Information)
@@ -154,7 +154,7 @@ def _stages(
     by_sensor = dict.fromkeys(problem.measuring, Information.empty(start.size))
     for response in responses(problem.process, problem.sensors, timelines, start, path):
         time, measured_by = response.timeline.time, response.timeline.measurement_sensor
-        if response.blew_up:
+        if response.diverged:
             raise DataError(f"with these coefficients the model blows up at t = {time[len(response.mean)]:.3f} s")
         by_sensor = {
             name: information.with_response(response, measured_by == sensor)

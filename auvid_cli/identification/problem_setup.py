@@ -10,8 +10,7 @@ from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.identification import STEPS_PER_TIME_CONSTANT
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError, DataError
-from auvid_cli.filters.problem import Gaussian, Indices, Process, Sensors
-from auvid_cli.filters.segments import JointProblem, joint_gaussian, segment_indices
+from auvid_cli.filters.problem import Gaussian, Indices, JointProblem, Process, Sensors, joint_gaussian, segment_indices
 from auvid_cli.filters.smoother_forward import THRESHOLD
 from auvid_cli.identification.compiled_layout import NOT_USED, KnownSensor, KnownSensors
 from auvid_cli.identification.prepared_data import PreparedData, Segment
@@ -83,7 +82,7 @@ class AugmentedProblem:
     segments : tuple of Segment
         In time order.
     prior : Gaussian
-        About the joint state of the segments, see `auvid_cli.filters.segments`.
+        About the joint state of the segments, see `auvid_cli.filters.problem`.
     """
 
     layout: StateLayout

@@ -8,8 +8,15 @@ from scipy.optimize import minimize
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.linear_smoother import LinearSmoothing
 from auvid_cli.filters.marginal import integrate_out_motion, marginal_scores
-from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Gaussian, Process, Sensors, Timeline
-from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.problem import (
+    PROCESS_SIGNATURE,
+    TRANSITION_SIGNATURE,
+    Gaussian,
+    JointProblem,
+    Process,
+    Sensors,
+    Timeline,
+)
 from auvid_cli.filters.smoother import most_probable
 
 N, STEP, THRUST, DRAG, DENSITY, NOISE = 400, 0.1, 1.0, 0.5, 0.4, 0.05

@@ -8,8 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.filters.fault_scores import FaultEffects
-from auvid_cli.filters.problem import OK, Gaussian
-from auvid_cli.filters.segments import JointProblem, joint_gaussian, segment_indices
+from auvid_cli.filters.problem import OK, Gaussian, JointProblem, joint_gaussian, segment_indices
 from auvid_cli.filters.smoother import run_smoother
 
 N_MOVING, N_FAULTS = 4, 3

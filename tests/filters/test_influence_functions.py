@@ -4,13 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from auvid_cli.filters.influence_functions import of_free_motion, of_smoothing
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.influence_functions import of_free_motion, of_smoothing
 from auvid_cli.filters.least_squares import Information, fit_free_motion
 from auvid_cli.filters.linear_smoother import LinearSmoothing
-from auvid_cli.filters.problem import Gaussian
-from auvid_cli.filters.segments import JointProblem, joint_gaussian
+from auvid_cli.filters.problem import Gaussian, JointProblem, joint_gaussian
 from auvid_cli.filters.smoother import most_probable
 
 N_MOVING, EVENTS = 4, 30

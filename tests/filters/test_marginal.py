@@ -15,11 +15,11 @@ from auvid_cli.filters.problem import (
     PROCESS_SIGNATURE,
     TRANSITION_SIGNATURE,
     Gaussian,
+    JointProblem,
     Process,
     Sensors,
     Timeline,
 )
-from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import most_probable, run_smoother
 from auvid_cli.lanes import LANES
 

@@ -10,8 +10,15 @@ from scipy.stats import multivariate_normal
 from auvid_cli.filters.linear_smoother import LinearSmoothing, Trajectory
 from auvid_cli.filters.noise_likelihood import _climb, _intervals, _Likelihood, most_likely_noise, scaled
 from auvid_cli.filters.noise_scores import NoiseGroup
-from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Gaussian, Process, Sensors, Timeline
-from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.problem import (
+    PROCESS_SIGNATURE,
+    TRANSITION_SIGNATURE,
+    Gaussian,
+    JointProblem,
+    Process,
+    Sensors,
+    Timeline,
+)
 
 GROUPS = (NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3)), NoiseGroup(sensor=0))
 

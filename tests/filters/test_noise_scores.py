@@ -10,8 +10,7 @@ from numpy.testing import assert_allclose
 from auvid_cli.filters.linear_smoother import LinearSmoothing, Trajectory
 from auvid_cli.filters.noise_likelihood import scaled
 from auvid_cli.filters.noise_scores import NoiseGroup, noise_scores
-from auvid_cli.filters.problem import TRANSITION_SIGNATURE, Gaussian
-from auvid_cli.filters.segments import JointProblem, joint_gaussian
+from auvid_cli.filters.problem import TRANSITION_SIGNATURE, Gaussian, JointProblem, joint_gaussian
 
 N_MOVING = 4
 GROUPS = (NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3)), NoiseGroup(sensor=0), NoiseGroup(sensor=1))

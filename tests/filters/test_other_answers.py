@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.segments import JointProblem, joint_gaussian
+from auvid_cli.filters.problem import JointProblem, joint_gaussian
 from auvid_cli.filters.smoother import other_minimum, run_smoother
 
 

@@ -11,8 +11,7 @@ from scipy.optimize import least_squares
 from auvid_cli.filters.ekf import run_extended_filter
 from auvid_cli.filters.least_squares import Information, LeastSquaresFit, fit_free_motion
 from auvid_cli.filters.output_error import FirstEvents, run_output_error
-from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Gaussian
-from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Gaussian, JointProblem
 from auvid_cli.filters.square_root import run_square_root_filter
 
 EVENTS = 30

@@ -10,8 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
 from auvid_cli.filters.linear_smoother import noise_variance, with_process_memory
-from auvid_cli.filters.problem import Process
-from auvid_cli.filters.segments import JointProblem, joint_gaussian
+from auvid_cli.filters.problem import JointProblem, Process, joint_gaussian
 
 RATE = st.floats(-3.0, 20.0)
 

@@ -11,8 +11,10 @@ from numpy.testing import assert_allclose
 from auvid_cli.filters.ekf import run_extended_filter
 from auvid_cli.filters.least_squares import Information, join_segments
 from auvid_cli.filters.output_error import run_output_error
-from auvid_cli.filters.problem import OK, PREDICTION, Gaussian
-from auvid_cli.filters.segments import (
+from auvid_cli.filters.problem import (
+    OK,
+    PREDICTION,
+    Gaussian,
     JointProblem,
     filter_sequentially,
     joint_gaussian,

@@ -16,7 +16,7 @@ N_MOVING = 9
 def whole(problem, start, chunks):
     """States, sensitivities, innovations and whitened rows of all chunks as one."""
     found = list(responses(problem.process, problem.sensors, chunks, start))
-    assert not found[-1].blew_up
+    assert not found[-1].diverged
     return tuple(np.concatenate([r[k] for r in found]) for k in (1, 2, 3, 4))
 
 
@@ -83,7 +83,7 @@ def test_they_end_where_the_motion_blows_up(linear_problem, events_of):
     t = t._replace(inputs=np.vstack([t.inputs, np.full((1, t.inputs.shape[1]), np.nan)]), substep_input=substep_input)
     chunks = [events_of(t, first, first + 10) for first in (0, 10, 20)]
     found = list(responses(p.process, p.sensors, chunks, p.prior.mean))
-    assert [r.blew_up for r in found] == [False, True]
+    assert [r.diverged for r in found] == [False, True]
     assert [len(r.mean) for r in found] == [10, 3]
     assert len(found[1].innovation) == len(found[1].whitened) == chunks[1].measurement_offset[3]
     assert all(np.isfinite(r.mean).all() and np.isfinite(r.whitened).all() for r in found)

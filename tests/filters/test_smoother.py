@@ -7,8 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
-from auvid_cli.filters.problem import OK, PREDICTION
-from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.problem import OK, PREDICTION, JointProblem
 from auvid_cli.filters.smoother import run_smoother
 from auvid_cli.filters.smoother_backward import backward
 
