@@ -1,6 +1,6 @@
-"""Lower-triangular factors of covariances: made from rows, and conditioned on a measurement.
+"""Lower-triangular factors of covariances: from rows by Gram-Schmidt, and Carlson's update with a measurement.
 
-The covariance is carried as a factor S and never formed, so it cannot lose definiteness by rounding.
+Filters store the factor S of the covariance ``S S'``, which stays positive definite in spite of rounding.
 """
 
 import numpy as np
@@ -8,22 +8,22 @@ from numba import types
 
 from auvid_cli.compilation import compiled
 
-# Rows of a factor are padded with zeros to whole tiles, and worked on from a tile's edge on.
+# Rows of a factor are padded with zeros to whole tiles; loops start at the edge of a tile.
 TILE = 8
 _0, _1, _2, _3, _4, _TILE = (np.uint64(number) for number in (0, 1, 2, 3, 4, TILE))
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _four = types.UniTuple(types.float64, 4)
 LEAST = float(np.finfo(np.float64).tiny)
-# `orthogonalise` takes four rows at a time from any on, and so touches as many behind the last.
+# Rows after the last that `orthogonalise` writes to, because it takes four rows at a time.
 SPARE_ROWS = 3
 
 
 @compiled(types.void(_vector, _four, *[_vector] * 4), reassociate=True, internal=True)
 def _take_away(row, shares, other0, other1, other2, other3):
-    """Take shares of a row from four others.
+    """Subtract multiples of a row from four others.
 
-    As arguments they do not overlap: the compiler makes one loop of vectors of it, and does not look whether they do.
+    Separate arguments do not overlap, so that the compiler vectorises the loop without checks.
     """
     share0, share1, share2, share3 = shares
     for k in range(row.size):
@@ -36,10 +36,9 @@ def _take_away(row, shares, other0, other1, other2, other3):
 
 @compiled(types.void(_matrix, types.int64, types.int64, types.float64, _matrix), reassociate=True, internal=True)
 def orthogonalise(rows, i, n, square, lower):
-    """Make the rows behind row i, whose square is given, orthogonal to it; fill in that row and column of `lower`.
+    """Make the rows after row i orthogonal to it, given its `square`; fill in that row and column of `lower`.
 
-    Four rows at a time read the one that they are made orthogonal to a quarter as often; of `rows`, and of rows and
-    columns of `lower`, there are `SPARE_ROWS` more than n.
+    Four rows at a time save loads of row i. `rows` and `lower` have `SPARE_ROWS` more than n rows (and columns).
     """
     row = rows[i]
     norm, inverse = np.sqrt(square), 1.0 / square
@@ -64,14 +63,14 @@ def orthogonalise(rows, i, n, square, lower):
 def triangularise(rows, n, lower):
     """Find the lower-triangular L with ``L L' = rows rows'`` for the first n rows, by modified Gram-Schmidt.
 
-    The triangular factor of modified Gram-Schmidt is as accurate as Householder's (Bjorck 1967). Overwrites
-    `rows`, of which there are as many as `orthogonalise` needs. False if a row vanishes or is not finite.
+    The triangular factor is as accurate as Householder's (Bjorck 1967). Overwrites `rows`, see `orthogonalise`. False
+    if a row is zero or not finite.
     """
     for i in range(n):
         row, square = rows[i], 0.0
         for k in range(row.size):
             square += row[k] * row[k]
-        # Of a smaller one there is no reciprocal.
+        # The reciprocal of a smaller number overflows.
         if not (square >= LEAST and square < np.inf):
             return False
         orthogonalise(rows, i, n, square, lower)
@@ -80,7 +79,7 @@ def triangularise(rows, n, lower):
 
 @compiled(types.void(*[_vector] * 5, types.uint64, *[_four] * 3), reassociate=True, internal=True)
 def _condition_four(column0, column1, column2, column3, gain, edge, measured, keep, give):
-    """Condition four columns of a factor, the last first, see `carlson_update`; as arguments they do not overlap."""
+    """Update four columns of a factor, the last one first, see `carlson_update`."""
     f0, f1, f2, f3 = measured
     keep0, keep1, keep2, keep3 = keep
     give0, give1, give2, give3 = give
@@ -99,36 +98,35 @@ def _condition_four(column0, column1, column2, column3, gain, edge, measured, ke
 
 @compiled(types.float64(_matrix, types.int64, _vector, types.float64, *[_vector] * 3), reassociate=True)
 def carlson_update(columns, n, measured, variance, gain, ratio, share):
-    """Condition a factor, and whatever rides along with it, on a combination of its rows measured with noise.
+    """Update a factor with a scalar measurement (Carlson, AIAA J. 11(9), 1973).
 
     Parameters
     ----------
     columns : ndarray, shape (at least n rounded up to a multiple of four, width)
-        Row j holds column j of the lower-triangular factor S, then, from n on, entry j of further rows that
-        depend on the state linearly. Zero elsewhere; width is a multiple of `TILE`. Updated in place.
+        Row j holds column j of the lower-triangular factor S, then, from n on, entry j of additional rows that are
+        linear in the state. Zero elsewhere; width is a multiple of `TILE`. Updated in place.
     n : int
         Dimension of the state.
     measured : ndarray, shape (at least n rounded up to a multiple of four,)
-        The combination in the basis of the factor: with h the row of the measurement matrix, ``h S``. Zero from n on.
+        ``h S`` with h the row of the measurement matrix. Zero from n on.
     variance : float
-        Of the measurement noise.
+        Variance of the measurement noise.
     gain : ndarray, shape (width,)
-        Filled with the covariance of every row with the measured one; divide by the returned value.
-    ratio, share : ndarray, shape (one more than `measured` needs,)
-        Overwritten.
+        Filled in: covariance of the state with the innovation; the Kalman gain times the returned value.
+    ratio, share : ndarray, shape (one more than `measured`,)
+        Scratch.
 
     Returns
     -------
     float
-        Variance of the innovation; NaN, and the factor as it was, where its square is no number any more.
+        Variance of the innovation; NaN, and the factor unchanged, if its square overflows.
 
     Notes
     -----
-    With f the measured row, ``I - f f' / (variance + f' f)`` has the lower-triangular root L with, for
+    With f = `measured`, ``I - f f' / (variance + f' f)`` has the lower-triangular root L with, for
     ``a_j = variance + sum_{k >= j} f_k^2``, ``L_jj = sqrt(a_{j+1} / a_j)`` and ``L_ij = -f_i f_j / sqrt(a_j
-    a_{j+1})``; S L is built column by column from the last (Carlson, AIAA J. 11(9), 1973). Four columns at a
-    time load and store the gain a quarter as often; padding columns of zeros fill up the last four. Indices are
-    unsigned, so that none is looked at for counting from the end.
+    a_{j+1})``; S L is built column by column from the last. Four columns at a time save loads and stores of the gain;
+    padding columns of zeros fill up the last four. Unsigned indices are not tested for counting from the end.
     """
     width, last = np.uint64(columns.shape[1]), (np.uint64(n) + _3) // _4 * _4
     total = variance
@@ -136,7 +134,7 @@ def carlson_update(columns, n, measured, variance, gain, ratio, share):
     for step in range(_0, last, _4):
         j = last - _4 - step
         f0, f1, f2, f3 = measured[j], measured[j + _1], measured[j + _2], measured[j + _3]
-        # The sum over four is made apart, so that one waits only for every fourth of them.
+        # Partial sums over four columns shorten the chain of dependent additions.
         sum3 = f3 * f3
         sum2 = sum3 + f2 * f2
         sum1 = sum2 + f1 * f1

@@ -93,7 +93,7 @@ def carry_errors(timeline, about, forward_pass, effects, error, moved):
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
             for i in range(n_moving):
                 for f in range(n_faults):
-                    moved[i, f] = effects.pushed[event, i, f]
+                    moved[i, f] = effects.on_states[event, i, f]
                 for j in range(n):
                     rate = about.transition[event, i, j]
                     for f in range(n_faults):
@@ -103,7 +103,7 @@ def carry_errors(timeline, about, forward_pass, effects, error, moved):
                     error[n_parameters + i, f] = moved[i, f]
         for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
             for c in range(about.residual.shape[1]):
-                effect = effects.added[k, c]
+                effect = effects.on_measurements[k, c]
                 if np.isnan(about.residual[k, c]):
                     for f in range(n_faults):
                         effect[f] = 0.0

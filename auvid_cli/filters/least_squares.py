@@ -61,15 +61,15 @@ def _compress(triangle, rows, columns):
 
 
 class Uncertainty(NamedTuple):
-    """Covariance ``root root'``, and infinite variance along the columns of `unobserved`.
+    """Covariance ``root root'``, and infinite variance along unobserved directions.
 
     Attributes
     ----------
     root : ndarray, shape (n, m)
-    blind : ndarray, shape (n, q)
-        Directions of which the measurements say nothing; of a whole state orthonormal in units of `unit`.
+    unobserved : ndarray, shape (n, q)
+        Directions without information as columns; those of a whole state are orthonormal in units of `unit`.
     unit : ndarray, shape (n,)
-        By which entries of the state are made comparable.
+        Scale of each entry of the state.
     """
 
     root: Array

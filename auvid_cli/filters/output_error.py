@@ -36,7 +36,7 @@ from auvid_cli.filters.workspace import cubature
 Array = NDArray[np.float64]
 # Smallest variance of a residual, relative to the noise: below, the fit meets the measurement exactly.
 _ROUNDING = 1e-9
-# Events of the first span of a segment, some 40 s at 100 Hz: enough to correct the parameters, and the motion stays near.
+# Events of the first span of a segment, some 40 s at 100 Hz: enough to correct the parameters of a CKF.
 _FIRST_SPAN = 4000
 # The same from the prior's parameters, with which the motion departs within seconds.
 _FIRST_SPAN_FROM_PRIOR = 250
