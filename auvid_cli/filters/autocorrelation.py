@@ -302,7 +302,7 @@ def corrected_deviation(nominal: Array, segments: Sequence[Iterable[Influence]],
     Parameters
     ----------
     nominal : ndarray, shape (n,)
-        Standard deviations of the parameters with white residuals. The contribution of a prior stays as it is.
+        Standard deviations of the parameters with white residuals. The contribution of a prior is not corrected.
     segments : sequence of iterable of Influence
         Each is read once, and a second time if residuals are autocorrelated and there was no room to keep it.
     n_channels : int

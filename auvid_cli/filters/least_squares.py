@@ -230,7 +230,7 @@ class LeastSquaresFit(NamedTuple):
     ----------
     state : ndarray, shape (n,)
     information : Information
-        Of the measurements, at this state.
+        Information of the measurements, at this state.
     cost : float
         Sum of squares.
     converged : bool

@@ -376,7 +376,7 @@ class ConditionalChunk(NamedTuple):
     before : ndarray, shape (n_moving, n_moving)
         Covariance of the deviation before the chunk.
     forward_pass : ForwardPass
-        Of the motion alone.
+        Forward pass of the motion alone.
     """
 
     timeline: Timeline

@@ -151,7 +151,7 @@ def _propagate_back(timeline, about, forward_pass, gradient, adjoint, by_states,
     Parameters
     ----------
     forward_pass : ForwardPass
-        Of the chunk; its errors are minus the effect of the gradient on innovations.
+        Forward pass of the chunk; its errors are minus the effect of the gradient on innovations.
     adjoint : Adjoint
         After the chunk; afterwards before it.
     by_states, by_measurements : ndarray, shape (n_events, n_moving) and (n_measurements, c)
@@ -342,7 +342,7 @@ def _backward_pass(timeline, motion, forward_pass, adjoint, before, variance, by
     Parameters
     ----------
     timeline, motion, forward_pass
-        Of the motion given the parameters.
+        Forward pass of the motion given the parameters.
     adjoint : Adjoint
         After the chunk; afterwards before it.
     before : ndarray, shape (n, n)

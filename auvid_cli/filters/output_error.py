@@ -63,7 +63,7 @@ def _report_segment(
     Returns
     -------
     covariance : ndarray, shape (n, n)
-        Of the state after the last good event.
+        Covariance of the state after the last good event.
     n_good : int
         Number of events until the motion diverges.
     """

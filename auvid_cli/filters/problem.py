@@ -353,7 +353,7 @@ class FilterOutcome(NamedTuple):
     faults : FaultScores or None
     others : tuple of AlternativeEstimate
     convergence : ConvergenceStatus or None
-        Of an iteration that did not converge.
+        Status of an iteration that did not converge.
     corrected : ndarray, shape (n_parameters,) or (0,)
         Standard deviations of a batch estimate that allow for autocorrelated residuals, see
         `auvid_cli.filters.autocorrelation`.
@@ -378,7 +378,7 @@ class JointProblem(NamedTuple):
     segments : sequence of iterable of Timeline
         In time order; each is read many times.
     prior : Gaussian
-        Of the joint state.
+        Prior of the joint state.
     """
 
     process: Process
@@ -452,7 +452,7 @@ def filter_sequentially(
     Returns
     -------
     FilterOutcome
-        Of the last segment, or of the one in which the filter failed; with the good events of all.
+        Outcome of the last segment, or of the one that failed; with the good events of all segments.
     """
     final, n_good = problem.prior.mean, 0
     outcome = FilterOutcome(np.zeros((0, 0)), 0, OK)

@@ -58,7 +58,7 @@ def simulated(rng):
 
 
 def problem_of(measured, cut):
-    """In segments that end after so many events, each in chunks."""
+    """Segments that end after these events, each in chunks."""
 
     def timeline(first, last, led):
         count = last - first
@@ -105,7 +105,7 @@ def minus_twice_log_posterior(parameters, measured, cut, scale):
 
 
 @pytest.mark.parametrize("cut", [(), (130, 300)], ids=["one segment", "three segments"])
-def test_what_damping_owes_to_the_motion_counts(cut, rng):
+def test_motion_dependent_damping_matches_exact_likelihood(cut, rng):
     measured = simulated(rng)
     problem = problem_of(measured, cut)
     smoothing = LinearSmoothing(problem)

@@ -65,7 +65,7 @@ def weighed_by_hand(problem, run):
 @pytest.mark.parametrize("linear_problem", [1], indirect=True)
 @pytest.mark.parametrize("fit", FITS.values(), ids=FITS)
 def test_a_robust_fit_is_where_reweighting_ends(fit, with_outliers, run_whole, monkeypatch):
-    monkeypatch.setattr("auvid_cli.filters.linear_smoother._NEGLIGIBLE", 1e-9)
+    monkeypatch.setattr("auvid_cli.filters.linear_smoother._MIN_DECREASE", 1e-9)
     expected, weights = weighed_by_hand(with_outliers, partial(run_whole, fit))
     history = run_whole(fit, with_outliers)
     assert history.failure == OK
@@ -101,7 +101,7 @@ def test_a_robust_output_error_fit_is_that_of_scipy(with_outliers, by_hand, run_
 
 @pytest.mark.parametrize("linear_problem", [1], indirect=True)
 @pytest.mark.parametrize("fit", FITS.values(), ids=FITS)
-def test_what_counts_less_than_half_is_told_and_not_judged(fit, with_outliers, run_whole):
+def test_small_weights_are_recorded_without_variance(fit, with_outliers, run_whole):
     records = run_whole(fit, with_outliers).records
     present, aside = ~np.isnan(with_outliers.timeline.measurement), records.weight < MIN_WEIGHT
     assert (records.weight[~present] == 1.0).all()
@@ -112,7 +112,7 @@ def test_what_counts_less_than_half_is_told_and_not_judged(fit, with_outliers, r
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
 @pytest.mark.parametrize("fit", FITS.values(), ids=FITS)
-def test_a_threshold_that_nothing_reaches_changes_nothing(fit, linear_problem, run_whole):
+def test_large_threshold_changes_nothing(fit, linear_problem, run_whole):
     plain = run_whole(fit, linear_problem)
     linear_problem.sensors = linear_problem.sensors._replace(threshold=1e6)
     history = run_whole(fit, linear_problem)
