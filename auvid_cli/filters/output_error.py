@@ -256,7 +256,7 @@ def _fit_growing_spans(
         else:
             best, remaining = longer, remaining - longer.evaluations
             fitted, span = span, min(2 * span, longest)
-    return best if fitted == longest else best._replace(converged=False, cost=np.inf, share=fitted / longest)
+    return best if fitted == longest else best._replace(converged=False, cost=np.inf, fraction=fitted / longest)
 
 
 def _report(problem: JointProblem, sizes: Sequence[int], best: LeastSquaresFit, on_chunk: OnChunk) -> FilterOutcome:
