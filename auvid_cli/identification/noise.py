@@ -199,7 +199,7 @@ def _disturbances(
         for lasts in _per_axis((*path, "time_constant"), of, rows) if with_time_constants else ():
             rates = tuple(place[row] for row in lasts.group.moving)
             least = min(log(_NOT_SHORTER * shortest / lasts.stated), 0.0)
-            yield lasts._replace(group=lasts.group._replace(rates=rates, least=least))
+            yield lasts._replace(group=lasts.group._replace(rates=rates, min_log_factor=least))
 
 
 def _rows(rows: slice) -> tuple[int, ...]:
