@@ -176,7 +176,7 @@ def assess(
     Parameters
     ----------
     by_sensor : mapping of Information
-        About the joint state of all segments, see `auvid_cli.filters.segments`.
+        About the joint state of all segments, see `auvid_cli.filters.problem`.
     growing : sequence of (float, Information)
         Of all sensors together after so many seconds, the whole last; about the own state of a segment.
     values : mapping of Assessed

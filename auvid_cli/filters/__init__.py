@@ -1,1 +1,1 @@
-"""State estimation that knows of vehicles nothing but a process and a measurement model."""
+"""State estimation for any process and measurement model."""

@@ -1,4 +1,8 @@
-"""Extended Kalman filter on filterpy, with the measurements of one instant stacked."""
+"""Extended Kalman filter based on filterpy, with the linear measurements of one event stacked.
+
+Sabet et al. 2018, Table A1. Events are filtered in blocks and checked afterwards, many at once. If a block fails, it is
+filtered again event by event, to stop at the last good one.
+"""
 
 import warnings
 from collections import defaultdict
@@ -25,37 +29,40 @@ from auvid_cli.filters.problem import (
     Sensors,
     Timeline,
     empty_records,
-    truncate,
 )
 
 Array = NDArray[np.float64]
-# A sensor, and what its measurement lacks: bit c for component c.
+# Sensor and missing components of a measurement: bit c for component c.
 Kind = tuple[int, int]
-# Events between two checks that the covariance is positive definite, and those that are judged together.
-_CHECK, _BLOCK = 50, 500
-# Of an inverse or a factor: a matrix that is singular, not definite or not finite.
-_BROKEN = (np.linalg.LinAlgError, ValueError)
+# Events from one check for a positive definite covariance to the next.
+_CHECK_INTERVAL = 50
+# Events that are checked together.
+_BLOCK = 500
+# Errors of an inverse or a factor of a matrix that is singular, not positive definite or not finite.
+_MATRIX_ERRORS = (np.linalg.LinAlgError, ValueError)
 
 
 class Stack:
-    """What does not change between measurements of the same sensors with the same components missing.
+    """Measurement model of stacked measurements, for given sensors and missing components.
 
     Parameters
     ----------
     sensors : Sensors
     kinds : tuple of (int, int)
-        One nonlinear sensor, or any number of linear ones; each with what its measurement lacks.
+        One nonlinear sensor, or any number of linear ones; each with its missing components.
 
     Attributes
     ----------
-    width, size : int
-        Most components of a sensor, and how many measurements there are.
+    width : int
+        Maximum number of components of a sensor.
+    size : int
+        Number of measurements.
     sensors, measurements : list of int
-        Sensors that say anything, and the places of their measurements in the stack.
+        Sensors with any component present, and the indices of their measurements in the stack.
     begins : ndarray of int
-        Where the components of each of them begin.
+        Index of the first component of each of these sensors.
     places : slice or ndarray of int
-        Of the components that are present, in measurements laid end to end.
+        Indices of the present components in the concatenated measurements.
     nonlinear : bool
     matrix, noise : ndarray
         Measurement matrix and noise covariance.
@@ -69,7 +76,7 @@ class Stack:
         self.sensors = [kinds[k][0] for k in self.measurements]
         self.begins = np.searchsorted(of_measurement, self.measurements)
         self._same_measurement = np.equal.outer(of_measurement, of_measurement).astype(np.float64)
-        # A slice is several times faster than a list of places.
+        # Indexing by a slice is several times faster than by a list.
         places = [k * width + c for k, c in present]
         self.places = slice(len(places)) if places == list(range(len(places))) else np.array(places)
         rows = [kinds[k][0] for k, _ in present], [c for _, c in present]
@@ -79,72 +86,70 @@ class Stack:
         self._angular = np.flatnonzero(sensors.angular[rows]).tolist()
 
     def derivative(self, state: Array) -> Array:
-        """Return the measurement matrix of linear sensors, whatever the state is."""
+        """Return the measurement matrix of linear sensors."""
         return self.matrix
 
     def residual(self, measurement: Array, predicted: Array) -> Array:
-        """Subtract the components present, angles wrapped to [-pi, pi)."""
+        """Return measured less predicted components, angles wrapped to [-pi, pi)."""
         difference = measurement - predicted
         for component in self._angular:
             angle = difference.item(component)
-            # Wrapping is a dozen times as slow as seeing that there is nothing to wrap.
+            # Wrapping takes twelve times as long as the test.
             if not -pi <= angle < pi:
                 difference[component] = wrap(angle)
         return difference
 
-    def one_by_one(self, innovation: Array, covariance: Array) -> tuple[Array, Array, Array]:
-        """Find what the innovations would have been, had the measurements been used one after the other.
+    def sequential(self, innovation: Array, covariance: Array) -> tuple[Array, Array, Array]:
+        """Return the innovations of sequential updates, one measurement after another.
 
-        With the factor L of their covariance, L^-1 y is white, and its part of a measurement is what this says beyond
-        those before; the diagonal block of L carries it back to the units of the measurement.
+        With the Cholesky factor L of the covariance of the innovation y, ``L^-1 y`` is white. The product of a
+        measurement's part of it with the diagonal block of L is the innovation given the measurements before.
 
         Parameters
         ----------
         innovation : ndarray, shape (k, m)
             At k times.
         covariance : ndarray, shape (k, m, m)
-            Of each.
+            Covariance of each.
 
         Returns
         -------
         innovation, variance : ndarray, shape (k, m)
         nis : ndarray, shape (k, n)
-            Normalised innovation squared of each of the n `sensors`.
+            Normalised innovation squared of each sensor.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            If a covariance is not positive definite.
+            For a covariance that is not positive definite.
         """
         factor = np.linalg.cholesky(covariance)
         white = np.zeros_like(innovation)
         for i in range(innovation.shape[1]):
             explained = np.einsum("kj,kj->k", factor[:, i, :i], white[:, :i])
             white[:, i] = (innovation[:, i] - explained) / factor[:, i, i]
-        alone = factor * self._same_measurement
-        variance = np.einsum("kij,kij->ki", alone, alone)
-        return np.einsum("kij,kj->ki", alone, white), variance, np.add.reduceat(white**2, self.begins, axis=1)
+        blocks = factor * self._same_measurement
+        variance = np.einsum("kij,kij->ki", blocks, blocks)
+        return np.einsum("kij,kj->ki", blocks, white), variance, np.add.reduceat(white**2, self.begins, axis=1)
 
-    def first_broken(self, innovation: Array, covariance: Array) -> int:
-        """Find the first of `sensors` up to which innovations are not finite or not definite; else the last."""
+    def first_failure(self, innovation: Array, covariance: Array) -> int:
+        """Return the first sensor whose innovation is not finite or not positive definite; else the last one."""
         ends = [*self.begins[1:], len(covariance)]
         whole = (np.isfinite(innovation[:end]).all() and is_definite(covariance[:end, :end]) for end in ends)
         return next((s for s, sound in zip(self.sensors, whole, strict=True) if not sound), self.sensors[-1])
 
 
 def is_definite(covariance: Array) -> bool:
-    """Say whether a matrix is positive definite, each row judged by its own size."""
-    # Scaled to unit diagonal first, so that rounding is judged against each state's own size.
+    """Whether a matrix is positive definite after scaling to a unit diagonal."""
     scale = 1.0 / np.sqrt(np.diagonal(covariance))
     _, failed = dpotrf(covariance * np.outer(scale, scale), lower=True)
     return not failed
 
 
 class ProcessEkf(ExtendedKalmanFilter):
-    """filterpy's filter with the mean moved by the process instead of by F.
+    """filterpy's filter, with the mean predicted by the process instead of F.
 
-    The state is a vector, not filterpy's default column: a column with a 1-d measurement broadcasts
-    to a matrix without an error.
+    The state is a vector instead of filterpy's column, which a 1-d measurement would silently broadcast to a matrix.
     """
 
     def __init__(self, process: Process, gaussian: Gaussian) -> None:
@@ -162,33 +167,33 @@ class ProcessEkf(ExtendedKalmanFilter):
         self._inputs = np.zeros(0)
 
     def move(self, inputs: Array, substep_input: NDArray[np.int64], substep_duration: Array, noise: Array) -> None:
-        """Predict over consecutive substeps of constant input, which add so much to the moving variances."""
+        """Predict over consecutive substeps of constant input; `noise` is added to the moving variances."""
         self._substeps = inputs, substep_input, substep_duration
         self._noise[:] = noise
         self.predict()
 
     def hold(self, inputs: Array) -> None:
-        """Take the inputs that hold from now on, which nonlinear sensors may depend on."""
+        """Set the inputs for nonlinear sensors."""
         self._inputs = inputs
 
     def start_from(self, mean: Array, covariance: Array) -> None:
-        """Go back to a state, as if nothing had come after it."""
+        """Restart from a state."""
         self.x, self.P = mean.copy(), covariance
         self.x_prior, self.P_prior = mean, covariance
 
-    def was_sound(self) -> bool:
-        """Say whether the last prediction, at least, was finite."""
+    def prediction_is_finite(self) -> bool:
+        """Whether the last prediction was finite."""
         return isfinite(self.x_prior.sum() + self.P_prior.diagonal().sum())
 
     def outside_gate(self, gate: float, stack: Stack, measurement: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Return the innovation of each present component, and whether it lies outside the gate."""
+        """Return the innovation of each present component, and whether it is outside the gate."""
         predicted, matrix = self._predicted_measurement(stack)
         innovation = stack.residual(measurement, predicted)
         variance = np.einsum("ij,jk,ik->i", matrix, self.P, matrix) + stack.noise.diagonal()
         return innovation, innovation**2 > gate * variance
 
     def update_with(self, stack: Stack, measurement: Array) -> None:
-        """Update with the present components of some measurements."""
+        """Update with the present components of stacked measurements."""
         derivative, predict = stack.derivative, stack.matrix.dot
         if stack.nonlinear:
             predicted, matrix = self._predicted_measurement(stack)
@@ -196,7 +201,7 @@ class ProcessEkf(ExtendedKalmanFilter):
         self.update(measurement, HJacobian=derivative, Hx=predict, R=stack.noise, residual=stack.residual)
 
     def _predicted_measurement(self, stack: Stack) -> tuple[Array, Array]:
-        """Predict a measurement, and its derivative by the state."""
+        """Return the predicted measurement and its derivative by the state."""
         if stack.nonlinear:
             process, width = self._process, stack.width
             predicted, matrix = np.zeros(width), np.zeros((width, self.x.size))
@@ -212,7 +217,7 @@ class ProcessEkf(ExtendedKalmanFilter):
 
 
 class _Part:
-    """A filter on a part of the data: what it says of several events is written down, then judged all together."""
+    """Filter of a chunk: filters several events, then checks all their innovations at once."""
 
     def __init__(self, ekf: ProcessEkf, sensors: Sensors, stack_of: Callable[..., Stack], timeline: Timeline) -> None:
         self._ekf, self._gate, self._stack_of, self._timeline = ekf, sensors.gate, stack_of, timeline
@@ -226,63 +231,63 @@ class _Part:
         missing = np.isnan(timeline.measurement)
         patterns = (missing @ (1 << np.arange(self._width))).tolist()
         self._kinds = list(zip(timeline.measurement_sensor.tolist(), patterns, strict=True))
-        # Where a nonlinear sensor is linearised, and what is rejected of a measurement, depends on those before it.
+        # With nonlinear sensors or a gate, an update depends on the previous one: nothing is stacked.
         self._holds = bool(sensors.nonlinear.any())
         spans = pairwise(self._measurements)
         if self._holds or self._gate < np.inf:
             together = ([(k, k + 1) for k in range(*span)] for span in spans)
         else:
             together = ([span] if span[0] < span[1] else [] for span in spans)
-        # By event: stacks, each with its first measurement.
-        self._heard = [[(stack_of(tuple(self._kinds[k:end])), k) for k, end in event] for event in together]
-        # By stack: first measurement, innovation and its covariance of every update that is not judged yet.
-        self._said: defaultdict[Stack, list[tuple[int, Array, Array]]] = defaultdict(list)
+        # Stacks of each event, with the index of their first measurement.
+        self._stacks = [[(stack_of(tuple(self._kinds[k:end])), k) for k, end in event] for event in together]
+        # First measurement, innovation and its covariance of unchecked updates, by stack.
+        self._unchecked: defaultdict[Stack, list[tuple[int, Array, Array]]] = defaultdict(list)
 
-    def goes_well(self, first: int, last: int) -> bool:
-        """Filter some events; whether all that comes of them is sound."""
+    def filter_block(self, first: int, last: int) -> bool:
+        """Filter a block of events; False if any state or innovation is invalid."""
         self._records.nis[self._measurements[first] : self._measurements[last]] = 0.0
         try:
             for event in range(first, last):
                 self._predict(event)
-                for stack, k in self._heard[event]:
+                for stack, k in self._stacks[event]:
                     self._update(self._accepted(stack, k), k)
-                self._note(event)
-                if event % _CHECK == 0 and not is_definite(self._ekf.P):
+                self._store_state(event)
+                if event % _CHECK_INTERVAL == 0 and not is_definite(self._ekf.P):
                     return False
-            self._judge()
-        except _BROKEN:
+            self._store_innovations()
+        except _MATRIX_ERRORS:
             return False
         return self._is_sound(first, last) and is_definite(self._ekf.P)
 
     def failure_at(self, event: int) -> int:
-        """Filter one event and judge after every step; what failed, or `OK`."""
+        """Filter one event with a check after each update; returns the failure, or `OK`."""
         ekf, sensor = self._ekf, PREDICTION
         self._predict(event)
-        for every, k in self._heard[event]:
-            stack = self._accepted(every, k)
-            self._records.nis[k : k + every.size] = 0.0
+        for whole, k in self._stacks[event]:
+            stack = self._accepted(whole, k)
+            self._records.nis[k : k + whole.size] = 0.0
             try:
                 self._update(stack, k)
-                self._judge()
-            except _BROKEN:
-                self._forget(k, k + every.size)
-                return stack.first_broken(ekf.y, ekf.S) if ekf.was_sound() else PREDICTION
+                self._store_innovations()
+            except _MATRIX_ERRORS:
+                self._clear(k, k + whole.size)
+                return stack.first_failure(ekf.y, ekf.S) if ekf.prediction_is_finite() else PREDICTION
             sensor = stack.sensors[-1] if stack.sensors else sensor
-        self._note(event)
+        self._store_state(event)
         if not self._is_sound(event, event + 1):
             return sensor
         return OK if is_definite(ekf.P) else PREDICTION
 
-    def forget(self, first: int, last: int) -> None:
-        """Take back what was said of some events."""
-        self._forget(self._measurements[first], self._measurements[last])
+    def clear(self, first: int, last: int) -> None:
+        """Clear the innovations of a block of events."""
+        self._clear(self._measurements[first], self._measurements[last])
 
     def until(self, n_good: int) -> Records:
-        """Return what was said of the events that went well, and of the measurements at the one after these."""
-        return truncate(self._records, n_good, self._measurements[min(n_good + 1, len(self._noise))])
+        """Return the records of the good events, and of the measurements at the next one."""
+        return self._records.truncate(n_good, self._measurements[min(n_good + 1, len(self._noise))])
 
-    def _forget(self, first: int, last: int) -> None:
-        self._said.clear()
+    def _clear(self, first: int, last: int) -> None:
+        self._unchecked.clear()
         for of_measurements in (self._records.nis, self._records.innovation, self._records.innovation_variance):
             of_measurements[first:last] = np.nan
 
@@ -295,7 +300,7 @@ class _Part:
             self._ekf.hold(t.inputs[t.event_input[event]])
 
     def _accepted(self, stack: Stack, k: int) -> Stack:
-        """Return what a gate leaves of a measurement."""
+        """Return the stack without the components outside the gate."""
         if self._gate == np.inf or not stack.sensors:
             return stack
         innovation, rejected = self._ekf.outside_gate(self._gate, stack, self._reading(stack, k))
@@ -310,25 +315,25 @@ class _Part:
     def _update(self, stack: Stack, k: int) -> None:
         if stack.sensors:
             self._ekf.update_with(stack, self._reading(stack, k))
-            self._said[stack].append((k, self._ekf.y, self._ekf.S))
+            self._unchecked[stack].append((k, self._ekf.y, self._ekf.S))
 
-    def _note(self, event: int) -> None:
+    def _store_state(self, event: int) -> None:
         self._records.mean[event] = self._ekf.x
-        # The square root is taken of all at once.
+        # Variances for now; `_is_sound` takes the square root of all at once.
         self._records.standard_deviation[event] = self._ekf.P.diagonal()
 
-    def _judge(self) -> None:
-        """Write down the innovations of all updates since the last time, stack by stack.
+    def _store_innovations(self) -> None:
+        """Store the innovations of all unchecked updates.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            If one has no positive, finite covariance.
+            For an innovation whose covariance is not positive definite and finite.
         """
-        for stack, said in self._said.items():
-            first, y, covariance = zip(*said, strict=True)
-            shape = len(said), stack.noise.shape[0]
-            innovation, variance, nis = stack.one_by_one(
+        for stack, updates in self._unchecked.items():
+            first, y, covariance = zip(*updates, strict=True)
+            shape = len(updates), stack.noise.shape[0]
+            innovation, variance, nis = stack.sequential(
                 np.concatenate(y).reshape(shape), np.concatenate(covariance).reshape(*shape, -1)
             )
             if not isfinite(nis.sum()):
@@ -338,10 +343,10 @@ class _Part:
             self._records.innovation.reshape(-1)[places] = innovation
             self._records.innovation_variance.reshape(-1)[places] = variance
             self._records.nis[begin + stack.measurements] = nis
-        self._said.clear()
+        self._unchecked.clear()
 
     def _is_sound(self, first: int, last: int) -> bool:
-        """Say whether the states are finite, and the variances finite and positive."""
+        """Whether states are finite, and variances finite and positive; turns these into standard deviations."""
         variance = self._records.standard_deviation[first:last]
         sound = isfinite(self._records.mean[first:last].sum() + variance.sum()) and variance.min() > 0.0
         np.sqrt(variance, out=variance)
@@ -351,16 +356,15 @@ class _Part:
 def run_extended_filter(
     process: Process, sensors: Sensors, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk
 ) -> FilterOutcome:
-    """Filter data with the EKF; arguments and result as of `run_square_root_filter`.
+    """Filter data with the EKF; parameters and result as in `run_square_root_filter`.
 
-    Sabet et al. 2018, Table A1. A measurement with missing components is shortened to the rest:
-    filterpy's ``update(None)`` would skip all of it.
+    A measurement with missing components is shortened: filterpy's ``update(None)`` would skip all of it.
     """
     ekf = ProcessEkf(process, prior)
     stack_of = cache(partial(Stack, sensors))
     n_good, failure = 0, OK
     with np.errstate(all="ignore"), warnings.catch_warnings():
-        # What overflows or is nearly singular is judged afterwards, and reported as divergence.
+        # Overflow and singular matrices are found by the checks, and reported as divergence.
         warnings.simplefilter("ignore", LinAlgWarning)
         for timeline in timelines:
             part = _Part(ekf, sensors, stack_of, timeline)
@@ -373,14 +377,14 @@ def run_extended_filter(
 
 
 def _run(ekf: ProcessEkf, part: _Part, n_events: int) -> tuple[int, int]:
-    """Filter a part up to the last good state; how many events that are, and what failed after them, or `OK`."""
+    """Filter a chunk; returns the number of good events, and the failure after them or `OK`."""
     for first in range(0, n_events, _BLOCK):
         last = min(first + _BLOCK, n_events)
         before = ekf.x.copy(), ekf.P
-        if part.goes_well(first, last):
+        if part.filter_block(first, last):
             continue
-        # Once more, event by event, to find what failed.
-        part.forget(first, last)
+        # Again event by event, to find the failure.
+        part.clear(first, last)
         ekf.start_from(*before)
         for event in range(first, last):
             before = ekf.x.copy(), ekf.P

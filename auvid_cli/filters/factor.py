@@ -1,6 +1,6 @@
-"""Lower-triangular factors of covariances: made from rows, and conditioned on a measurement.
+"""Lower-triangular factors of covariances: from rows by Gram-Schmidt, and Carlson's update with a measurement.
 
-The covariance is carried as a factor S and never formed, so it cannot lose definiteness by rounding.
+Filters store the factor S of the covariance ``S S'``, which stays positive definite in spite of rounding.
 """
 
 import numpy as np
@@ -63,7 +63,7 @@ def carlson_update(columns, n, measured, variance, gain, ratio, share):
     measured : ndarray, shape (at least n,)
         The combination in the basis of the factor: with h the row of the measurement matrix, ``f = h S``.
     variance : float
-        Of the measurement noise.
+        Variance of the measurement noise.
     gain : ndarray, shape (width,)
         Filled with the covariance of every row with the measured one; divide by the returned value.
     ratio, share : ndarray, shape (at least n + 1,)

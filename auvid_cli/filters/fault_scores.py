@@ -1,4 +1,9 @@
-"""Score tests of faults and of candidate terms: the fit of their signature to the residuals of a smoother."""
+"""Score tests of faults and candidate terms, from their signatures in the innovations of a smoother's forward pass.
+
+With the signature s_k of a fault of unit size in the innovation e_k, both normalised, the score is ``sum(s_k e_k)``,
+the information ``sum(s_k^2)``, and the maximum-likelihood estimate of its size score / information (Willsky and Jones,
+IEEE Trans. Autom. Control 21(1), 1976). Motion and parameters adapt to the fault, so that no refit is needed.
+"""
 
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, Protocol
@@ -18,48 +23,48 @@ _stack = types.float64[:, :, ::1]
 
 
 class FaultEffects(NamedTuple):
-    """What faults do to a chunk of the data, per unit of each.
+    """Direct effects of faults on a chunk of the data, per unit of each fault.
 
     Attributes
     ----------
-    pushed : ndarray, shape (n_events, n_moving, n_faults)
-        To the moving states between the event before and an event.
-    added : ndarray, shape (n_measurements, c, n_faults)
-        To what is measured; overwritten.
+    on_states : ndarray, shape (n_events, n_moving, n_faults)
+        On the moving states since the previous event.
+    on_measurements : ndarray, shape (n_measurements, c, n_faults)
+        On the measurements.
     """
 
-    pushed: Array
-    added: Array
+    on_states: Array
+    on_measurements: Array
 
 
-class ShownFaults(NamedTuple):
-    """What innovations show of faults in a chunk of the data.
+class FaultSignatures(NamedTuple):
+    """Signatures of faults in the innovations of a chunk.
 
     Attributes
     ----------
-    shown : ndarray, shape (m, n_faults)
-        In each innovation, by its standard deviation, per unit of each fault.
+    signature : ndarray, shape (m, n_faults)
+        Effect on each innovation, divided by its standard deviation, per unit of each fault.
     innovation : ndarray, shape (m,)
-        Itself, by its standard deviation.
+        Innovation, divided by its standard deviation.
     error : ndarray, shape (n, n_faults)
-        Of the state after the chunk; the next one overwrites it.
+        Error of the state after the chunk; the next chunk overwrites it.
     """
 
-    shown: Array
+    signature: Array
     innovation: Array
     error: Array
 
 
 class Faults(Protocol):
-    """What may be wrong with a model or its data."""
+    """Possible faults of a model or its data."""
 
     @property
     def labels(self) -> tuple[Any, ...]:
-        """Return the identity of each fault."""
+        """Identity of each fault."""
         ...
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
-        """Say what they do to a chunk of a segment, along a trajectory."""
+        """Return the effects on a chunk of a segment, linearised about a trajectory."""
         ...
 
 
@@ -68,19 +73,18 @@ _EFFECTS = types.NamedUniTuple(_stack, 2, FaultEffects)
 
 @compiled(types.void(TIMELINE, LINEARISED, FORWARD_PASS, _EFFECTS, _matrix, _matrix), reassociate=True)
 def carry_errors(timeline, about, forward_pass, effects, error, moved):
-    """Carry the errors that faults make through a chunk of the data.
+    """Propagate the errors of the filtered state that faults cause through a chunk.
 
     Parameters
     ----------
     timeline, about, forward_pass
         Of the chunk.
     effects : FaultEffects
-        What is added to measurements becomes what that and the errors before do to their innovations; zero where
-        missing.
+        `on_measurements` is replaced by the effects on innovations; zero if missing.
     error : ndarray, shape (n, n_faults)
-        Of the state, per unit of each fault: before the chunk, and afterwards at its end.
+        Error of the state per unit of each fault, before the chunk; afterwards at its end.
     moved : ndarray, shape (n_moving, n_faults)
-        Overwritten.
+        Scratch.
     """
     n, n_faults = error.shape
     n_moving = moved.shape[0]
@@ -89,7 +93,7 @@ def carry_errors(timeline, about, forward_pass, effects, error, moved):
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
             for i in range(n_moving):
                 for f in range(n_faults):
-                    moved[i, f] = effects.pushed[event, i, f]
+                    moved[i, f] = effects.on_states[event, i, f]
                 for j in range(n):
                     rate = about.transition[event, i, j]
                     for f in range(n_faults):
@@ -99,7 +103,7 @@ def carry_errors(timeline, about, forward_pass, effects, error, moved):
                     error[n_parameters + i, f] = moved[i, f]
         for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
             for c in range(about.residual.shape[1]):
-                effect = effects.added[k, c]
+                effect = effects.on_measurements[k, c]
                 if np.isnan(about.residual[k, c]):
                     for f in range(n_faults):
                         effect[f] = 0.0
@@ -109,7 +113,7 @@ def carry_errors(timeline, about, forward_pass, effects, error, moved):
                     if h != 0.0:
                         for f in range(n_faults):
                             effect[f] += h * error[j, f]
-                # Divided once, here: a quotient in the loop below would be divided at every turn.
+                # Divided outside of the loop below, which would repeat the division.
                 by_variance = moved[0]
                 for f in range(n_faults):
                     by_variance[f] = effect[f] / forward_pass.total[k, c]
@@ -119,103 +123,73 @@ def carry_errors(timeline, about, forward_pass, effects, error, moved):
                         error[j, f] -= gain * by_variance[f]
 
 
-def shown_faults(
+def fault_signatures(
     smoothing: LinearSmoothing,
     filtered: Filtered,
     n_faults: int,
     effects: Callable[[int, Timeline, Linearised], FaultEffects],
-) -> Iterator[ShownFaults]:
-    """Find what innovations show of faults, chunk by chunk.
-
-    Parameters
-    ----------
-    smoothing : LinearSmoothing
-    filtered : Filtered
-    n_faults : int
-    effects : callable
-        As `Faults.effects`.
-    """
+) -> Iterator[FaultSignatures]:
+    """Yield the signatures of faults in the innovations, chunk by chunk; `effects` as `Faults.effects`."""
     n_parameters, n_moving = filtered.trajectory.parameters.size, filtered.trajectory.initial[0].size
     error, moved = np.zeros((n_parameters + n_moving, n_faults)), np.zeros((n_moving, n_faults))
-    started = -1
+    last_segment = -1
     for segment, timeline, about, forward_pass in smoothing.forward_passes(filtered):
-        if segment > started:
-            # The motion begins anew, as far off as what it owes to the parameters.
+        if segment > last_segment:
+            # The error of the initial motion depends only on that of the parameters.
             error[n_parameters:] = filtered.by_parameters[segment] @ error[:n_parameters]
-            started = segment
+            last_segment = segment
         of_chunk = effects(segment, timeline, about)
         carry_errors(timeline, about, forward_pass, of_chunk, error, moved)
-        there = ~np.isnan(about.residual)
-        deviation = np.sqrt(forward_pass.total[there])
-        yield ShownFaults(of_chunk.added[there] / deviation[:, None], forward_pass.error[there] / deviation, error)
+        present = ~np.isnan(about.residual)
+        deviation = np.sqrt(forward_pass.total[present])
+        signature = of_chunk.on_measurements[present] / deviation[:, None]
+        yield FaultSignatures(signature, forward_pass.error[present] / deviation, error)
 
 
 def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults) -> FaultScores:
-    """Find what the data say of faults.
-
-    Parameters
-    ----------
-    smoothing : LinearSmoothing
-    filtered : Filtered
-        About the most probable trajectory.
-    faults : Faults
-    """
+    """Return the scores of faults about the most probable trajectory."""
     n_faults, n_parameters = len(faults.labels), filtered.trajectory.parameters.size
     score, information = np.zeros(n_faults), np.zeros((n_faults, n_faults))
     effect = np.zeros((n_parameters, n_faults))
-    for shown, innovation, error in shown_faults(smoothing, filtered, n_faults, faults.effects):
-        score += innovation @ shown
-        information += shown.T @ shown
+    for signature, innovation, error in fault_signatures(smoothing, filtered, n_faults, faults.effects):
+        score += innovation @ signature
+        information += signature.T @ signature
         effect = error[:n_parameters]
     return FaultScores(faults.labels, score, information, effect)
 
 
 def gains(scores: FaultScores) -> Array:
-    """Return by how much each raises the log-likelihood, shape (n,); 0 where nothing shows it.
-
-    Parameters
-    ----------
-    scores : FaultScores
-    """
-    told = np.diagonal(scores.information)
-    return np.divide(scores.score**2, 2.0 * told, out=np.zeros_like(scores.score), where=told > 0.0)
+    """Return the increase of the log-likelihood by each fault alone, shape (n,); 0 for an unobservable one."""
+    information = np.diagonal(scores.information)
+    gain = np.zeros_like(scores.score)
+    return np.divide(scores.score**2, 2.0 * information, out=gain, where=information > 0.0)
 
 
 def sizes(scores: FaultScores) -> tuple[Array, Array]:
-    """Return the likeliest size of each by itself, and its standard deviation, shape (n,) each; 0 +- inf if not shown.
-
-    Parameters
-    ----------
-    scores : FaultScores
-    """
-    told = np.diagonal(scores.information)
-    variance = np.divide(1.0, told, out=np.full_like(scores.score, np.inf), where=told > 0.0)
-    return np.where(told > 0.0, scores.score, 0.0) / np.where(told > 0.0, told, 1.0), np.sqrt(variance)
+    """Return the estimate of each fault alone and its standard deviation, shape (n,); 0 and inf if unobservable."""
+    information = np.diagonal(scores.information)
+    shown = information > 0.0
+    variance = np.divide(1.0, information, out=np.full_like(scores.score, np.inf), where=shown)
+    return np.where(shown, scores.score, 0.0) / np.where(shown, information, 1.0), np.sqrt(variance)
 
 
 def correlation(scores: FaultScores, candidate: int) -> Array:
-    """Return how alike others are to a candidate in what the parameters leave of both, from -1 to 1, shape (n,).
-
-    Parameters
-    ----------
-    scores : FaultScores
-    candidate : int
-    """
-    told = np.sqrt(np.diagonal(scores.information))
-    both = told * told[candidate]
-    return np.divide(scores.information[candidate], both, out=np.zeros_like(told), where=both > 0.0)
+    """Return the correlation of the signatures of all faults with that of a candidate, shape (n,)."""
+    root = np.sqrt(np.diagonal(scores.information))
+    product = root * root[candidate]
+    return np.divide(scores.information[candidate], product, out=np.zeros_like(root), where=product > 0.0)
 
 
-def explained(scores: FaultScores, covariance: Array) -> Array:
-    """Return which share of what each would do to the data the parameters make up for, shape (n,), from 0 to 1.
+def fraction_explained(scores: FaultScores, covariance: Array) -> Array:
+    """Return the fraction of each fault's effect on the data that the parameters compensate, shape (n,), from 0 to 1.
 
     Parameters
     ----------
     scores : FaultScores
     covariance : ndarray, shape (n_parameters, n_parameters)
-        Of the parameters.
+        Covariance of the parameters.
     """
-    made_up = np.einsum("pk,pk->k", scores.effect, np.linalg.solve(covariance, scores.effect))
-    told = np.diagonal(scores.information)
-    total = made_up + told
-    return np.divide(made_up, total, out=np.ones_like(told), where=total > 0.0)
+    compensated = np.einsum("pk,pk->k", scores.effect, np.linalg.solve(covariance, scores.effect))
+    information = np.diagonal(scores.information)
+    total = compensated + information
+    return np.divide(compensated, total, out=np.ones_like(information), where=total > 0.0)

@@ -9,31 +9,30 @@ from numba import types
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from auvid_cli.filters.problem import Gaussian, Indices
-from auvid_cli.filters.segments import JointProblem, places
+from auvid_cli.filters.problem import Gaussian, Indices, JointProblem, segment_indices
 from auvid_cli.filters.sensitivities import Response, responses
 from auvid_cli.filters.smoother_forward import weight
 from auvid_cli.numerics import compiled
 
 Array = NDArray[np.float64]
 _matrix = types.float64[:, ::1]
-# Rows that are worked on at once: with the triangle they fit into the cache nearest to the processor.
+# Rows of one QR step: with the triangle they fit into the first-level cache.
 _CHUNK = 96
-# Singular values of the scaled factor below this share of the largest are the rounding of a long run.
+# Smallest singular value of the scaled factor, relative to the largest: below is the rounding of a long run.
 _ROUNDING = 1e-12
-# A combination of states has a share in a direction without information if it is more than rounding.
-_SHARE = 1e-9
-# scipy's hints know nothing of what it takes.
+# Smallest component of a combination of states along an unobserved direction, relative to its norm.
+_MIN_COMPONENT = 1e-9
+# scipy's type hints reject its own arguments.
 least_squares: Any = scipy.optimize.least_squares
 
 
 @compiled(types.void(_matrix, _matrix, _matrix), reassociate=True)
 def _compress(triangle, rows, columns):
-    """Replace a square matrix by the triangle of the QR decomposition of itself above some rows, in place.
+    """Replace a triangle by the R factor of itself stacked on rows, in place.
 
-    Modified Gram-Schmidt, whose triangle is as accurate as Householder's, the last column as right-hand side included
-    (Bjorck 1967). A column that vanishes gets a row of zeros. Compiled instead of LAPACK's, whose threads get in each
-    other's way where filters run side by side. `columns` is scratch, a row of it a column.
+    The triangle of modified Gram-Schmidt, including the right-hand side in its last column, is as accurate as
+    Householder's (Bjorck 1967). A zero column gets a row of zeros. LAPACK's threads would slow down filters that run in
+    parallel. `columns`, shape (width, width + `_CHUNK`), is scratch.
     """
     width = rows.shape[1]
     for begin in range(0, rows.shape[0], _CHUNK):
@@ -62,60 +61,60 @@ def _compress(triangle, rows, columns):
 
 
 class Uncertainty(NamedTuple):
-    """Covariance ``root root'``, and infinite variance along the columns of `blind`.
+    """Covariance ``root root'``, and infinite variance along unobserved directions.
 
     Attributes
     ----------
     root : ndarray, shape (n, m)
-    blind : ndarray, shape (n, q)
-        Directions of which the measurements say nothing; of a whole state orthonormal in units of `unit`.
+    unobserved : ndarray, shape (n, q)
+        Directions without information as columns; those of a whole state are orthonormal in units of `unit`.
     unit : ndarray, shape (n,)
-        By which entries of the state are made comparable.
+        Scale of each entry of the state.
     """
 
     root: Array
-    blind: Array
+    unobserved: Array
     unit: Array
 
     def deviation(self, combinations: Array) -> Array:
-        """Find standard deviations of linear combinations, shape (..., n), of the state; infinite where it is blind."""
-        known = np.sqrt(np.square(combinations @ self.root).sum(axis=-1))
-        return np.where(self._unknown(combinations).any(axis=-1), np.inf, known)
+        """Return standard deviations of linear combinations, shape (..., n); infinite if unobserved."""
+        finite = np.sqrt(np.square(combinations @ self.root).sum(axis=-1))
+        return np.where(self._is_unobserved(combinations).any(axis=-1), np.inf, finite)
 
     def covariance(self, combinations: Array) -> Array:
-        """Return the covariance matrix of the rows of a matrix, shape (m, n), with infinities where it is blind."""
-        root, share = combinations @ self.root, combinations @ self.blind
-        share[~self._unknown(combinations)] = 0.0
+        """Return the covariance of linear combinations, shape (m, n), with infinite entries if unobserved."""
+        root, share = combinations @ self.root, combinations @ self.unobserved
+        share[~self._is_unobserved(combinations)] = 0.0
         common, size = share @ share.T, np.linalg.norm(share, axis=1)
-        infinite = np.abs(common) > _SHARE * np.outer(size, size)
+        infinite = np.abs(common) > _MIN_COMPONENT * np.outer(size, size)
         return root @ root.T + np.where(infinite, np.copysign(np.inf, common), 0.0)
 
     def of(self, place: Indices) -> "Uncertainty":
-        """Return that of some components."""
-        return Uncertainty(np.linalg.qr(self.root[place].T)[1].T, self.blind[place], self.unit[place])
+        """Return the uncertainty of some components."""
+        return Uncertainty(np.linalg.qr(self.root[place].T)[1].T, self.unobserved[place], self.unit[place])
 
-    def _unknown(self, combinations: Array) -> NDArray[np.bool_]:
+    def _is_unobserved(self, combinations: Array) -> NDArray[np.bool_]:
         size = np.sqrt(np.square(combinations * self.unit).sum(axis=-1, keepdims=True))
-        return np.abs(combinations @ self.blind) > _SHARE * size
+        return np.abs(combinations @ self.unobserved) > _MIN_COMPONENT * size
 
 
 class Information(NamedTuple):
-    """What measurements say about a state, as the least-squares problem ``|factor dx - projected|^2 + remaining^2``.
+    """Least-squares problem ``|factor dx - projected|^2 + remaining^2`` of a change dx of the state.
 
-    With the derivative J and the innovation r of all measurements, both whitened, it has the same sum of squares
-    ``|J dx - r|^2`` for every dx. No estimate without bias has a covariance below the inverse of ``factor' factor``
-    at the true state (Cramer and Rao).
+    With the whitened derivative J and innovation r of all measurements, it equals ``|J dx - r|^2`` for every dx. At the
+    true state ``factor' factor`` is the Fisher information, whose inverse bounds the covariance of unbiased estimates
+    (Cramer and Rao).
 
     Attributes
     ----------
     factor : ndarray, shape (n, n)
-        ``factor' factor = J' J``; upper triangular as it comes from rows.
+        ``factor' factor = J' J``; upper triangular if built from rows.
     projected : ndarray, shape (n,)
         ``factor' projected = J' r``.
     remaining : float
-        Norm of the part of r that no dx explains.
+        Norm of the residual at the minimum.
     n_measurements : int
-        Scalar measurements, components that are present.
+        Number of scalar measurements.
     """
 
     factor: Array
@@ -124,26 +123,26 @@ class Information(NamedTuple):
     n_measurements: int
 
     @classmethod
-    def none(cls, n: int) -> "Information":
-        """Make one that says nothing about a state of n components."""
+    def empty(cls, n: int) -> "Information":
+        """Return no information about n states."""
         return cls(np.zeros((n, n)), np.zeros(n), 0.0, 0)
 
     @classmethod
     def of_gaussian(cls, gaussian: Gaussian, state: Array) -> "Information":
-        """Make one of what a Gaussian says, as rows about `state`; it counts no measurements."""
+        """Return the information of a prior about `state`, with no measurements."""
         about_state = np.column_stack([np.eye(state.size), gaussian.mean - state])
         rows = solve_triangular(gaussian.factor, about_state, lower=True)
-        return cls.none(state.size).with_rows(rows, 0)
+        return cls.empty(state.size).with_rows(rows, 0)
 
     @property
     def is_finite(self) -> bool:
-        """Say whether all of it is finite."""
+        """Whether all entries are finite."""
         return bool(
             np.isfinite(self.remaining) and np.isfinite(self.factor).all() and np.isfinite(self.projected).all()
         )
 
     def with_rows(self, rows: Array, n_measurements: int) -> "Information":
-        """Add further rows ``[J, r]``, shape (m, n + 1), of so many measurements."""
+        """Add rows ``[J, r]``, shape (m, n + 1)."""
         n = self.projected.size
         triangle = np.zeros((n + 1, n + 1))
         triangle[:n, :n], triangle[:n, n], triangle[n, n] = self.factor, self.projected, self.remaining
@@ -153,27 +152,27 @@ class Information(NamedTuple):
         )
 
     def with_response(self, response: Response, of: NDArray[np.bool_] | slice = slice(None)) -> "Information":
-        """Add the measurements of a chunk of the motion, or some of them."""
+        """Add the measurements of a chunk, or some of them."""
         rows = response.whitened[of]
         return self.with_rows(
             rows.reshape(-1, rows.shape[-1]), int(np.count_nonzero(~np.isnan(response.innovation[of])))
         )
 
     def join(self, other: "Information") -> "Information":
-        """Add what independent measurements say about the same state."""
+        """Add the information of independent measurements of the same state."""
         rows = np.column_stack([other.factor, other.projected])
         last = np.append(np.zeros(other.projected.size), other.remaining)
         return self.with_rows(np.vstack([rows, last]), other.n_measurements)
 
     def split(self, n: int) -> "tuple[Array, Information]":
-        """Tell what it says of the first n components, whatever the others are, from what it says of these besides.
+        """Separate rows that the other components can fit exactly from the information about the first n.
 
         Returns
         -------
-        rows : ndarray, shape (m, n_all + 1)
-            As many as there are others, which can meet them all; zero for directions that are not observed.
+        rows : ndarray, shape (n_all - n, n_all + 1)
+            Zero for unobserved directions of the other components.
         rest : Information
-            About the first n alone.
+            Marginal information about the first n.
         """
         others = self.factor[:, n:]
         size = np.linalg.norm(others, axis=0)
@@ -184,37 +183,37 @@ class Information(NamedTuple):
         rest = whole - directions @ rows
         rest[:, n:-1] = 0.0
         last = np.append(np.zeros(self.projected.size), self.remaining)
-        return rows, Information.none(self.projected.size).with_rows(np.vstack([rest, last]), self.n_measurements)
+        return rows, Information.empty(self.projected.size).with_rows(np.vstack([rest, last]), self.n_measurements)
 
     def uncertainty(self) -> Uncertainty:
-        """Invert it: the bound of Cramer and Rao, infinite where the measurements say nothing."""
+        """Return the Cramer-Rao bound."""
         scale, values, directions, observed = self._decomposed()
         basis = directions.T / scale[:, None]
         return Uncertainty(basis[:, observed] / values[observed], basis[:, ~observed], 1.0 / scale)
 
     def unobserved(self) -> Array:
-        """Return rows, shape (q, n), that span the directions of which the measurements say nothing.
+        """Return rows, shape (q, n), along unobserved directions, which complete `factor` to full rank.
 
-        They complete `factor` to full rank, with singular values like its largest.
+        Their singular values equal the largest of `factor`.
         """
         scale, values, directions, observed = self._decomposed()
         return values.max(initial=1.0) * directions[~observed] * scale
 
     def _decomposed(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-        """Decompose the factor: its column norms; of it scaled by these singular values, right vectors, what counts."""
+        """Return column norms of the factor; singular values, right vectors and observed ones of the scaled factor."""
         size = np.linalg.norm(self.factor, axis=0)
         scale = np.where(size > 0.0, size, 1.0)
         _, values, directions = np.linalg.svd(self.factor / scale)
         return scale, values, directions, values > _ROUNDING * values.max(initial=0.0)
 
 
-def jointly(by_segment: Sequence[Information], n_parameters: int) -> Information:
-    """Join what segments say of their joint state, see `auvid_cli.filters.segments`."""
+def join_segments(by_segment: Sequence[Information], n_parameters: int) -> Information:
+    """Return the information of all segments about their joint state."""
     n_of_segment = by_segment[0].projected.size
     n_moving = n_of_segment - n_parameters
     n = n_parameters + len(by_segment) * n_moving
-    shared, factor, projected = Information.none(n_of_segment), np.zeros((n, n)), np.zeros(n)
-    for information, place in zip(by_segment, places(n, n_moving, len(by_segment)), strict=True):
+    shared, factor, projected = Information.empty(n_of_segment), np.zeros((n, n)), np.zeros(n)
+    for information, place in zip(by_segment, segment_indices(n, n_moving, len(by_segment)), strict=True):
         rows, rest = information.split(n_parameters)
         shared = shared.join(rest)
         factor[np.ix_(place[n_parameters:], place)] = rows[:, :-1]
@@ -225,20 +224,20 @@ def jointly(by_segment: Sequence[Information], n_parameters: int) -> Information
 
 
 class LeastSquaresFit(NamedTuple):
-    """The joint state that fits best.
+    """Least-squares estimate of the joint state.
 
     Attributes
     ----------
     state : ndarray, shape (n,)
     information : Information
-        Of the measurements, at this state.
+        Information of the measurements, at this state.
     cost : float
-        The sum of squares.
+        Sum of squares.
     converged : bool
     evaluations : int
-        How often the motion was computed along the data.
-    share : float
-        How much of the events of all data it is a fit of.
+        Number of simulations of the motion.
+    fraction : float
+        Fraction of all events that were fitted.
     """
 
     state: Array
@@ -246,10 +245,10 @@ class LeastSquaresFit(NamedTuple):
     cost: float
     converged: bool
     evaluations: int
-    share: float = 1.0
+    fraction: float = 1.0
 
     def deviation(self, n_parameters: int) -> Array:
-        """Find the standard deviations of the parameters, infinite where the measurements say nothing."""
+        """Return the standard deviations of the parameters; infinite if unobserved."""
         return self.information.uncertainty().deviation(np.eye(self.state.size)[:n_parameters])
 
 
@@ -261,27 +260,22 @@ def fit_free_motion(
     tolerance: float,
     max_evaluations: int,
 ) -> LeastSquaresFit | None:
-    """Fit parameters and initial motions to measurements, and to a Gaussian about them if there is one.
+    """Fit parameters and initial motions to measurements; None if the motion from `start` diverges.
 
     Parameters
     ----------
     problem : JointProblem
-        Its segments are gone through once for each evaluation; its prior does not count.
+        Its prior is ignored.
     start : ndarray, shape (n,)
-        Of the joint state; within the bounds.
+        Joint state within the bounds.
     gaussian : Gaussian or None
+        Prior of the joint state.
     bounds : tuple of ndarray, shape (n,)
-        Lower and upper.
+        Lower and upper bounds.
     tolerance : float
-        A step that makes the sum of squares smaller by less than this share of it, or changes the state by less, is
-        the last.
+        Relative decrease of the sum of squares, or relative change of the state, of the last step.
     max_evaluations : int
-        At least one.
-
-    Returns
-    -------
-    LeastSquaresFit or None
-        None if the motion from `start` blows up. A trial step from which it does is taken back and made shorter.
+        Maximum number of simulations of the motion, at least 1.
     """
     squares = _SumOfSquares(problem, gaussian)
     if squares.information(start) is None:
@@ -291,21 +285,21 @@ def fit_free_motion(
         start,
         squares.jacobian,
         bounds,
-        # Columns differ by orders of magnitude, with the length of the run too.
+        # Columns differ by orders of magnitude.
         x_scale="jac",
         ftol=tolerance,
         xtol=tolerance,
-        # A gradient has no scale of its own to be judged by.
+        # A gradient has no natural scale.
         gtol=None,
         max_nfev=max_evaluations,
     )
     information = squares.information(solution.x)
-    assert information is not None, "least squares ends where it has been"
+    assert information is not None, "the solver returns a state that it evaluated"
     return LeastSquaresFit(solution.x, information, 2.0 * solution.cost, solution.status > 0, solution.nfev)
 
 
 class _SumOfSquares:
-    """What the solver asks for; it asks for residuals and derivative at one state after the other."""
+    """Residuals and derivative of the solver; the information at the latest state is kept for both."""
 
     def __init__(self, problem: JointProblem, gaussian: Gaussian | None) -> None:
         self._problem, self._n = problem, problem.prior.mean.size
@@ -315,20 +309,20 @@ class _SumOfSquares:
         self._latest: tuple[Array, Information | None] | None = None
 
     def information(self, state: Array) -> Information | None:
-        """Return the information of all measurements; None if the motion from that state blows up."""
+        """Return the information of all measurements; None if the motion diverges."""
         if self._latest is None or not np.array_equal(self._latest[0], state):
             by_segment = self._by_segment(state)
-            self._latest = state.copy(), jointly(by_segment, self._problem.n_parameters) if by_segment else None
+            self._latest = state.copy(), join_segments(by_segment, self._problem.n_parameters) if by_segment else None
         return self._latest[1]
 
     def _by_segment(self, state: Array) -> list[Information]:
-        """Return the information of each segment; none if the motion or its squares blow up in one."""
+        """Return the information of each segment; empty if the motion or its squares diverge."""
         process, sensors, segments, _ = self._problem
         by_segment = []
-        for timelines, place in zip(segments, self._problem.places, strict=True):
-            information = Information.none(place.size)
+        for timelines, place in zip(segments, self._problem.indices, strict=True):
+            information = Information.empty(place.size)
             for response in responses(process, sensors, timelines, state[place]):
-                if response.blew_up:
+                if response.diverged:
                     return []
                 information = _with_response(information, response, sensors.threshold)
             if not information.is_finite:
@@ -337,7 +331,7 @@ class _SumOfSquares:
         return by_segment
 
     def residuals(self, state: Array) -> Array:
-        """Return predicted less measured, compressed; infinite where the motion blows up: the solver turns back."""
+        """Return compressed residuals, predicted less measured; infinite if the motion diverges."""
         information = self.information(state)
         if information is None:
             return np.full(2 * self._n + 1 + len(self._weight), np.inf)
@@ -347,9 +341,8 @@ class _SumOfSquares:
     def jacobian(self, state: Array) -> Array:
         """Return the derivative of `residuals`."""
         information = self.information(state)
-        assert information is not None, "the solver steps only to where the residuals are finite"
-        # A zero residual that grows along directions of which the measurements say nothing: the state stays where it is
-        # along these, and the solver's matrix has full rank, without which its steps are as long as they may be.
+        assert information is not None, "the solver accepts only finite residuals"
+        # Zero residuals with a slope along unobserved directions keep the state from moving along these.
         kept = np.zeros((self._n, self._n))
         if not self._weight.size:
             unobserved = information.unobserved()
@@ -358,7 +351,7 @@ class _SumOfSquares:
 
 
 def _with_response(information: Information, response: Response, threshold: float) -> Information:
-    """Add the measurements of a chunk of the motion, by weights that make the sum of squares that of rho."""
+    """Add the measurements of a chunk, with weights that make the sum of squares Huber's cost."""
     if np.isinf(threshold):
         return information.with_response(response)
     square = response.whitened[..., -1] ** 2

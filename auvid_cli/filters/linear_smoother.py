@@ -1,4 +1,4 @@
-"""Linear smoothing problems about a trajectory: process noise, solution, Gauss-Newton descent and process memory."""
+"""Linear smoothing about a trajectory: process noise, the linear problem and its solution, and Gauss-Newton steps."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from auvid_cli.filters.problem import Gaussian, ModelData, Process, Sensors, Timeline
-from auvid_cli.filters.segments import JointProblem, with_parameters
+from auvid_cli.filters.problem import Gaussian, JointProblem, ModelData, Process, Sensors, Timeline
 from auvid_cli.filters.smoother_backward import Adjoint, backward
 from auvid_cli.filters.smoother_forward import (
     ForwardPass,
@@ -23,49 +22,54 @@ from auvid_cli.filters.smoother_forward import (
 from auvid_cli.filters.workspace import State
 
 Array = NDArray[np.float64]
-_STEP = 1e-5  # s, of the difference quotient for rates
-_EVERY = 10  # events between those at which rates are evaluated
-# Bytes of forward passes that are kept for the way back; beyond that, chunks are filtered again.
-_KEPT = 2**28
-# Possible decrease of the cost at which iterations stop, in squares of standard deviations: no parameter moves by more
-# than a tenth of its standard deviation in the last step, and less in any further one.
-_NEGLIGIBLE = 1e-2
+# Step of the difference quotient of decay rates.
+_RATE_STEP = 1e-5  # s
+# Events from one evaluation of the decay rates to the next.
+_RATE_INTERVAL = 10
+# Forward passes kept for the backward pass; other chunks are filtered twice.
+_CACHE_SIZE = 2**28  # bytes
+# Smallest decrease of the cost worth another iteration, in squares of standard deviations: in the last step no
+# parameter moves by more than a tenth of its standard deviation.
+_MIN_DECREASE = 1e-2
 # Smallest fraction of a step in the line search.
-_SHORTEST = 2.0**-10
+_MIN_FRACTION = 2.0**-10
 
 
 def noise_variance(process: Process, timeline: Timeline) -> Array:
-    """Return the variance that process noise adds up to each event, shape (n_events, n_moving); 0 if nothing leads."""
+    """Return the variance of the process noise accumulated before each event, shape (n_events, n_moving).
+
+    A state that decays at the rate a, over the time h, keeps ``q^2 (1 - exp(-2 a h)) / (2 a)`` of white noise of
+    density q. Zero for an event without substeps.
+    """
     elapsed = _elapsed(timeline)
-    driven = np.outer(elapsed, process.noise_density**2)
+    white = np.outer(elapsed, process.noise_density**2)
     if process.decay.size == 0:
-        return driven
-    forgotten = 2.0 * np.outer(elapsed, process.decay)
-    left = np.divide(-np.expm1(-forgotten), forgotten, out=np.ones_like(forgotten), where=forgotten != 0.0)
-    return driven * left
+        return white
+    exponent = 2.0 * np.outer(elapsed, process.decay)
+    return white * np.divide(-np.expm1(-exponent), exponent, out=np.ones_like(exponent), where=exponent != 0.0)
 
 
 def variance_by_time_constant(process: Process, timeline: Timeline) -> Array:
-    """Return how its logarithm depends on that of a state's time constant, of the same shape.
+    """Return the derivative of log `noise_variance` by the log of a state's time constant, shape (n_events, n_moving).
 
-    A state of variance s^2, which stays, is driven by ``q^2 = 2 a s^2``, of which ``s^2 (1 - exp(-2 a h))`` is left.
+    The stationary variance s^2 of the state is held constant: its noise has ``q^2 = 2 a s^2``.
     """
     elapsed = _elapsed(timeline)
     if process.decay.size == 0:
         return np.full((elapsed.size, process.noise_density.size), -1.0)
-    forgotten = 2.0 * np.outer(elapsed, process.decay)
-    return -np.divide(forgotten, np.expm1(forgotten), out=np.ones_like(forgotten), where=forgotten != 0.0)
+    exponent = 2.0 * np.outer(elapsed, process.decay)
+    return -np.divide(exponent, np.expm1(exponent), out=np.ones_like(exponent), where=exponent != 0.0)
 
 
 def _elapsed(timeline: Timeline) -> Array:
-    """Return the time that leads to each event, s."""
+    """Return the duration of the substeps before each event, s."""
     return np.diff(np.concatenate([[0.0], np.cumsum(timeline.substep_duration)])[timeline.substep_offset])
 
 
 def with_process_memory(problem: JointProblem, parameters: Array, moving: Sequence[Sequence[Array]]) -> JointProblem:
     """Return the problem with the mean rates at which the motion forgets process noise along a trajectory.
 
-    They stay the same while the trajectory changes, so that likelihoods can be compared.
+    They stay constant while the trajectory changes, so that likelihoods remain comparable.
 
     Parameters
     ----------
@@ -75,70 +79,72 @@ def with_process_memory(problem: JointProblem, parameters: Array, moving: Sequen
         Moving states by segment and chunk.
     """
     rates = [
-        _rates(problem, timeline, np.hstack([np.tile(parameters, (len(chunk), 1)), chunk]))
+        _decay_rates(problem, timeline, np.hstack([np.tile(parameters, (len(chunk), 1)), chunk]))
         for segment, chunks in zip(problem.segments, moving, strict=True)
         for timeline, chunk in zip(segment, chunks, strict=True)
     ]
     return problem._replace(process=problem.process._replace(decay=np.concatenate(rates).mean(axis=0)))
 
 
-def _rates(problem: JointProblem, timeline: Timeline, states: Array) -> Array:
-    """Return the rates at some events of a chunk, shape (n, n_moving)."""
+def _decay_rates(problem: JointProblem, timeline: Timeline, states: Array) -> Array:
+    """Return the rates at some events of a chunk, 1/s, shape (n, n_moving)."""
     process, n_parameters = problem.process, problem.n_parameters
     rates, matrix, scratch = [], np.eye(states.shape[1]), np.zeros(process.scratch_size)
-    for event in range(0, len(states), _EVERY):
-        substep = timeline.event_input[event : event + 1], np.array([_STEP])
+    for event in range(0, len(states), _RATE_INTERVAL):
+        substep = timeline.event_input[event : event + 1], np.array([_RATE_STEP])
         constants = process.constants, process.selection
         process.transition(states[event].copy(), timeline.inputs, *substep, *constants, matrix, scratch)
-        rates.append((1.0 - np.diagonal(matrix)[n_parameters:]) / _STEP)
+        rates.append((1.0 - np.diagonal(matrix)[n_parameters:]) / _RATE_STEP)
     return np.array(rates)
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A history of the state.
+    """Parameters and motion over all data.
 
     Attributes
     ----------
     parameters : ndarray, shape (n_parameters,)
     initial : list of ndarray, shape (n_moving,)
-        Moving states at the beginning of each segment: those at its first event, unless something leads to that.
+        Initial moving states of each segment; those at its first event if no substeps lead to it.
     moving : list of list of ndarray, shape (n_events, n_moving)
-        By segment and chunk, at each event.
+        Moving states at each event, by segment and chunk.
     """
 
     parameters: Array
     initial: list[Array]
     moving: list[list[Array]]
 
-    def stepped(self, step: "Trajectory", share: float) -> "Trajectory":
-        """Go a share of a step."""
-        moved = [
-            [chunk + share * by for chunk, by in zip(*segments, strict=True)]
+    def stepped(self, step: "Trajectory", fraction: float) -> "Trajectory":
+        """Return the trajectory after a fraction of a step."""
+        moving = [
+            [chunk + fraction * change for chunk, change in zip(*segments, strict=True)]
             for segments in zip(self.moving, step.moving, strict=True)
         ]
-        initial = [state + share * by for state, by in zip(self.initial, step.initial, strict=True)]
-        return Trajectory(self.parameters + share * step.parameters, initial, moved)
+        initial = [state + fraction * change for state, change in zip(self.initial, step.initial, strict=True)]
+        return Trajectory(self.parameters + fraction * step.parameters, initial, moving)
 
 
 @dataclass(frozen=True)
 class Filtered:
-    """The linear problem about a trajectory, filtered to the end.
+    """Linear problem about a trajectory after its forward pass.
 
     Attributes
     ----------
     trajectory : Trajectory
-    cost, least : float
-        Of the trajectory, and at the minimum of the linear problem.
+    cost : float
+        Cost of the trajectory.
+    least : float
+        Cost at the minimum of the linear problem.
     log_determinant : float
-        Sum of the logarithms of the innovations' variances: with `smallest` twice the negative log-likelihood of the
-        measurements in the linear problem, but for a constant.
+        Sum of the logarithms of the innovations' variances. ``least + log_determinant`` is minus twice the
+        log-likelihood of the measurements in the linear problem, up to a constant.
     before : list of list of State
-        Deviation before each chunk of each segment.
+        Deviation from the trajectory before each chunk, by segment.
     by_parameters : list of ndarray, shape (n_moving, n_parameters)
-        What each segment's first moving states owe to the parameters.
+        Derivative of each segment's initial moving states by the parameters, by the prior.
     final : State
-        Deviation at the end.
+        Deviation at the end; its parameters are the estimate.
     """
 
     trajectory: Trajectory
@@ -151,7 +157,7 @@ class Filtered:
 
 
 class Smoothed(NamedTuple):
-    """A chunk of the answer to a linear problem.
+    """Smoothed chunk of a linear problem.
 
     Attributes
     ----------
@@ -159,9 +165,9 @@ class Smoothed(NamedTuple):
     timeline : Timeline
     forward_pass : ForwardPass
     step, variance : ndarray, shape (n_events, n_moving)
-        Smoothed deviation of the moving states, and its variance if asked for.
+        Smoothed deviation of the moving states and its variance; zero if variances were not asked for.
     adjoint : ndarray, shape (n,)
-        What the data from here on say of the deviation before the chunk.
+        Adjoint before the chunk.
     """
 
     segment: int
@@ -173,12 +179,7 @@ class Smoothed(NamedTuple):
 
 
 class LinearSmoothing:
-    """Linear problems about one trajectory after the other.
-
-    Parameters
-    ----------
-    problem : JointProblem
-    """
+    """Linear problems about one trajectory after another; forward passes of the latest one are cached."""
 
     def __init__(self, problem: JointProblem) -> None:
         process, sensors, self._segments, _ = problem
@@ -187,32 +188,31 @@ class LinearSmoothing:
         self._n_parameters = problem.n_parameters
         self._n = problem.n_parameters + problem.n_moving
         self._work = SmootherWorkspace.of(process, self._n, sensors.matrix.shape[1])
-        self._kept, self._kept_of = dict[tuple[int, int], tuple[Linearised, ForwardPass]](), None
+        self._cache, self._cached_trajectory = dict[tuple[int, int], tuple[Linearised, ForwardPass]](), None
 
     def change_noise(self, process: Process, sensors: Sensors) -> None:
-        """Go over to other process and measurement noise; all else is as before."""
+        """Replace process and measurement noise."""
         self._process, self._data = process, ModelData.of(process, sensors)
-        self._kept_of = None
+        self._cached_trajectory = None
 
     def filter(self, trajectory: Trajectory) -> Filtered | None:
-        """Filter the deviations from a trajectory; None where it has no finite cost."""
+        """Filter the deviations from a trajectory; None if its cost is not finite."""
         cost, least, log_determinant, before, by_parameters, state = 0.0, 0.0, 0.0, [], [], None
-        self._kept_of, room = trajectory, _KEPT
+        self._cached_trajectory, room = trajectory, _CACHE_SIZE
         for segment in range(len(self._segments)):
-            gaussian, owed, distance = self._beginning(trajectory, segment, state)
+            gaussian, derivative, distance = self._initial_deviation(trajectory, segment, state)
             cost += distance
-            # The first segment's prior counts as a whole, of the others what it says of their own states.
-            by_parameters.append(owed)
+            by_parameters.append(derivative)
             state = new_state(gaussian)
             before.append([])
             for chunk, timeline in enumerate(self._segments[segment]):
-                # Into the arrays of the last trajectory: fresh ones come page by page, and slowly.
-                former, forward_pass = self._kept.pop((segment, chunk), (None, None))
-                about = self._about(trajectory, segment, chunk, timeline, former)
+                # Arrays of the last trajectory are used again: the system hands out fresh ones slowly, page by page.
+                former, forward_pass = self._cache.pop((segment, chunk), (None, None))
+                about = self._linearise(trajectory, segment, chunk, timeline, former)
                 before[-1].append(state.copy())
                 forward_pass = ForwardPass.of(about) if forward_pass is None else forward_pass
                 if (room := room - sum(array.nbytes for array in (*forward_pass, about.rows, about.transition))) >= 0:
-                    self._kept[segment, chunk] = about, forward_pass
+                    self._cache[segment, chunk] = about, forward_pass
                 good, *sums = self._forward(timeline, about, state, forward_pass)
                 cost, least, log_determinant = cost + sums[0], least + sums[1], log_determinant + sums[2]
                 if good < timeline.time.size:
@@ -221,7 +221,7 @@ class LinearSmoothing:
         return Filtered(trajectory, cost, least, log_determinant, before, by_parameters, state)
 
     def step(self, filtered: Filtered) -> Trajectory:
-        """Solve the linear problem: the step from its trajectory to the answer."""
+        """Return the step from the trajectory to the minimum of the linear problem."""
         n = self._n_parameters
         initial: list[Array] = [np.zeros(0)] * len(self._segments)
         moving: list[list[Array]] = [[] for _ in self._segments]
@@ -229,16 +229,13 @@ class LinearSmoothing:
             moving[chunk.segment].insert(0, chunk.step)
             before = filtered.before[chunk.segment][0]
             factor = before.columns[: self._n, : self._n].T
-            led = before.mean[n : self._n] + factor[n:] @ (factor.T @ chunk.adjoint)
-            # Of the first chunk, which comes last.
-            initial[chunk.segment] = led if is_led_to(chunk.timeline) else chunk.step[0]
+            smoothed = before.mean[n : self._n] + factor[n:] @ (factor.T @ chunk.adjoint)
+            # The first chunk comes last, and its value stays.
+            initial[chunk.segment] = smoothed if chunk.timeline.has_initial_substep else chunk.step[0]
         return Trajectory(filtered.final.mean[:n].copy(), initial, moving)
 
     def smooth(self, filtered: Filtered, with_variance: bool) -> Iterator[Smoothed]:
-        """Smooth chunk by chunk, from the last to the first.
-
-        What the way back needs is large: a chunk of which it was not kept is filtered once more from where it began.
-        """
+        """Smooth chunk by chunk, from the last to the first."""
         adjoint = Adjoint.zeros(self._n, with_variance)
         for segment, timeline, about, forward_pass in self.forward_passes_back(filtered, adjoint):
             step, variance = (np.zeros(about.moving.shape) for _ in range(2))
@@ -251,44 +248,44 @@ class LinearSmoothing:
             for chunk, timeline in enumerate(self._segments[segment]):
                 yield segment, timeline, *self._forward_pass(filtered, segment, chunk, timeline)
 
+    def forward_passes_back(
+        self, filtered: Filtered, adjoint: Adjoint
+    ) -> Iterator[tuple[int, Timeline, Linearised, ForwardPass]]:
+        """Yield the forward passes from the last to the first; the caller carries the adjoint back over each chunk."""
+        for segment in reversed(range(len(self._segments))):
+            for chunk, timeline in reversed([*enumerate(self._segments[segment])]):
+                yield segment, timeline, *self._forward_pass(filtered, segment, chunk, timeline)
+            adjoint.to_previous_segment(np.vstack([np.eye(self._n_parameters), filtered.by_parameters[segment]]))
+
     def linearised(
         self, filtered: Filtered, segment: int, backwards: bool = False
     ) -> Iterator[tuple[Timeline, Linearised]]:
         """Yield the linearised chunks of a segment, from the first or from the last, without filtering them."""
         chunks = enumerate(self._segments[segment])
         for chunk, timeline in reversed([*chunks]) if backwards else chunks:
-            if self._is_kept(filtered, segment, chunk):
-                yield timeline, self._kept[segment, chunk][0]
+            if self._is_cached(filtered, segment, chunk):
+                yield timeline, self._cache[segment, chunk][0]
             else:
-                yield timeline, self._about(filtered.trajectory, segment, chunk, timeline)
-
-    def forward_passes_back(
-        self, filtered: Filtered, adjoint: Adjoint
-    ) -> Iterator[tuple[int, Timeline, Linearised, ForwardPass]]:
-        """Yield the same from the last to the first; the caller propagates the adjoint back over each chunk."""
-        for segment in reversed(range(len(self._segments))):
-            for chunk, timeline in reversed([*enumerate(self._segments[segment])]):
-                yield segment, timeline, *self._forward_pass(filtered, segment, chunk, timeline)
-            adjoint.to_previous_segment(np.vstack([np.eye(self._n_parameters), filtered.by_parameters[segment]]))
+                yield timeline, self._linearise(filtered.trajectory, segment, chunk, timeline)
 
     def _forward_pass(
         self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline
     ) -> tuple[Linearised, ForwardPass]:
-        """Return a chunk with its forward pass, filtered again unless that was kept."""
-        if self._is_kept(filtered, segment, chunk):
-            return self._kept[segment, chunk]
-        about = self._about(filtered.trajectory, segment, chunk, timeline)
+        """Return the linearisation and forward pass of a chunk, from the cache or filtered again."""
+        if self._is_cached(filtered, segment, chunk):
+            return self._cache[segment, chunk]
+        about = self._linearise(filtered.trajectory, segment, chunk, timeline)
         forward_pass = ForwardPass.of(about)
         self._forward(timeline, about, filtered.before[segment][chunk].copy(), forward_pass)
         return about, forward_pass
 
-    def _is_kept(self, filtered: Filtered, segment: int, chunk: int) -> bool:
-        return filtered.trajectory is self._kept_of and (segment, chunk) in self._kept
+    def _is_cached(self, filtered: Filtered, segment: int, chunk: int) -> bool:
+        return filtered.trajectory is self._cached_trajectory and (segment, chunk) in self._cache
 
-    def _about(
+    def _linearise(
         self, trajectory: Trajectory, segment: int, chunk: int, timeline: Timeline, former: Linearised | None = None
     ) -> Linearised:
-        """Linearise a chunk about a trajectory; in place of a former linearisation of it, if there is one."""
+        """Linearise a chunk about a trajectory, in the arrays of a former linearisation if there is one."""
         chunks, shape = trajectory.moving[segment], timeline.measurement.shape
         before = chunks[chunk - 1][-1] if chunk else trajectory.initial[segment]
         if former is None:
@@ -307,17 +304,22 @@ class LinearSmoothing:
         linearise_measurements(self._process.linearise, self._data, timeline, about, self._work)
         return about
 
-    def _beginning(self, trajectory: Trajectory, segment: int, state: State | None) -> tuple[Gaussian, Array, float]:
-        """Find what is known of the deviation before a segment, what its motion owes to the parameters, its cost."""
+    def _initial_deviation(
+        self, trajectory: Trajectory, segment: int, state: State | None
+    ) -> tuple[Gaussian, Array, float]:
+        """Return the deviation before a segment, the derivative of its motion by the parameters, and its cost.
+
+        The prior of the parameters counts once, in the first segment; later ones start from the state before.
+        """
         n = self._n_parameters
-        own = self._priors[segment]
+        gaussian = self._priors[segment]
         nominal = np.concatenate([trajectory.parameters, trajectory.initial[segment]])
-        distance = solve_triangular(own.factor, nominal - own.mean, lower=True)
-        owed = solve_triangular(own.factor[:n, :n].T, own.factor[n:, :n].T, lower=False).T
+        distance = solve_triangular(gaussian.factor, nominal - gaussian.mean, lower=True)
+        derivative = solve_triangular(gaussian.factor[:n, :n].T, gaussian.factor[n:, :n].T, lower=False).T
         if state is not None:
-            known = Gaussian(trajectory.parameters + state.mean[:n], state.columns[:n, :n].T.copy())
-            own, distance = with_parameters(own, known), distance[n:]
-        return own._replace(mean=own.mean - nominal), owed, float(distance @ distance)
+            parameters = Gaussian(trajectory.parameters + state.mean[:n], state.columns[:n, :n].T.copy())
+            gaussian, distance = gaussian.with_parameters(parameters), distance[n:]
+        return gaussian._replace(mean=gaussian.mean - nominal), derivative, float(distance @ distance)
 
     def _forward(
         self, timeline: Timeline, about: Linearised, state: State, forward_pass: ForwardPass
@@ -326,41 +328,105 @@ class LinearSmoothing:
         return forward(self._data.sensors, noise, timeline, about, state, forward_pass, self._work)
 
 
-def is_led_to(first: Timeline) -> bool:
-    """Say whether anything leads to the first event of a segment."""
-    return bool(first.substep_offset[1] > first.substep_offset[0])
-
-
 def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> tuple[Filtered, bool] | None:
-    """Find the most probable trajectory from another one, by Gauss-Newton steps with a line search.
+    """Minimise the cost of a trajectory by Gauss-Newton steps with a line search.
 
     Parameters
     ----------
     smoothing : LinearSmoothing
     start : Trajectory
     max_passes : int
-        Of the filter through the data.
+        Maximum number of forward passes.
 
     Returns
     -------
     filtered : Filtered
         About the last trajectory.
     converged : bool
-        None in place of both if the cost of `start` is not finite.
+        None instead of both if the cost of `start` is not finite.
     """
-    here, passes = smoothing.filter(start), 1
-    if here is None:
+    current, passes = smoothing.filter(start), 1
+    if current is None:
         return None
-    while here.cost - here.least > _NEGLIGIBLE:
-        step, share, lower = smoothing.step(here), 1.0, None
-        while lower is None and share >= _SHORTEST and passes < max_passes:
-            tried = smoothing.filter(here.trajectory.stepped(step, share))
-            if tried is not None and tried.cost < here.cost:
-                lower = tried
-            share, passes = share / 2.0, passes + 1
+    while current.cost - current.least > _MIN_DECREASE:
+        step, fraction, lower = smoothing.step(current), 1.0, None
+        while lower is None and fraction >= _MIN_FRACTION and passes < max_passes:
+            trial = smoothing.filter(current.trajectory.stepped(step, fraction))
+            if trial is not None and trial.cost < current.cost:
+                lower = trial
+            fraction, passes = fraction / 2.0, passes + 1
         if lower is None:
-            return here, False
-        if here.cost - lower.cost < _NEGLIGIBLE:
+            return current, False
+        if current.cost - lower.cost < _MIN_DECREASE:
             return lower, True
-        here = lower
-    return here, True
+        current = lower
+    return current, True
+
+
+class ConditionalChunk(NamedTuple):
+    """Chunk of the motion given the parameters.
+
+    Attributes
+    ----------
+    timeline : Timeline
+    about : Linearised
+        Linearisation with the parameters.
+    motion : Linearised
+        Linearisation of the motion alone.
+    before : ndarray, shape (n_moving, n_moving)
+        Covariance of the deviation before the chunk.
+    forward_pass : ForwardPass
+        Forward pass of the motion alone.
+    """
+
+    timeline: Timeline
+    about: Linearised
+    motion: Linearised
+    before: Array
+    forward_pass: ForwardPass
+
+
+class ConditionalFilter:
+    """Filter of the motion of one segment given the parameters at the minimum of a linear problem."""
+
+    def __init__(self, problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered, segment: int) -> None:
+        self._problem, self._smoothing, self._filtered, self._segment = problem, smoothing, filtered, segment
+        self._step = filtered.final.mean[: problem.n_parameters]
+        self._work = SmootherWorkspace.of(problem.process, problem.n_moving, problem.sensors.matrix.shape[1])
+        self._start = new_state(self._initial_deviation())
+
+    def forward(self) -> Iterator[ConditionalChunk]:
+        """Filter chunk by chunk."""
+        state = self._start.copy()
+        for timeline, about in self._smoothing.linearised(self._filtered, self._segment):
+            yield self._filter(timeline, about, state)
+
+    def backward(self) -> Iterator[ConditionalChunk]:
+        """Yield the same chunks from the last to the first; each is filtered twice, to save memory."""
+        state, before = self._start.copy(), list[State]()
+        for timeline, about in self._smoothing.linearised(self._filtered, self._segment):
+            before.append(state.copy())
+            self._filter(timeline, about, state)
+        for timeline, about in self._smoothing.linearised(self._filtered, self._segment, backwards=True):
+            yield self._filter(timeline, about, before.pop())
+
+    def _filter(self, timeline: Timeline, about: Linearised, state: State) -> ConditionalChunk:
+        n = self._step.size
+        motion = about._replace(
+            residual=about.residual - about.rows[..., :n].copy() @ self._step,
+            rows=about.rows[..., n:].copy(),
+            defect=about.defect + about.transition[..., :n].copy() @ self._step,
+            transition=about.transition[..., n:].copy(),
+        )
+        forward_pass, before = ForwardPass.of(motion), state.covariance()
+        noise = noise_variance(self._problem.process, timeline)
+        good, *_ = forward(self._problem.sensors, noise, timeline, motion, state, forward_pass, self._work)
+        assert good == timeline.time.size, "a filter with known parameters is at least as stable"
+        return ConditionalChunk(timeline, about, motion, before, forward_pass)
+
+    def _initial_deviation(self) -> Gaussian:
+        """Return the deviation of the motion before the segment, given the parameters."""
+        n, prior, trajectory = self._step.size, self._problem.priors[self._segment], self._filtered.trajectory
+        change = trajectory.parameters + self._step - prior.mean[:n]
+        mean = prior.mean[n:] + self._filtered.by_parameters[self._segment] @ change
+        return Gaussian(mean - trajectory.initial[self._segment], prior.factor[n:, n:])

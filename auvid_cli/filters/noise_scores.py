@@ -1,17 +1,16 @@
-"""What the data say of their noise: the gradient of a likelihood by one way forward and one way back.
+"""Derivatives of the log-likelihood by the noise, from one forward and one backward pass.
 
-With r and Lambda what the data from an event on say of the deviation there, and its covariance, see
-`auvid_cli.filters.smoother_backward`, the process noise that leads to the event, of variance Q, is most probably
-``Q r``, and the derivative of the log-likelihood by the logarithm of its standard deviation ``Q (r^2 - Lambda)``: so
-Fisher's identity has it. Of a measurement's noise the same holds with what all data say of it.
+With the adjoint r of the data after an event and its covariance Lambda (`auvid_cli.filters.smoother_backward`), process
+noise of variance Q has the smoothed value ``Q r``, and the derivative of the log-likelihood by the logarithm of its
+standard deviation is ``Q (r^2 - Lambda)`` (Fisher's identity). The same holds for measurement noise with its own
+smoothed value.
 
-How long a state lasts that noise drives, with a variance of its own, is in the transition F as well: with P the
-covariance before it, and x what most probably was before it, its derivative adds ``<r x' - Lambda F P, dF>``.
+The time constant of a correlated state also changes the transition F by dF. With the covariance P and the smoothed
+state x before the transition, its derivative adds ``<r x' - Lambda F P, dF>``.
 
-Second derivatives are taken for the average of those seen and those expected (Gilmour et al., Biometrics 51(4), 1995):
-products of what innovations show of twice the most probable noise of each kind, as if that were a fault. It is
-``dV v``, with V the covariance of the data and ``V v`` what they are beyond their mean: of a time constant what dF
-makes of x, and the noise that is most probable by what dF adds to r.
+The information matrix is the average of the observed and the expected one (Gilmour et al., Biometrics 51(4), 1995). It
+consists of products of signatures in the innovations, where each group has a "fault" of twice its smoothed noise. For
+a time constant this is ``dF x``, and the smoothed noise due to the change of r by dF.
 """
 
 from collections.abc import Sequence
@@ -21,10 +20,9 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.filters.fault_scores import FaultEffects, shown_faults
+from auvid_cli.filters.fault_scores import FaultEffects, fault_signatures
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, noise_variance, variance_by_time_constant
-from auvid_cli.filters.problem import TIMELINE, ModelData, Process, Timeline
-from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.problem import TIMELINE, JointProblem, ModelData, Process, Timeline
 from auvid_cli.filters.smoother_backward import ADJOINT, Adjoint, adjoint_predict, adjoint_update
 from auvid_cli.filters.smoother_forward import (
     FORWARD_PASS,
@@ -41,203 +39,201 @@ _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 _indices = types.int64[::1]
 
-# Of a rate, for a difference quotient.
-_CHANGE = 1e-4
+# Relative step of a time constant in difference quotients.
+_TIME_CONSTANT_STEP = 1e-4
 
 
 class NoiseGroup(NamedTuple):
-    """Noise that has one factor.
+    """Noise with a common factor.
 
     Attributes
     ----------
     moving : tuple of int
-        Moving states, whose densities it multiplies.
+        Moving states whose noise densities have the factor.
     sensor : int
-        Row of the sensor whose standard deviations it multiplies; negative if none.
+        Row of the sensor whose standard deviations have the factor; negative if none.
     rates : tuple of int
-        Of moving states that fade, where among the constants of the process the rates stand at which they do. Then the
-        factor multiplies their time constants, and not how large they are.
-    least : float
-        Logarithm of the least factor that may be; of noise so little that it is none.
+        Indices of decay rates among the constants of the process, one for each of `moving`. If given, the factor is
+        that of the time constants, with constant stationary variance.
+    min_log_factor : float
+        Logarithm of the smallest factor; such noise is negligible.
     """
 
     moving: tuple[int, ...] = ()
     sensor: int = -1
     rates: tuple[int, ...] = ()
-    least: float = -14.0
+    min_log_factor: float = -14.0
 
     @property
-    def fading(self) -> tuple[int, ...]:
-        """Return the moving states whose time constants it multiplies."""
+    def correlated(self) -> tuple[int, ...]:
+        """Moving states whose time constants have the factor."""
         return self.moving if self.rates else ()
 
 
 class NoiseScores(NamedTuple):
-    """How the log-likelihood depends on the logarithms of factors of noise.
+    """Derivatives of the log-likelihood by the logarithms of noise factors.
 
     Attributes
     ----------
     slope : ndarray, shape (k,)
-        Its derivatives.
+        First derivatives.
     information : ndarray, shape (k, k)
-        Minus its second ones, on average.
+        Average information matrix.
     """
 
     slope: Array
     information: Array
 
 
-class _Told(NamedTuple):
-    """What the data say of the noise in a chunk, by the variance of that, and the variance of what they say.
+class _SmoothedNoise(NamedTuple):
+    """Smoothed noise of a chunk, divided by its variance, and the variance of that.
 
     Attributes
     ----------
-    process, of_process : ndarray, shape (n_events, n_moving)
-    sensor, of_sensor : ndarray, shape (n_measurements, c)
-        0 where a component is missing.
-    fading, of_fading : ndarray, shape (n_events, n_fading)
-        Of what a change of the transition makes of each state that fades, per unit of that; and its covariance with it.
-    smoothed : ndarray, shape (n_events, n_fading)
-        Deviation of these states.
-    remembered : ndarray, shape (n_events, n_fading)
-        What such changes at all later events add to what the data say of the noise that drives these states.
+    process, process_variance : ndarray, shape (n_events, n_moving)
+    sensor, sensor_variance : ndarray, shape (n_measurements, c)
+        0 if missing.
+    transition, transition_variance : ndarray, shape (n_events, n_correlated)
+        ``r dF`` of each correlated state, and ``Lambda F P dF``.
+    state : ndarray, shape (n_events, n_correlated)
+        Smoothed deviation of the correlated states.
+    later : ndarray, shape (n_events, n_correlated)
+        Sum of ``r dF`` at later events, multiplied by the transitions to them.
     """
 
     process: Array
-    of_process: Array
+    process_variance: Array
     sensor: Array
-    of_sensor: Array
-    fading: Array
-    of_fading: Array
-    smoothed: Array
-    remembered: Array
+    sensor_variance: Array
+    transition: Array
+    transition_variance: Array
+    state: Array
+    later: Array
 
 
-class _Fading(NamedTuple):
-    """States whose time constants are looked at, in a chunk.
+class _Correlated(NamedTuple):
+    """Correlated states whose time constants have a factor, in a chunk.
 
     Attributes
     ----------
-    rows : ndarray of int, shape (n_fading,)
-        Among the moving states.
-    change : ndarray, shape (n_events, n_moving, n_fading)
-        Of their columns of the transition, per unit of the logarithm of the time constant.
-    remembered : ndarray, shape (n_fading,)
-        As of `_Told`, after the chunk; carried to before it.
+    rows : ndarray of int, shape (n_correlated,)
+        Rows among the moving states.
+    change : ndarray, shape (n_events, n_moving, n_correlated)
+        dF: derivative of their columns of the transition by the logarithm of the time constant.
+    later : ndarray, shape (n_correlated,)
+        As in `_SmoothedNoise`, after the chunk; afterwards before it.
     before : ndarray, shape (n_moving, n)
         Moving rows of the covariance before the chunk.
     """
 
     rows: NDArray[np.int64]
     change: Array
-    remembered: Array
+    later: Array
     before: Array
 
 
-_TOLD = types.NamedUniTuple(_matrix, len(_Told._fields), _Told)
-_FADING = types.NamedTuple((_indices, _stack, types.float64[::1], _matrix), _Fading)
+_SMOOTHED_NOISE = types.NamedUniTuple(_matrix, len(_SmoothedNoise._fields), _SmoothedNoise)
+_CORRELATED = types.NamedTuple((_indices, _stack, types.float64[::1], _matrix), _Correlated)
 
 
 @compiled(reassociate=True)
-def _look_at_fading(event, f, transition, forward_pass, adjoint, told, fading):
-    """Write down what the adjoint at an event says of how one state faded before it."""
-    mean, root, row, change = adjoint.mean, adjoint.root, fading.rows[f], fading.change[event]
-    n, n_moving, n_columns = mean.size, told.process.shape[1], adjoint.n_columns[0]
+def _smooth_transition(event, f, transition, forward_pass, adjoint, noise, correlated):
+    """Fill in what the adjoint at an event gives for the transition of one correlated state."""
+    mean, root, row, change = adjoint.mean, adjoint.root, correlated.rows[f], correlated.change[event]
+    n, n_moving, n_columns = mean.size, noise.process.shape[1], adjoint.n_columns[0]
     n_parameters = n - n_moving
-    covariance = forward_pass.covariance[event - 1, row] if event > 0 else fading.before[row]
-    said, moved = 0.0, adjoint.work[0]
+    covariance = forward_pass.covariance[event - 1, row] if event > 0 else correlated.before[row]
+    value, moved = 0.0, adjoint.work[0]
     for i in range(n):
         moved[i] = covariance[i]
     for i in range(n_moving):
-        said += change[i, f] * mean[n_parameters + i]
+        value += change[i, f] * mean[n_parameters + i]
         total = 0.0
         for j in range(n):
             total += transition[i, j] * covariance[j]
         moved[n_parameters + i] = total
-    owed = 0.0
+    variance = 0.0
     for column in range(n_columns):
-        known, changed = 0.0, 0.0
+        projected, changed = 0.0, 0.0
         for i in range(n):
-            known += root[i, column] * moved[i]
+            projected += root[i, column] * moved[i]
         for i in range(n_moving):
             changed += root[n_parameters + i, column] * change[i, f]
-        owed += known * changed
-    told.fading[event, f], told.of_fading[event, f] = said, owed
-    told.remembered[event, f] = fading.remembered[f]
-    fading.remembered[f] = transition[row, n_parameters + row] * fading.remembered[f] + said
+        variance += projected * changed
+    noise.transition[event, f], noise.transition_variance[event, f] = value, variance
+    noise.later[event, f] = correlated.later[f]
+    correlated.later[f] = transition[row, n_parameters + row] * correlated.later[f] + value
 
 
-@compiled(types.void(TIMELINE, LINEARISED, FORWARD_PASS, ADJOINT, _TOLD, _FADING), reassociate=True)
-def _backward_pass(timeline, about, forward_pass, adjoint, told, fading):
-    """Carry the adjoint back over a chunk, and write down what it says of the noise."""
-    mean, root, n_moving, n_fading = adjoint.mean, adjoint.root, told.process.shape[1], fading.rows.size
+@compiled(types.void(TIMELINE, LINEARISED, FORWARD_PASS, ADJOINT, _SMOOTHED_NOISE, _CORRELATED), reassociate=True)
+def _backward_pass(timeline, about, forward_pass, adjoint, noise, correlated):
+    """Carry the adjoint back over a chunk, and fill in the smoothed noise."""
+    mean, root, n_moving, n_correlated = adjoint.mean, adjoint.root, noise.process.shape[1], correlated.rows.size
     n = mean.size
     n_parameters = n - n_moving
     for back in range(timeline.time.size):
         event = timeline.time.size - 1 - back
-        for f in range(n_fading):
-            row, total = fading.rows[f], forward_pass.filtered[event, n_parameters + fading.rows[f]]
+        for f in range(n_correlated):
+            row, total = correlated.rows[f], forward_pass.filtered[event, n_parameters + correlated.rows[f]]
             for j in range(n):
                 total += forward_pass.covariance[event, row, j] * mean[j]
-            told.smoothed[event, f] = total
-        adjoint_update(event, timeline, about, forward_pass, adjoint, told.sensor, told.of_sensor)
+            noise.state[event, f] = total
+        adjoint_update(event, timeline, about, forward_pass, adjoint, noise.sensor, noise.sensor_variance)
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
             for i in range(n_moving):
-                told.process[event, i] = mean[n_parameters + i]
+                noise.process[event, i] = mean[n_parameters + i]
                 square = 0.0
                 for column in range(adjoint.n_columns[0]):
                     square += root[n_parameters + i, column] * root[n_parameters + i, column]
-                told.of_process[event, i] = square
-            for f in range(n_fading):
-                _look_at_fading(event, f, about.transition[event], forward_pass, adjoint, told, fading)
+                noise.process_variance[event, i] = square
+            for f in range(n_correlated):
+                _smooth_transition(event, f, about.transition[event], forward_pass, adjoint, noise, correlated)
             adjoint_predict(about.transition[event], n_parameters, adjoint)
 
 
 def noise_scores(
     smoothing: LinearSmoothing, filtered: Filtered, problem: JointProblem, groups: Sequence[NoiseGroup]
 ) -> NoiseScores:
-    """Find how the log-likelihood of the linear problem depends on its noise.
+    """Return the derivatives of the log-likelihood of a linear problem by its noise.
 
     Parameters
     ----------
     smoothing : LinearSmoothing
-        Of the problem.
     filtered : Filtered
-        The problem about a trajectory.
     problem : JointProblem
-        With its present noise.
+        With the noise with which it was filtered.
     groups : sequence of NoiseGroup
     """
     n, n_moving = problem.n_parameters + problem.n_moving, problem.n_moving
-    slope, probable = np.zeros(len(groups)), list[FaultEffects]()
-    rows = np.array([row for group in groups for row in group.fading], dtype=np.int64)
-    adjoint, remembered, segment_before = Adjoint.zeros(n, with_variance=True), np.zeros(rows.size), -1
+    slope, doubled = np.zeros(len(groups)), list[FaultEffects]()
+    rows = np.array([row for group in groups for row in group.correlated], dtype=np.int64)
+    adjoint, later, last_segment = Adjoint.zeros(n, with_variance=True), np.zeros(rows.size), -1
     chunks = [len(before) for before in filtered.before]
     for segment, timeline, about, forward_pass in smoothing.forward_passes_back(filtered, adjoint):
-        if segment != segment_before:
-            remembered[:], segment_before = 0.0, segment
+        if segment != last_segment:
+            later[:], last_segment = 0.0, segment
         chunks[segment] -= 1
         before = filtered.before[segment][chunks[segment]]
         shapes = [about.moving.shape] * 2 + [about.residual.shape] * 2 + [(len(about.moving), rows.size)] * 4
-        told = _Told(*(np.zeros(shape) for shape in shapes))
+        noise = _SmoothedNoise(*(np.zeros(shape) for shape in shapes))
         covariance = before.covariance()[n - n_moving :]
-        fading = _Fading(rows, _changes(problem, timeline, about, groups), remembered, covariance)
-        _backward_pass(timeline, about, forward_pass, adjoint, told, fading)
+        correlated = _Correlated(rows, _transition_changes(problem, timeline, about, groups), later, covariance)
+        _backward_pass(timeline, about, forward_pass, adjoint, noise, correlated)
         first = before.mean[n - n_moving : n][rows] + covariance[rows] @ adjoint.mean
-        value = np.vstack([about.before[rows] + first, (about.moving[:, rows] + told.smoothed)[:-1]])
-        probable.append(_add_chunk(slope, timeline, told, fading, value, problem, groups))
+        value = np.vstack([about.before[rows] + first, (about.moving[:, rows] + noise.state)[:-1]])
+        doubled.append(_add_chunk(slope, timeline, noise, correlated, value, problem, groups))
 
     def effects(segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
-        return probable.pop()
+        return doubled.pop()
 
     information = np.zeros((len(groups), len(groups)))
-    for chunk in shown_faults(smoothing, filtered, len(groups), effects):
-        information += 0.5 * chunk.shown.T @ chunk.shown
+    for chunk in fault_signatures(smoothing, filtered, len(groups), effects):
+        information += 0.5 * chunk.signature.T @ chunk.signature
     return NoiseScores(slope, information)
 
 
 def with_time_constants(process: Process, group: NoiseGroup, factor: float) -> Process:
-    """Multiply the time constants of a group, whose states stay as large as they are."""
+    """Multiply the time constants of a group, at constant stationary variance."""
     constants, density, decay = process.constants.copy(), process.noise_density.copy(), process.decay.copy()
     constants[[*group.rates]] /= factor
     density[[*group.moving]] /= np.sqrt(factor)
@@ -246,54 +242,57 @@ def with_time_constants(process: Process, group: NoiseGroup, factor: float) -> P
     return process._replace(constants=constants, noise_density=density, decay=decay)
 
 
-def _changes(problem: JointProblem, timeline: Timeline, about: Linearised, groups: Sequence[NoiseGroup]) -> Array:
-    """Return how the transitions depend on the logarithms of time constants, see `_Fading.change`."""
-    process, rows = problem.process, [row for group in groups for row in group.fading]
+def _transition_changes(
+    problem: JointProblem, timeline: Timeline, about: Linearised, groups: Sequence[NoiseGroup]
+) -> Array:
+    """Return `_Correlated.change` by difference quotients."""
+    process, rows = problem.process, [row for group in groups for row in group.correlated]
     if not rows:
         return np.zeros((0, 0, 0))
     for group in groups:
         if group.rates:
-            process = with_time_constants(process, group, 1.0 + _CHANGE)
-    beside = about._replace(defect=np.zeros_like(about.defect), transition=np.zeros_like(about.transition))
+            process = with_time_constants(process, group, 1.0 + _TIME_CONSTANT_STEP)
+    changed = about._replace(defect=np.zeros_like(about.defect), transition=np.zeros_like(about.transition))
     n, n_components = about.rows.shape[2], about.residual.shape[1]
     work = SmootherWorkspace.of(process, n, n_components)
-    linearise_process(process.transition, ModelData.of(process, problem.sensors), timeline, beside, work)
+    linearise_process(process.transition, ModelData.of(process, problem.sensors), timeline, changed, work)
     columns = [problem.n_parameters + row for row in rows]
-    # Of each state only its own time constant moves what comes of it.
-    return np.ascontiguousarray(beside.transition[..., columns] - about.transition[..., columns]) / np.log1p(_CHANGE)
+    # All time constants change at once: each column depends on its own one only.
+    difference = np.ascontiguousarray(changed.transition[..., columns] - about.transition[..., columns])
+    return difference / np.log1p(_TIME_CONSTANT_STEP)
 
 
 def _add_chunk(
     slope: Array,
     timeline: Timeline,
-    told: _Told,
-    fading: _Fading,
+    noise: _SmoothedNoise,
+    correlated: _Correlated,
     value: Array,
     problem: JointProblem,
     groups: Sequence[NoiseGroup],
 ) -> FaultEffects:
-    """Add what a chunk says to the slopes; return twice its most probable noise of each group.
+    """Add a chunk to the slopes; return twice its smoothed noise of each group.
 
-    What fades had the `value` before each event, shape (n_events, n_fading).
+    `value`, shape (n_events, n_correlated), holds the smoothed correlated states before each event.
     """
-    pushed, added = (np.zeros((*a.shape, len(groups))) for a in (told.process, told.sensor))
-    of_process = noise_variance(problem.process, timeline)
-    slope_by_variance = 0.5 * of_process * (told.process**2 - told.of_process)
+    on_states, on_measurements = (np.zeros((*a.shape, len(groups))) for a in (noise.process, noise.sensor))
+    process_variance = noise_variance(problem.process, timeline)
+    slope_by_variance = 0.5 * process_variance * (noise.process**2 - noise.process_variance)
     for g, group in enumerate(groups):
         moving = list(group.moving)
-        # Derivative of the logarithm of its variance.
-        share = 2.0
+        # Derivative of the logarithm of the variance by that of the factor.
+        by_factor = 2.0
         if group.rates:
-            share = variance_by_time_constant(problem.process, timeline)[:, moving]
-            own = [f for f, row in enumerate(fading.rows) if row in moving]
-            slope[g] += (told.fading[:, own] * value[:, own] - told.of_fading[:, own]).sum()
-            pushed[:, :, g] = np.einsum("eif,ef->ei", fading.change[..., own], value[:, own])
-            pushed[:, moving, g] += of_process[:, moving] * told.remembered[:, own]
-        slope[g] += (share * slope_by_variance[:, moving]).sum()
-        pushed[:, moving, g] += share * of_process[:, moving] * told.process[:, moving]
+            by_factor = variance_by_time_constant(problem.process, timeline)[:, moving]
+            own = [f for f, row in enumerate(correlated.rows) if row in moving]
+            slope[g] += (noise.transition[:, own] * value[:, own] - noise.transition_variance[:, own]).sum()
+            on_states[:, :, g] = np.einsum("eif,ef->ei", correlated.change[..., own], value[:, own])
+            on_states[:, moving, g] += process_variance[:, moving] * noise.later[:, own]
+        slope[g] += (by_factor * slope_by_variance[:, moving]).sum()
+        on_states[:, moving, g] += by_factor * process_variance[:, moving] * noise.process[:, moving]
         if group.sensor >= 0:
             own = timeline.measurement_sensor == group.sensor
             variance = problem.sensors.variance[group.sensor]
-            slope[g] += (variance * (told.sensor[own] ** 2 - told.of_sensor[own])).sum()
-            added[own, :, g] = 2.0 * variance * told.sensor[own]
-    return FaultEffects(pushed, added)
+            slope[g] += (variance * (noise.sensor[own] ** 2 - noise.sensor_variance[own])).sum()
+            on_measurements[own, :, g] = 2.0 * variance * noise.sensor[own]
+    return FaultEffects(on_states, on_measurements)

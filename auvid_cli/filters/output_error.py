@@ -1,13 +1,17 @@
-"""Output-error method: parameters and initial motions whose simulated motion fits all measurements best."""
+"""Output-error method: parameters and initial motions whose simulated motion fits all measurements best.
+
+The least-squares fit itself is in `auvid_cli.filters.least_squares`; this module chooses its starts and spans.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.filters.influence_functions import corrected_free_motion
+from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
 from auvid_cli.filters.least_squares import Information, LeastSquaresFit, Uncertainty, fit_free_motion
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
@@ -17,56 +21,51 @@ from auvid_cli.filters.problem import (
     ConvergenceStatus,
     FilterOutcome,
     Gaussian,
+    JointProblem,
     OnChunk,
     Records,
     Sensors,
     Timeline,
+    filter_sequentially,
 )
-from auvid_cli.filters.segments import JointProblem, one_after_the_other
 from auvid_cli.filters.sensitivities import Response, responses
-from auvid_cli.filters.smoother_forward import SET_ASIDE, weight
+from auvid_cli.filters.smoother_forward import MIN_WEIGHT, weight
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.filters.workspace import cubature
 
 Array = NDArray[np.float64]
-# Shares of a residual's variance below this are rounding: measurements that the fit meets exactly say nothing.
+# Smallest variance of a residual, relative to the noise: below, the fit meets the measurement exactly.
 _ROUNDING = 1e-9
-# Events of the first span of a segment, some 40 s of a 100 Hz sensor: few enough for parameters that are somewhat off
-# not to lose the motion altogether, and enough to correct them. Parameters that are far off lose it within seconds.
-_FIRST_SPAN, _FIRST_SPAN_FROM_AFAR = 4000, 250
-# A fit of a span that is not the whole only has to come near enough for the next.
-_EVALUATIONS_OF_A_SPAN = 10
-# Standard deviations by which a fit may be off the start that led to it, or off another fit, before it is doubted.
-_FAR = 2.5
-# Passes through the data of the smoother from which a fit may start.
-_PASSES = 50
-# Gains in the sum of squares, as shares of it, that end the fit of a span and of the whole.
-_COARSE, _FINE = 1e-5, 1e-9
+# Events of the first span of a segment, some 40 s at 100 Hz: enough to correct the parameters of a CKF.
+_FIRST_SPAN = 4000
+# The same from the prior's parameters, with which the motion departs within seconds.
+_FIRST_SPAN_FROM_PRIOR = 250
+# Maximum number of evaluations for a span that is not the whole; it only has to come near the next one.
+_EVALUATIONS_OF_SPAN = 10
+# Largest distance of a fit from its start or from another fit, in standard deviations; beyond, other starts are tried.
+_MAX_DISTANCE = 2.5
+# Maximum number of passes of the smoother whose estimate is a start.
+_SMOOTHER_PASSES = 50
+# Relative decrease of the sum of squares at which the fit of a span ends.
+_SPAN_TOLERANCE = 1e-5
+# Relative decrease at which the fit of all events ends.
+_FINAL_TOLERANCE = 1e-9
 
 
-def hand_over(
+def _report_segment(
     solution: Iterable[Response], sensors: Sensors, uncertainty: Uncertainty, on_chunk: OnChunk
 ) -> tuple[Array, int]:
-    """Pass on the motion from a fitted state, chunk by chunk.
+    """Pass the motion from a fitted state of covariance P to `on_chunk`.
 
-    Parameters
-    ----------
-    solution : iterable of Response
-        From the fitted state.
-    sensors : Sensors
-    uncertainty : Uncertainty
-        Of the fitted state, P.
-    on_chunk : callable
-        Told every chunk. Standard deviations are those of ``X_k P X_k'``. For measurements that were fitted the
-        variance of a residual is what the fit leaves of the noise, ``S = noise - H X_k P X_k' H'``; the NIS is ``r'
-        S^-1 r``.
+    With the sensitivity X_k of event k, states have the covariance ``X_k P X_k'``. A fitted measurement has a residual
+    r of covariance ``S = R - H X_k P X_k' H'``, and the NIS ``r' S^-1 r``.
 
     Returns
     -------
     covariance : ndarray, shape (n, n)
-        Of the state after the last sound event.
+        Covariance of the state after the last good event.
     n_good : int
-        Events until the end, or until the motion blew up.
+        Number of events until the motion diverges.
     """
     n = len(uncertainty.root)
     n_good, last = 0, np.eye(n)
@@ -88,21 +87,21 @@ def _records(response: Response, sensors: Sensors, uncertainty: Uncertainty) -> 
     weights, whitened = None, response.whitened
     if not np.isinf(sensors.threshold):
         weights = weight(whitened[..., -1] ** 2, sensors.threshold)
-        whitened = np.where(weights[..., None] < SET_ASIDE, 0.0, whitened)
-    variance, nis = _left_over(response._replace(whitened=whitened), sensors, uncertainty)
+        whitened = np.where(weights[..., None] < MIN_WEIGHT, 0.0, whitened)
+    variance, nis = _residual_variance(response._replace(whitened=whitened), sensors, uncertainty)
     if weights is not None:
-        variance[weights < SET_ASIDE] = np.nan
+        variance[weights < MIN_WEIGHT] = np.nan
     return Records(response.mean, deviation, response.innovation, variance, nis, weights)
 
 
-def _left_over(response: Response, sensors: Sensors, uncertainty: Uncertainty) -> tuple[Array, Array]:
-    """Return the variance of each residual and normalised residual squared of each measurement."""
+def _residual_variance(response: Response, sensors: Sensors, uncertainty: Uncertainty) -> tuple[Array, Array]:
+    """Return the variance of each residual, and the normalised residual squared of each measurement."""
     explained = response.whitened[..., :-1] @ uncertainty.root
     share = explained @ explained.swapaxes(-1, -2)
     sensor = response.timeline.measurement_sensor[: len(share)]
-    left = np.maximum(1.0 - np.diagonal(share, axis1=1, axis2=2), 0.0)
-    variance = np.where(np.isnan(response.innovation), np.nan, sensors.variance[sensor] * left)
-    # Missing components have rows of zeros: a residual of nothing.
+    remaining = np.maximum(1.0 - np.diagonal(share, axis1=1, axis2=2), 0.0)
+    variance = np.where(np.isnan(response.innovation), np.nan, sensors.variance[sensor] * remaining)
+    # Missing components have rows of zeros, and so a zero residual.
     shares, directions = np.linalg.eigh(share)
     parts = np.einsum("kij,ki->kj", directions, response.whitened[..., -1])
     free = 1.0 - shares
@@ -119,32 +118,32 @@ def run_output_error(
 ) -> FilterOutcome:
     """Fit parameters, and the initial motion of each segment, to data.
 
-    It starts from the final parameters of a CKF and the prior's motions. Where there are none, or the fit is far from
-    them, it starts once more from the prior's parameters, and if that leads elsewhere, from a smoother's answer. The
-    fit of the lowest cost counts, and is compared with the others.
+    The first start has the final parameters of a CKF. If the CKF fails, or the fit is far from its start, the second
+    start has the prior's parameters, and if that leads to another fit, the third is the estimate of a smoother. The fit
+    with the lowest cost is the estimate, and is compared with the others.
 
-    The free motion over all of a run is soon lost where parameters are off, its sum of squares full of local minima. So
-    it fits the beginning of each segment first, held by the prior's spread about where it starts, and goes on to twice
-    as much.
+    With wrong parameters the simulated motion departs from the true one, and the sum of squares over a whole run has
+    many local minima. So the fit begins with a first span of each segment, with a prior about the start, and doubles
+    the span until it covers all events.
 
     Parameters
     ----------
     problem : JointProblem
-        The process noise serves only the starts, and so does the prior, unless `use_prior`.
+        The process noise is used for the starts only, and so is the prior unless `use_prior`.
     on_chunk : callable
-        What it receives is the solution, see `hand_over`, segment after segment.
+        Receives the fitted motion.
     max_evaluations : int
-        Of the motion along the data, from each start.
+        Maximum number of simulations of the motion from each start.
     bounds : tuple of ndarray, shape (n,)
-        Lower and upper, of the joint state; the covariance does not know of them.
+        Lower and upper bounds of the joint state; the covariance ignores them.
     use_prior : bool
-        Whether the prior counts for as much as it says: the posterior mode instead of maximum likelihood.
+        Whether to find the posterior mode instead of the maximum of the likelihood.
 
     Returns
     -------
     FilterOutcome
-        `NOT_CONVERGED` if `max_evaluations` were not enough; `PREDICTION` if a motion from the best state blows
-        up. The covariance is of the state of the last segment.
+        `NOT_CONVERGED` after `max_evaluations`; `PREDICTION` if the fitted motion diverges. The covariance is that of
+        the last segment's state.
     """
     prior = problem.prior
     box = bounds or (np.full(prior.mean.size, -np.inf), np.full(prior.mean.size, np.inf))
@@ -154,44 +153,44 @@ def run_output_error(
     def fit_first(n_events: int, start: Array, evaluations: int) -> LeastSquaresFit | None:
         firsts = problem._replace(segments=[FirstEvents(timelines, n_events) for timelines in problem.segments])
         if n_events < longest:
-            about_start, evaluations = Gaussian(start, prior.factor), min(evaluations, _EVALUATIONS_OF_A_SPAN)
-            return fit_free_motion(firsts, start, about_start, box, _COARSE, evaluations)
-        return fit_free_motion(firsts, start, prior if use_prior else None, box, _FINE, evaluations)
+            about_start, evaluations = Gaussian(start, prior.factor), min(evaluations, _EVALUATIONS_OF_SPAN)
+            return fit_free_motion(firsts, start, about_start, box, _SPAN_TOLERANCE, evaluations)
+        return fit_free_motion(firsts, start, prior if use_prior else None, box, _FINAL_TOLERANCE, evaluations)
 
     fits: list[LeastSquaresFit] = []
     for start in _starts(problem):
-        fit = _fit_longer_and_longer(fit_first, np.clip(start.state, *box), start.span, longest, max_evaluations)
+        fit = _fit_growing_spans(fit_first, np.clip(start.state, *box), start.span, longest, max_evaluations)
         if use_prior:
             fit = fit._replace(information=fit.information.join(Information.of_gaussian(prior, fit.state)))
-        known = [start, *(_Start(other.state) for other in fits if other.converged)]
+        references = [start, *(_Start(other.state) for other in fits if other.converged)]
         fits.append(fit)
-        if fit.converged and any(_is_near(fit, other, problem.n_parameters) for other in known):
+        if fit.converged and any(_is_near(fit, other, problem.n_parameters) for other in references):
             break
-    # Of fits that end in the same place the first counts, however the last digits of their costs are.
-    best, *others = sorted(fits, key=lambda fit: (-fit.share, round(fit.cost, 1)))
-    outcome = _hand_over_segments(problem, sizes, best, on_chunk)
+    # Costs are rounded, so that the first of equal fits counts.
+    best, *others = sorted(fits, key=lambda fit: (-fit.fraction, round(fit.cost, 1)))
+    outcome = _report(problem, sizes, best, on_chunk)
     deviation = best.deviation(problem.n_parameters)
     if outcome.failure == NOT_CONVERGED:
         return outcome._replace(convergence=_convergence(best, deviation))
-    rivals = (
+    alternatives = (
         AlternativeEstimate.of_minimum((other.state - best.state)[: deviation.size], deviation, other.cost - best.cost)
         for other in others
         if other.converged
     )
-    return outcome._replace(others=tuple(rival for rival in rivals if rival is not None))
+    return outcome._replace(others=tuple(found for found in alternatives if found is not None))
 
 
 class _Start(NamedTuple):
-    """Where a fit may start.
+    """Start of a fit.
 
     Attributes
     ----------
     state : ndarray, shape (n,)
-        Of the joint state.
+        Joint state.
     deviation : ndarray, shape (n_parameters,), or 0
-        How far off the parameters are, by whoever found them.
+        Standard deviations of its parameters.
     span : int
-        Events to be fitted first.
+        Number of events to fit first.
     """
 
     state: Array
@@ -200,90 +199,108 @@ class _Start(NamedTuple):
 
 
 def _is_near(fit: LeastSquaresFit, start: _Start, n_parameters: int) -> bool:
-    """Say whether a fit has the parameters of a start, within what is not known of both.
+    """Whether a fit has the parameters of a start, within the uncertainties of both.
 
-    What a fit knows nothing of it must not have moved: far from the data, where motions lose all order, everything is
-    unknown, and no fit would be far from anywhere.
+    An unobserved parameter, of infinite deviation, must have the same value: a fit far from the data observes nothing,
+    and would be near every start.
     """
     moved, deviation = np.abs(fit.state - start.state)[:n_parameters], fit.deviation(n_parameters)
-    unknown = np.maximum(start.deviation, np.where(np.isinf(deviation), 0.0, deviation))
-    return bool((moved <= _FAR * unknown).all())
+    uncertainty = np.maximum(start.deviation, np.where(np.isinf(deviation), 0.0, deviation))
+    return bool((moved <= _MAX_DISTANCE * uncertainty).all())
 
 
 def _starts(problem: JointProblem) -> Iterator[_Start]:
-    """Yield starts: parameters as a CKF leaves them, those of the prior, and a smoother's answer."""
-    if (filtered := _filtered(problem)) is not None:
+    """Yield starts with the parameters of a CKF, of the prior, and of a smoother."""
+    if (filtered := _ckf(problem)) is not None:
         yield filtered
-    yield _Start(problem.prior.mean, span=_FIRST_SPAN_FROM_AFAR)
-    # What it is compiled from is seldom wanted here.
+    yield _Start(problem.prior.mean, span=_FIRST_SPAN_FROM_PRIOR)
+    # Compiled code that is seldom needed here.
     from auvid_cli.filters.linear_smoother import LinearSmoothing
     from auvid_cli.filters.smoother import most_probable
 
-    for smoothed, _ in most_probable(problem, LinearSmoothing(problem), _PASSES)[:1]:
+    for smoothed, _ in most_probable(problem, LinearSmoothing(problem), _SMOOTHER_PASSES)[:1]:
         trajectory = smoothed.trajectory
         yield _Start(np.concatenate([trajectory.parameters, *trajectory.initial]))
 
 
 def _convergence(fit: LeastSquaresFit, deviation: Array) -> ConvergenceStatus:
-    """Say how far from its end a fit was."""
+    """Return the distance of a fit from convergence."""
     factor, projected, root = fit.information.factor, fit.information.projected, fit.information.uncertainty().root
     step = root @ (root.T @ (factor.T @ projected))
-    return ConvergenceStatus(float(projected @ projected), step[: deviation.size] / deviation, fit.share)
+    return ConvergenceStatus(float(projected @ projected), step[: deviation.size] / deviation, fit.fraction)
 
 
-def _fit_longer_and_longer(
+def _fit_growing_spans(
     fit_first: Callable[[int, Array, int], LeastSquaresFit | None],
     start: Array,
     span: int,
     longest: int,
     max_evaluations: int,
 ) -> LeastSquaresFit:
-    """Fit the first events of each segment, then twice as many, to the end; fewer more where the motion blows up.
+    """Fit the first `span` events of each segment, then twice as many, up to the `longest` segment.
+
+    Where the motion diverges, the next span is shorter. Returns the last fit; converged, with a finite cost, only if it
+    covers all events.
 
     Parameters
     ----------
     fit_first : callable
-        Fits so many events, from a state, with at most so many evaluations.
-    start : ndarray, shape (n,)
-    span, longest : int
-        How many events to begin with, and how many the longest segment has.
-    max_evaluations : int
-
-    Returns
-    -------
-    LeastSquaresFit
-        The last one that there is; converged, with a cost to be compared, only if it is one of all events.
+        Fits a number of events, from a state, with a maximum number of evaluations.
     """
-    best = LeastSquaresFit(start, Information.none(start.size), np.inf, converged=False, evaluations=0)
-    fitted, span, left = 0, min(span, longest), max_evaluations
-    while left > 0 and fitted < span:
-        longer = fit_first(span, best.state, left)
+    best = LeastSquaresFit(start, Information.empty(start.size), np.inf, converged=False, evaluations=0)
+    fitted, span, remaining = 0, min(span, longest), max_evaluations
+    while remaining > 0 and fitted < span:
+        longer = fit_first(span, best.state, remaining)
         if longer is None:
-            span, left = (fitted + span) // 2, left - 1
+            span, remaining = (fitted + span) // 2, remaining - 1
         else:
-            best, left = longer, left - longer.evaluations
+            best, remaining = longer, remaining - longer.evaluations
             fitted, span = span, min(2 * span, longest)
-    return best if fitted == longest else best._replace(converged=False, cost=np.inf, share=fitted / longest)
+    return best if fitted == longest else best._replace(converged=False, cost=np.inf, fraction=fitted / longest)
 
 
-def _hand_over_segments(
-    problem: JointProblem, sizes: Sequence[int], best: LeastSquaresFit, on_chunk: OnChunk
-) -> FilterOutcome:
-    """Pass on the motion from the fitted state, segment after segment, up to where it blows up."""
+def _report(problem: JointProblem, sizes: Sequence[int], best: LeastSquaresFit, on_chunk: OnChunk) -> FilterOutcome:
+    """Pass the fitted motion of all segments to `on_chunk`, until it diverges."""
     uncertainty, n_good, covariance = best.information.uncertainty(), 0, np.zeros((0, 0))
-    for timelines, size, place in zip(problem.segments, sizes, problem.places, strict=True):
+    for timelines, size, place in zip(problem.segments, sizes, problem.indices, strict=True):
         solution = responses(problem.process, problem.sensors, timelines, best.state[place])
-        covariance, reached = hand_over(solution, problem.sensors, uncertainty.of(place), on_chunk)
+        covariance, reached = _report_segment(solution, problem.sensors, uncertainty.of(place), on_chunk)
         n_good += reached
         if reached < size:
             return FilterOutcome(covariance, n_good, PREDICTION)
     if not best.converged:
         return FilterOutcome(covariance, n_good, NOT_CONVERGED)
-    return FilterOutcome(covariance, n_good, OK, corrected=corrected_free_motion(problem, best.state, uncertainty))
+    nominal = uncertainty.deviation(np.eye(problem.n_parameters, best.state.size))
+    n_channels = problem.sensors.variance.size
+    corrected = corrected_deviation(nominal, influences(problem, best.state, uncertainty), n_channels)
+    return FilterOutcome(covariance, n_good, OK, corrected=corrected)
 
 
-def _filtered(problem: JointProblem) -> _Start | None:
-    """Return the parameters as a CKF leaves them and the motions as the prior has them; None if the CKF fails."""
+def influences(problem: JointProblem, state: Array, uncertainty: Uncertainty) -> list[Iterable[Influence]]:
+    """Return the influence functions of each segment on parameters fitted with a joint state."""
+    return [_SegmentInfluences(problem, uncertainty, state, segment) for segment in range(len(problem.segments))]
+
+
+@dataclass(frozen=True)
+class _SegmentInfluences:
+    """Influences of the residuals of a segment, computed again in each iteration."""
+
+    problem: JointProblem
+    uncertainty: Uncertainty
+    state: Array
+    segment: int
+
+    def __iter__(self) -> Iterator[Influence]:
+        process, sensors, segments, _ = self.problem
+        indices, root = self.problem.indices[self.segment], self.uncertainty.root
+        covariance = root[indices] @ root[: self.problem.n_parameters].T
+        for response in responses(process, sensors, segments[self.segment], self.state[indices]):
+            rows, residual = response.whitened[..., :-1] @ covariance, response.whitened[..., -1]
+            yield Influence.of_present(response.timeline, ~np.isnan(response.innovation), residual, rows)
+
+
+def _ckf(problem: JointProblem) -> _Start | None:
+    """Return a start with the parameters of a CKF and the prior's motions; None if the CKF fails."""
     n_parameters = problem.n_parameters
     guess, deviation = problem.prior.mean.copy(), np.zeros(n_parameters)
 
@@ -293,29 +310,22 @@ def _filtered(problem: JointProblem) -> _Start | None:
             deviation[:] = records.standard_deviation[-1, :n_parameters]
 
     run = partial(run_square_root_filter, cubature(n_parameters + problem.n_moving), *problem[:2])
-    outcome = one_after_the_other(run, problem, keep_last)
+    outcome = filter_sequentially(run, problem, keep_last)
     return _Start(guess, deviation) if outcome.failure == OK else None
 
 
 class FirstEvents:
-    """The first so many events of some chunks, to be gone through any number of times.
-
-    Parameters
-    ----------
-    timelines : iterable of Timeline
-        Chunks in time order.
-    n_events : int
-    """
+    """First events of chunks in time order; iterable any number of times."""
 
     def __init__(self, timelines: Iterable[Timeline], n_events: int) -> None:
         self._timelines, self._n_events = timelines, n_events
 
     def __iter__(self) -> Iterator[Timeline]:
-        left = self._n_events
+        remaining = self._n_events
         for timeline in self._timelines:
-            yield timeline if timeline.time.size <= left else _cut(timeline, left)
-            left -= timeline.time.size
-            if left <= 0:
+            yield timeline if timeline.time.size <= remaining else _cut(timeline, remaining)
+            remaining -= timeline.time.size
+            if remaining <= 0:
                 return
 
 

@@ -1,10 +1,12 @@
-"""What a filter is given and what it gives back: plain value types.
+"""Input and output of all estimators: process, sensors, data, prior, records and outcome.
 
-The state is split in two blocks: constant parameters first, then the moving states that the process
-advances. Measurements are linear in the state, or what a compiled function makes of it; their noise is independent.
+A state has constant parameters first, then the moving states that the process advances. A measurement is linear in
+the state or a compiled function of it; the noise of its components is independent. Segments of the data share the
+parameters, and each starts with its own motion: the joint state is the parameters, then the initial moving states of
+each segment.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,9 +22,8 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
 
-# advance(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch), in place on blocks.
-# A compiled process has exactly this signature, explicit so that numba finds the filters in its
-# cache again in another interpreter session.
+# Explicit signatures, so that numba finds compiled filters in its cache in the next session.
+# advance(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch): a block of states, in place.
 PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, _indices, types.int64, types.float64, _vector)
 # transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch): one state, in place.
 TRANSITION_SIGNATURE = types.void(_vector, _matrix, _indices, _vector, _vector, _indices, _matrix, _vector)
@@ -35,37 +36,37 @@ LINEARISATION_SIGNATURE = types.void(*(_vector, types.int64, _vector, _vector, _
 
 
 @compiled(OBSERVATION_SIGNATURE)
-def nothing_nonlinear(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
-    """Stand in for the observation of a problem without nonlinear sensors; never called."""
+def no_observation(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
+    """Stand in where all sensors are linear; never called."""
 
 
 @compiled(LINEARISATION_SIGNATURE)
-def nothing_to_linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
-    """Stand in for the derivative of that observation; never called."""
+def no_linearisation(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
+    """Stand in where all sensors are linear; never called."""
 
 
 class Process(NamedTuple):
-    """How the moving states advance, and what nonlinear sensors measure of the state.
+    """Motion of the moving states, and measurement functions of nonlinear sensors.
 
     Attributes
     ----------
     advance : compiled function of `PROCESS_SIGNATURE`
-        Moves up to one block of states on by one integration step.
+        Moves a block of states by one integration step.
     transition : compiled function of `TRANSITION_SIGNATURE`
         Moves one state over consecutive substeps, and fills in the moving rows of its transition matrix, shape (n, n).
     constants, selection : ndarray
-        Handed to these functions as they are.
-    scratch_size : int
-        How many doubles these functions want to work with.
+        Arguments of these functions.
     noise_density : ndarray, shape (n_moving,)
         Square root of the power spectral density that drives each moving state.
+    scratch_size : int
+        Number of doubles in the scratch array of these functions.
     observe : compiled function of `OBSERVATION_SIGNATURE`
-        What a nonlinear sensor measures of a block of states, under the inputs that hold from then on.
+        Predicts the measurement of a nonlinear sensor for a block of states, with the inputs after the event.
     linearise : compiled function of `LINEARISATION_SIGNATURE`
-        What it measures of one state, shape (c,), and the derivative of that, shape (c, n).
+        Predicts it for one state, shape (c,), with its derivative, shape (c, n).
     decay : ndarray, shape (n_moving,) or (0,)
-        1/s; rate at which each moving state forgets what drives it, see `auvid_cli.filters.linear_smoother`. Smoothers
-        use it where it is known.
+        1/s; rate at which each moving state forgets process noise, see `auvid_cli.filters.linear_smoother`. Empty if
+        unknown; used by smoothers only.
     """
 
     advance: Any
@@ -74,28 +75,28 @@ class Process(NamedTuple):
     selection: Indices
     noise_density: Array
     scratch_size: int = 0
-    observe: Any = nothing_nonlinear
-    linearise: Any = nothing_to_linearise
+    observe: Any = no_observation
+    linearise: Any = no_linearisation
     decay: Array = np.zeros(0)
 
 
 class Sensors(NamedTuple):
-    """Measurements, component by component.
+    """Measurement models.
 
     Attributes
     ----------
     matrix : ndarray, shape (n_sensors, c, n)
-        Measurement matrix of each linear sensor, zero rows where it has fewer than c components.
+        Measurement matrix of each linear sensor; zero rows if it has fewer than c components.
     variance : ndarray, shape (n_sensors, c)
-        Of the noise; positive.
+        Variance of the noise, positive.
     angular : ndarray of bool, shape (n_sensors, c)
         Whether an innovation is wrapped to [-pi, pi).
     nonlinear : ndarray of bool, shape (n_sensors,)
-        Whether `Process.observe` says what a sensor measures, instead of its matrix.
+        Whether `Process.observe` predicts the measurement instead of the matrix.
     gate : float
-        A component whose innovation squared is more than so many times its variance is rejected.
+        Largest squared innovation of an accepted component, in variances of the innovation.
     threshold : float
-        A fit of all data weighs a component down whose residual is more of its standard deviations, see
+        Residual beyond which a batch fit reduces the weight of a component, in standard deviations of the noise, see
         `auvid_cli.filters.smoother_forward`.
     """
 
@@ -113,14 +114,7 @@ SENSORS_TYPE = types.NamedTuple(
 
 
 class ModelData(NamedTuple):
-    """Process and sensors without the functions, which compiled code is handed apart: numba takes none in a tuple.
-
-    Attributes
-    ----------
-    constants, selection, noise_density
-        As in `Process`.
-    sensors : Sensors
-    """
+    """Process and sensors without compiled functions, which numba does not accept in a tuple."""
 
     constants: Array
     selection: Indices
@@ -129,7 +123,7 @@ class ModelData(NamedTuple):
 
     @classmethod
     def of(cls, process: Process, sensors: Sensors) -> "ModelData":
-        """Take them from a process."""
+        """Return the data of a process and its sensors."""
         return cls(process.constants, process.selection, process.noise_density, sensors)
 
 
@@ -137,28 +131,28 @@ MODEL_DATA = types.NamedTuple((_vector, _indices, _vector, SENSORS_TYPE), ModelD
 
 
 class Timeline(NamedTuple):
-    """Consecutive events in time order: all of a dataset, or a chunk of them that follows another.
+    """Consecutive events in time order: all data of a segment, or a chunk of them.
 
     Attributes
     ----------
     time : ndarray, shape (n_events,)
         s, strictly increasing.
     substep_offset : ndarray of int, shape (n_events + 1,)
-        Substeps ``substep_offset[k] : substep_offset[k + 1]`` lead to event k from the event before, which of
-        the first is the last of the chunk before; nothing leads to the first event of all.
+        Substeps ``substep_offset[k] : substep_offset[k + 1]`` lead from the previous event to event k. The event
+        before a chunk is the last one of the previous chunk; before a whole segment there is none.
     substep_duration : ndarray, shape (n_substeps,)
-        s; no longer than the integration step, and the input is constant within each.
+        s; at most the integration step, with constant input.
     substep_input : ndarray of int, shape (n_substeps,)
-        Row of `inputs` that holds during a substep.
+        Row of `inputs` during a substep.
     inputs : ndarray, shape (n, n_inputs)
     event_input : ndarray of int, shape (n_events,)
-        Row of `inputs` that holds from an event on.
+        Row of `inputs` after an event.
     measurement_offset : ndarray of int, shape (n_events + 1,)
         Measurements ``measurement_offset[k] : measurement_offset[k + 1]`` were taken at event k.
     measurement_sensor : ndarray of int8, shape (n_measurements,)
         Row in `Sensors`.
     measurement : ndarray, shape (n_measurements, c)
-        NaN where a component is missing.
+        NaN for a missing component.
     """
 
     time: Array
@@ -171,6 +165,11 @@ class Timeline(NamedTuple):
     measurement_sensor: NDArray[np.int8]
     measurement: Array
 
+    @property
+    def has_initial_substep(self) -> bool:
+        """Whether substeps lead to the first event of a segment."""
+        return bool(self.substep_offset[1] > self.substep_offset[0])
+
 
 TIMELINE = types.NamedTuple(
     (_vector, _indices, _vector, _indices, _matrix, _indices, _indices, types.int8[::1], _matrix), Timeline
@@ -178,33 +177,42 @@ TIMELINE = types.NamedTuple(
 
 
 class Gaussian(NamedTuple):
-    """Gaussian over the state: mean, and a square root of the covariance.
+    """Normal distribution of a state.
 
     Attributes
     ----------
     mean : ndarray, shape (n,)
-        Parameters first.
     factor : ndarray, shape (n, n)
-        Lower triangular, ``factor @ factor.T`` is the covariance.
+        Lower triangular; ``factor @ factor.T`` is the covariance.
     """
 
     mean: Array
     factor: Array
 
+    def with_parameters(self, parameters: "Gaussian") -> "Gaussian":
+        """Replace the marginal distribution of the parameters, and keep that of the motion given the parameters."""
+        n = parameters.mean.size
+        by_parameters = np.linalg.solve(self.factor[:n, :n].T, self.factor[n:, :n].T).T
+        mean, factor = self.mean.copy(), self.factor.copy()
+        mean[:n] = parameters.mean
+        mean[n:] += by_parameters @ (parameters.mean - self.mean[:n])
+        factor[:n, :n] = parameters.factor
+        factor[n:, :n] = by_parameters @ parameters.factor
+        return Gaussian(mean, factor)
+
 
 class Records(NamedTuple):
-    """What a filter writes down of consecutive events and of their measurements.
+    """States after consecutive events, and innovations of their measurements.
 
     Attributes
     ----------
     mean, standard_deviation : ndarray, shape (events, n)
-        After each event.
     innovation, innovation_variance : ndarray, shape (measurements, c)
-        NaN where missing; of a component that was rejected, or counted less than half, only the variance is NaN.
+        NaN if missing. If a component was rejected or has a weight below one half, only its variance is NaN.
     nis : ndarray, shape (measurements,)
-        Normalised innovation squared; its expectation is the number of components present.
+        Normalised innovation squared; its expectation is the number of components.
     weight : ndarray, shape (measurements, c), or None
-        By how much each counts in a fit that weighs them; 1 where missing.
+        Weight of each component in a robust fit; 1 if missing.
     """
 
     mean: Array
@@ -214,43 +222,44 @@ class Records(NamedTuple):
     nis: Array
     weight: Array | None = None
 
+    def truncate(self, n_events: int, n_measurements: int) -> "Records":
+        """Keep the first rows."""
+        of_measurements = (None if a is None else a[:n_measurements] for a in self[2:])
+        return Records(*(a[:n_events] for a in self[:2]), *of_measurements)
+
 
 RECORDS = types.NamedTuple((*[_matrix] * 4, _vector, types.none), Records)
 
 
 def empty_records(timeline: Timeline, n: int) -> Records:
-    """Make the records of a timeline for a state of n components, to be filled in."""
+    """Return records of NaN for a state of n components."""
     n_measurements, n_components = timeline.measurement.shape
     rows = (timeline.time.size, n), (timeline.time.size, n), *[(n_measurements, n_components)] * 2, n_measurements
     return Records(*(np.full(shape, np.nan) for shape in rows))
 
 
-def truncate(records: Records, n_events: int, n_measurements: int) -> Records:
-    """Keep the first rows of records."""
-    of_measurements = (None if a is None else a[:n_measurements] for a in records[2:])
-    return Records(*(a[:n_events] for a in records[:2]), *of_measurements)
-
-
-# Told every chunk of the timeline, and the records of those of its events that went well.
+# Receives each chunk of the data, and the records of its good events.
 OnChunk = Callable[[Timeline, Records], None]
 
-# What ended a run: a sensor's row in `Sensors`, or one of these.
-OK, PREDICTION, NOT_CONVERGED = -1, -2, -3
+# Reason for the end of a run: one of these, or a sensor's row in `Sensors`.
+OK = -1
+PREDICTION = -2
+NOT_CONVERGED = -3
 
 
 class FaultScores(NamedTuple):
-    """What the data say of faults of the model or of themselves, each by itself; see `auvid_cli.filters.fault_scores`.
+    """Score tests of faults of the model or the data; see `auvid_cli.filters.fault_scores`.
 
     Attributes
     ----------
     labels : tuple
-        Identity of each fault, as the caller chose it.
+        Identity of each fault, chosen by the caller.
     score : ndarray, shape (n_faults,)
     information : ndarray, shape (n_faults, n_faults)
-        The data say that a fault by itself is as large as ``score / information``, by the diagonal, with variance
-        ``1 / information``; and all together as large as ``information^-1 score``.
+        The estimate of one fault alone is ``score / information``, by the diagonal, with variance ``1 / information``;
+        the joint estimate of all faults is ``information^-1 score``.
     effect : ndarray, shape (n_parameters, n_faults)
-        True parameters less those found, per unit of each.
+        Error of the parameters, true less estimated, per unit of each fault.
     """
 
     labels: tuple[Any, ...]
@@ -259,23 +268,24 @@ class FaultScores(NamedTuple):
     effect: Array
 
     def conditional_on(self, found: Mapping[Any, float]) -> "FaultScores":
-        """Return the scores of the other faults where some are estimated, which take up what they can explain.
+        """Return the scores of the other faults where some are estimated together with the parameters.
 
         Parameters
         ----------
         found : mapping of float
-            By label, the prior standard deviation of each estimated fault.
+            Label and prior standard deviation of each estimated fault.
         """
-        along = np.array([label in found for label in self.labels])
-        if not along.any():
+        estimated = np.array([label in found for label in self.labels])
+        if not estimated.any():
             return self
-        known = np.diag([found[label] ** -2 for label in self.labels if label in found])
-        taken = np.linalg.solve(self.information[np.ix_(along, along)] + known, self.information[np.ix_(along, ~along)])
+        prior = np.diag([found[label] ** -2 for label in self.labels if label in found])
+        own = self.information[np.ix_(estimated, estimated)] + prior
+        taken = np.linalg.solve(own, self.information[np.ix_(estimated, ~estimated)])
         return FaultScores(
             tuple(label for label in self.labels if label not in found),
-            self.score[~along],
-            self.information[np.ix_(~along, ~along)] - self.information[np.ix_(~along, along)] @ taken,
-            self.effect[:, ~along] - self.effect[:, along] @ taken,
+            self.score[~estimated],
+            self.information[np.ix_(~estimated, ~estimated)] - self.information[np.ix_(~estimated, estimated)] @ taken,
+            self.effect[:, ~estimated] - self.effect[:, estimated] @ taken,
         )
 
 
@@ -285,11 +295,11 @@ class AlternativeEstimate(NamedTuple):
     Attributes
     ----------
     difference : ndarray, shape (n_parameters,)
-        From the estimate.
+        Difference from the estimate.
     deviation : ndarray, shape (n_parameters,)
-        Standard deviation of the difference; infinite where the two cannot be compared.
+        Standard deviation of the difference; infinite if the two are not comparable.
     moved : ndarray, shape (n_parameters,)
-        Change of the estimate by such a difference.
+        Change of the estimate by a difference of one standard deviation.
     cost_increase : float
         Cost of another minimum less that of the estimate.
     begin : float or None
@@ -304,7 +314,7 @@ class AlternativeEstimate(NamedTuple):
 
     @classmethod
     def of_minimum(cls, difference: Array, deviation: Array, cost_increase: float) -> "AlternativeEstimate | None":
-        """Return another minimum; None if it is the same."""
+        """Return another minimum; None if it is within one standard deviation of the estimate."""
         if (np.abs(difference) <= deviation).all():
             return None
         return cls(difference, deviation, deviation, cost_increase)
@@ -320,7 +330,7 @@ class ConvergenceStatus(NamedTuple):
     step : ndarray, shape (n_parameters,)
         Next step of the parameters, in standard deviations.
     fraction : float
-        Fraction of the data that was fitted at all.
+        Fraction of the data that was fitted.
     """
 
     cost_decrease: float
@@ -329,25 +339,24 @@ class ConvergenceStatus(NamedTuple):
 
 
 class FilterOutcome(NamedTuple):
-    """How a run of a filter ended.
+    """Result of an estimator.
 
     Attributes
     ----------
     covariance : ndarray, shape (n, n)
-        After the last good event.
+        Covariance after the last good event.
     n_good : int
-        Events that went well.
+        Number of good events.
     failure : int
-        `OK`; or what ended the filter after event ``n_good - 1``: `PREDICTION`, or the sensor whose
-        measurement it was. `NOT_CONVERGED` if it went to the end with what an iteration had not finished.
+        `OK`; `PREDICTION`, or the row of the sensor, where the run failed after event ``n_good - 1``; `NOT_CONVERGED`
+        if an iteration ended before it converged.
     faults : FaultScores or None
-        Of an estimator that tests for faults.
     others : tuple of AlternativeEstimate
     convergence : ConvergenceStatus or None
-        Of an iteration that did not converge.
-    corrected : ndarray, shape (n_parameters,)
-        Of a batch estimator: standard deviations that allow for the autocorrelation of what it leaves unexplained, see
-        `auvid_cli.filters.autocorrelation`. Empty where there are none.
+        Status of an iteration that did not converge.
+    corrected : ndarray, shape (n_parameters,) or (0,)
+        Standard deviations of a batch estimate that allow for autocorrelated residuals, see
+        `auvid_cli.filters.autocorrelation`.
     """
 
     covariance: Array
@@ -357,3 +366,119 @@ class FilterOutcome(NamedTuple):
     others: tuple[AlternativeEstimate, ...] = ()
     convergence: ConvergenceStatus | None = None
     corrected: Array = np.zeros(0)
+
+
+class JointProblem(NamedTuple):
+    """Estimation problem of all segments.
+
+    Attributes
+    ----------
+    process : Process
+    sensors : Sensors
+    segments : sequence of iterable of Timeline
+        In time order; each is read many times.
+    prior : Gaussian
+        Prior of the joint state.
+    """
+
+    process: Process
+    sensors: Sensors
+    segments: Sequence[Iterable[Timeline]]
+    prior: Gaussian
+
+    @property
+    def n_moving(self) -> int:
+        """Number of moving states."""
+        return self.process.noise_density.size
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of parameters."""
+        return self.prior.mean.size - len(self.segments) * self.n_moving
+
+    @property
+    def indices(self) -> list[Indices]:
+        """Indices of each segment's state in the joint state."""
+        return segment_indices(self.prior.mean.size, self.n_moving, len(self.segments))
+
+    @property
+    def priors(self) -> list[Gaussian]:
+        """Prior of each segment's state."""
+        return [segment_gaussian(self.prior, indices) for indices in self.indices]
+
+    def by_segment(self) -> "list[JointProblem]":
+        """Return a separate problem for each segment."""
+        return [
+            self._replace(segments=[timelines], prior=prior)
+            for timelines, prior in zip(self.segments, self.priors, strict=True)
+        ]
+
+
+def segment_indices(n_joint: int, n_moving: int, n_segments: int) -> list[Indices]:
+    """Return the indices of each segment's state in a joint state of `n_joint` components."""
+    n_parameters = n_joint - n_segments * n_moving
+    motions = np.arange(n_parameters, n_joint).reshape(n_segments, n_moving)
+    return [np.concatenate([np.arange(n_parameters), moving]) for moving in motions]
+
+
+def joint_gaussian(gaussians: Sequence[Gaussian], n_moving: int) -> Gaussian:
+    """Return the joint distribution of segments with the same parameters and independent motions."""
+    n = gaussians[0].mean.size + (len(gaussians) - 1) * n_moving
+    joint = Gaussian(np.zeros(n), np.zeros((n, n)))
+    for gaussian, indices in zip(gaussians, segment_indices(n, n_moving, len(gaussians)), strict=True):
+        joint.mean[indices] = gaussian.mean
+        joint.factor[np.ix_(indices, indices)] = gaussian.factor
+    return joint
+
+
+def segment_gaussian(joint: Gaussian, indices: Indices) -> Gaussian:
+    """Return the distribution of one segment's state."""
+    return Gaussian(joint.mean[indices], joint.factor[np.ix_(indices, indices)])
+
+
+def filter_sequentially(
+    run: Callable[[Iterable[Timeline], Gaussian, OnChunk], FilterOutcome], problem: JointProblem, on_chunk: OnChunk
+) -> FilterOutcome:
+    """Filter one segment after another; each starts from the parameters at the end of the previous one.
+
+    Parameters
+    ----------
+    run : callable
+        Filters one segment from a prior of its own state.
+    problem : JointProblem
+    on_chunk : callable
+        Receives each chunk of each segment.
+
+    Returns
+    -------
+    FilterOutcome
+        Outcome of the last segment, or of the one that failed; with the good events of all segments.
+    """
+    final, n_good = problem.prior.mean, 0
+    outcome = FilterOutcome(np.zeros((0, 0)), 0, OK)
+
+    def keep_last(timeline: Timeline, records: Records) -> None:
+        nonlocal final
+        if len(records.mean):
+            final = records.mean[-1]
+        on_chunk(timeline, records)
+
+    for k, segment in enumerate(problem.by_segment()):
+        gaussian = segment.prior
+        if k:
+            try:
+                gaussian = gaussian.with_parameters(_marginal(final, outcome.covariance, problem.n_parameters))
+            except np.linalg.LinAlgError:
+                return outcome._replace(n_good=n_good, failure=PREDICTION)
+        outcome = run(segment.segments[0], gaussian, keep_last)
+        n_good += outcome.n_good
+        if outcome.failure != OK:
+            break
+    return outcome._replace(n_good=n_good)
+
+
+def _marginal(mean: Array, covariance: Array, n: int) -> Gaussian:
+    """Return the marginal distribution of the first n components."""
+    scale = np.sqrt(np.diagonal(covariance)[:n])
+    correlation = covariance[:n, :n] / np.outer(scale, scale)
+    return Gaussian(mean[:n].copy(), np.asarray(scale[:, None] * np.linalg.cholesky(correlation), dtype=np.float64))

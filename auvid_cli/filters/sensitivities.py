@@ -1,6 +1,6 @@
-"""The motion left to itself, and how what the sensors measure depends on the state from which it starts.
+"""Free motion without correction by measurements, and the sensitivities of its measurements to the initial state.
 
-Parameters are constant, so that of the sensitivities ``X_k = dx_k / dx_0`` only the moving rows are kept.
+Only the moving rows of the sensitivities ``X_k = dx_k / dx_0`` are stored, because parameters are constant.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -29,26 +29,26 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 
-# Beyond this a motion counts as blown up: squares, and their sums over a long run, stay finite.
+# Largest state of a motion that has not diverged: sums of squares over a long run stay finite.
 _LARGEST = 1e100
 
 
 class Response(NamedTuple):
-    """Consecutive events of the motion left to itself, and their measurements; fewer than asked for where it blew up.
+    """Free motion over a chunk of the data, up to its end or until the motion diverges.
 
     Attributes
     ----------
     timeline : Timeline
-        The chunk of the data that was asked for.
+        The whole chunk.
     mean : ndarray, shape (events, n)
         State after each event.
     sensitivity : ndarray, shape (events, n_moving, n)
-        Derivative of its moving part by the state at the start.
+        Derivative of the moving states by the initial state.
     innovation : ndarray, shape (measurements, c)
-        Measured less predicted; NaN where missing.
+        Measured less predicted; NaN if missing.
     whitened : ndarray, shape (measurements, c, n + 1)
-        Of each component the derivative of what is predicted, then the innovation, over the standard deviation of
-        the noise; zero where missing.
+        Derivative of each predicted component by the initial state, then the innovation, both divided by the standard
+        deviation of the noise; zero if missing.
     """
 
     timeline: Timeline
@@ -58,8 +58,8 @@ class Response(NamedTuple):
     whitened: Array
 
     @property
-    def blew_up(self) -> bool:
-        """Say whether the motion is not finite, or beyond all measure, before the end of the chunk."""
+    def diverged(self) -> bool:
+        """Whether the motion diverges before the end of the chunk."""
         return len(self.mean) < self.timeline.time.size
 
     def truncate(self, n_events: int) -> "Response":
@@ -77,27 +77,26 @@ def responses(
     sensors: Sensors,
     timelines: Iterable[Timeline],
     start: Array,
-    along: Callable[[Array], Array] | None = None,
+    path: Callable[[Array], Array] | None = None,
 ) -> Iterator[Response]:
-    """Move a state along the data without correction, chunk by chunk, until the end or until the motion blows up.
+    """Simulate the motion along the data without correction, chunk by chunk, until it diverges.
 
     Parameters
     ----------
-    process, sensors
-        See `auvid_cli.filters.problem`. The process noise is not looked at, and the transition must be exact.
+    process : Process
+        With an exact transition; its noise is ignored.
+    sensors : Sensors
     timelines : iterable of Timeline
-        Parts of the data in time order.
+        Chunks in time order.
     start : ndarray, shape (n,)
-        State at the first event.
-    along : callable, optional
-        From times to the moving states, shape (events, n_moving), to which the motion is brought back after each event,
-        NaN for those that are left free. A motion that is unstable in open loop does not stay near them by itself.
+        Initial state.
+    path : callable, optional
+        Maps times to the moving states, shape (events, n_moving), that replace those of the motion after each event;
+        NaN for free ones. An open-loop unstable motion stays near its path only in this way.
     """
     n, n_moving, n_components = start.size, process.noise_density.size, sensors.matrix.shape[1]
-    data, here = (
-        ModelData.of(process, sensors),
-        _SegmentState(np.array(start, dtype=np.float64), np.eye(n)[n - n_moving :].copy()),
-    )
+    data = ModelData.of(process, sensors)
+    state = _SegmentState(np.array(start, dtype=np.float64), np.eye(n)[n - n_moving :].copy())
     work = _Workspace(
         np.eye(n),
         np.empty((n_moving, n)),
@@ -114,22 +113,22 @@ def responses(
             np.empty((n_measurements, n_components)),
             np.zeros((n_measurements, n_components, n + 1)),
         )
-        path = np.full((n_events, n_moving), np.nan) if along is None else along(timeline.time)
-        response = whole.truncate(_move(process.transition, data, here, path, whole, work))
+        imposed = np.full((n_events, n_moving), np.nan) if path is None else path(timeline.time)
+        response = whole.truncate(_move(process.transition, data, state, imposed, whole, work))
         _predict_measurements(process.linearise, data, response, work)
         yield response
-        if response.blew_up:
+        if response.diverged:
             return
 
 
 class _SegmentState(NamedTuple):
-    """The state where a chunk of the data begins and, afterwards, where it ends.
+    """State at the beginning of a chunk; afterwards at its end.
 
     Attributes
     ----------
     mean : ndarray, shape (n,)
     sensitivity : ndarray, shape (n_moving, n)
-        Derivative of its moving part by the state at the start.
+        As in `Response`.
     """
 
     mean: Array
@@ -137,19 +136,19 @@ class _SegmentState(NamedTuple):
 
 
 class _Workspace(NamedTuple):
-    """Arrays that hold nothing from one use to the next.
+    """Scratch arrays.
 
     Attributes
     ----------
     matrix : ndarray, shape (n, n)
-        Transition matrix, the identity above its moving rows.
+        Transition matrix.
     moved : ndarray, shape (n_moving, n)
     predictions : ndarray, shape (c,)
-        What a sensor sees of a state.
+        Predicted measurement of a sensor.
     derivative : ndarray, shape (c, n)
-        Of that, by the state.
+        Its derivative by the state.
     process : ndarray
-        For the process itself.
+        Scratch of the process.
     """
 
     matrix: Array
@@ -160,14 +159,15 @@ class _Workspace(NamedTuple):
 
 
 _RESPONSE = types.NamedTuple((TIMELINE, _matrix, _stack, _matrix, _stack), Response)
-_HERE = types.NamedTuple((_vector, _matrix), _SegmentState)
+_STATE = types.NamedTuple((_vector, _matrix), _SegmentState)
 _WORKSPACE = types.NamedTuple((_matrix, _matrix, _vector, _matrix, _vector), _Workspace)
 
 
-@compiled(types.int64(types.FunctionType(TRANSITION_SIGNATURE), MODEL_DATA, _HERE, _matrix, _RESPONSE, _WORKSPACE))
-def _move(transition, data, here, path, response, work):
-    """Fill in state and sensitivities of every event; returns how many are sound."""
-    timeline, mean, sensitivity, matrix, moved = response.timeline, here.mean, here.sensitivity, work.matrix, work.moved
+@compiled(types.int64(types.FunctionType(TRANSITION_SIGNATURE), MODEL_DATA, _STATE, _matrix, _RESPONSE, _WORKSPACE))
+def _move(transition, data, state, path, response, work):
+    """Fill in states and sensitivities; returns the number of events until the motion diverges."""
+    timeline, mean, sensitivity, moved = response.timeline, state.mean, state.sensitivity, work.moved
+    matrix = work.matrix
     n_moving, n = sensitivity.shape
     n_parameters = n - n_moving
     for event in range(timeline.time.size):
@@ -204,7 +204,7 @@ def _move(transition, data, here, path, response, work):
 
 @compiled(types.void(types.FunctionType(LINEARISATION_SIGNATURE), MODEL_DATA, _RESPONSE, _WORKSPACE))
 def _predict_measurements(linearise, data, response, work):
-    """Fill in what the sensors say at the events."""
+    """Fill in innovations and whitened rows."""
     timeline, innovation, sensors = response.timeline, response.innovation, data.sensors
     n = response.mean.shape[1]
     n_parameters = n - response.sensitivity.shape[1]

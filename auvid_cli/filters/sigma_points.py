@@ -1,6 +1,4 @@
-"""Antipodal sigma points: drawn from a factor, mapped, and collected to a Gaussian; the measurement update with
-them.
-"""
+"""Antipodal sigma points: drawing from a factor, mean and covariance of their images, and the measurement update."""
 
 from collections.abc import Callable
 
@@ -67,16 +65,16 @@ def products_in_tile(left, first, across, along, n_terms, right, pairs, out):
 
 @compiled(inline=True)
 def pairs_in(basis, tile):
-    """Count the pairs that a tile holds."""
+    """Return the number of pairs in a tile."""
     return basis.last if tile == basis.directions.shape[0] - 1 else PAIRS
 
 
 @compiled(reassociate=True, inline=True)
 def draw_points(basis, state, n_moving, work):
-    """Fill blocks with the points ``mean +- S delta_k``, one block to a tile, and the centre behind them if it counts.
+    """Fill one block per tile with the points ``mean +- S delta_k``, and the last block with the centre if needed.
 
-    +delta lies in the lower half of the lanes in use and -delta in the upper; of these, lanes without a direction hold
-    the mean. Moving rows come first in a block, then the parameters.
+    Lanes of +delta come first, then those of -delta; lanes without a direction hold the mean. Rows of moving states
+    come first in a block, then the parameters.
     """
     n, mean, columns, points, scratch = state.n, state.mean, state.columns, work.points, work.product
     n_parameters, n_tiles = n - n_moving, basis.directions.shape[0]
@@ -99,7 +97,7 @@ def draw_points(basis, state, n_moving, work):
 
 @compiled(reassociate=True, inline=True)
 def all_finite(n, values):
-    """Say whether the first n values are finite; a sum is one branch instead of n."""
+    """Whether the first n values are finite; the sum needs one branch instead of n."""
     total = 0.0
     for i in range(n):
         total += values[i]
@@ -108,23 +106,22 @@ def all_finite(n, values):
 
 @compiled(reassociate=True, inline=True)
 def collect_points(images, basis, n_images, first_even, image_mean, work):
-    """Collect mean, odd and even part of what a map made of the points.
+    """Compute mean, odd and even part of the images of the points.
 
     Parameters
     ----------
     images : ndarray, shape (n_tiles + 1, at least n_images * LANES)
-        Mapped points, block by block; the first lane of the last block is the centre's.
+        Images of the points by block; the first lane of the last block is that of the centre.
     basis : Basis
     n_images : int
-        Number of rows that the map yields.
+        Number of rows of an image.
     first_even : int
-        Where in ``work.spread`` to begin.
+        First column of the even part in ``work.spread``.
     image_mean : ndarray, shape (n_images,)
         Filled in.
     work : Workspace
-        ``regression`` is filled with the odd part in the basis of the factor: row i of the result moves by entry j
-        with column j of S. ``spread`` is filled, from `first_even` on, with rows whose Gram matrix is the covariance
-        left to the even part.
+        ``regression`` is filled with the odd part: the derivative of row i of the image by column j of S. ``spread``
+        is filled, from `first_even` on, with rows whose Gram matrix is the covariance of the even part.
     """
     odd, regression, spread, scratch = work.odd, work.regression, work.spread, work.product
     n_tiles, m = basis.directions.shape[0], basis.present.size
@@ -148,7 +145,7 @@ def collect_points(images, basis, n_images, first_even, image_mean, work):
         shift *= 2.0 * basis.weight
         image_mean[i] = centre if basis.centred else centre + shift
         spread[i, first_even + m] = 0.0 if basis.centred else np.sqrt(basis.curvature) * shift
-    # To draw points without products too saved the cubature filter little more, and slowed the turned set as much.
+    # Cubature points lie on axes: no products are needed.
     if basis.length > 0.0:
         for i in range(n_images):
             for k in range(m):
@@ -168,13 +165,13 @@ def collect_points(images, basis, n_images, first_even, image_mean, work):
 
 @compiled()
 def wrapped(difference, angular):
-    """Bring a difference of angles to [-pi, pi), and leave any other as it is."""
+    """Wrap a difference of angles to [-pi, pi)."""
     return _wrap(difference) if angular else difference
 
 
 @compiled(reassociate=True, inline=True)
 def gather(components, which, state, measured):
-    """Fill in the row of a component in the basis of the factor; `which` counts the components of all sensors."""
+    """Fill in the product of a measurement row with the factor; `which` counts the components of all sensors."""
     n, columns = state.n, state.columns
     for j in range(measured.size):
         measured[j] = 0.0
@@ -186,7 +183,7 @@ def gather(components, which, state, measured):
 
 @compiled(inline=True)
 def combined(components, which, values):
-    """Add up values of the rows of the factor to that of a component."""
+    """Return the product of a component's measurement row with values of the state."""
     total = 0.0
     for entry in range(components.begin[which], components.begin[which + 1]):
         total += components.weight[entry] * values[components.place[entry]]
@@ -195,7 +192,7 @@ def combined(components, which, values):
 
 @compiled(reassociate=True)
 def predict_nonlinearly(model, state, timeline, event, sensor, work):
-    """Put a sensor's components behind the n-th place of mean and factor, and the even part in ``work.spread``."""
+    """Append a nonlinear sensor's prediction to mean and factor, with the even part in ``work.spread``."""
     n, mean, columns, data = state.n, state.mean, state.columns, model.data
     n_moving, n_components = data.noise_density.size, timeline.measurement.shape[1]
     inputs = timeline.inputs[timeline.event_input[event]]
@@ -221,8 +218,8 @@ def predict_nonlinearly(model, state, timeline, event, sensor, work):
 def select(model, state, timeline, event, k, records, work):
     """Predict a measurement, and select the components that are present and within the gate.
 
-    ``work.component`` says which they are, ``work.error`` and ``work.noise`` get their innovations and the variances of
-    their noise; returns how many they are. Parameters as of `update`.
+    Fills in ``work.component`` with their indices, ``work.error`` with innovations and ``work.noise`` with noise
+    variances; returns their number. Parameters as in `update`.
     """
     components, m, sensors, measured = model.components, model.basis.present.size, model.data.sensors, work.measured
     measurement, sensor = timeline.measurement[k], timeline.measurement_sensor[k]
@@ -262,10 +259,10 @@ def select(model, state, timeline, event, k, records, work):
 
 @compiled(reassociate=True, inline=True)
 def decorrelate(state, n_present, work):
-    """Replace what is predicted by combinations of it whose noise is independent; ``work.noise`` gets its variance.
+    """Replace predicted components by combinations with independent noise, of variance ``work.noise``.
 
-    With ``L L'`` the covariance of the noise in ``work.spread``, the combinations are the rows of the inverse
-    of L scaled to a unit diagonal. False if it has no factor.
+    With the covariance ``L L'`` of the noise in ``work.spread``, the combinations are the rows of the inverse of L
+    scaled to a unit diagonal. False if the covariance is not positive definite.
     """
     n, columns, lower, component = state.n, state.columns, work.lower, work.component
     if not triangularise(work.spread, n_present, lower):
@@ -282,9 +279,9 @@ def decorrelate(state, n_present, work):
 
 @compiled(reassociate=True, inline=True)
 def condition(components, first, state, n_present, work):
-    """Condition on components with independent noise, one after the other; returns the sum of their NIS.
+    """Update with components of independent noise, one after another; returns the sum of their NIS.
 
-    `first` is the sensor's first component among those of all sensors.
+    `first` is the index of the sensor's first component among those of all sensors.
     """
     n, mean, columns, gain, measured = state.n, state.mean, state.columns, work.gain, work.measured
     nis = 0.0
@@ -295,7 +292,7 @@ def condition(components, first, state, n_present, work):
         nis += work.error[s] * step
         for i in range(gain.size):
             mean[i] += gain[i] * step
-        # The innovations of the others move with the state, and are carried on rather than subtracted anew.
+        # Innovations of the other components follow the state.
         for other in range(s + 1, n_present):
             work.error[other] -= combined(components, first + work.component[other], gain) * step
     return nis
@@ -303,26 +300,25 @@ def condition(components, first, state, n_present, work):
 
 @compiled(reassociate=True, inline=True)
 def update(model, state, timeline, event, k, records, work):
-    """Condition on one measurement; components that are missing or outside the gate are left out.
+    """Update with the components of one measurement that are present and within the gate.
 
     Parameters
     ----------
     model : Model
     state : State
-        Conditioned in place.
+        Updated in place.
     timeline : Timeline
     event, k : int
-        The event, and the measurement taken there.
+        Indices of the event and of the measurement.
     records : Records
-        Of that measurement is filled in: the joint innovation before the update, and the variance of each component,
-        NaN for one outside the gate.
+        Filled in for this measurement: the innovation before the update, and the variance of each component, NaN
+        outside the gate.
     work : Workspace
-        Overwritten.
 
     Returns
     -------
     float
-        Normalised innovation squared of the whole measurement; NaN or negative where the update failed.
+        Normalised innovation squared of the whole measurement; NaN or negative if the update failed.
     """
     n_present = select(model, state, timeline, event, k, records, work)
     sensor = timeline.measurement_sensor[k]

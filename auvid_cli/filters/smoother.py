@@ -1,21 +1,30 @@
-"""Iterated smoother: the most probable trajectory and parameters, process noise included.
+"""Iterated smoother: the most probable trajectory and parameters.
 
-Gauss-Newton on the cost of a whole trajectory (Bell, SIAM J. Optim. 4(3), 1994): squares of what it needs of process
-noise, of residuals and of the distance to the prior, each by its variance. Each step is a linear smoothing problem
-about the last trajectory, see `auvid_cli.filters.linear_smoother`. A filter cannot take back what it concluded far
-from the answer; this linearises anew where the data have led it.
+Gauss-Newton on the cost of a whole trajectory (Bell, SIAM J. Optim. 4(3), 1994): the squares of process noise, of
+residuals and of the distance from the prior, each divided by its variance. One pass through the data solves the
+problem that is linear about the last trajectory: `gauss_newton` calls `LinearSmoothing.filter` (forward pass) and
+`LinearSmoothing.step` (backward pass) in `auvid_cli.filters.linear_smoother`; these call `forward` in
+`auvid_cli.filters.smoother_forward` and `backward` in `auvid_cli.filters.smoother_backward` chunk by chunk. A filter
+linearises once, where it happens to be; the smoother linearises again about each better trajectory.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.filters.fault_scores import Faults, score_faults
-from auvid_cli.filters.influence_functions import corrected_smoothing
-from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Smoothed, Trajectory, gauss_newton, is_led_to
+from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
+from auvid_cli.filters.fault_scores import FaultEffects, Faults, carry_errors, score_faults
+from auvid_cli.filters.linear_smoother import (
+    ConditionalFilter,
+    Filtered,
+    LinearSmoothing,
+    Smoothed,
+    Trajectory,
+    gauss_newton,
+)
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
     OK,
@@ -24,33 +33,32 @@ from auvid_cli.filters.problem import (
     ConvergenceStatus,
     FilterOutcome,
     Gaussian,
+    JointProblem,
     OnChunk,
     Records,
     Sensors,
     Timeline,
-    truncate,
+    filter_sequentially,
 )
-from auvid_cli.filters.segments import JointProblem, one_after_the_other
-from auvid_cli.filters.smoother_forward import SET_ASIDE
+from auvid_cli.filters.smoother_forward import MIN_WEIGHT
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.filters.workspace import cubature
 
 Array = NDArray[np.float64]
 
-# Largest distance of a filter's parameters from the estimate that it leads to, in standard deviations: if they are
-# farther, other starts are tried.
-_FAR = 1.0
-# Factors of the process noise, and of the prior's spread of the parameters, for a start along the measurements.
-_LOOSE = 100.0
-_HELD = 1e-3
-# Factors of the process noise, in this order, where an estimate is not found at once.
-_ANNEALING = _LOOSE, 10.0
-# Minima to be found from starts that are far from them.
-_MINIMA = 2
-# Cost by which another minimum may be higher: if it is less than 1 % as probable, it is ignored.
-_RIVAL = -2.0 * np.log(0.01)
-# Smallest variance of a difference, as a fraction of the segment's: below is rounding.
-_LEAST = 1e-6
+# Distance from the start of the parameters beyond which other starts are tried, in standard deviations.
+_MAX_DISTANCE = 1.0
+# Factors of the process noise, one after another, for a start that does not converge with the stated noise.
+_ANNEALING = 100.0, 10.0
+# Factors for a start along the measurements.
+_FOLLOWING_NOISE = 100.0
+_FOLLOWING_PRIOR = 1e-3
+# Number of minima to find from different starts.
+_N_MINIMA = 2
+# Largest cost increase of a reported minimum: it is at least 1 % as probable.
+_MAX_COST_INCREASE = -2.0 * np.log(0.01)
+# Smallest variance of a difference, relative to that of the segment: below is rounding.
+_ROUNDING = 1e-6
 
 
 def run_smoother(
@@ -60,162 +68,89 @@ def run_smoother(
     faults: Faults | None = None,
     marginal: bool = False,
 ) -> FilterOutcome:
-    """Find the most probable parameters and motion.
+    """Estimate the most probable parameters and motion.
 
-    It starts from the trajectory of a CKF. Where the answer is far from that, or there is none, it starts once more,
-    from a trajectory that keeps the prior's parameters and follows the measurements; where these two do not both end in
-    a minimum, from the answer to more process noise. The most probable answer counts, and is compared with another,
-    and with what each of several segments says by itself.
+    The first start is the trajectory of a CKF. If the minimum is far from it, or there is none, the second start keeps
+    the prior's parameters and follows the measurements. If these two do not both end in a minimum, the third start is
+    the minimum with more process noise. The most probable minimum is the estimate. It is compared with the second one,
+    and with the estimate from each segment alone.
 
     Parameters
     ----------
     problem : JointProblem
-        Every measurement counts, whatever the gate.
+        The gate is ignored: every measurement counts.
     on_chunk : callable
-        What it receives has constant parameters, the smoothed motion, and the innovations of the last filter pass.
+        Receives constant parameters, the smoothed motion, and the innovations of the last forward pass.
     max_passes : int
-        Of the filter through the data, from each start, and steps from there where `marginal`.
+        Maximum number of forward passes from each start, and of `marginal` steps.
     faults : Faults, optional
-        To test for, about the answer.
+        To test about the estimate.
     marginal : bool
-        Whether to go on to the most probable parameters whatever the motion was, and the motion that goes with them.
+        Whether to maximise the posterior of the parameters with the motion integrated out.
 
     Returns
     -------
     FilterOutcome
-        `NOT_CONVERGED` if `max_passes` were not enough; `PREDICTION` if no start has a finite cost, if the motion
-        cannot follow the parameters, or where rounding leaves nothing of a variance of the smoothed motion.
+        `NOT_CONVERGED` after `max_passes`. `PREDICTION` if no start has a finite cost, if the motion diverges for the
+        parameters, or if a smoothed variance is lost in rounding.
     """
     smoothing = LinearSmoothing(problem)
-    answers = most_probable(problem, smoothing, max_passes)
-    if not answers:
+    minima = most_probable(problem, smoothing, max_passes)
+    if not minima:
         return _failed(problem)
-    (best, converged), *others = answers
+    (best, converged), *others = minima
     if not converged:
-        outcome = _hand_over(smoothing, problem.sensors, best, on_chunk)
+        outcome = _report(smoothing, problem.sensors, best, on_chunk)
         n_parameters = problem.n_parameters
         deviation = np.sqrt(np.diagonal(outcome.covariance)[:n_parameters])
         convergence = ConvergenceStatus(best.cost - best.least, best.final.mean[:n_parameters] / deviation)
         return outcome._replace(failure=NOT_CONVERGED, convergence=convergence)
-    rivals = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]
+    alternatives = [found for other, _ in others if (found := other_minimum(best, other)) is not None]
     if len(problem.segments) > 1:
-        rivals += _segment_estimates(problem, best)
-    answer, convergence, score = best, None, score_faults
+        alternatives += _segment_estimates(problem, best)
+    estimate, convergence, score = best, None, score_faults
     if marginal:
-        # What it is compiled from serves no other answer.
-        from auvid_cli.filters.marginal import marginal_answer, marginal_scores
+        # Its compiled code serves no other estimate.
+        from auvid_cli.filters.marginal import marginal_estimate, marginal_scores
 
-        found = marginal_answer(problem, smoothing, best, max_passes)
+        found = marginal_estimate(problem, smoothing, best, max_passes)
         if found is None:
             return _failed(problem)
-        problem, answer, convergence = found
+        problem, estimate, convergence = found
         score = partial(marginal_scores, problem)
-    outcome = _hand_over(smoothing, problem.sensors, answer, on_chunk, is_answer=marginal)
+    outcome = _report(smoothing, problem.sensors, estimate, on_chunk, is_estimate=marginal)
     if outcome.failure != OK:
         return outcome
     if convergence is not None:
         return outcome._replace(failure=NOT_CONVERGED, convergence=convergence)
-    scores = None if faults is None else score(smoothing, answer, faults)
-    corrected = corrected_smoothing(problem, smoothing, answer)
-    return outcome._replace(faults=scores, others=tuple(rivals), corrected=corrected)
-
-
-def _segment_estimates(problem: JointProblem, answer: Filtered) -> Iterator[AlternativeEstimate]:
-    """Yield the estimate of each segment by itself, about the estimate of all.
-
-    A segment alone, a of covariance C, and all together, b of covariance P, share the segment's data and the prior. If
-    one model holds for all, the covariance of a and b is P, and that of their difference ``C - P`` (Hausman,
-    Econometrica 46(6), 1978).
-    """
-    trajectory, n = answer.trajectory, answer.trajectory.parameters.size
-    together, variance = answer.final.mean[:n], np.diagonal(answer.final.covariance())[:n]
-    for alone, initial, moving in zip(problem.alone(), trajectory.initial, trajectory.moving, strict=True):
-        own = LinearSmoothing(alone).filter(Trajectory(trajectory.parameters, [initial], [moving]))
-        assert own is not None, "with the others its trajectory has a finite cost"
-        own_variance = np.diagonal(own.final.covariance())[:n]
-        more = own_variance - variance
-        comparable = more > _LEAST * own_variance
-        deviation = np.sqrt(np.where(comparable, more, np.inf))
-        begin = next(iter(alone.segments[0])).time[0]
-        moved = np.where(comparable, deviation, 0.0) * variance / own_variance
-        yield AlternativeEstimate(own.final.mean[:n] - together, deviation, moved, begin=begin)
-
-
-def other_minimum(answer: Filtered, other: Filtered) -> AlternativeEstimate | None:
-    """Return the estimate from another start; None if it is the same, or far less probable."""
-    n = answer.trajectory.parameters.size
-    deviation = np.sqrt(np.diagonal(answer.final.covariance())[:n])
-    here, there = (each.trajectory.parameters + each.final.mean[:n] for each in (answer, other))
-    higher = other.cost - answer.cost
-    return None if higher > _RIVAL else AlternativeEstimate.of_minimum(there - here, deviation, higher)
-
-
-def _failed(problem: JointProblem) -> FilterOutcome:
-    factor = problem.priors[0].factor
-    return FilterOutcome(factor @ factor.T, 0, PREDICTION)
+    scores = None if faults is None else score(smoothing, estimate, faults)
+    corrected = _corrected_deviation(problem, smoothing, estimate)
+    return outcome._replace(faults=scores, others=tuple(alternatives), corrected=corrected)
 
 
 def most_probable(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) -> list[tuple[Filtered, bool]]:
-    """Find the most probable trajectory from each start: where that ends, and whether at a minimum; the best first."""
-    answers = []
+    """Return the last iterate from each start, and whether it converged; the most probable first."""
+    minima = []
     for start in _starts(problem, smoothing, max_passes):
-        if (answer := gauss_newton(smoothing, start, max_passes)) is not None:
-            answers.append(answer)
-            if _is_near(start, answer[0]) or sum(converged for _, converged in answers) == _MINIMA:
+        if (minimum := gauss_newton(smoothing, start, max_passes)) is not None:
+            minima.append(minimum)
+            if _is_near(start, minimum[0]) or sum(converged for _, converged in minima) == _N_MINIMA:
                 break
-    return sorted(answers, key=lambda answer: answer[0].cost)
+    return sorted(minima, key=lambda minimum: minimum[0].cost)
 
 
 def _starts(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) -> Iterator[Trajectory]:
-    """Yield trajectories to start from: as a CKF has it, along the measurements, and the answer to more noise."""
+    """Yield the trajectory of a CKF, one along the measurements, and the minimum with more process noise."""
     if (filtered := _ckf(problem)) is not None:
         yield filtered
     if (followed := follow_measurements(problem)) is not None:
         yield followed
-        if (eased := _anneal_process_noise(problem, smoothing, followed, max_passes)) is not None:
-            yield eased
-
-
-def _anneal_process_noise(
-    problem: JointProblem, smoothing: LinearSmoothing, start: Trajectory, max_passes: int
-) -> Trajectory | None:
-    """Return the estimate with more, then less, process noise; None if the cost of a start is not finite.
-
-    With little process noise a step costs much wherever the motion is nonlinear, so that only short steps reduce the
-    cost. With more of it the parameters converge first.
-    """
-    process, answer = problem.process, start
-    for times in _ANNEALING:
-        smoothing.change_noise(process._replace(noise_density=times * process.noise_density), problem.sensors)
-        found = gauss_newton(smoothing, answer, max_passes)
-        if found is None:
-            answer = None
-            break
-        answer = found[0].trajectory
-    smoothing.change_noise(process, problem.sensors)
-    return answer
-
-
-def follow_measurements(problem: JointProblem) -> Trajectory | None:
-    """Return a trajectory along the measurements with the prior's parameters; None if the filter fails."""
-    process, prior, n_parameters = problem.process, problem.prior, problem.n_parameters
-    loose = process._replace(noise_density=_LOOSE * process.noise_density)
-    held = prior.factor.copy()
-    held[:, :n_parameters] *= _HELD
-    followed = _ckf(problem._replace(process=loose, prior=prior._replace(factor=held)))
-    return None if followed is None else replace(followed, parameters=prior.mean[:n_parameters])
-
-
-def _is_near(start: Trajectory, answer: Filtered) -> bool:
-    """Say whether an answer has the parameters of its start, within what is not known of them."""
-    n_parameters = start.parameters.size
-    deviation = np.sqrt(np.diagonal(answer.final.covariance())[:n_parameters])
-    moved = answer.trajectory.parameters + answer.final.mean[:n_parameters] - start.parameters
-    return bool((np.abs(moved) <= _FAR * deviation).all())
+        if (annealed := _anneal_process_noise(problem, smoothing, followed, max_passes)) is not None:
+            yield annealed
 
 
 def _ckf(problem: JointProblem) -> Trajectory | None:
-    """Filter the data; None if the filter fails."""
+    """Return the trajectory of a CKF; None if the filter fails."""
     n_parameters, priors = problem.n_parameters, problem.priors
     parameters, initial, moving = problem.prior.mean[:n_parameters], list[Array](), list[list[Array]]()
 
@@ -226,7 +161,7 @@ def _ckf(problem: JointProblem) -> Trajectory | None:
         states = records.mean[:, n_parameters:].copy()
         if not moving[-1] and len(states):
             before = priors[len(moving) - 1].mean[n_parameters:]
-            initial.append(before if is_led_to(timeline) else states[0])
+            initial.append(before if timeline.has_initial_substep else states[0])
         moving[-1].append(states)
 
     def run(timelines: Iterable[Timeline], gaussian: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
@@ -234,17 +169,92 @@ def _ckf(problem: JointProblem) -> Trajectory | None:
         return run_square_root_filter(points, problem.process, problem.sensors, timelines, gaussian, on_chunk)
 
     points = cubature(n_parameters + problem.n_moving)
-    outcome = one_after_the_other(run, problem, keep)
+    outcome = filter_sequentially(run, problem, keep)
     return Trajectory(parameters, initial, moving) if outcome.failure == OK else None
 
 
-def _hand_over(
-    smoothing: LinearSmoothing, sensors: Sensors, filtered: Filtered, on_chunk: OnChunk, is_answer: bool = False
+def follow_measurements(problem: JointProblem) -> Trajectory | None:
+    """Return a trajectory along the measurements with the prior's parameters; None if the filter fails."""
+    process, prior, n_parameters = problem.process, problem.prior, problem.n_parameters
+    noisy = process._replace(noise_density=_FOLLOWING_NOISE * process.noise_density)
+    factor = prior.factor.copy()
+    factor[:, :n_parameters] *= _FOLLOWING_PRIOR
+    followed = _ckf(problem._replace(process=noisy, prior=prior._replace(factor=factor)))
+    return None if followed is None else replace(followed, parameters=prior.mean[:n_parameters])
+
+
+def _anneal_process_noise(
+    problem: JointProblem, smoothing: LinearSmoothing, start: Trajectory, max_passes: int
+) -> Trajectory | None:
+    """Return the minimum with more, then less, process noise; None if the cost of a start is not finite.
+
+    With little process noise a nonlinear motion limits the steps to short ones. With more of it the parameters
+    converge first.
+    """
+    process, trajectory = problem.process, start
+    for factor in _ANNEALING:
+        smoothing.change_noise(process._replace(noise_density=factor * process.noise_density), problem.sensors)
+        minimum = gauss_newton(smoothing, trajectory, max_passes)
+        if minimum is None:
+            trajectory = None
+            break
+        trajectory = minimum[0].trajectory
+    smoothing.change_noise(process, problem.sensors)
+    return trajectory
+
+
+def _is_near(start: Trajectory, minimum: Filtered) -> bool:
+    """Whether a minimum has the parameters of its start, within their uncertainty."""
+    n_parameters = start.parameters.size
+    deviation = np.sqrt(np.diagonal(minimum.final.covariance())[:n_parameters])
+    moved = minimum.trajectory.parameters + minimum.final.mean[:n_parameters] - start.parameters
+    return bool((np.abs(moved) <= _MAX_DISTANCE * deviation).all())
+
+
+def other_minimum(best: Filtered, other: Filtered) -> AlternativeEstimate | None:
+    """Return the estimate of another minimum; None if it is the same or far less probable."""
+    n = best.trajectory.parameters.size
+    deviation = np.sqrt(np.diagonal(best.final.covariance())[:n])
+    estimate, alternative = (found.trajectory.parameters + found.final.mean[:n] for found in (best, other))
+    increase = other.cost - best.cost
+    if increase > _MAX_COST_INCREASE:
+        return None
+    return AlternativeEstimate.of_minimum(alternative - estimate, deviation, increase)
+
+
+def _segment_estimates(problem: JointProblem, best: Filtered) -> Iterator[AlternativeEstimate]:
+    """Yield the estimate from each segment alone, linearised about the joint estimate.
+
+    An estimate a from one segment, of covariance C, and b from all segments, of covariance P, share the data of the
+    segment and the prior. If one model holds for all segments, the covariance of a and b is P, and that of their
+    difference ``C - P`` (Hausman, Econometrica 46(6), 1978).
+    """
+    trajectory, n = best.trajectory, best.trajectory.parameters.size
+    joint, variance = best.final.mean[:n], np.diagonal(best.final.covariance())[:n]
+    for segment, initial, moving in zip(problem.by_segment(), trajectory.initial, trajectory.moving, strict=True):
+        filtered = LinearSmoothing(segment).filter(Trajectory(trajectory.parameters, [initial], [moving]))
+        assert filtered is not None, "with the other segments its trajectory has a finite cost"
+        own_variance = np.diagonal(filtered.final.covariance())[:n]
+        difference = own_variance - variance
+        comparable = difference > _ROUNDING * own_variance
+        deviation = np.sqrt(np.where(comparable, difference, np.inf))
+        begin = next(iter(segment.segments[0])).time[0]
+        moved = np.where(comparable, deviation, 0.0) * variance / own_variance
+        yield AlternativeEstimate(filtered.final.mean[:n] - joint, deviation, moved, begin=begin)
+
+
+def _failed(problem: JointProblem) -> FilterOutcome:
+    factor = problem.priors[0].factor
+    return FilterOutcome(factor @ factor.T, 0, PREDICTION)
+
+
+def _report(
+    smoothing: LinearSmoothing, sensors: Sensors, filtered: Filtered, on_chunk: OnChunk, is_estimate: bool = False
 ) -> FilterOutcome:
-    """Pass on the smoothed trajectory, chunk by chunk, from the first to the last; or the nominal one itself."""
+    """Pass the smoothed trajectory to `on_chunk`; the nominal one if that `is_estimate` itself."""
     covariance = filtered.final.covariance()
-    n_parameters, share = filtered.trajectory.parameters.size, 0.0 if is_answer else 1.0
-    parameters = filtered.trajectory.parameters + share * filtered.final.mean[:n_parameters]
+    n_parameters, fraction = filtered.trajectory.parameters.size, 0.0 if is_estimate else 1.0
+    parameters = filtered.trajectory.parameters + fraction * filtered.final.mean[:n_parameters]
     deviation = np.sqrt(np.diagonal(covariance)[:n_parameters])
     nominal = [moving for segment in filtered.trajectory.moving for moving in segment]
     chunks = [(chunk.timeline, _records(chunk, sensors)) for chunk in smoothing.smooth(filtered, with_variance=True)]
@@ -254,10 +264,10 @@ def _hand_over(
         lost = np.flatnonzero(~(variance > 0.0).all(axis=1))
         good = int(lost[0]) if lost.size else len(moving)
         records = of_motion._replace(
-            mean=np.hstack([np.tile(parameters, (good, 1)), (moving + share * step)[:good]]),
+            mean=np.hstack([np.tile(parameters, (good, 1)), (moving + fraction * step)[:good]]),
             standard_deviation=np.hstack([np.tile(deviation, (good, 1)), np.sqrt(variance[:good])]),
         )
-        on_chunk(timeline, truncate(records, good, int(timeline.measurement_offset[good])))
+        on_chunk(timeline, records.truncate(good, int(timeline.measurement_offset[good])))
         n_good += good
         if lost.size:
             return FilterOutcome(covariance, n_good, PREDICTION)
@@ -265,13 +275,47 @@ def _hand_over(
 
 
 def _records(chunk: Smoothed, sensors: Sensors) -> Records:
-    """Return step and variance of the motion of a chunk, and its innovations: all its forward passes would be large."""
+    """Return step and variance of the motion in place of mean and deviation, and innovations, without the rest."""
     forward_pass, weights = chunk.forward_pass, chunk.forward_pass.weight
-    counted = ~np.isnan(forward_pass.innovation) & (weights >= SET_ASIDE)
-    # Innovations are judged by the stated noise.
-    by_weights = (1.0 / weights - 1.0) * sensors.variance[chunk.timeline.measurement_sensor]
-    squares = np.where(counted, forward_pass.error**2 / (forward_pass.total - by_weights), 0.0)
-    variance = np.where(counted, forward_pass.variance - by_weights, np.nan)
+    counted = ~np.isnan(forward_pass.innovation) & (weights >= MIN_WEIGHT)
+    # Innovations are compared with the stated noise, not with that of the weights.
+    excess = (1.0 / weights - 1.0) * sensors.variance[chunk.timeline.measurement_sensor]
+    squares = np.where(counted, forward_pass.error**2 / (forward_pass.total - excess), 0.0)
+    variance = np.where(counted, forward_pass.variance - excess, np.nan)
     kept_weights = None if np.isinf(sensors.threshold) else weights.copy()
     of_measurements = forward_pass.innovation, variance, squares.sum(axis=1), kept_weights
     return Records(chunk.step, chunk.variance, *of_measurements)
+
+
+def _corrected_deviation(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> Array:
+    """Return standard deviations of the parameters that allow for autocorrelated innovations."""
+    nominal = np.sqrt(np.diagonal(filtered.final.covariance())[: problem.n_parameters])
+    return corrected_deviation(nominal, influences(problem, smoothing, filtered), problem.sensors.variance.size)
+
+
+def influences(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> list[Iterable[Influence]]:
+    """Return the influence functions of each segment on the parameters."""
+    return [_SegmentInfluences(problem, smoothing, filtered, segment) for segment in range(len(problem.segments))]
+
+
+@dataclass(frozen=True)
+class _SegmentInfluences:
+    """Influences of the innovations of a segment, computed again in each iteration."""
+
+    problem: JointProblem
+    smoothing: LinearSmoothing
+    filtered: Filtered
+    segment: int
+
+    def __iter__(self) -> Iterator[Influence]:
+        n, n_moving = self.problem.n_parameters, self.problem.n_moving
+        covariance = self.filtered.final.covariance()[:n, :n]
+        error, moved = self.filtered.by_parameters[self.segment].copy(), np.empty((n_moving, n))
+        conditional = ConditionalFilter(self.problem, self.smoothing, self.filtered, self.segment)
+        for timeline, about, motion, _, forward_pass in conditional.forward():
+            effects = FaultEffects(about.transition[..., :n].copy(), about.rows[..., :n].copy())
+            carry_errors(timeline, motion, forward_pass, effects, error, moved)
+            deviation = np.sqrt(forward_pass.total)
+            rows = (effects.on_measurements / deviation[..., None]) @ covariance
+            present = ~np.isnan(motion.residual)
+            yield Influence.of_present(timeline, present, forward_pass.error / deviation, rows)

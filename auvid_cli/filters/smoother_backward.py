@@ -1,9 +1,11 @@
-"""The way back of a smoother that is linear about a trajectory: what the filter did not know yet.
+"""Backward pass of the smoother: the modified Bryson-Frazier recursion (Bierman 1977, section X.5).
 
-The adjoint of the modified Bryson-Frazier recursion (Bierman 1977, section X.5), which inverts no covariance: with r
-what the data after an event say, and Lambda its covariance, the smoothed deviation is ``delta + P r``, of covariance
-``P - P Lambda P``. Lambda is carried as a root W, ``Lambda = W W'``, to which each component of a measurement adds a
-column: where a vehicle is unstable, or little was known at first, rounding of Lambda itself would lose what is left.
+It gives the same estimates as the Rauch-Tung-Striebel recursion, and inverts no covariance. With the filtered deviation
+d of covariance P, the adjoint r of the later data and its covariance Lambda, the smoothed deviation is ``d + P r``, of
+covariance ``P - P Lambda P``. Over a transition F the adjoint becomes ``F' r``; over a measurement row h with
+innovation e of variance S and gain ``g = P h'`` it becomes ``r + h' (e - g' r) / S``. Lambda is stored as a root W,
+``Lambda = W W'``, to which each component adds a column: with unstable vehicles or a wide prior, rounding of Lambda
+itself would exceed the smoothed covariance.
 """
 
 from typing import NamedTuple
@@ -21,24 +23,24 @@ Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-# Columns that are added to a root before it is made square again.
-_MORE = 32
-# The loops over columns go by so many.
-_WHOLE = 16
+# Columns added to a root before it is made square again.
+_SPARE_COLUMNS = 32
+# Columns of a vectorised loop are rounded up to a multiple of this.
+_COLUMN_TILE = 16
 
 
 class Adjoint(NamedTuple):
-    """What the data from an event on say of the deviation there.
+    """Adjoint of the deviation at an event, from the data after it.
 
     Attributes
     ----------
     mean : ndarray, shape (n,)
         r.
-    root : ndarray, shape (n, a multiple of 16)
-        W, as far as `n_columns` says, zero beyond; of no size where variances are not asked for.
+    root : ndarray, shape (n, multiple of `_COLUMN_TILE`)
+        W in the first `n_columns` columns, then zeros; empty without variances.
     n_columns : ndarray of int, shape (1,)
-    work : ndarray, shape (as of `root`)
-        Overwritten.
+    work : ndarray, shape as of `root`
+        Scratch.
     """
 
     mean: Array
@@ -48,19 +50,17 @@ class Adjoint(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int, with_variance: bool) -> "Adjoint":
-        """Say nothing yet of a deviation of n components."""
-        shape = n, -(-(n + _MORE) // _WHOLE) * _WHOLE
+        """Return the adjoint of n states after the last event."""
+        shape = n, -(-(n + _SPARE_COLUMNS) // _COLUMN_TILE) * _COLUMN_TILE
         root = zeros_on_lines(*shape) if with_variance else np.zeros((0, 0))
-        # The mean of a step needs some room as well.
+        # `adjoint_predict` needs `work` for the mean, too.
         return cls(zeros_on_lines(n), root, np.zeros(1, dtype=np.int64), zeros_on_lines(*shape))
 
     def to_previous_segment(self, gradient: Array) -> None:
-        """Move to the end of the previous segment, whose motion is another: only information on parameters remains.
+        """Move to the end of the previous segment; only information on parameters remains.
 
-        Parameters
-        ----------
-        gradient : ndarray, shape (n, n_parameters)
-            Derivative of the deviation by the parameters, themselves included.
+        `gradient`, shape (n, n_parameters), is the derivative of the initial deviation of this segment by the
+        parameters, including themselves.
         """
         n, n_parameters = gradient.shape
         self.mean[:n_parameters], self.mean[n_parameters:] = gradient.T @ self.mean, 0.0
@@ -73,13 +73,13 @@ ADJOINT = types.NamedTuple((_vector, _matrix, types.int64[::1], _matrix), Adjoin
 
 @compiled(inline=True)
 def _whole_columns(adjoint):
-    """Count the columns of the root, rounded up: what is left over would be gone through one by one."""
-    return (adjoint.n_columns[0] + (_WHOLE - 1)) // _WHOLE * _WHOLE
+    """Return the number of columns of the root, rounded up so that loops are vectorised to the end."""
+    return (adjoint.n_columns[0] + (_COLUMN_TILE - 1)) // _COLUMN_TILE * _COLUMN_TILE
 
 
 @compiled(reassociate=True)
 def _add_rows(weight, rows, n_columns, total):
-    """Add a weighted sum of rows, as far as so many columns, four at a time: the sum is stored once for four."""
+    """Add a weighted sum of rows to `total`, in the first `n_columns`; four rows at a time save stores."""
     whole = weight.size - weight.size % 4
     for j in range(0, whole, 4):
         weight0, weight1, weight2, weight3 = weight[j], weight[j + 1], weight[j + 2], weight[j + 3]
@@ -93,21 +93,21 @@ def _add_rows(weight, rows, n_columns, total):
 
 @compiled(reassociate=True)
 def _update_mean(row, gain, error, total, adjoint):
-    """Carry the adjoint back over one component; returns what all data say of its noise, per variance of that."""
-    known = 0.0
+    """Carry the adjoint back over one component; returns its smoothed noise divided by the noise variance."""
+    projection = 0.0
     for i in range(adjoint.size):
-        known += gain[i] * adjoint[i]
-    share = (error - known) / total
+        projection += gain[i] * adjoint[i]
+    factor = (error - projection) / total
     for i in range(adjoint.size):
-        adjoint[i] += share * row[i]
-    return share
+        adjoint[i] += factor * row[i]
+    return factor
 
 
 @compiled(reassociate=True)
 def _make_square(adjoint):
-    """Find the lower-triangular root of the same covariance, by modified Gram-Schmidt; see `triangularise`.
+    """Replace the root by the lower-triangular one, by modified Gram-Schmidt; see `triangularise`.
 
-    A row that vanishes stays as it is: nothing is said of that component.
+    A zero row stays zero: there is no information about that state.
     """
     n, root, rows = adjoint.mean.size, adjoint.root, adjoint.work
     for i in range(n):
@@ -125,9 +125,9 @@ def _make_square(adjoint):
 
 @compiled(reassociate=True)
 def _update_root(row, gain, total, adjoint):
-    """Carry the root back over one component: ``L' W`` with ``L = I - g h' / total``, and ``h / sqrt(total)``.
+    """Carry the root back over one component: ``[L' W, h' / sqrt(S)]`` with ``L = I - g h / S``.
 
-    Returns the variance of what `_update_mean` does.
+    Returns the variance of the value that `_update_mean` returns.
     """
     n, root, product = row.size, adjoint.root, adjoint.work[0]
     if adjoint.n_columns[0] == root.shape[1]:
@@ -136,10 +136,10 @@ def _update_root(row, gain, total, adjoint):
     for k in range(n_columns):
         product[k] = 0.0
     _add_rows(gain, root, n_columns, product)
-    known, inverse = 0.0, 1.0 / total
+    square, inverse = 0.0, 1.0 / total
     for k in range(n_columns):
         product[k] *= inverse
-        known += product[k] * product[k]
+        square += product[k] * product[k]
     for i in range(n):
         h = row[i]
         if h != 0.0:
@@ -147,12 +147,12 @@ def _update_root(row, gain, total, adjoint):
                 root[i, k] -= h * product[k]
             root[i, last] = h * np.sqrt(inverse)
     adjoint.n_columns[0] = last + 1
-    return inverse + known
+    return inverse + square
 
 
 @compiled(reassociate=True)
 def adjoint_predict(transition, n_parameters, adjoint):
-    """Carry adjoint and root back over a transition: ``F' r`` and ``F' W``; of F the upper rows are the identity's."""
+    """Carry adjoint and root back over a transition, to ``F' r`` and ``F' W``; parameters stay."""
     mean, root, moving = adjoint.mean, adjoint.root, adjoint.work
     n = mean.size
     n_moving = n - n_parameters
@@ -174,16 +174,15 @@ def adjoint_predict(transition, n_parameters, adjoint):
 
 
 @compiled(reassociate=True, inline=True)
-def adjoint_update(event, timeline, about, forward_pass, adjoint, told, variance):
-    """Carry the adjoint back over the measurements of an event; write down what is said of their noise, if asked for.
+def adjoint_update(event, timeline, about, forward_pass, adjoint, noise, variance):
+    """Carry the adjoint back over the measurements of an event.
 
     Parameters
     ----------
     event, timeline, about, forward_pass, adjoint
-        As of `backward`.
-    told, variance : ndarray, shape (n_measurements, c)
-        Filled in: what all data say of the noise of each component, per variance of it, and the variance of that. Of no
-        rows where they are not asked for.
+        As in `backward`.
+    noise, variance : ndarray, shape (n_measurements, c) or (0, c)
+        Filled in, unless empty: smoothed noise of each component divided by its variance, and the variance of that.
     """
     n_components = about.residual.shape[1]
     first, last = timeline.measurement_offset[event], timeline.measurement_offset[event + 1]
@@ -196,9 +195,9 @@ def adjoint_update(event, timeline, about, forward_pass, adjoint, told, variance
             row, gain, total, its_variance = about.rows[k, c], forward_pass.gain[k, c], forward_pass.total[k, c], 0.0
             if adjoint.root.shape[0] > 0:
                 its_variance = _update_root(row, gain, total, adjoint)
-            said = _update_mean(row, gain, forward_pass.error[k, c], total, adjoint.mean)
-            if told.shape[0] > 0:
-                told[k, c], variance[k, c] = said, its_variance
+            smoothed = _update_mean(row, gain, forward_pass.error[k, c], total, adjoint.mean)
+            if noise.shape[0] > 0:
+                noise[k, c], variance[k, c] = smoothed, its_variance
 
 
 @compiled(types.void(TIMELINE, LINEARISED, FORWARD_PASS, ADJOINT, _matrix, _matrix), reassociate=True)
@@ -208,13 +207,11 @@ def backward(timeline, about, forward_pass, adjoint, step, variance):
     Parameters
     ----------
     timeline, about, forward_pass
-        Of `forward`.
+        From `forward`.
     adjoint : Adjoint
-        After the last event; carried to before the first.
-    step : ndarray, shape (n_events, n_moving)
-        Filled in: smoothed deviation of the moving states.
-    variance : ndarray, shape (n_events, n_moving)
-        Filled in: its variance, if asked for.
+        After the last event; afterwards before the first.
+    step, variance : ndarray, shape (n_events, n_moving)
+        Filled in: smoothed deviation of the moving states; its variance, if the adjoint has a root.
     """
     mean, root, projected = adjoint.mean, adjoint.root, adjoint.work[0]
     n, n_moving = mean.size, step.shape[1]

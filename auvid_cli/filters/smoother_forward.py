@@ -1,4 +1,10 @@
-"""Forward pass of a smoother linearised about a trajectory: a square-root Kalman filter with Huber's weights."""
+"""Forward pass of the smoother: a square-root Kalman filter of deviations from a trajectory, with Huber's weights.
+
+The linear problem about the trajectory x_k has the deviations ``d_k = F_k d_{k-1} + defect_k + noise`` and the
+residuals ``r_k = H_k d_k + noise``. Parameters are constant, so only the moving rows of transitions and covariances are
+stored. A residual r with standard deviation s counts with the weight ``w = 1 / sqrt(max((r / (threshold s))^2, 1))``:
+its noise has the variance ``s^2 / w`` (Huber, Ann. Math. Statist. 35(1), 1964).
+"""
 
 from typing import Any, NamedTuple
 
@@ -20,42 +26,42 @@ from auvid_cli.filters.sigma_points import four_products, wrapped
 from auvid_cli.filters.workspace import STATE, State, padded
 from auvid_cli.numerics import compiled, zeros_on_lines
 
-# Standard deviations: clean data lose 1 % of their information.
+# Threshold of Huber's weights, in standard deviations of the noise: clean data lose 1 % of their information.
 THRESHOLD = 2.0
-# A component that counts less than this is one that was set aside: of Gaussian noise none in ten thousand.
-SET_ASIDE = 0.5
+# Smallest weight of a regular component; Gaussian noise has a smaller one once in ten thousand times.
+MIN_WEIGHT = 0.5
 Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
-# Moving rows that are worked on at once.
+# Rows of a tile of moving states.
 _ROWS = 16
 _products = four_products(_ROWS)
 
 
 def weight(square: Any, threshold: float) -> Any:
-    """Return weights of squared residuals, r^2; compiled code compiles it for itself."""
+    """Return Huber's weights of normalised squared residuals."""
     return 1.0 / np.sqrt(np.maximum(square / threshold**2, 1.0))
 
 
 class Linearised(NamedTuple):
-    """A chunk of the data about a trajectory.
+    """Chunk of the data, linearised about a trajectory.
 
     Attributes
     ----------
     parameters : ndarray, shape (n_parameters,)
     before : ndarray, shape (n_moving,)
-        Moving states of the trajectory at the event before the first.
+        Moving states of the trajectory at the event before the chunk.
     moving : ndarray, shape (n_events, n_moving)
-        Those at the events.
+        Moving states at each event.
     residual : ndarray, shape (n_measurements, c)
-        Measured less what the trajectory predicts; NaN where missing.
+        Measured less predicted; NaN if missing.
     rows : ndarray, shape (n_measurements, c, n)
-        Derivative of what is predicted by the state.
+        Measurement matrix.
     defect : ndarray, shape (n_events, n_moving)
-        Where the process takes the trajectory from the event before, less the trajectory; zero where nothing leads.
+        Prediction by the process from the previous event, less the trajectory; zero without substeps.
     transition : ndarray, shape (n_events, n_moving, n)
-        Moving rows of the transition matrix that leads to an event, if anything does.
+        Moving rows of the transition matrix from the previous event; undefined without substeps.
     """
 
     parameters: Array
@@ -68,22 +74,22 @@ class Linearised(NamedTuple):
 
 
 class ForwardPass(NamedTuple):
-    """What the way back needs of the way forward.
+    """Results of the forward pass through a chunk.
 
     Attributes
     ----------
     filtered : ndarray, shape (n_events, n)
-        Deviation after its measurements.
+        Deviation after the measurements of each event.
     covariance : ndarray, shape (n_events, n_moving, n)
         Moving rows of its covariance.
     gain : ndarray, shape (n_measurements, c, n)
-        Covariance of the state with a component, before that; components come one after the other.
+        Covariance of the state with each component's innovation, in sequential updates.
     total, error : ndarray, shape (n_measurements, c)
-        Variance of what is new in it, and that.
+        Variance and value of each innovation in sequential updates.
     innovation, variance : ndarray, shape (n_measurements, c)
-        The same of each component by itself, before any of its measurement; NaN where missing.
+        Innovation of each component before any update with its measurement, and its variance; NaN if missing.
     weight : ndarray, shape (n_measurements, c)
-        By how much each counts: the variance of its noise is by so much larger.
+        Huber's weights.
     """
 
     filtered: Array
@@ -97,7 +103,7 @@ class ForwardPass(NamedTuple):
 
     @classmethod
     def of(cls, about: Linearised) -> "ForwardPass":
-        """Make room for that of a chunk."""
+        """Return the arrays for a chunk."""
         (n_events, n_moving), (n_measurements, n_components, n) = about.moving.shape, about.rows.shape
         return cls(
             np.empty((n_events, n)),
@@ -110,27 +116,26 @@ class ForwardPass(NamedTuple):
 
 
 class SmootherWorkspace(NamedTuple):
-    """Arrays that hold nothing from one use to the next.
+    """Scratch arrays.
 
     Attributes
     ----------
     point : ndarray, shape (n,)
     matrix : ndarray, shape (n, n)
-    transposed : ndarray, shape (n_parts, width of the factor * _ROWS)
-        Moving rows of a transition, or of the factor: their columns one after the other, `_ROWS` rows to a part; zero
-        beyond.
-    moved : ndarray, shape (n_parts, _ROWS)
+    transposed : ndarray, shape (n_tiles, width * _ROWS)
+        Moving rows of a transition or of the factor, as tiles of `_ROWS` rows, transposed and padded with zeros.
+    moved : ndarray, shape (n_tiles, _ROWS)
         Moving rows of the mean.
-    product : ndarray, shape (n_parts, 4 * _ROWS)
-        Of these with four columns, or rows, of the factor.
-    spread : ndarray, shape (moving states, padded)
-    lower : ndarray, shape (as many, as many)
-    gain : ndarray, shape (width of the factor,)
-    measured, ratio, share : ndarray, shape (width and one more,)
+    product : ndarray, shape (n_tiles, 4 * _ROWS)
+        Product of the tiles with four columns, or rows, of the factor.
+    spread : ndarray, shape (n_moving, whole tiles)
+    lower : ndarray, shape (n_moving, n_moving)
+    gain : ndarray, shape (width,)
+    measured, ratio, share : ndarray, shape (width + 1,)
     predictions : ndarray, shape (c,)
-        What a sensor sees of a state.
+        Predicted measurement of a sensor.
     process : ndarray
-        For the process itself.
+        Scratch of the process.
     """
 
     point: Array
@@ -149,7 +154,7 @@ class SmootherWorkspace(NamedTuple):
 
     @classmethod
     def of(cls, process: Process, n: int, n_components: int) -> "SmootherWorkspace":
-        """Make it for a state of n entries, and sensors of up to `n_components`."""
+        """Return the arrays for n states and sensors of up to `n_components`."""
         n_moving = process.noise_density.size
         width, n_parts = padded(n), -(-n_moving // _ROWS)
         return cls(
@@ -170,7 +175,7 @@ class SmootherWorkspace(NamedTuple):
 
 
 def new_state(gaussian: Gaussian) -> State:
-    """Lay out a Gaussian."""
+    """Return a Gaussian in the layout of the compiled loops."""
     width = padded(gaussian.mean.size)
     return State.of(gaussian, width, width)
 
@@ -214,7 +219,7 @@ def linearise_measurements(linearise, data, timeline, about, work):
 
 @compiled(types.void(types.FunctionType(TRANSITION_SIGNATURE), MODEL_DATA, TIMELINE, LINEARISED, SMOOTHER_WORKSPACE))
 def linearise_process(transition, data, timeline, about, work):
-    """Fill in transitions, and by how much they miss the trajectory."""
+    """Fill in transitions and defects."""
     n_moving, n_parameters, moved = about.moving.shape[1], about.parameters.size, work.point
     for event in range(timeline.time.size):
         first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
@@ -234,7 +239,7 @@ def linearise_process(transition, data, timeline, about, work):
 
 @compiled(reassociate=True)
 def _transpose_tiles(transition, mean, work):
-    """Turn the moving rows of a transition, and move the mean by them."""
+    """Transpose the moving rows of a transition into tiles, and multiply the mean by them."""
     n_moving, n = transition.shape
     for part in range(work.transposed.shape[0]):
         transposed, moved, first = work.transposed[part], work.moved[part], part * _ROWS
@@ -250,7 +255,7 @@ def _transpose_tiles(transition, mean, work):
 
 @compiled(reassociate=True)
 def _predict(transition, noise, state, work):
-    """Move mean and factor of the deviation; False if there is no factor."""
+    """Predict mean and factor of the deviation; False if the covariance is not positive definite."""
     n, mean, columns, spread, product = state.n, state.mean, state.columns, work.spread, work.product
     n_moving, width, n_parts = noise.size, columns.shape[1], work.transposed.shape[0]
     n_parameters = n - n_moving
@@ -261,7 +266,7 @@ def _predict(transition, noise, state, work):
         for k in range(spread.shape[1]):
             spread[i, k] = 0.0
         spread[i, n_moving + i] = np.sqrt(noise[i])
-    # Four columns at a time, from a tile's edge on: what stands before the diagonal is zero.
+    # Four columns at a time, from the edge of a tile: entries before the diagonal are zero.
     for j in range(0, n, 4):
         edge = j // TILE * TILE
         first, n_terms = j * width + edge, n - edge
@@ -284,7 +289,7 @@ def _predict(transition, noise, state, work):
 
 @compiled(reassociate=True, inline=True)
 def _project_row(row, state, measured):
-    """Fill in a combination of the state's rows in the basis of the factor."""
+    """Fill in the product of a measurement row with the factor."""
     columns = state.columns
     for j in range(state.n):
         measured[j] = 0.0
@@ -305,7 +310,7 @@ def _dot(row, values):
 
 @compiled(reassociate=True)
 def _update(k, rows, noise, about, state, forward_pass, work):
-    """Condition on measurement k, component by component; returns the sum of their NIS."""
+    """Update with measurement k, component by component; returns its NIS."""
     n, mean, columns, measured, error = state.n, state.mean, state.columns, work.measured, forward_pass.error[k]
     for c in range(rows.shape[0]):
         forward_pass.innovation[k, c] = np.nan
@@ -330,7 +335,7 @@ def _update(k, rows, noise, about, state, forward_pass, work):
         nis += error[c] * step
         for i in range(work.gain.size):
             mean[i] += work.gain[i] * step
-        # The innovations of the others are carried on.
+        # Innovations of the other components follow the state.
         for other in range(c + 1, rows.shape[0]):
             error[other] -= _dot(rows[other], work.gain) * step
         forward_pass.total[k, c] = total
@@ -341,7 +346,7 @@ def _update(k, rows, noise, about, state, forward_pass, work):
 
 @compiled(reassociate=True)
 def _store_event(event, state, n_parameters, forward_pass, work):
-    """Write down the mean, and the moving rows of the covariance, four columns of these at a time."""
+    """Store the mean and the moving rows of the covariance, four columns at a time."""
     n, columns, covariance = state.n, state.columns, forward_pass.covariance[event]
     width = columns.shape[1]
     factor = columns.reshape(-1)
@@ -354,7 +359,7 @@ def _store_event(event, state, n_parameters, forward_pass, work):
             for i in range(rows):
                 moving[j * _ROWS + i] = columns[j, first + i]
         for k in range(0, n, 4):
-            # Of the triangle nothing stands behind the diagonal.
+            # Entries after the diagonal of the triangle are zero.
             _products(factor, k, 1, width, k + 4, moving, product)
             for r in range(min(4, n - k)):
                 for i in range(rows):
@@ -374,11 +379,11 @@ def forward(sensors, noise, timeline, about, state, forward_pass, work):
     ----------
     sensors : Sensors
     noise : ndarray, shape (n_events, n_moving)
-        Variance of what process noise leaves at each event.
+        Variance of the process noise accumulated before each event.
     timeline : Timeline
     about : Linearised
     state : State
-        Deviation at the event before the chunk; moved to its last one.
+        Deviation at the event before the chunk; afterwards at its last event.
     forward_pass : ForwardPass
         Filled in.
     work : SmootherWorkspace
@@ -386,13 +391,13 @@ def forward(sensors, noise, timeline, about, state, forward_pass, work):
     Returns
     -------
     good : int
-        How many events went well.
+        Number of good events.
     cost : float
-        Of the trajectory: squares of process noise and residuals that it needs, by their variances.
+        Cost of the trajectory: sum of squared defects and weighted squared residuals, divided by their variances.
     least : float
-        What is left of it at the minimum of the linear problem: the sum of the NIS, and what is beyond the weights.
+        Cost at the minimum of the linear problem: the sum of the NIS and the constant part of Huber's cost.
     log_determinant : float
-        Sum of the logarithms of the innovations' variances, by their weights.
+        Sum of the logarithms of the innovations' variances, times their weights.
     """
     n, n_moving = state.n, noise.shape[1]
     n_parameters = n - n_moving

@@ -1,4 +1,7 @@
-"""Square-root filter for every antipodal sigma-point set (CKF, TUKF and UKF), and the estimators as objects."""
+"""Square-root sigma-point filters (CKF, TUKF and UKF), and the estimators as objects.
+
+Arasaratnam and Haykin, IEEE Trans. Autom. Control 54(6), 2009, with sequential measurement updates.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
@@ -17,15 +20,15 @@ from auvid_cli.filters.problem import (
     TIMELINE,
     FilterOutcome,
     Gaussian,
+    JointProblem,
     ModelData,
     OnChunk,
     Process,
     Sensors,
     Timeline,
     empty_records,
-    truncate,
+    filter_sequentially,
 )
-from auvid_cli.filters.segments import JointProblem, one_after_the_other
 from auvid_cli.filters.sigma_points import all_finite, collect_points, draw_points, update
 from auvid_cli.filters.workspace import (
     MODEL,
@@ -53,13 +56,7 @@ Array = NDArray[np.float64]
 
 @compiled(reassociate=True, inline=True)
 def predict(model, state, timeline, event, work):
-    """Move a state over the substeps that lead to an event, in place.
-
-    Returns
-    -------
-    bool
-        False if the result is not finite or not positive definite.
-    """
+    """Predict a state to an event, in place; False if the result is not finite or not positive definite."""
     data, basis = model.data, model.basis
     n, mean, columns = state.n, state.mean, state.columns
     n_moving = data.noise_density.size
@@ -98,7 +95,7 @@ def predict(model, state, timeline, event, work):
 
 @compiled(reassociate=True)
 def deviations(columns, n, squares, result):
-    """Fill in the standard deviations of the state: row norms of the factor. `squares` is overwritten."""
+    """Fill in the standard deviations of the state, the row norms of the factor; `squares` is scratch."""
     width = columns.shape[1]
     for i in range(width):
         squares[i] = 0.0
@@ -112,9 +109,9 @@ def deviations(columns, n, squares, result):
 
 @compiled(types.UniTuple(types.int64, 2)(*MODEL.types, TIMELINE, STATE, RECORDS, WORKSPACE), reassociate=True)
 def _run(advance, observe, data, components, basis, timeline, state, records, work):
-    """Filter a chunk; returns (first event that failed or how many there are, what failed).
+    """Filter a chunk; returns the number of good events, and the failure or `OK`.
 
-    A model comes field by field, since numba takes no functions inside a tuple from Python.
+    The first arguments are the fields of a model, because numba does not accept functions in a tuple from Python.
     """
     model = SquareRootModel(advance, observe, data, components, basis)
     n, mean, columns = state.n, state.mean, state.columns
@@ -147,17 +144,19 @@ def run_square_root_filter(
     ----------
     point_set : PointSet
         For the dimension of the state.
-    process, sensors, prior
-        See `auvid_cli.filters.problem`; the prior is that at the first event.
+    process : Process
+    sensors : Sensors
     timelines : iterable of Timeline
-        Chunks of the data in time order; a chunk is worked on at once.
+        Chunks of the data in time order.
+    prior : Gaussian
+        State at the first event.
     on_chunk : callable
-        Told every chunk, and the records of those of its events that went well.
+        Receives each chunk, and the records of its good events.
 
     Returns
     -------
     FilterOutcome
-        Early, with the reason, where the state is not finite or the factor cannot be propagated.
+        With a failure if the state is not finite or its covariance not positive definite.
     """
     n, n_components = prior.mean.size, sensors.matrix.shape[1]
     width = padded(n + n_components if sensors.nonlinear.any() else n)
@@ -171,9 +170,9 @@ def run_square_root_filter(
         before, records = state.copy(), empty_records(timeline, n)
         done, failure = _run(*model, timeline, state, records, work)
         n_good += done
-        on_chunk(timeline, truncate(records, done, int(timeline.measurement_offset[min(done + 1, timeline.time.size)])))
+        on_chunk(timeline, records.truncate(done, int(timeline.measurement_offset[min(done + 1, timeline.time.size)])))
         if failure != OK:
-            # Once more from before the chunk, to stop at the last good state; what failed may have left anything.
+            # Repeat the chunk up to the last good event: state and workspace are invalid after a failure.
             state, work = before, new_workspace(*space)
             _run(*model, timeline._replace(time=timeline.time[:done]), state, records, work)
             break
@@ -181,38 +180,31 @@ def run_square_root_filter(
 
 
 class Estimator(Protocol):
-    """What finds the joint state of segments of data."""
+    """Estimator of the joint state of all segments."""
 
     @property
     def name(self) -> str:
-        """Return the name by which commands, settings and files know it."""
+        """Name in commands, settings and files."""
         ...
 
     @property
     def in_one_batch(self) -> bool:
-        """Say whether it fits all data at once, instead of going from measurement to measurement."""
+        """Whether it fits all data at once, instead of one measurement after another."""
         ...
 
     @property
     def limit(self) -> str:
-        """Name the setting that limits its iterations, with its value; empty if there is none."""
+        """Setting that limits its iterations, with its value; empty for a filter."""
         ...
 
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
-        """Estimate the joint state of segments, see `auvid_cli.filters.segments`, and hand over what is found."""
+        """Estimate the joint state of segments, and pass records to `on_chunk`."""
         ...
 
 
 @dataclass(frozen=True)
 class KalmanFilter(ABC):
-    """A filter that goes from measurement to measurement, and from segment to segment.
-
-    Attributes
-    ----------
-    name : str
-    process : Process
-    sensors : Sensors
-    """
+    """Recursive filter of one segment after another."""
 
     name: str
     process: Process
@@ -222,20 +214,20 @@ class KalmanFilter(ABC):
 
     @abstractmethod
     def filter_segment(self, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
-        """Filter one segment, from a Gaussian about its own state."""
+        """Filter one segment from a prior of its own state."""
 
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Filter one segment after the other."""
         problem = JointProblem(self.process, self.sensors, segments, prior)
-        return one_after_the_other(self.filter_segment, problem, on_chunk)
+        return filter_sequentially(self.filter_segment, problem, on_chunk)
 
 
 class ExtendedKalmanFilter(KalmanFilter):
-    """The EKF, with whatever transition its process has; see `auvid_cli.filters.ekf`."""
+    """The EKF with the transition of its process; see `auvid_cli.filters.ekf`."""
 
     def filter_segment(self, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
-        """Filter one segment, from a Gaussian about its own state."""
-        # filterpy is slow to load and large, and no other filter needs it.
+        """Filter one segment from a prior of its own state."""
+        # filterpy is slow to load, and no other filter needs it.
         from auvid_cli.filters.ekf import run_extended_filter
 
         return run_extended_filter(self.process, self.sensors, timelines, prior, on_chunk)
@@ -243,35 +235,18 @@ class ExtendedKalmanFilter(KalmanFilter):
 
 @dataclass(frozen=True)
 class SigmaPointFilter(KalmanFilter):
-    """A filter with a set of sigma points; see `auvid_cli.filters.square_root`.
-
-    Attributes
-    ----------
-    points : PointSet
-        For the dimension of the state of a segment.
-    """
+    """Filter with a sigma-point set for the state of a segment."""
 
     points: PointSet
 
     def filter_segment(self, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
-        """Filter one segment, from a Gaussian about its own state."""
+        """Filter one segment from a prior of its own state."""
         return run_square_root_filter(self.points, self.process, self.sensors, timelines, prior, on_chunk)
 
 
 @dataclass(frozen=True)
 class OutputErrorMethod:
-    """The fit of motions left to themselves; see `auvid_cli.filters.output_error`.
-
-    Attributes
-    ----------
-    name : str
-    process : Process
-    sensors : Sensors
-    max_evaluations : int
-    bounds : tuple of ndarray, shape (n,)
-        Lower and upper, of the joint state.
-    use_prior : bool
-    """
+    """Output-error method; see `auvid_cli.filters.output_error.run_output_error` for its settings."""
 
     name: str
     process: Process
@@ -283,7 +258,7 @@ class OutputErrorMethod:
 
     @property
     def limit(self) -> str:
-        """Name the setting that limits its iterations, with its value."""
+        """Setting that limits its iterations, with its value."""
         return f"output_error.max_evaluations = {self.max_evaluations}"
 
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
@@ -297,19 +272,7 @@ class OutputErrorMethod:
 
 @dataclass(frozen=True)
 class IteratedSmoother:
-    """The most probable trajectory and parameters; see `auvid_cli.filters.smoother`.
-
-    Attributes
-    ----------
-    name : str
-    process : Process
-    sensors : Sensors
-    max_passes : int
-    faults : Faults
-        To test for, about the answer.
-    marginal : bool
-        Whether its parameters are the most probable whatever the motion was.
-    """
+    """Iterated smoother; see `auvid_cli.filters.smoother.run_smoother` for its settings."""
 
     name: str
     process: Process
@@ -321,12 +284,12 @@ class IteratedSmoother:
 
     @property
     def limit(self) -> str:
-        """Name the setting that limits its iterations, with its value."""
+        """Setting that limits its iterations, with its value."""
         return f"smoother.max_passes = {self.max_passes}"
 
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Smooth all segments at once."""
-        # What it is compiled from serves no other estimator.
+        # Its compiled code serves no other estimator.
         from auvid_cli.filters.smoother import run_smoother
 
         problem = JointProblem(self.process, self.sensors, segments, prior)

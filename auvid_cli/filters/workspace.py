@@ -1,4 +1,4 @@
-"""Sigma-point sets, and the memory that the compiled square-root filter works on."""
+"""Sigma-point sets, and the data layout of the compiled square-root filter."""
 
 from typing import Any, NamedTuple
 
@@ -20,7 +20,7 @@ from auvid_cli.filters.problem import (
 from auvid_cli.numerics import LANES, compiled, zeros_on_lines
 
 Array = NDArray[np.float64]
-# A block of lanes holds this many pairs; the last one has room for as many of the others as it needs.
+# Antipodal pairs in a block of lanes; the last block has one of `FEWER` or `PAIRS`.
 PAIRS = LANES // 2
 FEWER = PAIRS // 4, PAIRS // 2
 _vector = types.float64[::1]
@@ -36,13 +36,12 @@ class PointSet(NamedTuple):
     directions : ndarray, shape (n, n)
         Column k is ``delta_k``; the points are +delta_k and -delta_k.
     weight : float
-        Of each of the 2 n points; ``2 weight directions @ directions.T == I``.
+        Weight of each of the 2 n points; ``2 weight directions @ directions.T == I``.
     centred : bool
-        Whether the mean of the points themselves is the reference (cubature) or the point at the
-        centre (unscented).
+        Whether deviations are taken from the mean of the points (cubature) or from the centre (unscented).
     curvature : float
-        Weight, in the covariance, of the squared shift of the mean from the centre: ``beta -
-        alpha^2`` of the scaled unscented transformation; not used by centred sets.
+        Weight, in the covariance, of the squared shift of the mean from the centre: ``beta - alpha^2`` of the scaled
+        unscented transformation; not used by centred sets.
     """
 
     directions: Array
@@ -57,7 +56,7 @@ def cubature(n: int) -> PointSet:
 
 
 def transformed(n: int) -> PointSet:
-    """Turn the cubature set so that no coordinate exceeds sqrt 2.
+    """Return the rotated cubature set, in which no coordinate exceeds sqrt 2.
 
     Sabet et al. 2018, eq. (34); Chang, Hu, Li and Chang, IEEE TAC 58(1), 2013. Of the paper's 2 n
     points, the k-th and the (n + k)-th are antipodal.
@@ -76,30 +75,29 @@ def transformed(n: int) -> PointSet:
 def unscented(n: int, alpha: float, beta: float, kappa: float) -> PointSet:
     """Return the points of the scaled unscented transformation (Julier 2002; van der Merwe 2004).
 
-    With e the even part of the propagated points about the centre and mu its mean, the covariance
-    is ``odd + 2 w sum e e' + (beta - alpha^2) mu mu'``: a sum of squares for every ``beta >=
-    alpha^2``, although the weight of the centre may be negative.
+    With the even part e of the propagated points about the centre and its mean mu, the covariance is
+    ``odd + 2 w sum e e' + (beta - alpha^2) mu mu'``: a sum of squares if ``beta >= alpha^2``, even if the weight of the
+    centre is negative.
     """
     spread = alpha**2 * (n + kappa)
     return PointSet(np.sqrt(spread) * np.eye(n), 0.5 / spread, False, beta - alpha**2)
 
 
 class Basis(NamedTuple):
-    """A point set laid out for the compiled loops, which work on whole tiles of `PAIRS` pairs.
+    """Point set as tiles of `PAIRS` pairs; the dimension m is n padded to whole tiles.
 
     Attributes
     ----------
     directions : ndarray, shape (n_tiles, m * PAIRS)
-        Tile t holds, for every coordinate j, that of the pairs from ``t * PAIRS`` on, at ``j * PAIRS``; of the last one
-        at ``j * last``. The dimension m is n, padded with zeros to the pairs that there is room for.
+        Tile t holds coordinate j of the pairs from ``t * PAIRS`` on at ``j * PAIRS``; the last tile at ``j * last``.
     transposed : ndarray, shape (n_tiles, m * PAIRS)
-        Tile t holds, for every pair k, its coordinates from ``t * PAIRS`` on, in the same way.
+        The same for the transposed directions.
     present : ndarray, shape (m,)
         One for each pair, zero for padding.
     last : int
-        How many pairs the last tile holds: one of `FEWER`, or `PAIRS`.
+        Number of pairs in the last tile: one of `FEWER`, or `PAIRS`.
     length : float
-        Of the directions where each lies along an axis; zero where they are turned.
+        Length of directions along axes; zero for a rotated set.
     weight, centred, curvature
         As in `PointSet`.
     """
@@ -120,7 +118,7 @@ BASIS = types.NamedTuple(
 
 
 def basis_of(point_set: PointSet) -> Basis:
-    """Lay out a point set."""
+    """Return the tiles of a point set."""
     n = point_set.directions.shape[0]
     before = (n - 1) // PAIRS * PAIRS
     last = next(pairs for pairs in (*FEWER, PAIRS) if n <= before + pairs)
@@ -144,14 +142,14 @@ def basis_of(point_set: PointSet) -> Basis:
 
 @compiled()
 def n_blocks(basis):
-    """Count the blocks of points that a map has to work on: the centre, where it is needed, has one of its own."""
+    """Return the number of blocks of points; the centre has its own block if it is needed."""
     n_tiles = basis.directions.shape[0]
     return n_tiles if basis.centred else n_tiles + 1
 
 
 @compiled()
 def lanes_of(basis, block):
-    """Count the lanes of a block that are in use."""
+    """Return the number of lanes in use in a block."""
     n_tiles = basis.directions.shape[0]
     if block == n_tiles:
         return 1
@@ -159,16 +157,16 @@ def lanes_of(basis, block):
 
 
 class Components(NamedTuple):
-    """Which rows of the factor each component of each sensor is made of: few of the state's, or one that rides along.
+    """Sparse measurement matrices by component; a nonlinear sensor selects the appended rows of the factor.
 
     Attributes
     ----------
     begin : ndarray of int, shape (n_sensors * c + 1,)
-        Component i of sensor s has the entries from ``begin[s * c + i]`` to the next one's.
+        Index of the first entry of component i of sensor s, at ``s * c + i``.
     place : ndarray of int
-        Row of the factor.
+        Row of the factor of each entry.
     weight : ndarray
-        How many times it counts.
+        Value of each entry.
     """
 
     begin: Indices
@@ -177,7 +175,7 @@ class Components(NamedTuple):
 
     @classmethod
     def of(cls, sensors: Sensors) -> "Components":
-        """Find the entries of measurement matrices that are not zero."""
+        """Return the nonzero entries of the measurement matrices."""
         n_sensors, n_components, n = sensors.matrix.shape
         rows = np.concatenate([sensors.matrix, np.zeros((n_sensors, n_components, n_components))], axis=2)
         rows[sensors.nonlinear] = np.eye(n_components, n + n_components, n)
@@ -191,16 +189,7 @@ COMPONENTS = types.NamedTuple((_indices, _indices, _vector), Components)
 
 
 class SquareRootModel(NamedTuple):
-    """A process with its sensors, see `auvid_cli.filters.problem`, and the sigma points.
-
-    Attributes
-    ----------
-    advance, observe
-        As in `Process`.
-    data : ModelData
-    components : Components
-    basis : Basis
-    """
+    """Process, sensors and sigma points; `advance` and `observe` as in `Process`."""
 
     advance: Any
     observe: Any
@@ -216,17 +205,17 @@ MODEL = types.NamedTuple(
 
 
 class State(NamedTuple):
-    """A Gaussian in the layout of the compiled loops; updated in place.
+    """Gaussian in the layout of the compiled loops.
 
     Attributes
     ----------
     n : int
         Dimension.
     mean : ndarray, shape (width,)
-        Behind the n components of the state there is room for the prediction of a nonlinear sensor, if there is any.
+        The state, then the prediction of a nonlinear sensor, then padding.
     columns : ndarray, shape (m, width)
-        Row j holds column j of the lower-triangular factor of the covariance, then entry j of the rows of that
-        prediction. Zero elsewhere.
+        Row j holds column j of the lower-triangular factor of the covariance, then entry j of the prediction's rows.
+        Zero elsewhere.
     """
 
     n: int
@@ -235,14 +224,14 @@ class State(NamedTuple):
 
     @classmethod
     def of(cls, gaussian: Gaussian, n_columns: int, width: int) -> "State":
-        """Lay out a Gaussian."""
+        """Return a Gaussian in this layout."""
         n = gaussian.mean.size
         state = cls(n, zeros_on_lines(width), zeros_on_lines(n_columns, width))
         state.mean[:n], state.columns[:n, :n] = gaussian.mean, gaussian.factor.T
         return state
 
     def copy(self) -> "State":
-        """Copy it into arrays of its own."""
+        """Return a copy."""
         return State(self.n, self.mean.copy(), self.columns.copy())
 
     def covariance(self) -> Array:
@@ -255,14 +244,14 @@ STATE = types.NamedTuple((types.int64, _vector, _matrix), State)
 
 
 class Workspace(NamedTuple):
-    """Arrays that hold nothing from one use to the next.
+    """Scratch arrays; r is the larger of the numbers of moving states and of components.
 
     Attributes
     ----------
     points : ndarray, shape (n_tiles + 1, n * LANES)
-        Drawn points; the last block is the centre's.
+        Sigma points; the last block is the centre.
     images : ndarray, shape (n_tiles + 1, c * LANES)
-        What a sensor measures of them.
+        Predicted measurements of the points.
     odd, regression : ndarray, shape (r, m)
         With r the number of moving states or of components of a sensor, whichever is more. Three spare rows, because
         matrix products come four rows at a time.
@@ -271,13 +260,13 @@ class Workspace(NamedTuple):
         Without spare rows.
     product : ndarray, shape (4 * PAIRS,)
     process : ndarray
-        For the process itself.
-    gain : ndarray, shape (width of the factor,)
+        Scratch of the process.
+    gain : ndarray, shape (width,)
     measured, ratio, share : ndarray, shape (m + 1,)
     component : ndarray of int, shape (c,)
-        Which components of a measurement are used.
+        Indices of the selected components.
     noise, error : ndarray, shape (c,)
-        Variance of the noise and innovation of these.
+        Noise variance and innovation of the selected components.
     """
 
     points: Array
@@ -306,7 +295,7 @@ def padded(size: int) -> int:
 
 
 def new_workspace(basis: Basis, process: Process, n: int, n_components: int, width: int) -> Workspace:
-    """Make the workspace for a state of n entries, and sensors of up to `n_components`."""
+    """Return the workspace for n states, and sensors of up to `n_components`."""
     n_tiles, m = basis.directions.shape[0], basis.present.size
     n_moving = process.noise_density.size
     most = max(n_moving, n_components)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.errors import DataError
-from auvid_cli.filters.least_squares import Information, jointly
+from auvid_cli.filters.least_squares import Information, join_segments
 from auvid_cli.filters.problem import Gaussian
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.prepared_data import PreparedData, Segment
@@ -36,7 +36,7 @@ class DatasetInformation:
     prior : Gaussian
         Prior of the joint state of the segments, in the same units.
     by_sensor : dict of Information
-        From each sensor, about the joint state, see `auvid_cli.filters.segments`.
+        From each sensor, about the joint state, see `auvid_cli.filters.problem`.
     total : Information
         From all sensors.
     growing : tuple of (float, Information)
@@ -100,7 +100,7 @@ def information_at(
     n_parameters = problem.layout.n_parameters
     by_segment: list[dict[str, Information]] = []
     growing: list[tuple[float, Information]] = []
-    elapsed, before, lost_after = 0.0, Information.none(n), None
+    elapsed, before, lost_after = 0.0, Information.empty(n), None
     least = np.full(n, np.inf)
 
     def path(times: Array) -> Array:
@@ -110,7 +110,7 @@ def information_at(
         return states
 
     for segment, place in zip(problem.segments, problem.places, strict=True):
-        by_sensor = dict.fromkeys(problem.measuring, Information.none(n))
+        by_sensor = dict.fromkeys(problem.measuring, Information.empty(n))
         least[n_parameters:] = np.inf
         for time, longer in _stages(problem, segment, start[place], path):
             information = _together(longer).join(before)
@@ -130,8 +130,11 @@ def information_at(
         problem.layout.symbols,
         problem.layout.scale,
         Gaussian(problem.prior.mean[:reached], problem.prior.factor[:reached, :reached]),
-        {name: jointly([by_sensor[name] for by_sensor in by_segment], n_parameters) for name in problem.measuring},
-        jointly([_together(by_sensor) for by_sensor in by_segment], n_parameters),
+        {
+            name: join_segments([by_sensor[name] for by_sensor in by_segment], n_parameters)
+            for name in problem.measuring
+        },
+        join_segments([_together(by_sensor) for by_sensor in by_segment], n_parameters),
         tuple(growing),
         lost_after,
     )
@@ -143,10 +146,10 @@ def _stages(
     """Yield times, s, and the information from each sensor about the state of a segment up to these."""
     most_samples = max(record.time.size for record in problem.measuring.values())
     timelines = segment.timelines.in_chunks_of(min(CHUNK, most_samples // _MIN_STAGES + 1))
-    by_sensor = dict.fromkeys(problem.measuring, Information.none(start.size))
+    by_sensor = dict.fromkeys(problem.measuring, Information.empty(start.size))
     for response in responses(problem.process, problem.sensors, timelines, start, path):
         time, measured_by = response.timeline.time, response.timeline.measurement_sensor
-        if response.blew_up:
+        if response.diverged:
             raise DataError(f"with these coefficients the model blows up at t = {time[len(response.mean)]:.3f} s")
         by_sensor = {
             name: information.with_response(response, measured_by == sensor)

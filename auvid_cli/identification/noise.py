@@ -201,7 +201,7 @@ def _disturbances(
         for constant in _per_axis((*path, "time_constant"), of, rows) if with_time_constants else ():
             rates = tuple(place[row] for row in constant.group.moving)
             least = min(log(_MARGIN * shortest / constant.stated), 0.0)
-            yield constant._replace(group=constant.group._replace(rates=rates, least=least))
+            yield constant._replace(group=constant.group._replace(rates=rates, min_log_factor=least))
 
 
 def _rows(rows: slice) -> tuple[int, ...]:

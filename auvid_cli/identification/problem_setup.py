@@ -10,8 +10,7 @@ from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.identification import STEPS_PER_TIME_CONSTANT
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import ConfigError, DataError
-from auvid_cli.filters.problem import Gaussian, Indices, Process, Sensors
-from auvid_cli.filters.segments import JointProblem, joint_gaussian, places
+from auvid_cli.filters.problem import Gaussian, Indices, JointProblem, Process, Sensors, joint_gaussian, segment_indices
 from auvid_cli.filters.smoother_forward import THRESHOLD
 from auvid_cli.identification.compiled_layout import NOT_USED, KnownSensor, KnownSensors
 from auvid_cli.identification.prepared_data import PreparedData, Segment
@@ -77,7 +76,7 @@ class AugmentedProblem:
     segments : tuple of Segment
         In time order.
     prior : Gaussian
-        Prior of the joint state of the segments, see `auvid_cli.filters.segments`.
+        Prior of the joint state of the segments, see `auvid_cli.filters.problem`.
     """
 
     layout: StateLayout
@@ -93,7 +92,7 @@ class AugmentedProblem:
     @property
     def places(self) -> list[Indices]:
         """Return the rows of the joint state that are the state of each segment."""
-        return places(self.prior.mean.size, self.process.noise_density.size, len(self.segments))
+        return segment_indices(self.prior.mean.size, self.process.noise_density.size, len(self.segments))
 
     @property
     def joint(self) -> JointProblem:

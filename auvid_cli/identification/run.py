@@ -14,8 +14,7 @@ from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Innovations, Outcome
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.filters import problem
-from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline
-from auvid_cli.filters.segments import of_segment
+from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline, segment_gaussian
 from auvid_cli.filters.square_root import (
     Estimator,
     ExtendedKalmanFilter,
@@ -236,7 +235,7 @@ class _Progress:
         self._run, self._on_chunk = run, on_chunk
         self._every = run.header.experiment.identification.keep_every
         # Before the first event the last valid state is the prior.
-        prior = of_segment(run.prior, np.arange(run.scale.size))
+        prior = segment_gaussian(run.prior, np.arange(run.scale.size))
         rows = np.array([self.reached]), prior.mean[None, :], np.diag(prior.factor)[None, :]
         self._latest = run.chunk(rows, {name: _no_innovations(record) for name, record in run.measuring.items()})
 

@@ -15,7 +15,7 @@ from auvid_cli.config.identification import Use
 from auvid_cli.config.settings import Spans
 from auvid_cli.data.findings import MIN_HELD_OUT_GAIN, ScoredTerm, TermFindings
 from auvid_cli.errors import DataError
-from auvid_cli.filters.fault_scores import correlation, explained, gains, score_faults, sizes
+from auvid_cli.filters.fault_scores import correlation, fraction_explained, gains, score_faults, sizes
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import FaultScores
 from auvid_cli.filters.smoother import most_probable
@@ -278,7 +278,7 @@ class _CandidateScores(NamedTuple):
         """Score candidates about a fit."""
         scores = fit.scores(candidates)
         n, by_gain = len(scores.effect), gains(scores)
-        shares = explained(scores, fit.filtered.final.covariance()[:n, :n])
+        shares = fraction_explained(scores, fit.filtered.final.covariance()[:n, :n])
         return cls(candidates, scores, by_gain, shares, np.argsort(-by_gain).tolist())
 
     def leaders(self) -> list[int]:

@@ -16,11 +16,11 @@ VALUES = (-4.0, -28.0, 6.0, 0.5)
 def information(*rows):
     """Of measurements that each see a combination of the four, with unit noise."""
     rows = np.column_stack([np.array(rows, dtype=float), np.zeros(len(rows))])
-    return Information.none(4).with_rows(rows, len(rows))
+    return Information.empty(4).with_rows(rows, len(rows))
 
 
 def judged(by_sensor, values=VALUES, to_si=(1.0, 1.0, 1.0, 1.0)):
-    whole = Information.none(4)
+    whole = Information.empty(4)
     for part in by_sensor.values():
         whole = whole.join(part)
     named = {name: Assessed(v, "kg", abs(v) or 40.0) for name, v in zip(NAMES, values, strict=True)}

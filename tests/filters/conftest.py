@@ -77,7 +77,7 @@ def _step_matrices(mixing, duration):
 
 @pytest.fixture(scope="session")
 def share_of_largest():
-    """Function: by how much the rows of two tables differ at most, as a share of each column's largest value."""
+    """Function: largest difference between two tables, relative to the largest value of its column."""
 
     def share(got, expected):
         assert np.array_equal(np.isnan(got), np.isnan(expected))
@@ -88,7 +88,7 @@ def share_of_largest():
 
 @pytest.fixture(scope="session")
 def events_of():
-    """Function: some consecutive events of a timeline, as a timeline."""
+    """Function: timeline of some consecutive events."""
 
     def cut(t, first, last):
         substeps, measurements = t.substep_offset[first : last + 1], t.measurement_offset[first : last + 1]

@@ -41,7 +41,7 @@ class Regression:
         return np.sqrt(sum(np.diagonal(rows.T @ autocovariance @ rows) for rows in of_channels))
 
     def influences(self, noise, cuts=()):
-        """Of what least squares leaves, in chunks."""
+        """Influences of least-squares residuals, in chunks."""
         residual = noise - self.design @ (self.rows.T @ noise)
         whole = self.time, self.channel, residual, self.rows
         return [Influence(*(part[first:last] for part in whole)) for first, last in pairwise((0, *cuts, noise.size))]
@@ -64,16 +64,16 @@ class Counted:
 
 
 @pytest.mark.parametrize(("room", "times"), [(10**9, 1), (1000, 2)])
-def test_influences_are_found_once_where_there_is_room_to_keep_them(regression, monkeypatch, room, times):
+def test_cached_influences_are_computed_once(regression, monkeypatch, room, times):
     influences = regression.influences(regression.noise(np.random.default_rng(2), 0.5, 1.0), (300, 1000))
     kept = corrected_deviation(regression.nominal, [influences], CHANNELS)
-    monkeypatch.setattr("auvid_cli.filters.autocorrelation._ROOM", room)
+    monkeypatch.setattr("auvid_cli.filters.autocorrelation._CACHE_SIZE", room)
     counted = Counted(influences)
     np.testing.assert_array_equal(corrected_deviation(regression.nominal, [counted], CHANNELS), kept)
     assert counted.times == times
 
 
-def test_white_residuals_are_hardly_corrected(regression):
+def test_white_residuals_keep_nominal_deviations(regression):
     rng, nominal = np.random.default_rng(1), regression.nominal
     ratios = [
         corrected_deviation(nominal, [regression.influences(rng.standard_normal(regression.time.size))], CHANNELS)
@@ -85,7 +85,7 @@ def test_white_residuals_are_hardly_corrected(regression):
 
 
 @pytest.mark.parametrize(("coloured", "time_constant"), [(0.5, 1.0), (0.9, 3.0)])
-def test_coloured_noise_is_allowed_for_as_much_as_least_squares_suffers_from_it(regression, coloured, time_constant):
+def test_correlated_noise_gives_exact_least_squares_deviations(regression, coloured, time_constant):
     """On average the correction is that of the closed form, and of the errors themselves."""
     rng, corrected, errors = np.random.default_rng(2), [], []
     for _ in range(30):
@@ -101,7 +101,7 @@ def test_coloured_noise_is_allowed_for_as_much_as_least_squares_suffers_from_it(
 
 @given(st.lists(st.integers(0, CHANNELS * EVENTS), max_size=5), st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
 @settings(max_examples=5, deadline=None)
-def test_how_data_are_cut_into_chunks_does_not_matter_and_nothing_falls_below_the_nominal(cuts, coloured, seed):
+def test_chunks_change_nothing_and_deviations_are_at_least_nominal(cuts, coloured, seed):
     regression = Regression()
     noise = regression.noise(np.random.default_rng(seed), coloured, 2.0)
     whole = corrected_deviation(regression.nominal, [regression.influences(noise)], CHANNELS)
@@ -110,7 +110,7 @@ def test_how_data_are_cut_into_chunks_does_not_matter_and_nothing_falls_below_th
     assert_allclose(in_chunks, whole, rtol=1e-9)
 
 
-def test_segments_owe_nothing_to_each_other(regression):
+def test_segments_are_independent(regression):
     """The same data twice, as segments of one estimate, leave twice the variance wherever in time they are.
 
     But for what windows see that are somewhat longer where there are more data.
@@ -124,7 +124,7 @@ def test_segments_owe_nothing_to_each_other(regression):
     assert_allclose(both, np.sqrt(2.0) * alone, rtol=0.05)
 
 
-def test_what_is_measured_every_other_second_may_be_coloured_too(regression):
+def test_slow_sensor_is_corrected(regression):
     """A sensor slower than the lag at which its autocovariance is read, after a silence of ten minutes."""
     noise = regression.noise(np.random.default_rng(5), 0.9, 3.0)
     (dense,) = regression.influences(noise)
@@ -133,8 +133,8 @@ def test_what_is_measured_every_other_second_may_be_coloured_too(regression):
     assert (corrected > 1.5 * regression.nominal).all()
 
 
-def test_a_prior_is_no_less_sure_for_residuals_that_are_coloured(regression):
-    """Only what comes of the measurements is corrected: the rest of the variance stays as it is."""
+def test_prior_contribution_is_not_corrected(regression):
+    """The prior's part of the variance does not change."""
     noise = regression.noise(np.random.default_rng(6), 0.8, 2.0)
     segments = [regression.influences(noise)]
     alone = corrected_deviation(regression.nominal, segments, CHANNELS)
@@ -142,12 +142,12 @@ def test_a_prior_is_no_less_sure_for_residuals_that_are_coloured(regression):
     assert_allclose(with_rest, np.hypot(alone, 1.0))
 
 
-def test_nothing_measured_corrects_nothing(regression):
+def test_no_measurements_keep_nominal_deviations(regression):
     nothing = Influence(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 4)))
     assert_allclose(corrected_deviation(np.ones(4), [[], [nothing]], CHANNELS), 1.0)
 
 
-def test_what_lasts_at_the_beginning_only_and_is_weighed_against_another_channel_is_allowed_for():
+def test_error_at_the_beginning_is_corrected():
     """A sensor that settles: over the whole run the autocovariance is small, and scores of both channels cancel."""
     rng, fading = np.random.default_rng(7), np.exp(-SPACING * np.arange(EVENTS) / 10.0)
     time, channel = np.repeat(SPACING * np.arange(EVENTS), CHANNELS), np.tile(np.arange(CHANNELS), EVENTS)

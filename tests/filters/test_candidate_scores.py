@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.fault_scores import correlation, explained, gains, sizes
+from auvid_cli.filters.fault_scores import correlation, fraction_explained, gains, sizes
 from auvid_cli.filters.problem import FaultScores
 
 N, N_PARAMETERS, N_CANDIDATES = 300, 3, 6
@@ -37,7 +37,7 @@ def squares_left(known, columns, measured):
     return float(np.sum(left_of(np.hstack([known, columns]), measured) ** 2))
 
 
-def test_a_gain_is_half_of_what_the_squares_fall_by(regression, scores):
+def test_gain_is_half_of_the_decrease_of_squares(regression, scores):
     known, candidates, measured = regression
     before = squares_left(known, candidates[:, []], measured)
     for candidate in range(N_CANDIDATES):
@@ -54,19 +54,19 @@ def test_sizes_are_those_of_least_squares(regression, scores):
         assert_allclose(deviation[candidate], np.sqrt(np.linalg.inv(columns.T @ columns)[-1, -1]))
 
 
-def test_one_that_is_another_once_more_is_wholly_like_it(scores):
+def test_identical_candidates_have_correlation_one(scores):
     assert correlation(scores, 0)[-1] == pytest.approx(1.0)
 
 
-def test_of_one_that_nothing_shows_nothing_is_said(scores):
+def test_unobservable_candidate_has_no_gain(scores):
     unseen = scores._replace(score=0.0 * scores.score, information=0.0 * scores.information)
     assert (gains(unseen) == 0.0).all()
     assert (sizes(unseen)[1] == np.inf).all()
     assert (correlation(unseen, 0) == 0.0).all()
 
 
-def test_what_the_parameters_make_up_for_is_the_share_of_the_squares(regression, scores):
+def test_fraction_explained_is_that_of_the_squares(regression, scores):
     known, candidates, _ = regression
     covariance = np.linalg.inv(known.T @ known)
     expected = 1.0 - np.sum(left_of(known, candidates) ** 2, axis=0) / np.sum(candidates**2, axis=0)
-    assert_allclose(explained(scores, covariance), expected)
+    assert_allclose(fraction_explained(scores, covariance), expected)

@@ -7,9 +7,16 @@ from scipy.optimize import minimize
 
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.linear_smoother import LinearSmoothing
-from auvid_cli.filters.marginal import marginal_scores, without_motion
-from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Gaussian, Process, Sensors, Timeline
-from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.marginal import integrate_out_motion, marginal_scores
+from auvid_cli.filters.problem import (
+    PROCESS_SIGNATURE,
+    TRANSITION_SIGNATURE,
+    Gaussian,
+    JointProblem,
+    Process,
+    Sensors,
+    Timeline,
+)
 from auvid_cli.filters.smoother import most_probable
 
 N, STEP, THRUST, DRAG, DENSITY, NOISE = 400, 0.1, 1.0, 0.5, 0.4, 0.05
@@ -51,7 +58,7 @@ def simulated(rng):
 
 
 def problem_of(measured, cut):
-    """In segments that end after so many events, each in chunks."""
+    """Segments that end after these events, each in chunks."""
 
     def timeline(first, last, led):
         count = last - first
@@ -98,12 +105,12 @@ def minus_twice_log_posterior(parameters, measured, cut, scale):
 
 
 @pytest.mark.parametrize("cut", [(), (130, 300)], ids=["one segment", "three segments"])
-def test_what_damping_owes_to_the_motion_counts(cut, rng):
+def test_motion_dependent_damping_matches_exact_likelihood(cut, rng):
     measured = simulated(rng)
     problem = problem_of(measured, cut)
     smoothing = LinearSmoothing(problem)
     (joint, _), *_ = most_probable(problem, smoothing, 50)
-    found = without_motion(problem, smoothing, joint, 50)
+    found = integrate_out_motion(problem, smoothing, joint, 50)
     assert found is not None
     answer, _ = found
     scores = marginal_scores(problem, smoothing, answer, Scale())

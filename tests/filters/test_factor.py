@@ -29,7 +29,7 @@ def test_triangularise_gives_the_factor_of_numpys_qr(seed, n, extra):
     assert np.all(lower[np.triu_indices(n, 1)] == 0.0)
 
 
-def test_triangularise_refuses_what_has_no_factor():
+def test_triangularise_rejects_singular_rows():
     for rows in np.zeros((2, 2)), [[1.0, np.nan], [0.0, 1.0]], [[1.0, np.inf], [0.0, 1.0]], [[1.0, 0.0], [0.0, 1e-160]]:
         assert not triangularise(np.array(rows), 2, np.zeros((2, 2)))
 
@@ -64,7 +64,7 @@ def test_carlson_update_is_the_covariance_formula(seed, n, magnitude, gaps):
     assert np.all(columns[:, n + 2 :] == 0.0), "padding must stay zero"
 
 
-def test_carlson_update_leaves_alone_what_it_cannot_condition():
+def test_carlson_update_with_overflow_keeps_factor():
     columns, before = np.zeros((4, TILE)), 1e90 * np.eye(4, TILE)
     columns[:] = before
     total = carlson_update(columns, 4, columns[:, 0].copy(), 1.0, np.zeros(TILE), np.zeros(5), np.zeros(5))

@@ -8,8 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.filters.fault_scores import FaultEffects
-from auvid_cli.filters.problem import OK, Gaussian
-from auvid_cli.filters.segments import JointProblem, joint_gaussian, places
+from auvid_cli.filters.problem import OK, Gaussian, JointProblem, joint_gaussian, segment_indices
 from auvid_cli.filters.smoother import run_smoother
 
 N_MOVING, N_FAULTS = 4, 3
@@ -37,7 +36,7 @@ class SomeFaults:
 
 @pytest.fixture(params=["one segment", "two segments"])
 def dense(request, linear_problem, events_of):
-    """What is known of faults from the covariance of all measurements; segments, and their joint prior."""
+    """Scores from the covariance of all measurements; segments and their joint prior."""
     p, t, n = linear_problem, linear_problem.timeline, linear_problem.prior.mean.size
     n_parameters, faults = n - N_MOVING, SomeFaults(linear_problem.timeline)
     cuts, p.joint = [0, 30], p.prior
@@ -51,7 +50,7 @@ def dense(request, linear_problem, events_of):
     of_faults, of_noise = slice(n_joint, n_joint + N_FAULTS), n_joint + N_FAULTS
     columns, variances = of_noise + 30 * N_MOVING, np.zeros(30 * N_MOVING)
     rows, heard, noise = [], [], []
-    starts = dict(zip(cuts, places(n_joint, N_MOVING, len(p.segments)), strict=False))
+    starts = dict(zip(cuts, segment_indices(n_joint, N_MOVING, len(p.segments)), strict=False))
     state, mean = np.zeros((n, columns)), np.zeros(n)
     for event in range(30):
         if event in starts:
@@ -105,8 +104,8 @@ def test_scores_are_those_of_generalised_least_squares(dense):
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
-def test_a_fault_in_the_data_moves_its_size_by_itself_and_leaves_its_uncertainty(dense):
-    """The score is linear in the data: so much of a fault more in them is so much more found."""
+def test_score_is_linear_in_a_fault(dense):
+    """A fault added to the data adds its size to the estimate."""
     before, measured = scores_of(dense, dense.faults), dense.problem.timeline.measurement
     measured += 0.7 * dense.faults.added[..., 1]
     after = scores_of(dense, dense.faults)
@@ -116,12 +115,12 @@ def test_a_fault_in_the_data_moves_its_size_by_itself_and_leaves_its_uncertainty
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
-def test_without_faults_to_test_for_nothing_is_said(dense):
+def test_no_faults_give_no_scores(dense):
     assert scores_of(dense, None) is None
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
-def test_what_is_found_along_takes_up_what_it_can_explain_of_others(dense):
+def test_conditional_scores_are_those_of_least_squares(dense):
     """Against the same least squares, of which the fault that was found is one unknown more with a prior of its own."""
     spread, found = 0.3, scores_of(dense, dense.faults)
     others = found.conditional_on({LABELS[0]: spread})

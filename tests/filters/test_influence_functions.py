@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.influence_functions import of_free_motion, of_smoothing
+from auvid_cli.filters import output_error, smoother
 from auvid_cli.filters.least_squares import Information, fit_free_motion
 from auvid_cli.filters.linear_smoother import LinearSmoothing
-from auvid_cli.filters.problem import Gaussian
-from auvid_cli.filters.segments import JointProblem, joint_gaussian
+from auvid_cli.filters.problem import Gaussian, JointProblem, joint_gaussian
 from auvid_cli.filters.smoother import most_probable
 
 N_MOVING, EVENTS = 4, 30
@@ -38,14 +37,14 @@ def explained(segments):
     return rows.T @ rows, rows.T @ residual
 
 
-def test_of_the_smoother_they_sum_up_to_what_the_data_add_to_the_prior(problem):
+def test_smoother_influences_sum_to_the_covariance(problem):
     smoothing, n = LinearSmoothing(problem), problem.n_parameters
     ((answer, _), *_) = most_probable(problem, smoothing, 20)
     covariance = answer.final.covariance()[:n, :n]
     found = answer.trajectory.parameters + answer.final.mean[:n]
     factor = problem.prior.factor[:n, :n]
     known = np.linalg.inv(factor @ factor.T)
-    variance, moved = explained(of_smoothing(problem, smoothing, answer))
+    variance, moved = explained(smoother.influences(problem, smoothing, answer))
     size = np.sqrt(np.diagonal(covariance))
     assert_allclose(
         variance / np.outer(size, size),
@@ -55,7 +54,7 @@ def test_of_the_smoother_they_sum_up_to_what_the_data_add_to_the_prior(problem):
     assert_allclose(moved / size, covariance @ known @ (found - problem.prior.mean[:n]) / size, atol=1e-5)
 
 
-def test_of_the_output_error_method_they_sum_up_to_its_covariance_and_move_nothing(problem):
+def test_output_error_influences_sum_to_the_covariance(problem):
     n, whole = (
         problem.n_parameters,
         (np.full(problem.prior.mean.size, -np.inf), np.full(problem.prior.mean.size, np.inf)),
@@ -63,7 +62,7 @@ def test_of_the_output_error_method_they_sum_up_to_its_covariance_and_move_nothi
     fit = fit_free_motion(problem, problem.prior.mean, problem.prior, whole, 1e-12, 20)
     joint = fit.information.join(Information.of_gaussian(problem.prior, fit.state))
     uncertainty, known = joint.uncertainty(), np.linalg.inv(problem.prior.factor @ problem.prior.factor.T)
-    variance, moved = explained(of_free_motion(problem, fit.state, uncertainty))
+    variance, moved = explained(output_error.influences(problem, fit.state, uncertainty))
     covariance = uncertainty.root @ uncertainty.root.T
     size = np.sqrt(np.diagonal(covariance))[:n]
     left = (covariance - covariance @ known @ covariance)[:n, :n]

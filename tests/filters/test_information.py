@@ -18,7 +18,7 @@ def rows_of(rng, m, n):
 
 
 def from_rows(rows):
-    return Information.none(rows.shape[1] - 1).with_rows(rows, len(rows))
+    return Information.empty(rows.shape[1] - 1).with_rows(rows, len(rows))
 
 
 @given(seed=seeds, n=st.integers(1, 35), m=st.integers(0, 400))
@@ -60,7 +60,7 @@ def test_joining_parts_in_any_way_is_the_same_as_all_rows_at_once(seed, n, parts
     rng = np.random.default_rng(seed)
     blocks = [rng.standard_normal((m, n + 1)) for m in parts]
     at_once = from_rows(np.vstack(blocks))
-    one_by_one = joined = Information.none(n)
+    one_by_one = joined = Information.empty(n)
     for block in blocks:
         one_by_one = one_by_one.with_rows(block, len(block))
         joined = from_rows(block).join(joined)
@@ -80,7 +80,7 @@ def test_the_uncertainty_is_the_inverse_of_the_normal_matrix(seed, n):
     normal = (rows.T @ rows)[:n, :n] / np.outer(size, size)
     expected = np.linalg.inv(normal)
     uncertainty = from_rows(rows).uncertainty()
-    assert uncertainty.blind.shape == (n, 0)
+    assert uncertainty.unobserved.shape == (n, 0)
     tolerance = 1e-12 * np.linalg.cond(normal) * np.abs(expected).max()
     assert_allclose(uncertainty.covariance(np.diag(size)), expected, atol=tolerance)
     combinations = rng.standard_normal((4, 3, n))
@@ -88,7 +88,7 @@ def test_the_uncertainty_is_the_inverse_of_the_normal_matrix(seed, n):
     assert_allclose(uncertainty.deviation(combinations * size) ** 2, variance, rtol=1e-7)
 
 
-def test_what_no_measurement_tells_has_an_infinite_variance_and_nothing_else_has(rng):
+def test_unobserved_states_alone_have_infinite_variance(rng):
     """The second state is not observed at all; of the third and fourth only the sum."""
     observed = rng.standard_normal((50, 3))
     rows = np.column_stack(
@@ -121,14 +121,14 @@ def test_unobserved_directions_complete_the_rank(rng):
     assert_allclose(unobserved @ step, 0.0, atol=1e-12 * np.abs(unobserved).max() * np.abs(step).max())
 
 
-def test_nothing_heard_is_no_information():
-    uncertainty = Information.none(3).uncertainty()
+def test_no_measurements_give_no_information():
+    uncertainty = Information.empty(3).uncertainty()
     assert np.all(uncertainty.deviation(np.eye(3)) == np.inf)
     assert np.all(np.diagonal(uncertainty.covariance(np.eye(3))) == np.inf)
-    assert Information.none(3).n_measurements == 0
+    assert Information.empty(3).n_measurements == 0
 
 
-def test_missing_measurements_leave_no_trace(rng):
+def test_missing_measurements_add_no_information(rng):
     rows = rng.standard_normal((40, 4))
     holed = np.insert(rows, [0, 7, 40], 0.0, axis=0)
     assert_allclose(from_rows(holed).factor, from_rows(rows).factor, rtol=1e-12)

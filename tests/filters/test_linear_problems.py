@@ -56,7 +56,7 @@ def test_normalised_innovations_are_those_of_the_textbook(filter_kind, linear_pr
     assert np.all(np.nan_to_num(nis[~present]) == 0.0)
 
 
-def test_the_prior_and_the_timeline_are_left_as_they_were(filter_kind, linear_problem, run):
+def test_prior_and_timeline_are_not_modified(filter_kind, linear_problem, run):
     prior, timeline = linear_problem.prior, linear_problem.timeline
     before = prior.mean.copy(), prior.factor.copy(), timeline.measurement.copy()
     run(filter_kind, linear_problem)
@@ -65,12 +65,12 @@ def test_the_prior_and_the_timeline_are_left_as_they_were(filter_kind, linear_pr
     assert np.array_equal(timeline.measurement, before[2], equal_nan=True)
 
 
-def test_the_receiver_is_told_every_chunk(filter_kind, linear_problem, run):
+def test_on_chunk_receives_every_chunk(filter_kind, linear_problem, run):
     assert run(filter_kind, linear_problem, chunk=12).told == [(12, 12), (12, 12), (6, 6)]
 
 
 @pytest.mark.parametrize("kind", POINT_SETS)
-def test_working_chunk_by_chunk_changes_nothing(kind, linear_problem, run):
+def test_chunks_change_nothing(kind, linear_problem, run):
     whole, chunks = run(kind, linear_problem, chunk=30), run(kind, linear_problem, chunk=7)
     assert len(chunks.told) == 5
     for a, b in zip(whole.records, chunks.records, strict=True):
@@ -107,7 +107,7 @@ def test_a_failed_prediction_is_reported_and_leaves_the_last_good_state(filter_k
     assert_allclose(history.covariance, run(filter_kind, until(linear_problem, event)).covariance, rtol=1e-12)
 
 
-def test_a_measurement_that_breaks_the_state_is_reported_with_its_sensor(filter_kind, linear_problem, run, until):
+def test_failed_update_is_reported_with_its_sensor(filter_kind, linear_problem, run, until):
     t = linear_problem.timeline
     event = next(k for k in range(8, 30) if t.measurement_offset[k + 1] > t.measurement_offset[k])
     first = t.measurement_offset[event]
@@ -123,9 +123,7 @@ def test_a_measurement_that_breaks_the_state_is_reported_with_its_sensor(filter_
 
 @pytest.mark.parametrize("together", [1, 7])
 @pytest.mark.parametrize("broken", [False, True])
-def test_how_many_events_the_extended_filter_judges_together_changes_nothing(
-    together, broken, linear_problem, run, monkeypatch
-):
+def test_block_size_of_ekf_changes_nothing(together, broken, linear_problem, run, monkeypatch):
     if broken:
         measurement = linear_problem.timeline.measurement.copy()
         measurement[linear_problem.timeline.measurement_offset[20]] = np.inf
@@ -141,7 +139,7 @@ def test_how_many_events_the_extended_filter_judges_together_changes_nothing(
 
 
 @pytest.mark.parametrize("turns", [-3, 1, 2])
-def test_an_angle_is_known_only_modulo_a_turn(filter_kind, turns, linear_problem, run):
+def test_angle_is_measured_modulo_a_turn(filter_kind, turns, linear_problem, run):
     problem = linear_problem
     wrapping = problem.sensors._replace(angular=np.ones_like(problem.sensors.angular))
     # Small errors only: no innovation near half a turn, where the wrap itself would jump.

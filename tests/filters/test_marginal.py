@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.linear_smoother import LinearSmoothing
-from auvid_cli.filters.marginal import without_motion
+from auvid_cli.filters.marginal import integrate_out_motion
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     OBSERVATION_SIGNATURE,
@@ -15,11 +15,11 @@ from auvid_cli.filters.problem import (
     PROCESS_SIGNATURE,
     TRANSITION_SIGNATURE,
     Gaussian,
+    JointProblem,
     Process,
     Sensors,
     Timeline,
 )
-from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import most_probable, run_smoother
 from auvid_cli.numerics import LANES
 
@@ -67,7 +67,7 @@ def simulated(rng):
 
 
 def problem_of(measured, cut):
-    """In segments that end after so many events."""
+    """Segments that end after these events."""
 
     def timeline(first, last):
         count = last - first
@@ -129,7 +129,7 @@ def answer_of(problem, marginal):
 
 
 @pytest.mark.parametrize("cut", [(), (150, 270)], ids=["one segment", "three segments"])
-def test_it_is_the_maximum_of_the_likelihood_with_the_motion_integrated_out(cut, rng):
+def test_marginal_estimate_maximises_the_likelihood(cut, rng):
     measured = simulated(rng)
     outcomes, means, deviations = zip(*(answer_of(problem_of(measured, cut), m) for m in (False, True)), strict=True)
     # It forgets the noise as fast as the motion is by the joint answer.
@@ -140,7 +140,7 @@ def test_it_is_the_maximum_of_the_likelihood_with_the_motion_integrated_out(cut,
     assert joint.max() > 1.0
     assert marginal.max() < 0.2
     scores = outcomes[-1].faults
-    # What the posterior gains, once the parameters are found anew for each size of the fault.
+    # Profile of the posterior over the size of the fault.
     gained = [
         minimize(minus_twice_log_posterior, best, (*args, fault), "Nelder-Mead", options={"xatol": 1e-6}).fun
         for fault in (-0.005, 0.005)
@@ -149,11 +149,11 @@ def test_it_is_the_maximum_of_the_likelihood_with_the_motion_integrated_out(cut,
     assert abs(scores.score[0] - score) < 0.2 * np.sqrt(scores.information[0, 0])
 
 
-def test_it_says_how_far_it_is_from_its_end_where_the_steps_are_too_few(rng):
+def test_too_few_steps_report_convergence_status(rng):
     problem = problem_of(simulated(rng), ())
     smoothing = LinearSmoothing(problem)
     (joint, _), *_ = most_probable(problem, smoothing, 50)
-    found, few = without_motion(problem, smoothing, joint, 50), without_motion(problem, smoothing, joint, 1)
+    found, few = integrate_out_motion(problem, smoothing, joint, 50), integrate_out_motion(problem, smoothing, joint, 1)
     assert found is not None
     assert few is not None
     (late, settled), (early, convergence) = found, few
@@ -161,5 +161,5 @@ def test_it_says_how_far_it_is_from_its_end_where_the_steps_are_too_few(rng):
     assert convergence is not None
     deviation = np.sqrt(np.diagonal(joint.final.covariance())[:2])
     to_go = late.trajectory.parameters - early.trajectory.parameters
-    # What moved last says how far there is to go: less than that, for the steps become shorter.
+    # The remaining distance is less than the last step, because steps become shorter.
     assert (np.abs(to_go) < np.abs(convergence.step * deviation)).all()

@@ -10,8 +10,15 @@ from scipy.stats import multivariate_normal
 from auvid_cli.filters.linear_smoother import LinearSmoothing, Trajectory
 from auvid_cli.filters.noise_likelihood import _climb, _intervals, _Likelihood, most_likely_noise, scaled
 from auvid_cli.filters.noise_scores import NoiseGroup
-from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Gaussian, Process, Sensors, Timeline
-from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.problem import (
+    PROCESS_SIGNATURE,
+    TRANSITION_SIGNATURE,
+    Gaussian,
+    JointProblem,
+    Process,
+    Sensors,
+    Timeline,
+)
 
 GROUPS = (NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3)), NoiseGroup(sensor=0))
 
@@ -21,7 +28,7 @@ def joint(problem):
 
 
 @pytest.mark.parametrize("factors", [(1.0, 1.0, 1.0), (0.3, 2.0, 0.7)])
-def test_it_is_the_likelihood_of_one_big_gaussian(linear_problem, moments_of_measurements, factors):
+def test_likelihood_is_that_of_one_joint_gaussian(linear_problem, moments_of_measurements, factors):
     problem = scaled(joint(linear_problem), GROUPS, np.array(factors))
     n, events = linear_problem.prior.mean.size, linear_problem.timeline.time.size
     n_moving = problem.n_moving
@@ -33,8 +40,8 @@ def test_it_is_the_likelihood_of_one_big_gaussian(linear_problem, moments_of_mea
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
-def test_noise_that_is_stated_wrongly_is_found(linear_problem, moments_of_measurements, rng):
-    """Measurements are drawn with the stated noise; then sensors and process are told three times as much, or less."""
+def test_wrong_noise_is_estimated(linear_problem, moments_of_measurements, rng):
+    """Measurements are drawn with the true noise; then the problem states three times as much, or less."""
     _, mean, covariance = moments_of_measurements(joint(linear_problem))
     drawn, t = mean + np.linalg.cholesky(covariance) @ rng.standard_normal(mean.size), linear_problem.timeline
     measurement = t.measurement.copy()
@@ -110,7 +117,7 @@ def test_density_is_that_of_noise_that_acts_all_along(rng):
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
-def test_whoever_asks_may_end_the_search(linear_problem):
+def test_exception_of_callback_ends_the_search(linear_problem):
     class Enough(Exception):
         pass
 
@@ -122,8 +129,8 @@ def test_whoever_asks_may_end_the_search(linear_problem):
 
 
 @pytest.mark.parametrize(("left", "begins_at_none"), [(1.0, True), (3.0, False)])
-def test_a_density_might_be_none_if_others_make_up_for_it(left, begins_at_none):
-    """Without it the likelihood, the others held, is less by 5; the others then win back all but what is left."""
+def test_interval_begins_at_zero_if_others_compensate(left, begins_at_none):
+    """Without this noise the log-likelihood is lower by 5, or by `left` if the others compensate."""
 
     def below(logarithms):
         return 5.0 * (1.0 - np.exp(logarithms[0])) ** 2
@@ -135,7 +142,7 @@ def test_a_density_might_be_none_if_others_make_up_for_it(left, begins_at_none):
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
-def test_what_is_held_stays_and_the_others_are_the_likeliest_with_it(linear_problem):
+def test_fixed_factor_stays_and_others_are_optimised(linear_problem):
     likelihood = _Likelihood(joint(linear_problem), GROUPS, lambda: None)
     n, n_moving = linear_problem.prior.mean.size, joint(linear_problem).n_moving
     events = linear_problem.timeline.time.size

@@ -10,8 +10,7 @@ from numpy.testing import assert_allclose
 from auvid_cli.filters.linear_smoother import LinearSmoothing, Trajectory
 from auvid_cli.filters.noise_likelihood import scaled
 from auvid_cli.filters.noise_scores import NoiseGroup, noise_scores
-from auvid_cli.filters.problem import TRANSITION_SIGNATURE, Gaussian
-from auvid_cli.filters.segments import JointProblem, joint_gaussian
+from auvid_cli.filters.problem import TRANSITION_SIGNATURE, Gaussian, JointProblem, joint_gaussian
 
 N_MOVING = 4
 GROUPS = (NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3)), NoiseGroup(sensor=0), NoiseGroup(sensor=1))
@@ -40,7 +39,7 @@ def log_likelihood(problem, logarithms, groups=GROUPS):
     return -0.5 * (filtered.least + filtered.log_determinant)
 
 
-def test_a_trajectory_is_filtered_the_same_whatever_was_filtered_before(problem):
+def test_filter_is_independent_of_previous_trajectories(problem):
     smoothing, there, _ = filtered_with(problem, np.zeros(len(GROUPS)))
     elsewhere = smoothing.step(there)
     again, fresh = smoothing.filter(elsewhere), LinearSmoothing(problem).filter(elsewhere)
@@ -49,7 +48,7 @@ def test_a_trajectory_is_filtered_the_same_whatever_was_filtered_before(problem)
 
 
 def differences(problem, at, groups=GROUPS, step=1e-3):
-    """Of two differences, what does not go with the square of the step."""
+    """Difference quotient by Richardson extrapolation."""
 
     def difference(way):
         ahead, behind = (log_likelihood(problem, at + by, groups) for by in (way, -way))
@@ -64,7 +63,7 @@ def test_the_slope_is_that_of_the_likelihood(problem):
     assert_allclose(scores.slope, differences(problem, at), rtol=1e-6, atol=1e-6)
 
 
-def test_they_are_those_of_one_big_gaussian(linear_problem, moments_of_measurements):
+def test_scores_are_those_of_one_joint_gaussian(linear_problem, moments_of_measurements):
     p = linear_problem
     problem = JointProblem(p.process, p.sensors, [[p.timeline]], p.prior)
     measured, mean, covariance = moments_of_measurements(problem)
@@ -108,7 +107,7 @@ def fading(problem, with_decay):
         transition=_fading_carts, constants=np.concatenate([process.constants, RATES]), decay=decay
     )
     factor = problem.prior.factor.copy()
-    for place in problem.places:
+    for place in problem.indices:
         factor[place[n + 2 :]] = 0.0
         factor[place[n + 2 :], place[n + 2 :]] = 1e-6
     mean = np.where(np.diagonal(factor) < 1e-5, 0.0, problem.prior.mean)
@@ -129,7 +128,7 @@ def test_the_slope_by_a_time_constant_is_that_of_the_likelihood(problem, with_de
     assert_allclose(scores.slope, differences(faded, at, groups), rtol=2e-4, atol=1e-4)
 
 
-def test_what_is_known_of_a_time_constant_is_that_of_one_big_gaussian(linear_problem, moments_of_measurements):
+def test_time_constant_scores_are_those_of_one_joint_gaussian(linear_problem, moments_of_measurements):
     p = linear_problem
     problem = fading(JointProblem(p.process, p.sensors, [[p.timeline]], p.prior), with_decay=False)
     problem = problem._replace(prior=problem.prior._replace(mean=np.zeros_like(problem.prior.mean)))

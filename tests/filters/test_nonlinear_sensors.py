@@ -15,7 +15,7 @@ from auvid_cli.filters.workspace import cubature, transformed, unscented
 N_MOVING, ALPHA = 4, 0.5
 
 
-# Of covariances in doubles, subtracted again and again, seven digits are left with 44 states.
+# Repeated subtraction of covariances in doubles leaves seven digits with 44 states.
 EXTENDED = np.longdouble
 TOLERANCE = 1e-8 if np.finfo(EXTENDED).eps < 1e-18 else 1e-6
 
@@ -150,7 +150,7 @@ def test_sigma_point_filters_are_the_covariance_form(which, problem, run_whole, 
 
 
 @pytest.mark.parametrize("which", [0, 2], ids=["ckf", "ukf"])
-def test_directions_along_the_axes_do_as_they_would_if_they_were_turned(which, problem, run_whole, monkeypatch):
+def test_axis_shortcut_changes_only_rounding(which, problem, run_whole, monkeypatch):
     """Products with their matrix are left out, and change nothing but rounding."""
     _, point_set, *_ = list(point_sets(problem.prior.mean.size))[which]
     run = partial(run_square_root_filter, point_set)

@@ -11,15 +11,14 @@ from scipy.optimize import least_squares
 from auvid_cli.filters.ekf import run_extended_filter
 from auvid_cli.filters.least_squares import Information, LeastSquaresFit, fit_free_motion
 from auvid_cli.filters.output_error import FirstEvents, run_output_error
-from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Gaussian
-from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Gaussian, JointProblem
 from auvid_cli.filters.square_root import run_square_root_filter
 
 EVENTS = 30
 
 
 def fit_one(process, sensors, timelines, prior, on_chunk, **settings):
-    """Of a single segment."""
+    """Joint problem of a single segment."""
     return run_output_error(JointProblem(process, sensors, [timelines], prior), on_chunk, **settings)
 
 
@@ -97,7 +96,7 @@ def test_without_process_noise_the_kalman_filter_ends_where_the_fit_ends(linear_
     assert_allclose(ekf.records.standard_deviation[-1][known], deviation[known], rtol=1e-3)
 
 
-def test_the_prior_and_the_timeline_are_left_as_they_were(linear_problem, run_whole):
+def test_prior_and_timeline_are_not_modified(linear_problem, run_whole):
     prior, timeline = linear_problem.prior, linear_problem.timeline
     before = prior.mean.copy(), prior.factor.copy(), timeline.measurement.copy()
     run_whole(fit_one, linear_problem)
@@ -106,12 +105,12 @@ def test_the_prior_and_the_timeline_are_left_as_they_were(linear_problem, run_wh
     assert np.array_equal(timeline.measurement, before[2], equal_nan=True)
 
 
-def test_the_receiver_is_told_every_part_once(linear_problem, run_whole):
+def test_on_chunk_receives_every_chunk_once(linear_problem, run_whole):
     assert run_whole(fit_one, linear_problem, chunk=12).told == [(12, 12), (12, 12), (6, 6)]
 
 
 @pytest.mark.parametrize("first", [1, 4, 11])
-def test_going_on_from_a_shorter_span_leads_to_the_same_fit(first, linear_problem, run_whole, monkeypatch):
+def test_first_span_changes_nothing(first, linear_problem, run_whole, monkeypatch):
     whole = run_whole(fit_one, linear_problem)
     monkeypatch.setattr("auvid_cli.filters.output_error._FIRST_SPAN", first)
     grown = run_whole(fit_one, linear_problem)
@@ -120,7 +119,7 @@ def test_going_on_from_a_shorter_span_leads_to_the_same_fit(first, linear_proble
     assert np.abs(difference).max() < 1e-4
 
 
-def test_the_first_events_are_cut_off_the_parts_that_hold_them(linear_problem, events_of):
+def test_first_events_cut_the_last_chunk(linear_problem, events_of):
     t = linear_problem.timeline
     chunks = [events_of(t, first, first + 8 if first < 24 else 30) for first in range(0, 30, 8)]
     for n_events in (1, 8, 13, 24, 30):
@@ -163,7 +162,7 @@ def test_a_nonlinear_sensor_is_fitted_as_by_all_rows_at_once(nonlinear_problem, 
 
 
 @pytest.mark.parametrize("turns", [-3, 2])
-def test_an_angle_is_known_only_modulo_a_turn(turns, linear_problem, run_whole):
+def test_angle_is_measured_modulo_a_turn(turns, linear_problem, run_whole):
     p = linear_problem
     p.prior = Gaussian(0.01 * p.prior.mean, 0.01 * p.prior.factor)
     p.timeline = p.timeline._replace(measurement=0.01 * p.timeline.measurement, inputs=0.0 * p.timeline.inputs)
@@ -175,7 +174,7 @@ def test_an_angle_is_known_only_modulo_a_turn(turns, linear_problem, run_whole):
     assert_allclose(turned.records.innovation, plain.records.innovation, rtol=1e-7, atol=1e-9)
 
 
-def test_a_parameter_that_nothing_depends_on_is_infinitely_uncertain_and_keeps_its_start(linear_problem, run_whole):
+def test_unobserved_parameter_keeps_its_start(linear_problem, run_whole):
     p = linear_problem
     p.mixing[:, 0] = 0.0
     p.process = p.process._replace(constants=p.mixing.ravel())
@@ -192,7 +191,7 @@ def test_a_parameter_that_nothing_depends_on_is_infinitely_uncertain_and_keeps_i
     assert np.isfinite(history.covariance[-4:, -4:]).all()
 
 
-def test_bounds_are_kept_and_the_others_fit_as_well_as_they_allow(linear_problem, by_hand, run_whole):
+def test_bounds_are_respected(linear_problem, by_hand, run_whole):
     p = linear_problem
     expected = least_squares_by_hand(p, by_hand, with_prior=True)
     free, n = expected.state, p.prior.mean.size
@@ -210,13 +209,13 @@ def test_bounds_are_kept_and_the_others_fit_as_well_as_they_allow(linear_problem
     )
 
 
-def test_a_fit_that_may_not_go_on_says_so(nonlinear_problem, run_whole):
+def test_too_few_evaluations_do_not_converge(nonlinear_problem, run_whole):
     history = run_whole(partial(fit_one, max_evaluations=1), nonlinear_problem)
     assert (history.n_good, history.failure) == (EVENTS, NOT_CONVERGED)
     assert np.isfinite(history.records.mean).all()
 
 
-def test_a_fit_of_a_shorter_span_does_not_pass_for_one_of_the_whole(linear_problem, run_whole, monkeypatch):
+def test_fit_of_a_shorter_span_does_not_converge(linear_problem, run_whole, monkeypatch):
     whole = run_whole(fit_one, linear_problem)
     monkeypatch.setattr("auvid_cli.filters.output_error._FIRST_SPAN", 8)
     culprits = []
@@ -231,7 +230,7 @@ def test_a_fit_of_a_shorter_span_does_not_pass_for_one_of_the_whole(linear_probl
 
 
 @pytest.mark.parametrize("event", [1, 5, 29])
-def test_a_motion_that_cannot_go_on_is_fitted_until_there(event, linear_problem, run_whole):
+def test_diverging_motion_fails_at_its_event(event, linear_problem, run_whole):
     p, t = linear_problem, linear_problem.timeline
     substep_input = t.substep_input.copy()
     substep_input[t.substep_offset[event]] = 5
@@ -245,7 +244,7 @@ def test_a_motion_that_cannot_go_on_is_fitted_until_there(event, linear_problem,
 
 
 @pytest.mark.parametrize("linear_problem", [1], indirect=True)
-def test_a_filter_that_leads_into_a_false_minimum_is_not_believed(linear_problem, run_whole, monkeypatch):
+def test_false_minimum_from_ckf_is_rejected(linear_problem, run_whole, monkeypatch):
     """Angles that are known modulo a turn fit somehow wherever a fit starts."""
     p = linear_problem
     p.prior = Gaussian(0.01 * p.prior.mean, 0.01 * p.prior.factor)
@@ -273,7 +272,7 @@ def test_a_filter_that_leads_into_a_false_minimum_is_not_believed(linear_problem
     assert abs(other.difference[0]) > 10.0 * other.deviation[0]
 
 
-def test_a_fit_that_is_lost_where_nothing_is_known_is_not_believed(linear_problem, run_whole, monkeypatch):
+def test_fit_without_information_is_rejected(linear_problem, run_whole, monkeypatch):
     """The Jacobian of a motion that went wild has one direction: of all else the uncertainty is infinite."""
     p = linear_problem
     right = run_whole(fit_one, p)
@@ -281,7 +280,7 @@ def test_a_fit_that_is_lost_where_nothing_is_known_is_not_believed(linear_proble
 
     def fit(problem, start, *others):
         if not lost:
-            lost.append(LeastSquaresFit(start + 100.0, Information.none(start.size), 1e8, True, 1))
+            lost.append(LeastSquaresFit(start + 100.0, Information.empty(start.size), 1e8, True, 1))
             return lost[0]
         return fit_free_motion(problem, start, *others)
 
@@ -294,7 +293,7 @@ def test_a_fit_that_is_lost_where_nothing_is_known_is_not_believed(linear_proble
     assert_allclose(history.records.mean[:, known], right.records.mean[:, known], rtol=1e-6, atol=1e-6)
 
 
-def test_a_fit_that_did_not_settle_tells_how_far_it_is(linear_problem, run_whole):
+def test_unconverged_fit_reports_convergence_status(linear_problem, run_whole):
     history = run_whole(partial(fit_one, max_evaluations=1), linear_problem)
     whole = run_whole(fit_one, linear_problem)
     assert history.failure == NOT_CONVERGED

@@ -84,7 +84,7 @@ def test_unscented_weights_are_those_of_the_scaled_transformation(alpha, beta, k
     assert weights[1] == pytest.approx(0.5 / (n + scaled))
 
 
-def test_fourth_moments_tell_the_sets_apart():
+def test_fourth_moments_differ_between_sets():
     """Beyond degree three they differ, else the comparison of the filters would be empty."""
     n = 6
     fourth = {}

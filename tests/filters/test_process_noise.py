@@ -1,4 +1,4 @@
-"""What is left of continuous noise at the end of an interval, against van Loan's exact discretisation."""
+"""Process noise accumulated over an interval, against van Loan's exact discretisation."""
 
 from types import SimpleNamespace
 
@@ -10,8 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
 from auvid_cli.filters.linear_smoother import noise_variance, with_process_memory
-from auvid_cli.filters.problem import Process
-from auvid_cli.filters.segments import JointProblem, joint_gaussian
+from auvid_cli.filters.problem import JointProblem, Process, joint_gaussian
 
 RATE = st.floats(-3.0, 20.0)
 
@@ -24,7 +23,7 @@ def van_loan(rates, density, duration):
 
 
 def left(decay, density, duration):
-    """What is left after an interval of two substeps, and at an event to which nothing leads."""
+    """Noise after an interval of two substeps, and at an event without substeps."""
     timeline = SimpleNamespace(
         substep_duration=np.array([0.25, 0.75]) * duration, substep_offset=np.array([0, 0, 2]), time=np.zeros(2)
     )
@@ -35,14 +34,14 @@ def left(decay, density, duration):
 
 
 @given(st.lists(st.tuples(RATE, st.floats(1e-3, 10.0)), min_size=1, max_size=4), st.floats(1e-4, 1.0))
-def test_of_states_by_themselves_it_is_exact(states, duration):
+def test_noise_of_independent_states_is_exact(states, duration):
     decay, density = (np.array(each) for each in zip(*states, strict=True))
     exact = np.diagonal(van_loan(-np.diag(decay), density, duration))
     assert_allclose(left(decay, density, duration), exact, rtol=1e-9)
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_of_states_that_push_each_other_the_error_is_of_third_order(seed):
+def test_noise_of_coupled_states_has_third_order_error(seed):
     rng = np.random.default_rng(seed)
     rates, density = rng.uniform(-3.0, 3.0, (3, 3)), rng.uniform(0.5, 1.0, 3)
 
@@ -55,7 +54,7 @@ def test_of_states_that_push_each_other_the_error_is_of_third_order(seed):
     assert error(1e-3) < 100.0 * 1e-9
 
 
-def test_who_does_not_know_the_rates_counts_all_of_it():
+def test_unknown_rates_keep_all_noise():
     assert_allclose(left(np.zeros(0), np.array([2.0, 3.0]), 0.1), [0.4, 0.9])
 
 

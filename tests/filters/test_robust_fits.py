@@ -10,10 +10,9 @@ from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
 from auvid_cli.filters.output_error import run_output_error
-from auvid_cli.filters.problem import OK
-from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.problem import OK, JointProblem
 from auvid_cli.filters.smoother import run_smoother
-from auvid_cli.filters.smoother_forward import SET_ASIDE, weight
+from auvid_cli.filters.smoother_forward import MIN_WEIGHT, weight
 
 THRESHOLD = 2.0
 
@@ -66,11 +65,11 @@ def weighed_by_hand(problem, run):
 @pytest.mark.parametrize("linear_problem", [1], indirect=True)
 @pytest.mark.parametrize("fit", FITS.values(), ids=FITS)
 def test_a_robust_fit_is_where_reweighting_ends(fit, with_outliers, run_whole, monkeypatch):
-    monkeypatch.setattr("auvid_cli.filters.linear_smoother._NEGLIGIBLE", 1e-9)
+    monkeypatch.setattr("auvid_cli.filters.linear_smoother._MIN_DECREASE", 1e-9)
     expected, weights = weighed_by_hand(with_outliers, partial(run_whole, fit))
     history = run_whole(fit, with_outliers)
     assert history.failure == OK
-    assert (weights < SET_ASIDE).sum() > 3
+    assert (weights < MIN_WEIGHT).sum() > 3
     deviation = expected.records.standard_deviation
     assert np.abs((history.records.mean - expected.records.mean) / deviation).max() < 5e-3
     assert_allclose(history.records.standard_deviation, deviation, rtol=1e-3)
@@ -102,9 +101,9 @@ def test_a_robust_output_error_fit_is_that_of_scipy(with_outliers, by_hand, run_
 
 @pytest.mark.parametrize("linear_problem", [1], indirect=True)
 @pytest.mark.parametrize("fit", FITS.values(), ids=FITS)
-def test_what_counts_less_than_half_is_told_and_not_judged(fit, with_outliers, run_whole):
+def test_small_weights_are_recorded_without_variance(fit, with_outliers, run_whole):
     records = run_whole(fit, with_outliers).records
-    present, aside = ~np.isnan(with_outliers.timeline.measurement), records.weight < SET_ASIDE
+    present, aside = ~np.isnan(with_outliers.timeline.measurement), records.weight < MIN_WEIGHT
     assert (records.weight[~present] == 1.0).all()
     assert np.array_equal(np.isnan(records.innovation_variance[present]), aside[present])
     assert np.isfinite(records.innovation[present]).all()
@@ -113,7 +112,7 @@ def test_what_counts_less_than_half_is_told_and_not_judged(fit, with_outliers, r
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
 @pytest.mark.parametrize("fit", FITS.values(), ids=FITS)
-def test_a_threshold_that_nothing_reaches_changes_nothing(fit, linear_problem, run_whole):
+def test_large_threshold_changes_nothing(fit, linear_problem, run_whole):
     plain = run_whole(fit, linear_problem)
     linear_problem.sensors = linear_problem.sensors._replace(threshold=1e6)
     history = run_whole(fit, linear_problem)

@@ -9,10 +9,18 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from auvid_cli.filters.ekf import run_extended_filter
-from auvid_cli.filters.least_squares import Information, jointly
+from auvid_cli.filters.least_squares import Information, join_segments
 from auvid_cli.filters.output_error import run_output_error
-from auvid_cli.filters.problem import OK, PREDICTION, Gaussian
-from auvid_cli.filters.segments import JointProblem, joint_gaussian, of_segment, one_after_the_other, places
+from auvid_cli.filters.problem import (
+    OK,
+    PREDICTION,
+    Gaussian,
+    JointProblem,
+    filter_sequentially,
+    joint_gaussian,
+    segment_gaussian,
+    segment_indices,
+)
 from auvid_cli.filters.smoother import run_smoother
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.filters.workspace import cubature
@@ -61,7 +69,7 @@ def best(p):
 
 
 def received():
-    """A receiver, and what it is told."""
+    """An `on_chunk` that keeps what it receives."""
     means, deviations = [], []
 
     def on_chunk(timeline, records):
@@ -71,18 +79,18 @@ def received():
     return on_chunk, means, deviations
 
 
-def test_the_own_states_share_the_parameters():
-    assert [place.tolist() for place in places(8, 2, 3)] == [[0, 1, 2, 3], [0, 1, 4, 5], [0, 1, 6, 7]]
+def test_segment_states_share_the_parameters():
+    assert [place.tolist() for place in segment_indices(8, 2, 3)] == [[0, 1, 2, 3], [0, 1, 4, 5], [0, 1, 6, 7]]
 
 
-def test_a_joint_gaussian_says_of_each_what_was_known(cut_in_two):
+def test_joint_gaussian_has_the_marginals_of_segments(cut_in_two):
     p = cut_in_two
     n = p.prior.mean.size
     covariance = p.joint.factor @ p.joint.factor.T
-    for place, gaussian in zip(p.places, [p.prior, of_segment(p.joint, p.places[1])], strict=True):
+    for place, gaussian in zip(p.places, [p.prior, segment_gaussian(p.joint, p.places[1])], strict=True):
         assert_allclose(covariance[np.ix_(place, place)], gaussian.factor @ gaussian.factor.T, rtol=1e-12)
-    assert np.array_equal(of_segment(p.joint, p.places[0]).factor, p.prior.factor)
-    # What the motions share is what both share with the parameters.
+    assert np.array_equal(segment_gaussian(p.joint, p.places[0]).factor, p.prior.factor)
+    # Motions are correlated only through the parameters.
     known = n - N_MOVING
     by_parameters = [p.prior.factor[known:, :known], p.joint.factor[n:, :known]]
     assert_allclose(covariance[known:n, n:], by_parameters[0] @ by_parameters[1].T, rtol=1e-12)
@@ -107,7 +115,7 @@ def test_all_are_fitted_at_once(cut_in_two):
 
 
 @pytest.mark.parametrize("kind", ["square root", "extended"])
-def test_without_process_noise_a_filter_knows_in_the_end_what_the_fit_knows(kind, cut_in_two):
+def test_filter_without_process_noise_ends_at_the_fit(kind, cut_in_two):
     """The parameters go on from the first to the second, and with them what they say of its motion."""
     p = cut_in_two
     state, covariance = best(p)
@@ -117,7 +125,7 @@ def test_without_process_noise_a_filter_knows_in_the_end_what_the_fit_knows(kind
         "extended": partial(run_extended_filter, process, p.sensors),
     }[kind]
     on_chunk, means, _ = received()
-    outcome = one_after_the_other(run, JointProblem(process, p.sensors, p.segments, p.joint), on_chunk)
+    outcome = filter_sequentially(run, JointProblem(process, p.sensors, p.segments, p.joint), on_chunk)
     assert (outcome.n_good, outcome.failure) == (30, OK)
     own = p.transition[1][-1] @ covariance[np.ix_(p.places[1], p.places[1])] @ p.transition[1][-1].T
     deviation = np.sqrt(np.diag(own))
@@ -128,7 +136,7 @@ def test_without_process_noise_a_filter_knows_in_the_end_what_the_fit_knows(kind
     assert np.abs((means[-1][-1] - expected) / deviation).max() < 1e-5
 
 
-def test_a_motion_that_cannot_go_on_ends_the_fit_of_all(cut_in_two):
+def test_diverging_segment_ends_the_fit(cut_in_two):
     p = cut_in_two
     (second,) = p.segments[1]
     substep_input = second.substep_input.copy()
@@ -164,13 +172,13 @@ def random_parts(rng, n_parameters, n_moving, n_segments):
 
 
 def of_rows(rows):
-    return Information.none(rows.shape[1] - 1).with_rows(rows, len(rows))
+    return Information.empty(rows.shape[1] - 1).with_rows(rows, len(rows))
 
 
 @given(seed=seeds, n_parameters=st.integers(1, 8), n_moving=st.integers(1, 5), n_segments=st.integers(1, 4))
 def test_information_of_all_is_that_of_all_rows(seed, n_parameters, n_moving, n_segments):
     own, rows = random_parts(np.random.default_rng(seed), n_parameters, n_moving, n_segments)
-    found = jointly([of_rows(chunk) for chunk in own], n_parameters)
+    found = join_segments([of_rows(chunk) for chunk in own], n_parameters)
     assert found.n_measurements == len(rows)
     size = np.linalg.norm(rows, axis=0)
     whole = np.vstack(
@@ -186,7 +194,7 @@ def test_information_of_all_is_that_of_all_rows(seed, n_parameters, n_moving, n_
 
 
 @given(seed=seeds, n_parameters=st.integers(1, 8), n_moving=st.integers(1, 5))
-def test_what_is_said_of_the_parameters_whatever_the_motion_is_the_schur_complement(seed, n_parameters, n_moving):
+def test_split_gives_the_schur_complement(seed, n_parameters, n_moving):
     (rows,), _ = random_parts(np.random.default_rng(seed), n_parameters, n_moving, 1)
     _, rest = of_rows(rows).split(n_parameters)
     size = np.linalg.norm(rows, axis=0)
@@ -201,7 +209,7 @@ def test_what_is_said_of_the_parameters_whatever_the_motion_is_the_schur_complem
     assert_allclose(rest.factor.T @ rest.factor / np.outer(size, size)[:-1, :-1], expected, atol=1e-11)
 
 
-def test_a_motion_that_is_not_observed_takes_nothing_from_the_parameters(rng):
+def test_unobserved_motion_keeps_information_on_parameters(rng):
     """One of its states is not observed at all, of two others only the sum."""
     rows = rng.standard_normal((40, 7))
     rows[:, 3], rows[:, 5] = 0.0, rows[:, 4]

@@ -16,11 +16,11 @@ N_MOVING = 9
 def whole(problem, start, chunks):
     """States, sensitivities, innovations and whitened rows of all chunks as one."""
     found = list(responses(problem.process, problem.sensors, chunks, start))
-    assert not found[-1].blew_up
+    assert not found[-1].diverged
     return tuple(np.concatenate([r[k] for r in found]) for k in (1, 2, 3, 4))
 
 
-def test_on_a_linear_problem_they_are_products_of_matrices(linear_problem, by_hand):
+def test_linear_sensitivities_are_products_of_matrices(linear_problem, by_hand):
     p = linear_problem
     mean, sensitivity, innovation, whitened = whole(p, p.prior.mean, [p.timeline])
     n_parameters = p.prior.mean.size - sensitivity.shape[1]
@@ -36,7 +36,7 @@ def test_on_a_linear_problem_they_are_products_of_matrices(linear_problem, by_ha
 
 
 @pytest.mark.parametrize("chunk", [1, 7, 29])
-def test_working_part_by_part_changes_nothing(chunk, linear_problem, events_of):
+def test_chunks_change_nothing(chunk, linear_problem, events_of):
     p = linear_problem
     chunks = [events_of(p.timeline, first, min(first + chunk, 30)) for first in range(0, 30, chunk)]
     for a, b in zip(
@@ -61,7 +61,7 @@ def test_an_angle_counts_modulo_a_turn(turns, linear_problem):
     assert_allclose(turned[3][..., :-1], plain[3][..., :-1], rtol=1e-12)
 
 
-def test_of_a_nonlinear_sensor_they_are_differences_of_what_it_sees(nonlinear_problem):
+def test_nonlinear_sensitivities_are_differences(nonlinear_problem):
     p = nonlinear_problem
     start = 0.2 * p.prior.mean
     _, _, innovation, whitened = whole(p, start, [p.timeline])
@@ -74,7 +74,7 @@ def test_of_a_nonlinear_sensor_they_are_differences_of_what_it_sees(nonlinear_pr
         assert_allclose((whitened[..., j] * deviation)[present], expected[present], rtol=1e-6, atol=1e-6)
 
 
-def test_they_end_where_the_motion_blows_up(linear_problem, events_of):
+def test_responses_end_at_divergence(linear_problem, events_of):
     p = linear_problem
     t = p.timeline
     event = 13
@@ -83,7 +83,7 @@ def test_they_end_where_the_motion_blows_up(linear_problem, events_of):
     t = t._replace(inputs=np.vstack([t.inputs, np.full((1, t.inputs.shape[1]), np.nan)]), substep_input=substep_input)
     chunks = [events_of(t, first, first + 10) for first in (0, 10, 20)]
     found = list(responses(p.process, p.sensors, chunks, p.prior.mean))
-    assert [r.blew_up for r in found] == [False, True]
+    assert [r.diverged for r in found] == [False, True]
     assert [len(r.mean) for r in found] == [10, 3]
     assert len(found[1].innovation) == len(found[1].whitened) == chunks[1].measurement_offset[3]
     assert all(np.isfinite(r.mean).all() and np.isfinite(r.whitened).all() for r in found)
@@ -118,7 +118,7 @@ def free_motion(problem, start):
     return np.array(motions)
 
 
-def test_of_the_vehicle_they_are_differences_of_the_motion(vehicle_problem):
+def test_vehicle_sensitivities_are_differences(vehicle_problem):
     problem, start = vehicle_problem
     mean, sensitivity, _, _ = whole(problem, start, problem.segments[0].timelines)
     assert len(mean) > 400

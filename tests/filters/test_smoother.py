@@ -7,14 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
-from auvid_cli.filters.problem import OK, PREDICTION
-from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.problem import OK, PREDICTION, JointProblem
 from auvid_cli.filters.smoother import run_smoother
 from auvid_cli.filters.smoother_backward import backward
 
 
 def smooth_one(process, sensors, timelines, prior, on_chunk):
-    """Of a single segment."""
+    """Joint problem of a single segment."""
     return run_smoother(JointProblem(process, sensors, [timelines], prior), on_chunk)
 
 
@@ -140,7 +139,7 @@ def test_a_turn_more_of_an_angle_changes_nothing(nonlinear_problem, run_whole):
     assert_allclose(history.records.mean, plain.records.mean, atol=1e-9)
 
 
-def test_a_variance_that_is_lost_to_rounding_is_no_zero(linear_problem, run_whole, monkeypatch):
+def test_lost_variance_is_a_failure(linear_problem, run_whole, monkeypatch):
     """Where the way back leaves nothing of it, the answer ends, and says so."""
 
     def lossy(timeline, about, forward_pass, adjoint, step, variance):

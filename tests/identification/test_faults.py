@@ -287,7 +287,7 @@ def test_estimated_thrust_and_ballast_move_the_vehicle(walk, simulated_with, alo
     parameters = np.array([*values.values()]) / problem.layout.scale[:n]
     about = linearised(parameters, start, states, rows)
     faults = VehicleFaults(problem)
-    late = faults.effects(0, timeline, about).added[..., names_of(faults).index("delay of the DVL")]
+    late = faults.effects(0, timeline, about).on_measurements[..., names_of(faults).index("delay of the DVL")]
     (last,) = np.flatnonzero(timeline.measurement_sensor == [*problem.measuring].index("dvl"))[-1:]
     event = np.searchsorted(timeline.measurement_offset, last, side="right") - 1
     inputs = timeline.inputs[timeline.substep_input[timeline.substep_offset[event + 1] - 1]]
@@ -587,7 +587,7 @@ def test_large_fin_moves_are_not_anticipation(along):
     assert 0 < large.mean() < 0.03
     given = timeline.substep_input[timeline.substep_offset[:-1].clip(max=timeline.substep_input.size - 1)]
     one = np.diff(timeline.substep_offset) == 1
-    pushed = faults.effects(0, timeline, about).pushed[..., 0]
+    pushed = faults.effects(0, timeline, about).on_states[..., 0]
     assert not pushed[one & large[given]].any()
     assert pushed[one & ~large[given]].any()
 

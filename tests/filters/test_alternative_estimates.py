@@ -1,4 +1,4 @@
-"""What a segment says by itself is what it says alone, and a difference that chance makes is as large as stated."""
+"""The estimate of each segment is that from its data alone, and differences have the stated deviation."""
 
 from types import SimpleNamespace
 
@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.segments import JointProblem, joint_gaussian
+from auvid_cli.filters.problem import JointProblem, joint_gaussian
 from auvid_cli.filters.smoother import other_minimum, run_smoother
 
 
 @pytest.fixture
 def two_segments(linear_problem, events_of):
-    """A problem cut in two, its prior the same in both; the motion begins anew."""
+    """A problem cut into two segments with the same prior."""
     p, t = linear_problem, linear_problem.timeline
     middle = t.time.size // 2
     halves = [[events_of(t, 0, middle)], [events_of(t, middle, t.time.size)]]
@@ -31,7 +31,7 @@ def smoothed(problem, segments, prior, n):
     return *final(records, outcome, n), outcome
 
 
-def test_a_segment_says_by_itself_what_it_says_alone(two_segments):
+def test_segment_estimate_is_that_of_the_segment_alone(two_segments):
     problem, halves, prior = two_segments
     n = problem.prior.mean.size - problem.process.noise_density.size
     together, variance, outcome = smoothed(problem, halves, prior, n)
@@ -44,19 +44,19 @@ def test_a_segment_says_by_itself_what_it_says_alone(two_segments):
         assert_allclose(other.moved, other.deviation * variance / own_variance)
 
 
-def test_one_segment_has_no_other_to_disagree_with(linear_problem):
+def test_single_segment_has_no_alternatives(linear_problem):
     p = linear_problem
     outcome = run_smoother(JointProblem(p.process, p.sensors, [[p.timeline]], p.prior), lambda timeline, chunk: None)
     assert outcome.others == ()
 
 
 def found(parameters, cost, deviation=0.5):
-    """What is compared of a fit."""
+    """Parameters, covariance and cost of a fit."""
     final = SimpleNamespace(mean=np.array([0.0, 1.0, 9.0]), covariance=lambda: np.eye(3) * deviation**2)
     return SimpleNamespace(trajectory=SimpleNamespace(parameters=np.array(parameters)), final=final, cost=cost)
 
 
-def test_another_minimum_is_told_if_it_is_elsewhere_and_nearly_as_probable():
+def test_distant_probable_minimum_is_reported():
     answer = found([1.0, 2.0], cost=100.0)
     other = other_minimum(answer, found([1.0, 4.0], cost=101.0))
     assert_allclose(other.difference, [0.0, 2.0])
