@@ -11,14 +11,10 @@ from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from auvid_cli.report.table import (
-    DEVIATION_DIGITS,
     DIGITS,
-    Cell,
-    PlusMinus,
-    Symbol,
+    CellStyle,
     Table,
-    Unidentified,
-    UnitCell,
+    cell_text,
     number,
     unit_text,
 )
@@ -71,10 +67,11 @@ def screen_table(
     for column in table.columns:
         header, justify = Text(encodable(console, column.header)), "right" if column.numeric else "left"
         screen.add_column(header, justify=justify, no_wrap=column.header in unbroken, overflow="fold")
+    style = _cell_style(console, digits)
     for row in [*table.rows, *table.totals]:
         if table.totals and row is table.totals[0]:
             screen.add_section()
-        texts = (_cell(console, cell, digits) for cell in row)
+        texts = (cell_text(cell, style) for cell in row)
         screen.add_row(*(Text(text, styles.get(text, "")) for text in texts))
     return screen
 
@@ -113,19 +110,16 @@ def encodable(console: Console, text: str) -> str:
     return text if _has_signs(console, text) else text.translate(_PLAIN)
 
 
-def _cell(console: Console, cell: Cell, digits: int) -> str:
-    match cell:
-        case Symbol(name):
-            return name
-        case UnitCell(name):
-            return unit_text(name) if _has_signs(console, unit_text(name)) else name
-        case PlusMinus(value, deviation):
-            return encodable(console, f"{printed(value, digits)} ± {printed(deviation, DEVIATION_DIGITS)}")
-        case Unidentified(marked):
-            return _cell(console, marked, digits) + encodable(console, "†")
-        case str():
-            return cell
-    return printed(cell, digits)
+def _cell_style(console: Console, digits: int) -> CellStyle:
+    return CellStyle(
+        MISSING,
+        symbol=str,
+        unit=lambda name: unit_text(name) if _has_signs(console, unit_text(name)) else name,
+        text=str,
+        plus_minus=encodable(console, "±"),
+        mark=encodable(console, "†"),
+        digits=digits,
+    )
 
 
 def _has_signs(console: Console, text: str) -> bool:

@@ -1,7 +1,7 @@
 """Tables independent of their output, and the notation of symbols and units."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import compress
 from math import floor, isfinite, log10
 from typing import NamedTuple, TypeAlias
@@ -181,3 +181,54 @@ def number(value: float, digits: int = DIGITS) -> str | None:
     if -5 < magnitude < 7:
         return f"{rounded:.{max(digits - 1 - magnitude, 0)}f}"
     return f"{rounded:.{digits - 1}e}"
+
+
+class CellStyle(NamedTuple):
+    """How a medium writes cells.
+
+    Attributes
+    ----------
+    missing : str
+        Stands for an unknown value.
+    symbol, unit, text : callable
+        Write the name of a symbol, the name of a unit, and plain text.
+    number : callable
+        Writes a number that already has its digits.
+    plus_minus, mark : str
+        Sign before a standard deviation, and the mark of an unidentified value.
+    digits : int
+        Significant digits of a value.
+    """
+
+    missing: str
+    symbol: Callable[[str], str]
+    unit: Callable[[str], str]
+    text: Callable[[str], str]
+    number: Callable[[str], str] = str
+    plus_minus: str = "±"
+    mark: str = " †"
+    digits: int = DIGITS
+
+    def number_text(self, value: float, digits: int) -> str:
+        """Return a number with `digits` significant digits, or the sign of a missing value."""
+        text = number(value, digits)
+        return self.missing if text is None else self.number(text)
+
+
+def cell_text(cell: Cell, style: CellStyle) -> str:
+    """Return the text of a cell in the style of a medium."""
+    match cell:
+        case None:
+            return style.missing
+        case Symbol(name):
+            return style.symbol(name)
+        case UnitCell(name):
+            return style.unit(name)
+        case PlusMinus(value, deviation):
+            deviation_text = style.number_text(deviation, DEVIATION_DIGITS)
+            return f"{style.number_text(value, style.digits)} {style.plus_minus} {deviation_text}"
+        case Unidentified(marked):
+            return cell_text(marked, style) + style.mark
+        case str():
+            return style.text(cell)
+    return style.number_text(cell, style.digits)

@@ -23,7 +23,6 @@ from auvid_cli.report.figures.style import (
     TRUE_LINE,
     WIDTH,
     Room,
-    around,
     draw_band,
     filter_handles,
     head,
@@ -36,10 +35,19 @@ from auvid_cli.report.figures.style import (
     say,
     sized_figure,
     tidy,
+)
+from auvid_cli.report.plot_data import (
+    around,
+    finite,
+    scale_of,
+    spaced,
+    thin,
+    travelled,
+    travelled_paths,
+    unwrapped,
     value_range,
     with_margin,
 )
-from auvid_cli.report.plot_data import finite, scale_of, spaced, thin, travelled, travelled_paths, unwrapped
 from auvid_cli.report.table import filter_label, symbol_math
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity
 

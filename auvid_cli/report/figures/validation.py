@@ -20,7 +20,6 @@ from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.figures.style import (
     FILTER_STYLES,
     Room,
-    around,
     filter_handles,
     head,
     legend_above,
@@ -30,9 +29,8 @@ from auvid_cli.report.figures.style import (
     new_panels,
     plain_decades,
     say,
-    value_range,
 )
-from auvid_cli.report.plot_data import free_run_residual, scale_of
+from auvid_cli.report.plot_data import around, free_run_residual, scale_of, value_range
 from auvid_cli.report.table import filter_label, symbol_math
 from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.vehicle.parameters import (
@@ -71,7 +69,7 @@ _HORIZON_NOISE = {"color": "0.35", "linewidth": 0.9, "linestyle": (0, (1, 2))}
 # Okabe and Ito's, not those of a filter.
 _OTHERS = {
     "constant_velocity_rmse": ("unchanged", {"color": "#E69F00", "linestyle": (0, (5, 2)), "marker": "v"}),
-    "prior_rmse": ("prior", {"color": "#0072B2", "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"}),
+    "prior_rmse": ("prior", {"color": "#7A3E9D", "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"}),
     "vehicle_file_rmse": ("vehicle file", {"color": "black", "linestyle": (0, (9, 2)), "marker": "D"}),
 }
 

@@ -24,14 +24,12 @@ from auvid_cli.report.page.parts import (
     frame,
     stroke,
 )
-from auvid_cli.report.plot_data import free_run_residual, scale_of, spaced, travelled, travelled_paths
+from auvid_cli.report.plot_data import broken, free_run_residual, scale_of, spaced, travelled, travelled_paths
 from auvid_cli.report.table import filter_label
 from auvid_cli.text import sentence
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
-# Of the usual interval, and s: a line does not bridge more.
-_JUMP, _LEAST_JUMP = 20.0, 1.0
 # Parts of a run of which the extremes are drawn; and about as many samples as a free run keeps, so many residuals.
 _MOTION_SPANS, _MOST_RESIDUALS = 700, 100_000
 HOW_TO_LOOK = (
@@ -68,7 +66,7 @@ def envelope(time: Array, values: Array, spans: int) -> tuple[Array, Array]:
         Those of the samples if they are few; else beginning and middle of each part.
     values : ndarray, shape (m, c)
     """
-    time, values = _with_gaps(time, np.where(np.isfinite(values), values, np.nan))
+    time, values = broken(time, np.where(np.isfinite(values), values, np.nan))
     n, columns = values.shape
     if n <= 2 * spans:
         return time, values
@@ -85,15 +83,6 @@ def envelope(time: Array, values: Array, spans: int) -> tuple[Array, Array]:
     begin = np.arange(parts) * length
     middle = np.minimum(begin + length // 2, n - 1)
     return time[np.stack([begin, middle], axis=1).ravel()], kept
-
-
-def _with_gaps(time: Array, values: Array) -> tuple[Array, Array]:
-    """Put a gap wherever time jumps on."""
-    steps = np.diff(time)
-    if not steps.size:
-        return time, values
-    jumps = np.flatnonzero(steps > max(_JUMP * float(np.median(steps)), _LEAST_JUMP)) + 1
-    return np.insert(time, jumps, time[jumps]), np.insert(values, jumps, np.nan, axis=0)
 
 
 def course_parts(dataset: Dataset, runs: Mapping[str, FreeRun]) -> list[Part]:

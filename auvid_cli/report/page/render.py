@@ -21,8 +21,8 @@ from auvid_cli.data.files import write_text
 from auvid_cli.data.results import refuse_other_page
 from auvid_cli.report.page.parts import Page, Part, PlotLine, Plots, Section, Space
 from auvid_cli.report.table import (
-    DEVIATION_DIGITS,
     Cell,
+    CellStyle,
     Column,
     PlusMinus,
     Symbol,
@@ -30,7 +30,7 @@ from auvid_cli.report.table import (
     Unidentified,
     UnitCell,
     capitalised,
-    number,
+    cell_text,
     symbol_math,
     unit_text,
 )
@@ -55,8 +55,9 @@ _STYLES = ("uPlot.min.css", "page.css")
 _SCRIPTS = ("uPlot.iife.min.js", "plots.js", "space.js", "tables.js")
 # Of what may end a script or begin markup; JSON and JavaScript read these back.
 _UNSAFE = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
-# Classes of correlations from -1 to 1: tenths.
+# Colour classes of the absolute correlation.
 _SHADES = 10
+_STYLE = CellStyle(MISSING, str, unit_text, one_line)
 
 
 class PackedArrays:
@@ -139,26 +140,24 @@ def with_ties(text: str) -> str:
 
 
 def shown(cell: Cell) -> ShownCell:
-    """Return what a cell looks like."""
+    """Return the text of a cell and the key by which its column is sorted."""
     match cell:
-        case None:
-            return ShownCell(MISSING)
         case Symbol(name):
             return ShownCell(*symbol_parts(name), order=name.lower(), found=name)
-        case UnitCell(name):
-            return ShownCell(unit_text(name))
-        case PlusMinus(value, deviation):
-            text = f"{number(value) or MISSING} ± {number(deviation, DEVIATION_DIGITS) or MISSING}"
-            return ShownCell(text, order=_order(value))
         case Unidentified(marked):
             inner = shown(marked)
-            return inner._replace(text=f"{inner.text} †")
+            return inner._replace(text=inner.text + _STYLE.mark)
         case str() if is_name_of_term(cell):
             return shown(Symbol(cell))
+    text = cell_text(cell, _STYLE)
+    match cell:
+        case None | UnitCell():
+            return ShownCell(text)
+        case PlusMinus(value, _):
+            return ShownCell(text, order=_order(value))
         case str():
-            text = one_line(cell)
             return ShownCell(text, order=_number_or(text.lower()))
-    return ShownCell(number(cell) or MISSING, order=_order(cell))
+    return ShownCell(text, order=_order(cell))
 
 
 def _number_or(text: str) -> float | str:
