@@ -165,7 +165,7 @@ def compare(
     the letter, numbers within tolerances. Processor times, and judgements in sentences, are not compared.
     """
     from auvid_cli.api.data import compare_results
-    from auvid_cli.report.comparison_screen import print_comparison
+    from auvid_cli.report.screens import print_comparison
 
     terminal = Terminal(quiet, verbose)
     comparison = compare_results(first, second, *_shares(relative or []), deviations)

@@ -25,11 +25,9 @@ class SensorErrorResult(NamedTuple):
 
     Attributes
     ----------
-    filter, state : str
     segment : int or None
         Which of several segments of the data, from 1, a value is of that walks and starts anew in each; None of one
         that holds for all data.
-    sensor, unit : str
     estimate, standard_deviation : float
         At the last time of that which the filter reached.
     prior_standard_deviation : float
@@ -54,7 +52,6 @@ def sensor_error_results(estimate: Estimate, ends: Sequence[float] = ()) -> list
 
     Parameters
     ----------
-    estimate : Estimate
     ends : sequence of float
         s, last times of the segments of its data; without them only what it found last is returned.
     """
@@ -97,7 +94,6 @@ class CoefficientResult(NamedTuple):
 
     Attributes
     ----------
-    filter, coefficient, unit : str
     true : float or None
         None without truth.
     estimate, standard_deviation : float
@@ -143,8 +139,6 @@ def coefficient_results(
 
     Parameters
     ----------
-    estimate : Estimate
-    truth : TruthRecord or None
     bounds : mapping
         Cramer-Rao's by symbol, as far as known.
     is_sound : bool

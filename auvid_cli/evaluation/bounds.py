@@ -12,7 +12,7 @@ from scipy.linalg import block_diag, solve_triangular
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import Cause
 from auvid_cli.errors import DataError
-from auvid_cli.evaluation.causes import LARGEST_FAULT, causes_text
+from auvid_cli.evaluation.innovations import LARGEST_FAULT, causes_text
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, gauss_newton
 from auvid_cli.filters.noise_likelihood import noise_scores_about
 from auvid_cli.filters.smoother import follow_measurements
@@ -35,15 +35,7 @@ UNSTABLE = (
 
 
 class ProbableMotion(NamedTuple):
-    """The most probable motion of data with some parameters held, and the linear problem about it.
-
-    Attributes
-    ----------
-    prepared : PreparedData
-    augmented : AugmentedProblem
-    smoothing : LinearSmoothing
-    filtered : Filtered
-    """
+    """The most probable motion of data with some parameters held, and the linear problem about it."""
 
     prepared: PreparedData
     augmented: AugmentedProblem
@@ -63,7 +55,6 @@ def probable_motion(prepared: PreparedData, values: Mapping[str, float]) -> Prob
 
     Parameters
     ----------
-    prepared : PreparedData
     values : mapping
         Of coefficients and other parameters, SI, by symbol: those that are held.
 
@@ -183,7 +174,6 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
 
     Parameters
     ----------
-    prepared : PreparedData
     values : mapping
         Of the coefficients, by symbol, SI.
     """
@@ -284,7 +274,6 @@ def efficiency_warning(prepared: PreparedData, estimate: Estimate, causes: list[
     ----------
     prepared : PreparedData
         From which the estimate was made.
-    estimate : Estimate
     causes : list of Cause
         What these data look like.
     """
@@ -309,7 +298,6 @@ def process_noise_score(prepared: PreparedData, estimate: Estimate) -> float | N
     ----------
     prepared : PreparedData
         From which the estimate was made.
-    estimate : Estimate
 
     Returns
     -------

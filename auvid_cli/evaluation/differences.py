@@ -47,7 +47,6 @@ class ComparedValue(NamedTuple):
 
     Attributes
     ----------
-    table : str
     row : str
         Filter and, if it is of one, coefficient or component.
     column : str
@@ -56,7 +55,6 @@ class ComparedValue(NamedTuple):
         As in the tables; empty where there is none.
     difference, allowed : float
         First less second, and what it may be; NaN where they are no numbers.
-    agrees : bool
     """
 
     table: str
@@ -81,7 +79,6 @@ class Comparison(NamedTuple):
 
     Attributes
     ----------
-    values : list of ComparedValue
     only_first : list of str
         Filters, rows of others, and columns that the second does not have; they are no differences.
     """
@@ -101,7 +98,6 @@ def compare_tables(first: ResultTables, second: ResultTables, tolerance: Toleran
     ----------
     first, second : ResultTables
         The second is the reference.
-    tolerance : Tolerance
     """
     values = [
         value

@@ -17,8 +17,7 @@ from auvid_cli.evaluation.accuracy import (
     shares_of_value,
 )
 from auvid_cli.evaluation.bounds import Bounds, efficiency_warning
-from auvid_cli.evaluation.causes import causes_text, likely_causes
-from auvid_cli.evaluation.innovations import innovation_checks
+from auvid_cli.evaluation.innovations import causes_text, innovation_checks, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge, pushing_drag, reference_among, reversed_fins
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.states import natural_magnitude
@@ -99,11 +98,8 @@ def check_estimate(
 
     Parameters
     ----------
-    prepared : PreparedData
-    estimate : Estimate
     bounds : Bounds
         Of its coefficients.
-    judgement : Judgement
     causes : list of Cause
         What these data, or the smoother's innovations of them, look like.
     """

@@ -20,7 +20,7 @@ from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.innovations import SensorConsistency, mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.identification.prepared_data import PreparedData
 
 if TYPE_CHECKING:
@@ -32,17 +32,12 @@ class FilterSummary(NamedTuple):
 
     Attributes
     ----------
-    filter : str
     average_steady_state_error_percent : float or None
         Mean over the coefficients; None without truth or after divergence.
     mean_relative_rmse, median_relative_rmse : float or None
         RMSE / |true value| over the coefficients, dimensionless; None as above.
     mean_nis : float
         Mean normalised innovation squared of a component.
-    cpu_time_s : float
-    steps : int
-    microseconds_per_step : float
-    status, grade, reason, remedy : str
     """
 
     filter: str

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.extra_states import ERROR_BLOCKS
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.process import N_PREDICTED, move_freely
@@ -67,7 +67,6 @@ def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
     ----------
     motion : ndarray, shape (..., 9) or (..., 10)
         Its velocity is that through the water; not finite where a model blew up; the depth behind it, or not.
-    errors : MeasurementErrors
 
     Returns
     -------
@@ -144,13 +143,11 @@ def free_motion(
         At the start of the first; the depth behind it, or not.
     parameters, coefficients : mapping
         Of the model, SI, by symbol.
-    actuators : ActuatorErrors
     of_vehicle : CoefficientSet
         Of which the coefficients are.
 
     Yields
     ------
-    timeline : Timeline
     motion : ndarray, shape (events, 9) or (events, 10)
         At its events; not finite from where the model blew up.
     """

@@ -13,14 +13,6 @@ from auvid_cli.config.moving_states import ProcessNoise
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import is_observed
-from auvid_cli.evaluation.assessment import (
-    CLASSES,
-    CoefficientBound,
-    Collinear,
-    FixSuggestion,
-    Identifiability,
-    SensorErrorBound,
-)
 from auvid_cli.evaluation.bounds import (
     UNSTABLE,
     DataInformation,
@@ -28,6 +20,14 @@ from auvid_cli.evaluation.bounds import (
     probable_motion,
     true_initial_motions,
     true_motion,
+)
+from auvid_cli.evaluation.results import (
+    CLASSES,
+    CoefficientBound,
+    Collinear,
+    FixSuggestion,
+    Identifiability,
+    SensorErrorBound,
 )
 from auvid_cli.filters.least_squares import Information
 from auvid_cli.identification.information import information_at
@@ -135,11 +135,8 @@ def coefficients_to_fix(
 
     Parameters
     ----------
-    information : DataInformation
-    values : mapping of Assessed
     stated : collection of str
         Those of which the vehicle file has a value.
-    of_vehicle : CoefficientSet
     """
     held: list[str] = []
     percents = _percents(information, values, held)

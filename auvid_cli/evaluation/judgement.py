@@ -13,8 +13,17 @@ from auvid_cli.config.sanity import STRONGEST_FINS, WEAKEST_FINS
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import Cause, FaultKind
 from auvid_cli.data.innovations import LAGS, WINDOW, Innovations
-from auvid_cli.evaluation.causes import LARGEST_FAULT, is_from_ahrs, noise_cause, told_as_noise
-from auvid_cli.evaluation.innovations import LARGEST_MEAN_NIS, LARGEST_NIS_IN_WINDOW, mean_nis, status_of, windowed_nis
+from auvid_cli.evaluation.innovations import (
+    LARGEST_FAULT,
+    LARGEST_MEAN_NIS,
+    LARGEST_NIS_IN_WINDOW,
+    is_from_ahrs,
+    mean_nis,
+    noise_cause,
+    status_of,
+    told_as_noise,
+    windowed_nis,
+)
 from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
 
 # Drag along each axis takes energy. Positive rudder pushes the stern to starboard, a positive stern plane pushes it up.
@@ -178,7 +187,6 @@ class Judgement(NamedTuple):
 
     Attributes
     ----------
-    grade : Grade
     reason : str
         What stands against it; empty if nothing does.
     remedy : str

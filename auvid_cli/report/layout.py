@@ -140,7 +140,6 @@ def _half(
 
     Parameters
     ----------
-    evaluation : Evaluation
     table : Table
         Key, which is the field of `CoefficientResult`, title and note.
     published_key : str

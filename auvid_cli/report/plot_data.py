@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import EstimateHistory
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.table import unit_text
 from auvid_cli.vehicle.kinematics import dead_reckoned
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, Quantity, state_of
@@ -146,7 +146,6 @@ class CoefficientLine(NamedTuple):
 
     Attributes
     ----------
-    filter : str
     completed : bool
         Whether the filter reached the end of the data.
     time, values : ndarray, shape (n,)
@@ -171,7 +170,6 @@ class CoefficientPlot(NamedTuple):
 
     Attributes
     ----------
-    symbol : str
     lines : list of CoefficientLine
         One for each filter.
     true : float or None
@@ -280,7 +278,6 @@ def free_run_residual(quantity: Quantity, time: Array, measured: Array, run: Fre
     quantity : Quantity
         Component of a sensor.
     time, measured : ndarray, shape (n,)
-    run : FreeRun
 
     Returns
     -------
@@ -331,7 +328,6 @@ def travelled_paths(truth: TruthRecord | None, motions: Iterable[EstimateHistory
 
     Parameters
     ----------
-    truth : TruthRecord or None
     motions : iterable of Course
         Of the nine motion states; one that is not finite from the second time on has no path.
     """

@@ -14,9 +14,9 @@ from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.checks import Check
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.findings import DisturbanceChoice, TunedNoise, Tuning
-from auvid_cli.evaluation.assessment import CLASSES, FixSuggestion, Identifiability
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.judgement import Judgement, whiteness
+from auvid_cli.evaluation.results import CLASSES, FixSuggestion, Identifiability
 from auvid_cli.report.layout import (
     NIS_MEANS,
     PAPER,
@@ -129,7 +129,6 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     ----------
     console : rich.console.Console
         Where it is narrow, units, true values and the paper's columns are left out, and named below the table.
-    evaluation : Evaluation
     """
     if console.quiet:
         # To try what fits takes a tenth of a second.
@@ -166,8 +165,6 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool) -> Non
 
     Parameters
     ----------
-    console : rich.console.Console
-    checks : sequence of Check
     passed : bool
         Whether all are printed, also those that passed, and of every estimate by itself.
     """
@@ -306,8 +303,6 @@ def print_validation(console: Console, validation: Validation, passed: bool) -> 
 
     Parameters
     ----------
-    console : rich.console.Console
-    validation : Validation
     passed : bool
         Whether verdicts that passed are printed as well.
     """

@@ -49,8 +49,6 @@ def screen_table(
 
     Parameters
     ----------
-    console : rich.console.Console
-    table : Table
     digits : int
         Significant ones of a number.
     unbroken : collection of str

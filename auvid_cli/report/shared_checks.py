@@ -44,7 +44,6 @@ class SharedCheck(NamedTuple):
     ----------
     check : Check
         That of the estimate that judges the others, if it is among them, else of the first.
-    filters : tuple of str
     """
 
     check: Check
@@ -58,7 +57,6 @@ class Advice(NamedTuple):
     ----------
     shared : tuple of SharedCheck
         All failed or all worth knowing, of the same estimates.
-    text : str
     """
 
     shared: tuple[SharedCheck, ...]

@@ -134,8 +134,6 @@ class Table(NamedTuple):
     ----------
     key : str
         Short name, for a LaTeX label.
-    title : str
-    columns : tuple of Column
     rows, totals : list of lists of Cell
         Body, and the rows below the rule.
     notes : tuple of str

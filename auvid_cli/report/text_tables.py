@@ -53,10 +53,6 @@ def write_csv_tables(tables: Mapping[str, NamedRows], folder: Path) -> list[Path
     folder : pathlib.Path
         Made if it is missing.
 
-    Returns
-    -------
-    list of pathlib.Path
-
     Raises
     ------
     FileError

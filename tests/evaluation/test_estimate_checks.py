@@ -10,8 +10,8 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.data.checks import Checks
 from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.causes import likely_causes
 from auvid_cli.evaluation.estimate_checks import check_estimate
+from auvid_cli.evaluation.innovations import likely_causes
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.data.innovations import Innovations
-from auvid_cli.evaluation.causes import LARGEST_FAULT
+from auvid_cli.evaluation.innovations import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import (
     FARTHEST,
     FARTHEST_MINIMUM,

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from auvid_cli.config.enums import FigureFormat, FilterName
 from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.errors import FileError
-from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Identifiability
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FreeRun, Identifiability
 from auvid_cli.report.figures import kinds
 from auvid_cli.report.figures.coefficients import bounds_figure, convergence_figure, correlation_figure
 from auvid_cli.report.figures.draw import FigureQueue

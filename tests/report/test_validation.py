@@ -10,7 +10,7 @@ from rich.console import Console
 
 from auvid_cli.data.checks import Check, Checks
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.figures.validation import horizon_figure
 from auvid_cli.report.screen import print_validation
 from auvid_cli.report.text_tables import write_csv_tables

@@ -12,7 +12,7 @@ from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
 from auvid_cli.data.estimate import EstimateHistory
-from auvid_cli.evaluation.assessment import CLASSES, Identifiability
+from auvid_cli.evaluation.results import CLASSES, Identifiability
 from auvid_cli.report.figures.style import (
     BAND_SHADE,
     FILTER_STYLES,
@@ -65,8 +65,6 @@ def estimate_figure(symbols: Sequence[str], estimates: list[EstimateHistory], tr
 
     Parameters
     ----------
-    symbols : sequence of str
-    estimates : list of EstimateHistory
     true : dict
         By symbol, SI; empty without truth.
     """
@@ -97,8 +95,6 @@ def convergence_figure(symbols: Sequence[str], estimates: list[EstimateHistory],
 
     Parameters
     ----------
-    symbols : sequence of str
-    estimates : list of EstimateHistory
     true : dict
         By symbol, SI; empty without truth.
     """

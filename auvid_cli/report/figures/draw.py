@@ -25,9 +25,8 @@ if TYPE_CHECKING:
     # These load the compiled core, which takes a second and is announced elsewhere.
     from auvid_cli.design.envelope import Band
     from auvid_cli.design.search import Design
-    from auvid_cli.evaluation.assessment import Identifiability
     from auvid_cli.evaluation.evaluate import Evaluation
-    from auvid_cli.evaluation.predicted_motion import FreeRun
+    from auvid_cli.evaluation.results import FreeRun, Identifiability
     from auvid_cli.inspection.inspection import Inspection
     from auvid_cli.validation.results import Prediction, Validation
 

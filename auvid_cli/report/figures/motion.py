@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import SensorRecord, TruthRecord
 from auvid_cli.data.estimate import EstimateHistory
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.figures.style import (
     BAND_SHADE,
     FILTER_STYLES,
@@ -224,7 +224,6 @@ def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecor
     ----------
     quantities : sequence of Quantity
         Motion states, and the depth if the runs have it.
-    sensors : dict of SensorRecord
     runs : dict of FreeRun
         By filter.
     """

@@ -115,7 +115,6 @@ def new_panels(
         Of each, inches.
     handles : sequence of Artist
         Of the legend.
-    room : Room
     span : tuple of float
         Of time, s.
     with_heads : bool

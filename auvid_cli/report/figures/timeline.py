@@ -43,7 +43,6 @@ def mission_figure(
     time : ndarray, shape (n,)
     inputs : ndarray, shape (n, 4)
         What the actuators of the vehicle as it is believed to be do: rad, N, N m.
-    band : Band
     symbols : tuple of str
         Of the coefficients.
     percents : dict of ndarray, shape (m,)

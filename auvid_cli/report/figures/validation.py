@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.innovations import Innovations
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.figures.style import (
     FILTER_STYLES,
     Room,
@@ -189,7 +189,6 @@ def free_run_figure(sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) 
 
     Parameters
     ----------
-    sensors : dict of SensorRecord
     runs : dict of FreeRun
         By filter.
     """
@@ -258,7 +257,6 @@ def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figur
 
     Parameters
     ----------
-    filter_name : str
     predictions : sequence of Prediction
         Those ahead are drawn.
     """

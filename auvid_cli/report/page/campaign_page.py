@@ -36,8 +36,6 @@ def campaign_page(campaign: Campaign, findings: Findings, filters: Mapping[str, 
 
     Parameters
     ----------
-    campaign : Campaign
-    findings : Findings
     filters : mapping of str
         Of each variant, by name, its filter.
     failures : sequence of str

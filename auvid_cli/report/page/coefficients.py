@@ -147,7 +147,6 @@ def coefficient_list(evaluation: Evaluation, shares_of_prior: Mapping[str, Mappi
 
     Parameters
     ----------
-    evaluation : Evaluation
     shares_of_prior : mapping of mapping
         By filter and symbol, which share of the prior's standard deviation is left.
     """

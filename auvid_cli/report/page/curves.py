@@ -9,7 +9,7 @@ from scipy.special import chdtri
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import LAGS, Innovations
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.page.parts import (
     Axis,
     Part,

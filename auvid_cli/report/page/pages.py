@@ -10,10 +10,10 @@ from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import shares_of_prior
-from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.evaluation.estimate_checks import JUDGED
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.judgement import Judgement
+from auvid_cli.evaluation.results import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.inspection.inspection import Inspection
 from auvid_cli.report.layout import NIS_MEANS, lay_out
 from auvid_cli.report.page.coefficients import coefficient_list, convergence, estimate_plots, forest
@@ -164,11 +164,8 @@ def run_page(dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evalua
 
     Parameters
     ----------
-    dataset : Dataset
     estimates : sequence of Estimate
         The first is what stands open where one is shown at a time.
-    evaluation : Evaluation
-    checks : sequence of Check
     """
     true = dataset.truth.coefficients if dataset.truth is not None else {}
     shares = {estimate.filter: shares_of_prior(estimate) for estimate in estimates}
@@ -326,8 +323,6 @@ def identifiability_page(dataset: Dataset, identifiability: Identifiability, whe
 
     Parameters
     ----------
-    dataset : Dataset
-    identifiability : Identifiability
     where : str
         Whose coefficients the bounds hold at, in words.
     """

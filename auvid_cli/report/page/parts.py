@@ -75,7 +75,6 @@ class Picture(NamedTuple):
 
     Attributes
     ----------
-    title : str
     says : str
         What it shows in words.
     width, height : float
@@ -154,7 +153,6 @@ class PlotLine(NamedTuple):
 
     Attributes
     ----------
-    label : str
     look : str
         Which colour and dashes: the name of a filter, or another of those in page.css, such as "measured" or "true".
     time, values : ndarray, shape (n,)
@@ -181,14 +179,10 @@ class Plot(NamedTuple):
 
     Attributes
     ----------
-    title : str
     says : str
         What it shows in words, for those who do not see it.
     unit : str
         Of the ordinate.
-    lines : sequence of PlotLine
-    x_label : str
-    log_x, log_y : bool
     marks : sequence of (float, float)
         Spans of the abscissa to be shaded.
     limits : (float, float) or None
@@ -211,7 +205,6 @@ class Plots(NamedTuple):
 
     Attributes
     ----------
-    plots : sequence of Plot
     linked : str
         Those of the same word are zoomed together; empty if each is by itself.
     choice : mapping of str
@@ -321,8 +314,6 @@ class Page(NamedTuple):
 
     Attributes
     ----------
-    title : str
-    subtitle : str
     sections : sequence of Section
         Those without parts are left out.
     """

@@ -65,10 +65,6 @@ class PackedArrays:
 
     Seven digits are more than a screen shows; times are to be told from near their first, so that those of a long
     record keep their fractions. What is too large, and so what is not finite, is a gap.
-
-    Attributes
-    ----------
-    texts : list of str
     """
 
     def __init__(self) -> None:

@@ -10,9 +10,8 @@ import yaml
 from auvid_cli.campaign.summary import Findings
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.data.checks import Checks, NamedRows
-from auvid_cli.evaluation.assessment import CoefficientBound, Identifiability
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import CoefficientBound, FreeRun, Identifiability
 from auvid_cli.inspection.inspection import Inspection, Mark
 from auvid_cli.report.page import campaign_page as campaign
 from auvid_cli.report.page.curves import path_parts

@@ -1,4 +1,4 @@
-"""What is said of data before any filter runs: the value objects, apart from the compiled code that finds them."""
+"""Results of evaluations that do not need the compiled code: identifiability and free runs."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.checks import NamedRows, frames
-from auvid_cli.data.interop import import_xarray
+from auvid_cli.data.interop import LabelledSeries, import_xarray
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,7 +24,6 @@ class CoefficientBound(NamedTuple):
 
     Attributes
     ----------
-    coefficient, unit : str
     value : float
         At which the bound holds, SI.
     cramer_rao_bound : float
@@ -59,7 +59,6 @@ class Collinear(NamedTuple):
 
     Attributes
     ----------
-    members : tuple of str
     combination : str
         The best determined one, for example ``Y_uvl + 0.9 Y_uudr``.
     percent : float
@@ -97,7 +96,6 @@ class FixSuggestion(NamedTuple):
     ----------
     held : tuple of str
         Known to 20 % by no data of this kind; the others are, with these at known values.
-    kept : tuple of str
     worst_percent : float
         Largest bound of one that is kept, in percent of its value.
     motions : tuple of str
@@ -118,8 +116,6 @@ class Identifiability(NamedTuple):
 
     Attributes
     ----------
-    bounds : list of CoefficientBound
-    groups : list of Collinear
     shares : dict of ndarray, shape (coefficients,)
         Of the information on each coefficient, by sensor; they add up to one.
     correlation : ndarray, shape (coefficients, coefficients)
@@ -178,3 +174,36 @@ class Identifiability(NamedTuple):
                 "duration": ("duration", [duration for duration, _ in self.growth], {"units": "s"}),
             },
         )
+
+
+class FreeRun(NamedTuple):
+    """Motion predicted from the inputs alone.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+    motion : ndarray, shape (n, 9) or (n, 10)
+        Not finite from where the model blew up, if it did; the depth behind it where that is predicted.
+    """
+
+    time: Array
+    motion: Array
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Return what its columns are."""
+        return MOTION_AND_DEPTH[: self.motion.shape[1]]
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a table with a column for each motion state, indexed by time, s."""
+        return LabelledSeries(self.time, self.quantities, self.motion).to_pandas()
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return a variable over time for each motion state.
+
+        Raises
+        ------
+        DataError
+            If xarray is not installed.
+        """
+        return LabelledSeries(self.time, self.quantities, self.motion).to_xarray()
