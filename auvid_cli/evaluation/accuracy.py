@@ -21,7 +21,7 @@ LARGEST_SHARE_OF_VALUE = 0.2
 
 
 class SensorErrorResult(NamedTuple):
-    """One state that stands for a sensor's error, by one filter; a row of ``sensor_errors.csv``.
+    """Estimate of one sensor error by one filter; a row of ``sensor_errors.csv``.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class SensorErrorResult(NamedTuple):
     estimate, standard_deviation : float
         At the last time of that which the filter reached.
     prior_standard_deviation : float
-        What the settings said before any data.
+        Standard deviation of the prior.
     observed : bool
         Whether the data narrowed it to less than half.
     """
@@ -75,7 +75,7 @@ def sensor_error_results(estimate: Estimate, ends: Sequence[float] = ()) -> list
 
 
 def _rows(estimate: Estimate, block: ErrorBlock, ends: Sequence[float]) -> list[tuple[int | None, int]]:
-    """Return the last row of each segment in which a block starts anew, as far as the filter went; else the last."""
+    """Return the last row of each segment for a block that restarts in each, else the last row."""
     starts_anew = block.walk > 0.0 and block.time_constant == inf
     if len(ends) < 2 or not starts_anew:
         return [(None, -1)]
@@ -85,7 +85,7 @@ def _rows(estimate: Estimate, block: ErrorBlock, ends: Sequence[float]) -> list[
 
 
 def is_observed(deviation: float, prior: float) -> bool:
-    """Say whether the data, and not the prior, determine a sensor's error."""
+    """Whether the data, not the prior, determine a sensor error."""
     return deviation <= LARGEST_SHARE * prior
 
 
@@ -179,7 +179,7 @@ def coefficient_results(
 
 
 def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float]) -> dict[str, float]:
-    """Say how large the uncertainty of each coefficient is in proportion, by symbol.
+    """Return the relative uncertainty of each coefficient, by symbol.
 
     The larger of the standard deviation and, where it is known, the Cramer-Rao bound, over the true value, else over
     the estimate. Where the truth is zero: over the natural magnitude of a body of this size.
@@ -199,7 +199,7 @@ def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mappi
 
 
 def shares_of_prior(estimate: Estimate) -> dict[str, float]:
-    """Say which share of the prior's standard deviation is left of each coefficient, by symbol."""
+    """Return the standard deviation of each coefficient relative to its prior, by symbol."""
     settings = estimate.experiment.identification
     priors = coefficient_priors(estimate.experiment.vehicle, settings.prior)
     left = {}
@@ -207,7 +207,7 @@ def shares_of_prior(estimate: Estimate) -> dict[str, float]:
         if symbol in priors:
             before = priors[symbol].standard_deviation
             if settings.prior.from_estimate is not None:
-                # What an earlier estimate knew is what the filter begins with.
+                # The filter started from the earlier estimate.
                 before = estimate.standard_deviation[0, i]
             left[symbol] = float(estimate.standard_deviation[-1, i] / before)
     return left

@@ -133,7 +133,7 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
 def _bounds_with_process_noise(prepared: PreparedData, estimates: list[Estimate]) -> dict[str, float]:
     """Return the bounds of the coefficients with process noise; none without a smoother's estimate."""
     reference = reference_among(estimates)
-    # Of an earlier estimate that it began with nothing may be left.
+    # The information of an earlier estimate in the prior cannot be subtracted.
     if (
         reference is None
         or not reference.completed
@@ -151,4 +151,4 @@ def _of_different_data(estimates: list[Estimate]) -> list[str]:
     spans = ", ".join(
         f"{estimate.filter} {estimate.time[0]:.6g} to {estimate.time[-1]:.6g} s" for estimate in estimates
     )
-    return [f"made from different parts of the data, which do not compare (identification.use): {spans}"]
+    return [f"estimates from different parts of the data cannot be compared (identification.use): {spans}"]

@@ -61,7 +61,7 @@ def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
 def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
     """Return what noiseless sensors would say of a motion.
 
-    Of the velocity a DVL, see `auvid_cli.identification.sensors`.
+    The velocity is that of a DVL, see `auvid_cli.identification.sensors`.
 
     Parameters
     ----------
@@ -142,9 +142,9 @@ def free_motion(
     motion : ndarray, shape (9,) or (10,)
         At the start of the first; the depth behind it, or not.
     parameters, coefficients : mapping
-        Of the model, SI, by symbol.
+        Parameters and coefficients of the model, SI, by symbol.
     of_vehicle : CoefficientSet
-        Of which the coefficients are.
+        Set of the coefficients.
 
     Yields
     ------

@@ -1,4 +1,4 @@
-"""What data can say about the coefficients at best, before any filter runs: bounds, and what goes together."""
+"""Cramér-Rao bounds of the coefficients before any filter runs, and inseparable coefficients."""
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import reduce
@@ -49,7 +49,7 @@ class Assessed(NamedTuple):
 
 _KNOWN = CLASSES[-2][0]
 _MOTIONS = "surge", "sway", "heave", "roll", "pitch", "yaw"
-# Of any vehicle at sea.
+# Errors that every vehicle at sea has.
 _USUAL_ERRORS = BiasName.CURRENT, BiasName.FIN_TRIM, BiasName.BALLAST
 # Correlation from which coefficients are said to go together.
 LARGEST_CORRELATION = 0.95
@@ -67,12 +67,12 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     of_vehicle = vehicle.coefficient_set
     coefficients = at if at is not None else dataset.known_coefficients()
     if at is not None and (unknown := [str(symbol) for symbol in at if symbol not in of_vehicle.symbols]):
-        raise DataError(f"not coefficients: {', '.join(unknown)}; there are {', '.join(of_vehicle.symbols)}")
+        raise DataError(f"unknown coefficients: {', '.join(unknown)}; expected some of {', '.join(of_vehicle.symbols)}")
     missing = [symbol for symbol in settings.estimated(vehicle) if symbol not in coefficients]
     if missing:
         raise DataError(
-            f"no value is known of {', '.join(missing)}: sensitivities need one of each coefficient; name an estimate "
-            "that has them (--at FILE), or give the vehicle those of a similar one"
+            f"no value of {', '.join(missing)}; identifiability needs one of each coefficient: name an estimate that "
+            "has them (--at FILE), or copy the values of a similar vehicle"
         )
     prepared = resolve_settings(prepare(dataset))
     # Where other coefficients are asked for, the truth is not where they lead. With a vehicle file's the most probable
@@ -98,11 +98,11 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     noisy = {} if with_noise is None else with_noise.bound()
     identifiability = assess(information.by_sensor, information.growing, values, information.scale, prior_stds, noisy)
     for delay in (block for block in blocks if block.shifts):
-        # Of which only the way with process noise knows.
+        # Only the bound with process noise includes delays.
         identifiability.sensor_errors[delay.name] = _error_bound(noisy.get(delay.name, np.inf), delay.prior_std)
     lost, remarks = information.lost_after, [] if dataset.truth is not None else _presumed(prepared)
     if lost is not None:
-        remarks.append(f"{UNSTABLE.format(lost)}: only what comes before is judged")
+        remarks.append(f"{UNSTABLE.format(lost)}: only the data before are judged")
     stated = vehicle.stated_coefficients()
     holding = None if with_noise is None else coefficients_to_fix(with_noise, values, stated, of_vehicle)
     return identifiability._replace(
@@ -111,12 +111,12 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
 
 
 def _presumed(prepared: PreparedData) -> list[str]:
-    """Say what a promise about a real vehicle goes by that nobody said."""
+    """Return the assumptions of the bounds that a real vehicle may not meet."""
     settings, presumed = prepared.experiment.identification, []
     if settings.process_noise == ProcessNoise():
         presumed.append(
-            "the process noise is that of auvid's own simulations, and a real vehicle has more: these bounds are too "
-            "small by as much (--set identification.noise=estimate)"
+            "the process noise is that of auvid's simulations; a real vehicle has more, and its bounds are larger "
+            "(--set identification.noise=estimate)"
         )
     if left_out := [name.value for name in _USUAL_ERRORS if name not in settings.estimate.biases]:
         presumed.append(f"bounds presume that there is no {' and no '.join(left_out)} (identification.estimate.biases)")
@@ -176,13 +176,13 @@ def assess(
     by_sensor : mapping of Information
         About the joint state of all segments, see `auvid_cli.filters.segments`.
     growing : sequence of (float, Information)
-        Of all sensors together after so many seconds, the whole last; about the own state of a segment.
+        Information of all sensors after each duration, s, the whole run last; about the state of one segment.
     values : mapping of Assessed
         In the order of the state.
     to_si : ndarray, shape (n,)
         Units of the state.
     prior_stds : mapping of (int, float)
-        Of each constant sensor error the place in the state, and its standard deviation before any data, SI.
+        Index in the state and prior standard deviation, SI, of each constant sensor error.
     noisy : mapping of float
         Bounds of coefficients and constant errors where process noise moves the vehicle, SI.
     """
@@ -230,7 +230,7 @@ def assess(
 
 
 def _error_bound(deviation: float, prior_std: float) -> SensorErrorBound:
-    """Say of an error how well the data alone know it, and whether they say more of it than the prior."""
+    """Return the bound of a sensor error, and whether the data improve on its prior."""
     together = float(1.0 / np.hypot(1.0 / deviation, 1.0 / prior_std))
     return SensorErrorBound(deviation, prior_std, is_observed(together, prior_std))
 

@@ -29,17 +29,17 @@ class CoefficientBound(NamedTuple):
     cramer_rao_bound : float
         Smallest standard deviation of any unbiased estimate, SI; infinite where the data say nothing.
     percent : float
-        Of the value; where that is zero, of the natural magnitude of a body of this size.
+        In percent of the value or, if that is zero, of the natural magnitude of a body of this size.
     percent_with_noise : float
         The same where process noise moves the vehicle, too; NaN where that is not known.
     label : str
         One of `CLASSES`, by the larger of these two; the column ``verdict``.
     best_sensor : str
-        Whose measurements say most of it.
+        Sensor with the largest share of the information.
     best_share : float
         Its share of the information, 0 to 1.
     group : str
-        Others with which it goes together; empty if it stands alone.
+        Coefficients that it cannot be separated from.
     """
 
     coefficient: str
@@ -90,7 +90,7 @@ class SensorErrorBound(NamedTuple):
 
 
 class FixSuggestion(NamedTuple):
-    """Which coefficients to estimate from data that do not tell all.
+    """Coefficients to estimate from data that do not determine all.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class FixSuggestion(NamedTuple):
     worst_percent : float
         Largest bound of one that is kept, in percent of its value.
     motions : tuple of str
-        Of which those that are kept tell: "surge", "sway" and so on.
+        Motions with kept coefficients: "surge", "sway" and so on.
     unstated : tuple of str
         Those among the held of which the vehicle file has no value.
     """
@@ -117,15 +117,15 @@ class Identifiability(NamedTuple):
     Attributes
     ----------
     shares : dict of ndarray, shape (coefficients,)
-        Of the information on each coefficient, by sensor; they add up to one.
+        Share of the information of each sensor, by sensor; the shares add up to one.
     correlation : ndarray, shape (coefficients, coefficients)
-        Of the errors of an estimate that reaches the bound; NaN where there is none.
+        Correlation of the errors at the bound; NaN where there is none.
     growth : list of (float, ndarray)
         Duration, s, and bounds in percent after it.
     sensor_errors : dict of SensorErrorBound
         By symbol.
     remark : str
-        What is missing.
+        Missing data and assumptions.
     holding : Holding or None
         Where some coefficients are better held; None if all are known, or none would be.
     """

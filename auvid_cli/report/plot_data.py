@@ -175,7 +175,7 @@ class CoefficientPlot(NamedTuple):
     true : float or None
         SI.
     limits : (float, float) or None
-        Of the ordinate; None leaves them open.
+        Limits of the ordinate; None for automatic ones.
     begin, end : float
         Limits of the time axis, s.
     """
@@ -324,12 +324,12 @@ class TravelledPath(NamedTuple):
 
 
 def travelled_paths(truth: TruthRecord | None, motions: Iterable[EstimateHistory]) -> list[TravelledPath]:
-    """Return the true path, as far as it is finite, and dead reckoning from its start, or from zero.
+    """Return the true path, where finite, and dead reckoning from its start, or from zero without truth.
 
     Parameters
     ----------
     motions : iterable of Course
-        Of the nine motion states; one that is not finite from the second time on has no path.
+        Histories of the nine motion states; one that is not finite from its second time has no path.
     """
     paths, start = list[TravelledPath](), np.zeros(3)
     if truth is not None:

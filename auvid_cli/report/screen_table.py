@@ -24,7 +24,7 @@ MISSING = "-"
 NO_STYLES: Mapping[str, str] = MappingProxyType({})
 # Columns; wider than any table, so that none is measured as it would be squeezed.
 _UNLIMITED = 10_000
-# What stands for auvid's own signs on a terminal that lacks them.
+# ASCII replacements of auvid's signs.
 _PLAIN = str.maketrans({"±": "+-", "µ": "u", "†": "?"})
 
 
@@ -54,9 +54,9 @@ def screen_table(
     unbroken : collection of str
         Headings of columns whose lines are not broken, however narrow the console is.
     styles : mapping
-        How cells stand out, by their text.
+        Styles of cells by their text.
     left_out : sequence of str
-        Names of what there was no room for.
+        Names of the columns that were left out.
     """
     caption = Text(f" left out at {console.width} columns: {', '.join(left_out)}") if left_out else None
     screen = ScreenTable(
@@ -75,7 +75,7 @@ def screen_table(
 
 
 def narrowed(console: Console, table: Table, dropped: Sequence[str], digits: int = DIGITS) -> ScreenTable:
-    """Render a table without as many columns as there is no room for, by their headings in this order."""
+    """Render a table, without the first columns of `dropped` that do not fit."""
     headers = [column.header for column in table.columns]
     dropped = [header for header in dropped if header in headers]
     ever_narrower = enumerate(accumulate(dropped, Table.without, initial=table))
@@ -85,7 +85,7 @@ def narrowed(console: Console, table: Table, dropped: Sequence[str], digits: int
 
 
 def fits(console: Console, table: ScreenTable) -> bool:
-    """Say whether a console is wide enough for a table without breaking its lines."""
+    """Whether a table fits on a console without broken lines."""
     return console.measure(table, options=console.options.update(max_width=_UNLIMITED)).maximum <= console.width
 
 

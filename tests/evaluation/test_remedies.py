@@ -39,7 +39,7 @@ def remedy(estimate):
 
 def test_filters_that_ended_well_need_nothing_but_a_judge(ended):
     assert {remedy(ended(name, DVL, status="completed")) for name in ALL} == {
-        "fit it as well (--filter smoother, without identification.gate)"
+        "run the smoother as well (--filter smoother, without identification.gate)"
     }
 
 

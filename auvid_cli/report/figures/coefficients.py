@@ -47,15 +47,14 @@ _LINE_POINTS = 200
 _ESTIMATE_POINTS = 600
 # Okabe and Ito's, from sure to unknown.
 _COLORS = dict(zip((label for _, label in CLASSES), ("#009E73", "#56B4E9", "#E69F00", "#D55E00"), strict=True))
-# Of the bars, and of the lines of the growth.
+# Styles of the bars and of the lines of the growth.
 _HATCHES = dict(zip((label for _, label in CLASSES), ("", "//", "xx", ".."), strict=True))
 _LINES = dict(zip((label for _, label in CLASSES), ("-", (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1.3))), strict=True))
-# Of two durations that are named, the shorter is no more of the longer.
+# Largest ratio of neighbouring durations with a label.
 _APART = 0.7
-# Correlations that are written as numbers, for below they are as good as none, and those whose colour is dark.
-_NAMED, _DARK = 0.05, 0.6
-# Percent that a bar without bound, or beyond it, is drawn with.
-_LARGEST = 1e4
+_MIN_LABELLED = 0.05  # smallest correlation with a number
+_DARK = 0.6  # smallest correlation with a dark colour
+_MAX_PERCENT = 1e4  # of a bar, also without a bound
 
 
 def estimate_figure(symbols: Sequence[str], estimates: list[EstimateHistory], true: dict[str, float]) -> Figure:
@@ -134,7 +133,7 @@ def bounds_figure(identifiability: Identifiability) -> Figure:
     n = len(identifiability.bounds)
     figure = new_figure(WIDTH, 0.26 * max(n, 6) + 1.4)
     bars, growth = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
-    percents = np.array([min(bound.percent, _LARGEST) for bound in identifiability.bounds])
+    percents = np.array([min(bound.percent, _MAX_PERCENT) for bound in identifiability.bounds])
     smallest = max(float(percents.min()), 1e-6)
     for place, (bound, percent) in enumerate(zip(identifiability.bounds, percents, strict=True)):
         bars.barh(place, percent, **_filled(bound.label))
@@ -150,7 +149,7 @@ def bounds_figure(identifiability: Identifiability) -> Figure:
     bars.set_xlabel("Cramér-Rao bound (% of the value)", fontsize=9)
     times = [time for time, _ in identifiability.growth]
     for j, bound in enumerate(identifiability.bounds):
-        series = [min(percent[j], _LARGEST) for _, percent in identifiability.growth]
+        series = [min(percent[j], _MAX_PERCENT) for _, percent in identifiability.growth]
         growth.plot(times, series, **_stroked(bound.label))
     growth.set_yscale("log")
     growth.set_xscale("log")
@@ -191,8 +190,8 @@ def correlation_figure(identifiability: Identifiability) -> Figure:
     names = [symbol_math(bound.coefficient) for bound in identifiability.bounds]
     axes.set_xticks(range(n), names, rotation=90, fontsize=8)
     axes.set_yticks(range(n), names, fontsize=8)
-    # In print without colour only the number tells the sign.
-    for i, j in np.argwhere(np.abs(np.nan_to_num(identifiability.correlation)) > _NAMED):
+    # Without colour only the number shows the sign.
+    for i, j in np.argwhere(np.abs(np.nan_to_num(identifiability.correlation)) > _MIN_LABELLED):
         if i != j:
             value = identifiability.correlation[i, j]
             color = "white" if abs(value) > _DARK else "black"

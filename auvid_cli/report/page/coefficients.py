@@ -135,10 +135,10 @@ def _mark(distance: _Distance, across: Axis, y: float) -> list[Shape]:
 def _in_words(distances: list[_Distance], against: str) -> str:
     worst = max(distances, key=lambda distance: abs(distance.sigmas))
     beyond = sum(abs(distance.sigmas) > _WIDEST for distance in distances)
-    outside = f" {beyond} are farther than {_WIDEST:g} and stand at the edge, with an arrow." if beyond else ""
+    outside = f" {beyond} are farther than {_WIDEST:g}: arrows at the edge." if beyond else ""
     return (
         f"Farthest from {against}: {worst.symbol} of {filter_label(worst.filter)}, by {abs(worst.sigmas):.2g} standard "
-        f"deviations.{outside} Within the band of 2 to each side lie 95 of 100 if the standard deviations are right."
+        f"deviations.{outside} If the standard deviations are right, 95 of 100 are within the shaded band."
     )
 
 
@@ -176,8 +176,8 @@ def coefficient_list(evaluation: Evaluation, shares_of_prior: Mapping[str, Mappi
             )
     notes = (
         *mark_explained(evaluation),
-        "Bound: least standard deviation that the data allow (Cramér-Rao). % of prior: how much of the standard "
-        "deviation before the data is left after them.",
+        "Bound: smallest standard deviation that the data allow (Cramér-Rao). % of prior: standard deviation of the "
+        "estimate in percent of the prior's.",
     )
     return Table("list", "Estimates", columns, rows, notes=notes)
 

@@ -53,7 +53,7 @@ _CODE = re.compile(r"`([^`]+)`")
 _GREEK = {"phi": "φ", "theta": "θ", "psi": "ψ", "delta": "δ"}
 _STYLES = ("uPlot.min.css", "page.css")
 _SCRIPTS = ("uPlot.iife.min.js", "plots.js", "space.js", "tables.js")
-# Of what may end a script or begin markup; JSON and JavaScript read these back.
+# Characters that may end a script or start markup; JSON and JavaScript decode these escapes.
 _UNSAFE = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
 # Colour classes of the absolute correlation.
 _SHADES = 10
@@ -82,7 +82,7 @@ class PackedArrays:
 
 
 class ShownCell(NamedTuple):
-    """A cell: what stands there, what stands lower behind it, and by what it is sorted and found."""
+    """A cell: text, subscript, sort key and text to search for."""
 
     text: str
     below: str = ""
@@ -91,12 +91,12 @@ class ShownCell(NamedTuple):
 
     @property
     def is_long(self) -> bool:
-        """Say whether it has a word, such as a hash, that may break anywhere."""
+        """Whether it contains a long word, such as a hash, that may break anywhere."""
         return any(len(word) >= _LONG for word in self.text.split())
 
 
 class Heading(NamedTuple):
-    """A heading over so many columns, `rows` high."""
+    """A heading that spans `columns` and `rows`."""
 
     text: str
     columns: int
@@ -114,7 +114,7 @@ def symbol_parts(symbol: str) -> tuple[str, str]:
 
 
 def with_code(text: str) -> list[tuple[str, bool]]:
-    """Cut a text at what stands between backticks: pieces, each with whether it is code."""
+    """Split a text at backticks into pieces, each with whether it is code."""
     pieces = _CODE.split(text)
     return [(piece, bool(place % 2)) for place, piece in enumerate(pieces) if piece]
 
@@ -289,7 +289,7 @@ def _hundredths(correlation: float) -> str:
 
 
 def _data(blocks: Sequence[_Block]) -> str:
-    """Return what scripts draw, as JSON that cannot end the element that it stands in."""
+    """Return the data of the plots as JSON that cannot end its script element."""
     arrays = PackedArrays()
     groups: dict[str, Any] = {}
     spaces: dict[str, Any] = {}
@@ -330,7 +330,7 @@ def _plots(plots: Plots, arrays: PackedArrays) -> dict[str, Any]:
 
 
 def _line(line: PlotLine, arrays: PackedArrays) -> dict[str, Any]:
-    # Told from a round time near the first, what is left has all its fractions in seven digits.
+    # Relative to a whole second near the first, float32 keeps the fractions of all times.
     origin = float(round(float(line.time[0]))) if line.time.size else 0.0
     return {
         "label": printable(line.label),
@@ -350,7 +350,7 @@ def write_page(page: Page, path: Path) -> Path:
     Raises
     ------
     FileError
-        If it cannot be written, or another file than a page of auvid's has its name.
+        If it cannot be written, or a file that is not a page of auvid has this name.
     """
     refuse_other_page(path)
     write_text(path, render_page(page))
