@@ -26,10 +26,9 @@ class SensorErrorResult(NamedTuple):
     Attributes
     ----------
     segment : int or None
-        Which of several segments of the data, from 1, a value is of that walks and starts anew in each; None of one
-        that holds for all data.
+        Number of the segment, from 1, for an error that restarts in each segment; else None.
     estimate, standard_deviation : float
-        At the last time of that which the filter reached.
+        At the last time that the filter reached.
     prior_standard_deviation : float
         Standard deviation of the prior.
     observed : bool
@@ -109,12 +108,12 @@ class CoefficientResult(NamedTuple):
         much of what the data hold the filter claims to have got. Below one it claims more, or its prior does. None
         also after divergence, and where the bound is infinite.
     identified : bool
-        Whether its share of the value, see `shares_of_value`, is small enough, and the estimate is sound.
+        Whether the relative uncertainty is small, see `shares_of_value`, and the estimate is sound.
     bound_with_process_noise : float or None
-        Least standard deviation by the data alone if process noise moves the vehicle, see
+        Smallest standard deviation that the data allow with process noise, see
         `auvid_cli.evaluation.bounds`; None without an estimate of the smoother.
     corrected_standard_deviation : float or None
-        With allowance for the autocorrelation of what is left unexplained; None of a filter that is no batch estimator.
+        Accounts for the autocorrelation of the residuals; None except for batch estimators.
     """
 
     filter: str

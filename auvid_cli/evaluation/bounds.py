@@ -157,7 +157,7 @@ class BoundsOf:
 
 def _bounds(prepared: PreparedData, estimate: Estimate) -> Bounds:
     settings = estimate.experiment.identification
-    # An earlier estimate may have gone since.
+    # The file of an earlier estimate may be gone.
     prior = settings.prior.model_copy(update={"from_estimate": None})
     identification = settings.model_copy(update={"prior": prior})
     experiment = estimate.experiment.model_copy(update={"identification": identification})
@@ -169,7 +169,7 @@ def _bounds(prepared: PreparedData, estimate: Estimate) -> Bounds:
 
 
 def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
-    """Find bounds with the settings that data are prepared for.
+    """Return the bounds at given values, with the settings of the prepared data.
 
     Parameters
     ----------
@@ -216,11 +216,11 @@ class DataInformation(NamedTuple):
 
 
 def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> dict[str, float]:
-    """Find what the data say of each coefficient if process noise moves the vehicle as well, by symbol, SI.
+    """Return the bound of each coefficient with process noise, by symbol, SI.
 
     A linear smoother about the most probable trajectory has the least covariance ``P`` of all that know the prior
     ``P0``; the information of the data themselves is ``P^-1 - P0^-1``, which needs no sensitivities of a free motion.
-    Infinite for what the data do not tell from the rest.
+    Infinite for coefficients that the data do not determine.
 
     Parameters
     ----------
@@ -291,7 +291,7 @@ def efficiency_warning(prepared: PreparedData, estimate: Estimate, causes: list[
 
 
 def process_noise_score(prepared: PreparedData, estimate: Estimate) -> float | None:
-    """Judge all process noise at once by Rao's test of its logarithm, about the trajectory of an estimate.
+    """Return Rao's score statistic of the logarithm of all process noise, about the trajectory of an estimate.
 
     Parameters
     ----------
@@ -301,8 +301,7 @@ def process_noise_score(prepared: PreparedData, estimate: Estimate) -> float | N
     Returns
     -------
     float or None
-        Standard deviations by which data ask for more of it or, negative, for less. None where they say nothing of it,
-        or cannot be followed.
+        Standard deviations: positive if the noise is too small, negative if too large. None without information.
     """
     own = prepared.with_settings(estimate.experiment)
     if (about := probable_motion(own, dict(zip(estimate.state, estimate.mean[-1], strict=True)))) is None:

@@ -93,7 +93,7 @@ class Comparison(NamedTuple):
 
 
 def compare_tables(first: ResultTables, second: ResultTables, tolerance: Tolerance) -> Comparison:
-    """Compare results: what the second has, the first must have, and alike.
+    """Compare two results; every value of the second must be in the first and agree.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ _OTHER_BOUND = "The bound holds at the true values, and the fit is far from them
 
 
 def near_its_geometry(estimate: Estimate) -> list[Check]:
-    """Compare the estimated coefficients with what follows from hull and fins; nothing where these are not stated.
+    """Compare the estimated coefficients with values derived from hull and fins, if the vehicle file states these.
 
     A difference above four standard deviations of both is noted: a drawing can be wrong as well.
     """
@@ -135,7 +135,7 @@ def _finished(estimate: Estimate) -> Check:
 
 
 def _sound(estimate: Estimate, judgement: Judgement) -> Check:
-    """Repeat the judgement as a verdict; what nobody has judged is only worth knowing."""
+    """Return the judgement as a check; an unjudged estimate is only noted."""
     return Check.of(
         estimate.filter,
         "coefficients",
@@ -148,7 +148,7 @@ def _sound(estimate: Estimate, judgement: Judgement) -> Check:
 
 
 def _unexplained(estimate: Estimate, causes: list[Cause]) -> Check:
-    """Name what would explain the innovations better than the noise that is stated."""
+    """Check whether another cause explains the innovations better than the stated noise."""
     return Check.of(
         estimate.filter,
         "innovations",
@@ -163,7 +163,7 @@ def _unexplained(estimate: Estimate, causes: list[Cause]) -> Check:
 
 
 def _against_bounds(prepared: PreparedData, estimate: Estimate, bounds: Bounds, causes: list[Cause]) -> list[Check]:
-    """Judge whether the filter claims more than data and prior hold, or got much less."""
+    """Check the standard deviations against the bounds."""
     if bounds.remark:
         return [
             Check.of(
@@ -238,7 +238,7 @@ def _at_limits(estimate: Estimate) -> list[Check]:
 
 
 def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) -> list[Check]:
-    """Judge what the data added to the prior, and how much of each value is known."""
+    """Check the information gained over the prior, and the relative uncertainty."""
     return [
         Check.of_values(
             estimate.filter,
@@ -263,7 +263,7 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
 
 
 def _plausibility(estimate: Estimate) -> list[Check]:
-    """Judge signs by physics and the convention of fin angles, and sizes by what a body of that size can have."""
+    """Check signs by physics and the convention of fin angles, and sizes by the natural magnitude."""
     final = {s: v for s, v in estimate.final_coefficients().items() if s in estimate.state}
     size = estimate.experiment.vehicle.size
     magnitudes = {
@@ -320,7 +320,7 @@ def _sensor_errors(estimate: Estimate) -> list[Check]:
 
 
 def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
-    """Judge whether the standard deviations are honest; simulated data only."""
+    """Check the standard deviations against the true errors of simulated data."""
     rows = estimate.coefficient_rows
     true = np.array([*truth.coefficients_of(estimate.state[i] for i in rows).values()])
     error, deviation = estimate.mean[-1, rows] - true, estimate.standard_deviation[-1, rows]

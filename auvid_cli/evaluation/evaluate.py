@@ -1,4 +1,4 @@
-"""Everything the report needs to know of a dataset and its estimates."""
+"""Evaluation of estimates against their dataset: tables, free runs and judgements."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -55,7 +55,7 @@ class FilterSummary(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """Tables of all filters, the free runs behind one of them, and sentences on what is missing."""
+    """Tables of all filters, their free runs, and remarks."""
 
     coefficients: list[CoefficientResult]
     summary: list[FilterSummary]
@@ -144,7 +144,7 @@ def _bounds_with_process_noise(prepared: PreparedData, estimates: list[Estimate]
 
 
 def _of_different_data(estimates: list[Estimate]) -> list[str]:
-    """Return a sentence if estimates were made from different parts of the data, whose numbers do not compare."""
+    """Return a sentence if the estimates use different parts of the data."""
     used = {estimate.filter: estimate.experiment.identification.use.model_dump_json() for estimate in estimates}
     if len(set(used.values())) < 2:
         return []

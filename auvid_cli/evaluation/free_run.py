@@ -22,7 +22,7 @@ from auvid_cli.vehicle.equations import N_WORK, factors, vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, MOTION_SYMBOLS, N_MOTION, SENSORS, state_of
 
 Array = NDArray[np.float64]
-# What is measured of which motion state an error adds to, and how the velocity is measured over ground.
+# Motion state whose measurements an additive error shifts, by symbol of the error.
 _ADDED = {
     quantity.symbol: state_of(measured)
     for block in ERROR_BLOCKS
@@ -49,7 +49,7 @@ class MeasurementErrors(NamedTuple):
 
 
 def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
-    """Pick them from the components of a state, shape (len(state),)."""
+    """Return the estimated measurement errors of a state, shape (len(state),)."""
     by_symbol = dict(zip(state, values, strict=True))
     offset = {_ADDED[symbol]: value for symbol, value in by_symbol.items() if symbol in _ADDED}
     return MeasurementErrors(
@@ -59,7 +59,7 @@ def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
 
 
 def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
-    """Return what noiseless sensors would say of a motion.
+    """Return the noiseless measurements of a motion.
 
     The velocity is that of a DVL, see `auvid_cli.identification.sensors`.
 
@@ -80,7 +80,7 @@ def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
 
 
 def motion_behind(measurement: Array, errors: MeasurementErrors) -> Array:
-    """Return the motion of which noiseless sensors would say this; inverts `measured_motion`."""
+    """Return the motion of noiseless measurements; inverts `measured_motion`."""
     motion = measurement - errors.offset[: measurement.shape[-1]]
     motion[..., :3] = velocity_behind(motion, errors.dvl)
     return motion

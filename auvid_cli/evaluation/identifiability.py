@@ -75,8 +75,7 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
             "has them (--at FILE), or copy the values of a similar vehicle"
         )
     prepared = resolve_settings(prepare(dataset))
-    # Where other coefficients are asked for, the truth is not where they lead. With a vehicle file's the most probable
-    # motion would owe what the file lacks to process noise, which sways and turns apart where the vehicle did not.
+    # The true motion belongs to the true coefficients; others have their own most probable motion.
     about = probable_motion(prepared, coefficients)
     along = true_motion(prepared) if at is None else None if about is None else about.motion()
     information = information_at(prepared, coefficients, true_initial_motions(prepared), along)
@@ -236,7 +235,7 @@ def _error_bound(deviation: float, prior_std: float) -> SensorErrorBound:
 
 
 def _shares(by_sensor: Mapping[str, Information], n: int) -> dict[str, Array]:
-    """Return the shares ``c' I_s c / c' I c`` of what holds down the variances ``c = I^-1 e``, by sensor."""
+    """Return the shares of the information, ``c' I_s c / c' I c`` with ``c = I^-1 e``, by sensor."""
     root = reduce(Information.join, by_sensor.values()).uncertainty().root
     directions = root @ root.T[:, :n]
     squares = {name: np.square(information.factor @ directions).sum(axis=0) for name, information in by_sensor.items()}
@@ -247,7 +246,7 @@ def _shares(by_sensor: Mapping[str, Information], n: int) -> dict[str, Array]:
 def _collinear(
     names: tuple[str, ...], value: Array, size: Array, covariance: Array, correlation: Array, percent: Array
 ) -> list[Collinear]:
-    """Group what correlations link, with the combination of each group that is known best in proportion."""
+    """Return groups of correlated coefficients with the best determined combination of each."""
     linked = np.abs(np.nan_to_num(correlation)) > LARGEST_CORRELATION
     groups, left = [], set(range(len(names)))
     while left:

@@ -120,7 +120,7 @@ def mean_nis(estimate: Estimate) -> float:
 
 
 def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
-    """Judge NIS, whiteness and freedom from the inputs, sensor by sensor."""
+    """Check NIS, whiteness and correlation with the inputs, sensor by sensor."""
     checks = []
     for sensor, innovations in estimate.innovations.items():
         if innovations.used().any():
@@ -201,7 +201,7 @@ def _outliers(filter_name: str, sensor: str, innovations: Innovations) -> Check:
 
 
 def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    """Judge the largest autocorrelation of the normalised innovations over some lags."""
+    """Check the largest autocorrelation of the normalised innovations."""
     lags = np.arange(1, LAGS + 1)
     # Later lags have fewer pairs: scale each correlation to its own number.
     largest = {
@@ -226,7 +226,7 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check
 
 
 def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Dataset) -> Check:
-    """Judge the correlation of the innovations with what the actuators did shortly before."""
+    """Check the correlation of the innovations with the latest inputs."""
     correlations = {}
     held = np.searchsorted(dataset.inputs.time, innovations.time, side="right") - 1
     for column, quantity in enumerate(SENSORS[sensor]):
@@ -272,7 +272,7 @@ def _uncorrelated(
 
 
 def _normalised(innovations: Innovations, column: int) -> Array:
-    """Divide innovations by their standard deviations; NaN where a fit left a residual no room."""
+    """Return innovations over their standard deviations; NaN where the variance is zero."""
     variance = innovations.variance[:, column]
     return innovations.innovation[:, column] / np.sqrt(np.where(variance > 0.0, variance, np.nan))
 
@@ -294,13 +294,13 @@ _TUNE_SENSORS = "`auvid tune --sensors` finds how much"
 
 
 def likely_causes(estimate: Estimate) -> list[Cause]:
-    """List what the innovations of an estimate look like, the likeliest first.
+    """Return the likely causes of the innovations of an estimate, the likeliest first.
 
     Parameters
     ----------
     estimate : Estimate
-        Best the smoother's, which has been tested for faults. A fault that scores z gains z^2 / 2. It leaves errors
-        that last: where the likeliest explains most of these, they are named with what they gain beyond it.
+        Preferably of the smoother, which has fault tests. A fault with score z gains z^2 / 2. It also correlates errors
+        in time; if the likeliest fault explains most of that, only the gain beyond it counts.
     """
     faults = [
         Cause(0.5 * test.z**2, str(test), test.fault.remedy)
@@ -324,7 +324,7 @@ def likely_causes(estimate: Estimate) -> list[Cause]:
 
 
 def causes_text(causes: list[Cause]) -> str:
-    """Write the likeliest causes down; empty if there are none."""
+    """Return the likeliest causes as text; empty if there are none."""
     return "; or ".join(map(str, causes[:_MAX_CAUSES]))
 
 

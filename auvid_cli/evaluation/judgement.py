@@ -204,7 +204,7 @@ class Judgement(NamedTuple):
 
     @property
     def advice(self) -> str:
-        """Return reason and remedy, as far as there are such."""
+        """Return reason and remedy, if any."""
         return "; ".join(part for part in (self.reason, self.remedy) if part)
 
     def __str__(self) -> str:

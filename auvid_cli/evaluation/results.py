@@ -55,7 +55,7 @@ class CoefficientBound(NamedTuple):
 
 
 class Collinear(NamedTuple):
-    """Coefficients of which the data determine a combination better than each.
+    """Coefficients that the data cannot separate.
 
     Attributes
     ----------
@@ -95,13 +95,13 @@ class FixSuggestion(NamedTuple):
     Attributes
     ----------
     held : tuple of str
-        Known to 20 % by no data of this kind; the others are, with these at known values.
+        Coefficients to fix; with these at known values, the others are known to 20 %.
     worst_percent : float
         Largest bound of one that is kept, in percent of its value.
     motions : tuple of str
         Motions with kept coefficients: "surge", "sway" and so on.
     unstated : tuple of str
-        Those among the held of which the vehicle file has no value.
+        Coefficients to fix that have no value in the vehicle file.
     """
 
     held: tuple[str, ...]
@@ -112,7 +112,7 @@ class FixSuggestion(NamedTuple):
 
 
 class Identifiability(NamedTuple):
-    """Bounds of coefficients and sensor errors by what data hold at best.
+    """Bounds of coefficients and sensor errors.
 
     Attributes
     ----------
@@ -191,7 +191,7 @@ class FreeRun(NamedTuple):
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """Return what its columns are."""
+        """Return the quantities of the columns."""
         return MOTION_AND_DEPTH[: self.motion.shape[1]]
 
     def to_pandas(self) -> "pd.DataFrame":

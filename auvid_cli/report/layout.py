@@ -80,7 +80,7 @@ def published(table: str) -> dict[str, dict[str, str]]:
 
 
 def published_filters(table: str, column: str, filters: list[str]) -> list[str]:
-    """Return those of `filters` for which the paper has `column`, in the order given."""
+    """Return the filters for which the paper has `column`."""
     columns = {name for row in published(table).values() for name in row}
     return [name for name in filters if f"{column}_{name}" in columns]
 
@@ -108,7 +108,7 @@ def _columns(group: str, filters: list[str]) -> list[Column]:
 
 
 def results_by_coefficient(evaluation: Evaluation) -> dict[str, dict[str, CoefficientResult]]:
-    """Return results by coefficient and filter, in the order in which they come."""
+    """Return the results by coefficient and filter."""
     results: dict[str, dict[str, CoefficientResult]] = {}
     for row in evaluation.coefficients:
         results.setdefault(row.coefficient, {})[row.filter] = row
@@ -210,7 +210,7 @@ def table_iv(evaluation: Evaluation) -> dict[str, NamedRows]:
 
 
 def _plain(cell: Cell) -> str | float | None:
-    """Return what a CSV file has for a cell, without marks and standard deviations."""
+    """Return the value of a cell for a CSV file, without marks and standard deviations."""
     match cell:
         case Unidentified(inner):
             return _plain(inner)
@@ -222,12 +222,12 @@ def _plain(cell: Cell) -> str | float | None:
 
 
 def marked(row: CoefficientResult, cell: float | PlusMinus | None) -> Cell:
-    """Mark what the data do not determine."""
+    """Return the cell with a mark if the data do not determine the coefficient."""
     return cell if row.identified or cell is None else Unidentified(cell)
 
 
 def mark_explained(evaluation: Evaluation) -> list[str]:
-    """Return the sentence that explains the mark, if anything is marked."""
+    """Return the explanation of the mark if any coefficient is marked."""
     return [] if all(row.identified for row in evaluation.coefficients) else [UNIDENTIFIED]
 
 
@@ -265,7 +265,7 @@ def _corrected(row: CoefficientResult) -> list[Cell]:
 
 
 def _bounds(evaluation: Evaluation) -> Table:
-    """Lay out bounds: at the truth there is one; at each filter's own estimate it is another for each."""
+    """Return the bounds: one column at the true values, or one for each filter at its estimate."""
     filters = _filters(evaluation)
     rows: list[list[Cell]] = []
     results_of = results_by_coefficient(evaluation)
@@ -322,7 +322,7 @@ def _velocities(evaluation: Evaluation) -> Table:
 
 
 def consistency(evaluation: Evaluation) -> Table:
-    """Lay out the mean NIS by sensor and filter, as for the terminal so for files."""
+    """Return the mean NIS by sensor and filter."""
     filters = _filters(evaluation)
     nis = {(row.sensor, row.filter): row.mean_nis for row in evaluation.consistency}
     expected = {
@@ -369,7 +369,7 @@ def _faults(evaluation: Evaluation) -> Table:
 
 
 def rejections(evaluation: Evaluation) -> list[str]:
-    """Return a sentence for each filter whose gate rejected measurements, and each fit that weighed some down."""
+    """Return a sentence for each filter that rejected measurements or reduced their weight."""
     sentences = []
     for name in _filters(evaluation):
         counts = [
@@ -406,7 +406,7 @@ def _sensor_errors(evaluation: Evaluation) -> Table:
 
 
 def unobserved(evaluation: Evaluation) -> list[str]:
-    """Return a sentence for each filter that was asked for a sensor error which the data do not determine."""
+    """Return a sentence for each filter with sensor errors that the data do not determine."""
     sentences = []
     for name in _filters(evaluation):
         states = dict.fromkeys(row.state for row in evaluation.sensor_errors if row.filter == name and not row.observed)
@@ -418,7 +418,7 @@ def unobserved(evaluation: Evaluation) -> list[str]:
 
 
 def runs(evaluation: Evaluation) -> Table:
-    """Lay out error, cost and judgement of each filter, as for the terminal so for files."""
+    """Return error, cost and judgement of each filter."""
     headers = _AVERAGE, "CPU time s", "steps", "µs/step"
     columns = Column("filter", numeric=False), *map(Column, headers), Column("judgement", numeric=False)
     rows: list[list[Cell]] = [

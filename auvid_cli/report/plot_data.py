@@ -50,7 +50,7 @@ def scale_of(quantity: Quantity) -> Scale:
 
 
 def finite(values: Array) -> Array:
-    """Put NaN for what is infinite, which breaks a line instead of shooting off."""
+    """Return values with NaN for infinity, which breaks a line."""
     return np.where(np.isfinite(values), values, np.nan)
 
 
@@ -108,7 +108,7 @@ def log_spaced(time: Array, first: float, points: int) -> NDArray[np.int64]:
 
 
 def unwrapped(angle: Array) -> Array:
-    """Take the jumps of a turn out of an angle, rad; gaps stay gaps."""
+    """Return an angle, rad, without jumps of a turn; gaps stay gaps."""
     result = finite(angle)
     is_known = ~np.isnan(result)
     result[is_known] = np.unwrap(result[is_known])
@@ -125,13 +125,13 @@ def value_range(*series: Array) -> tuple[float, float] | None:
 
 
 def with_margin(low: float, high: float) -> tuple[float, float]:
-    """Leave some room on both sides; a point gets room of its own size."""
+    """Return limits with a margin on both sides, also around a single value."""
     room = _MARGIN * (high - low) or 0.05 * abs(high) or 1.0
     return low - room, high + room
 
 
 def around(reference: tuple[float, float] | None, others: tuple[float, float] | None) -> tuple[float, float]:
-    """Leave room for the reference, and for the others as far as they stray no further than its own height."""
+    """Return limits around a reference range, extended to other ranges by at most its own height."""
     if reference is None:
         return with_margin(*others) if others is not None else (-1.0, 1.0)
     low, high = reference

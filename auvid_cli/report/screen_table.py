@@ -29,7 +29,7 @@ _PLAIN = str.maketrans({"±": "+-", "µ": "u", "†": "?"})
 
 
 class PlainConsole(Console):
-    """A console whose own signs alone steer the terminal: those in a text are written out."""
+    """A console that prints control characters of a text as visible escapes."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Turn something into segments, as `Console.render`."""
@@ -45,7 +45,7 @@ def screen_table(
     styles: Mapping[str, str] = NO_STYLES,
     left_out: Sequence[str] = (),
 ) -> ScreenTable:
-    """Render a table for a console: a rule under the headings, and below what was left out of it, if anything was.
+    """Return a table for a console, with the names of the columns that were left out below it.
 
     Parameters
     ----------

@@ -89,7 +89,7 @@ def sentences(design: "Design") -> list[str]:
 
 
 def print_terms(console: Console, findings: TermFindings) -> None:
-    """Print what was looked at, and what came of it."""
+    """Print the candidate terms and the result of the search."""
     columns = (
         *(Column(header, numeric=False) for header in ("look", "term")),
         *(Column(header) for header in ("size", "+-", "gain", "made up %", "held-out gain", "gain of all")),
@@ -138,7 +138,7 @@ def _conclusion(findings: TermFindings) -> str:
 
 
 def print_import_report(console: Console, summaries: Sequence[ImportSummary], remarks: Sequence[str]) -> None:
-    """Print rate, span and losses of each sensor and input, and under the table what else was done."""
+    """Print rate, span and losses of each sensor and input, and the remarks of the import."""
     headers = "rate Hz", "samples", "from s", "to s", "missing", "duplicates"
     rows: list[list[Cell]] = [
         [

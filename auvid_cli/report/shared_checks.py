@@ -69,7 +69,7 @@ class Advice(NamedTuple):
 
     @property
     def filters(self) -> tuple[str, ...]:
-        """Return whose it is."""
+        """Return the estimates that share the advice."""
         return self.shared[0].filters
 
     @property

@@ -121,7 +121,7 @@ def _leave_room(panels: NDArray[Any]) -> None:
 
 
 def _write_losses(axes: Axes, by_level: list["pd.DataFrame"], places: Array) -> None:
-    """Write below each box what share of its runs did not end, if any."""
+    """Write the share of failed runs below each box, if there are any."""
     style = {"rotation": 90, "fontsize": 6.5, "ha": "center", "va": "bottom", "color": "#A00000"}
     for place, runs in zip(places, by_level, strict=True):
         lost = float((~ended(runs)).mean()) if len(runs) else 0.0

@@ -28,7 +28,7 @@ from auvid_cli.report.figures.style import (
     new_figure,
     new_panels,
     plain_decades,
-    say,
+    show_message,
 )
 from auvid_cli.report.plot_data import (
     CoefficientPlot,
@@ -80,7 +80,7 @@ def estimate_figure(symbols: Sequence[str], estimates: list[EstimateHistory], tr
         plain_decades(axes.xaxis)
         _draw_lines(axes, plot)
         if plot.limits is None:
-            say(axes, "no estimate")
+            show_message(axes, "no estimate")
             continue
         axes.set_ylim(*plot.limits)
         if plot.true is not None:
@@ -117,7 +117,7 @@ def convergence_figure(symbols: Sequence[str], estimates: list[EstimateHistory],
             draw_band(axes, line.band_time, limits[0], line.band, color, len(estimates))
         _draw_lines(axes, plot)
         if not plot.lines:
-            say(axes, "no estimate")
+            show_message(axes, "no estimate")
     name_values(figure, f"distance from the {'true' if true else 'final'} value (% of it)")
     return figure
 

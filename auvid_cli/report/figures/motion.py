@@ -32,7 +32,7 @@ from auvid_cli.report.figures.style import (
     new_figure,
     new_panels,
     plain_decades,
-    say,
+    show_message,
     sized_figure,
     tidy,
 )
@@ -89,7 +89,7 @@ def path_figure(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> 
     views, plan = figure.add_subplot(grid[:, 0], projection="3d"), figure.add_subplot(grid[0, 1])
     assert isinstance(views, Axes3D)
     if not tracks:
-        say(plan, "no finite position")
+        show_message(plan, "no finite position")
         return figure
     profile = figure.add_subplot(grid[1, 1] if has_distance else grid[1:, 1])
     _draw_in_space(views, tracks)
@@ -270,7 +270,7 @@ def _draw_motion_panel(
         reference = value_range(values) or reference
     others = value_range(*every)
     if reference is None and others is None:
-        say(axes, "nothing finite to draw")
+        show_message(axes, "nothing finite to draw")
     axes.set_ylim(*around(reference, others))
     axes.set_xlim(*span)
 
@@ -345,7 +345,7 @@ def _draw_error_panel(
         axes.plot(at, error, **style.marked_line(position, at.size), zorder=2.0 + 0.1 * position)
         (sound if estimate.completed else others).append((error, band))
     if not sound + others:
-        say(axes, "no estimate")
+        show_message(axes, "no estimate")
         return
     height = _height(sound or others)
     axes.set_ylim(-height, height)

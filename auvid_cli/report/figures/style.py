@@ -226,7 +226,7 @@ def head(axes: Axes, text: str) -> None:
     axes.set_title(text, fontsize=9.5, y=1.0)
 
 
-def say(axes: Axes, text: str) -> None:
+def show_message(axes: Axes, text: str) -> None:
     """Write a message in an empty panel."""
     axes.tick_params(axis="y", left=False, labelleft=False)
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=9, color="0.35")

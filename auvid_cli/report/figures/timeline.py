@@ -176,7 +176,7 @@ def _signals(sensor: str, record: SensorRecord) -> list[_Signal]:
 
 
 def _handles(inspection: Inspection) -> list[Artist]:
-    """Return the entries of the legend, of what is there."""
+    """Return the legend entries of the marks that exist."""
     present = {mark.kind for mark in inspection.marks}
     handles: list[Artist] = [Patch(color=_PRESENT, label="measurements present")]
     for kind, look in _KINDS.items():

@@ -28,7 +28,7 @@ from auvid_cli.report.figures.style import (
     new_figure,
     new_panels,
     plain_decades,
-    say,
+    show_message,
 )
 from auvid_cli.report.plot_data import around, free_run_residual, scale_of, value_range
 from auvid_cli.report.table import filter_label, symbol_math
@@ -234,7 +234,7 @@ def _draw_panel(axes: Axes, panel: _Panel, runs: dict[str, FreeRun], span: tuple
         means.append(mean)
         axes.plot(middle, mean, **FILTER_STYLES[name].marked_line(position, parts), zorder=2.0 + 0.1 * position)
     if value_range(*means) is None:
-        say(axes, "no free run")
+        show_message(axes, "no free run")
         return
     axes.set_ylim(*_free_run_limits(noise, means, scale.factor * float(np.ptp(panel.values))))
 
@@ -274,7 +274,7 @@ def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figur
         if rows:
             _draw(axes, filter_name, rows, scale.factor)
         else:
-            say(axes, "no measurements ahead")
+            show_message(axes, "no measurements ahead")
     for axes in panels.flat[len(quantities) - _COLUMNS : len(quantities)]:
         axes.set_xlabel("horizon (s)", fontsize=9)
         axes.tick_params(labelbottom=True)

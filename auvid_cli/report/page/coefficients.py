@@ -188,7 +188,7 @@ def _against_truth(row: CoefficientResult) -> list[Cell]:
 
 
 def _rounded(value: float | None, digits: int) -> Cell:
-    """Round a number to what is shown, so that it is also sorted by it."""
+    """Return a number with the digits shown, by which the column is then sorted as well."""
     return None if value is None else number(value, digits)
 
 

@@ -89,7 +89,7 @@ def envelope(time: Array, values: Array, spans: int) -> tuple[Array, Array]:
 
 
 def course_parts(dataset: Dataset, runs: Mapping[str, FreeRun]) -> list[Part]:
-    """Return plots that are zoomed together: inputs, then what each sensor read, and what free runs leave of that."""
+    """Return plots that are zoomed together: inputs, measurements, and residuals of the free runs."""
     plots = [*input_plots(dataset.inputs), *sensor_plots(dataset.sensors, runs)]
     residuals = "Residuals are measurements minus the free run, in which the inputs alone drive the final model."
     return [Words([f"{HOW_TO_LOOK} {residuals}"]), Plots(plots, linked="time", wide=True)]
@@ -112,7 +112,7 @@ def sensor_plots(
     runs: Mapping[str, FreeRun],
     marks: Mapping[str, list[tuple[float, float]]] | None = None,
 ) -> list[Plot]:
-    """Plot what each component of each sensor read, shaded at its marks, and its residuals."""
+    """Plot the measurements of each component of each sensor, with shaded marks, and their residuals."""
     plots = []
     for name, record in sensors.items():
         for column, quantity in enumerate(SENSORS[name]):
@@ -160,7 +160,7 @@ def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, run
 
 
 def _root_mean_square(values: Array) -> float:
-    """Return it also of values whose squares are too large for a number."""
+    """Return the root mean square without overflow."""
     largest = float(np.abs(values).max())
     return largest * float(np.sqrt(np.mean((values / largest) ** 2))) if largest else 0.0
 

@@ -84,7 +84,7 @@ _TOP = 24.0
 
 
 def judgement_parts(evaluation: Evaluation, checks: Sequence[Check]) -> list[Part]:
-    """Return a verdict for each filter, with the numbers that everybody asks for, and what checks have to say.
+    """Return a card with judgement and main numbers for each filter, and the advice of the checks.
 
     A verdict is one sentence with what to do.
     """
@@ -136,7 +136,7 @@ def _in_words(advice: Advice, names: Sequence[str]) -> str:
 
 
 def check_parts(checks: Iterable[Check]) -> list[Part]:
-    """Return verdicts as tables: what did not pass, once for all estimates that share it, with advice; and the rest."""
+    """Return the checks as tables: those that did not pass with their advice, and those that passed."""
     ordered = list(checks)
     if not ordered:
         return []
@@ -328,7 +328,7 @@ def _horizon(filter_name: str, symbol: str, rows: Sequence[Prediction], scale: S
 
 
 def identifiability_page(dataset: Dataset, identifiability: Identifiability, where: str) -> Page:
-    """Lay out bounds, by what they are got, how they fall with time, and which coefficients go together.
+    """Return the page of the bounds: by coefficient, over time, and inseparable coefficients.
 
     Parameters
     ----------

@@ -156,9 +156,9 @@ class PlotLine(NamedTuple):
     kind : str
         Drawn as a line, as steps or as dots.
     of : str
-        Filter with whose choice the line is shown; empty if it always is.
+        Filter whose selection shows the line; empty if it is always shown.
     key : str
-        What a legend below the plot alone says of lines that look like this one; empty where one above all plots does.
+        Entry for this look in a legend below the plot; empty if the legend is above all plots.
     """
 
     label: str
@@ -202,7 +202,7 @@ class Plots(NamedTuple):
     Attributes
     ----------
     linked : str
-        Those of the same word are zoomed together; empty if each is by itself.
+        Plots with the same word are zoomed together; empty for a plot by itself.
     choice : mapping of str
         Labels of the filters, by name, of which one is shown at a time; empty if all are.
     wide : bool
@@ -265,7 +265,7 @@ class Matrix(NamedTuple):
 
 
 class Card(NamedTuple):
-    """A verdict: of what, the word, the sentence, and some numbers by name."""
+    """A judgement: heading, grade, sentence, and numbers by name."""
 
     heading: str
     look: str
@@ -298,7 +298,7 @@ Part: TypeAlias = Plots | Space | TablePart | Matrix | Cards | Words | Listing |
 
 
 class Section(NamedTuple):
-    """Parts below a heading; `key` is what links to it say."""
+    """Parts below a heading; `key` is the target of links."""
 
     key: str
     title: str

@@ -185,7 +185,7 @@ def heading_rows(table: Table) -> list[list[Heading]]:
 
 
 class _Name:
-    """Names of a column in plain text; what Markdown writes in italics has asterisks around it."""
+    """Names of a column in plain text, without the asterisks of Markdown."""
 
     def __init__(self, column: Column) -> None:
         self.header = one_line(capitalised(column.header))
@@ -194,7 +194,7 @@ class _Name:
 
 
 class _Block(NamedTuple):
-    """A part with the name of what draws it, and a key that is its own."""
+    """A part with the name of its macro and a unique key."""
 
     kind: str
     key: str
@@ -230,7 +230,7 @@ def _blocks(section: Section) -> list[_Block]:
 
 
 def _policy(styles: Sequence[str], scripts: Sequence[str]) -> str:
-    """Return the policy that allows what the page brings along, by its hash, and no network, other script or form."""
+    """Return the content security policy: only the scripts and styles of the page, by hash, and no network."""
     scripted, styled = (" ".join(map(_hash, texts)) for texts in (scripts, styles))
     return f"default-src 'none'; script-src {scripted}; style-src {styled}; base-uri 'none'; form-action 'none'"
 

@@ -37,7 +37,7 @@ def what_ran(dataset: Dataset) -> str:
 
 
 def provenance_section(dataset: Dataset) -> Section:
-    """Return what is needed to make the same numbers again.
+    """Return settings, versions and hashes that reproduce the numbers.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def provenance_section(dataset: Dataset) -> Section:
 
 
 def campaign_provenance(campaign: Campaign) -> Section:
-    """Return what is needed to make the runs of a campaign again."""
+    """Return settings, versions and hashes that reproduce the runs of a campaign."""
     return _section(dump_campaign(campaign), "auvid campaign", "")
 
 
