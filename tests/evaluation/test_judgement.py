@@ -95,7 +95,7 @@ def test_the_largest_fault_makes_all_doubtful_and_is_named_with_its_remedy(sign,
         assert judgement.grade is Grade.DOUBTFUL
         assert f"delay of the gyroscope ({late.size:.3g} +- 0.001 s, 3.5 sigma)" in judgement.reason
         assert judgement.remedy.endswith(
-            "if the fault is still named, subtract it from the times of the gyroscope where they are recorded or "
+            "if the fault remains, subtract it from the times of the gyroscope where they are recorded or "
             "imported, or state it (identification.delays.gyroscope)"
         )
 
@@ -130,7 +130,7 @@ def test_innovations_of_the_smoother_that_are_too_large_are_told_with_their_sens
     large = replace(smoother, innovations=smoother.innovations | {"gyroscope": white(rng, 1.1)})
     for judgement in judge([ckf, large]).values():
         assert judgement.grade is Grade.DOUBTFUL
-        assert judgement.reason.startswith("innovations of gyroscope are larger than the smoother says")
+        assert judgement.reason.startswith("innovations of gyroscope are larger than expected")
         assert "more noise of gyroscope" in judgement.remedy
 
 

@@ -94,7 +94,7 @@ def test_a_fit_that_did_not_settle_is_given_more_steps_and_not_called_unstable(n
     assert limit in remedy(off)
     assert "larger than the noise" in remedy(off)
     assert ("noise=estimate" in remedy(off)) == (name == "smoother")
-    assert "hold them" in remedy(replace(off, innovations=near))
+    assert "fix them" in remedy(replace(off, innovations=near))
     assert "unstable" not in remedy(off) + remedy(replace(off, innovations=near))
 
 
