@@ -146,7 +146,7 @@ def test_an_attitude_is_judged_where_it_is_no_ahrs(smoother, experiment_with):
     assert judge_one(smoother, None).grade is Grade.SOUND
     judgement = judge_one(direct, None)
     assert judgement.grade is Grade.DOUBTFUL
-    assert judgement.reason.startswith("innovations of attitude last")
+    assert judgement.reason.startswith("innovations of attitude are correlated")
 
 
 def test_one_far_from_the_smoother_is_doubtful_by_its_worst_coefficient(ckf, smoother):
