@@ -178,12 +178,12 @@ def hand_made(experiment_with):
 
 @pytest.fixture(scope="session")
 def leave_figures_out() -> Callable[[pytest.MonkeyPatch], None]:
-    """Function: let a monkeypatch put files of their names in place of figures, which take seconds to draw."""
+    """Function that makes a monkeypatch write text files instead of figures, which take seconds to draw."""
 
-    def save_kind(kind, arguments, folder, name, formats):
+    def save_name(request, folder, name, formats):
         paths = [folder / f"{name}.{suffix}" for suffix in formats]
         for path in paths:
-            write_text(path, kind)
+            write_text(path, name)
         return paths
 
     @contextmanager
@@ -192,7 +192,7 @@ def leave_figures_out() -> Callable[[pytest.MonkeyPatch], None]:
             yield executor.submit
 
     def leave_out(patch: pytest.MonkeyPatch) -> None:
-        patch.setattr(draw, "draw_and_save", save_kind)
+        patch.setattr(draw, "draw_and_save", save_name)
         patch.setattr(workers, "figure_workers", one_thread)
         patch.setattr(workers, "load_ahead", lambda: None)
 

@@ -8,12 +8,12 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation import evaluate as evaluation
 from auvid_cli.evaluation import judgement
-from auvid_cli.evaluation.assessment import Identifiability
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.estimate_checks import check_estimates
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.evaluation.judgement import Judgement
+from auvid_cli.evaluation.results import Identifiability
 from auvid_cli.identification.prepared_data import PreparedData, prepare
 from auvid_cli.validation.data_leakage import unseen_segments
 from auvid_cli.validation.results import Validation

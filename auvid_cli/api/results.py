@@ -30,8 +30,8 @@ from auvid_cli.data.files import (
 from auvid_cli.data.hdf5 import scan
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.results import put_copy, read_results, refuse_other_page
-from auvid_cli.evaluation.assessment import Identifiability
 from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.evaluation.results import Identifiability
 from auvid_cli.report.figures.draw import FigureQueue, drawing
 from auvid_cli.report.layout import write_tables
 from auvid_cli.report.page.pages import identifiability_page, run_page, validation_page

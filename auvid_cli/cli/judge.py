@@ -166,7 +166,7 @@ def compare(
     folder: texts must be equal, numbers within the tolerances. Processor times and judgements are not compared.
     """
     from auvid_cli.api.data import compare_results
-    from auvid_cli.report.comparison_screen import print_comparison
+    from auvid_cli.report.screens import print_comparison
 
     terminal = Terminal(quiet, verbose)
     comparison = compare_results(first, second, *_shares(relative or []), deviations)

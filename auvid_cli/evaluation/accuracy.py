@@ -21,19 +21,16 @@ LARGEST_SHARE_OF_VALUE = 0.2
 
 
 class SensorErrorResult(NamedTuple):
-    """One state that stands for a sensor's error, by one filter; a row of ``sensor_errors.csv``.
+    """Estimate of one sensor error by one filter; a row of ``sensor_errors.csv``.
 
     Attributes
     ----------
-    filter, state : str
     segment : int or None
-        Which of several segments of the data, from 1, a value is of that walks and starts anew in each; None of one
-        that holds for all data.
-    sensor, unit : str
+        Number of the segment, from 1, for an error that restarts in each segment; else None.
     estimate, standard_deviation : float
-        At the last time of that which the filter reached.
+        At the last time that the filter reached.
     prior_standard_deviation : float
-        What the settings said before any data.
+        Standard deviation of the prior.
     observed : bool
         Whether the data narrowed it to less than half.
     """
@@ -54,7 +51,6 @@ def sensor_error_results(estimate: Estimate, ends: Sequence[float] = ()) -> list
 
     Parameters
     ----------
-    estimate : Estimate
     ends : sequence of float
         s, last times of the segments of its data; without them only what it found last is returned.
     """
@@ -78,7 +74,7 @@ def sensor_error_results(estimate: Estimate, ends: Sequence[float] = ()) -> list
 
 
 def _rows(estimate: Estimate, block: ErrorBlock, ends: Sequence[float]) -> list[tuple[int | None, int]]:
-    """Return the last row of each segment in which a block starts anew, as far as the filter went; else the last."""
+    """Return the last row of each segment for a block that restarts in each, else the last row."""
     starts_anew = block.walk > 0.0 and block.time_constant == inf
     if len(ends) < 2 or not starts_anew:
         return [(None, -1)]
@@ -88,7 +84,7 @@ def _rows(estimate: Estimate, block: ErrorBlock, ends: Sequence[float]) -> list[
 
 
 def is_observed(deviation: float, prior: float) -> bool:
-    """Say whether the data, and not the prior, determine a sensor's error."""
+    """Whether the data, not the prior, determine a sensor error."""
     return deviation <= LARGEST_SHARE * prior
 
 
@@ -97,7 +93,6 @@ class CoefficientResult(NamedTuple):
 
     Attributes
     ----------
-    filter, coefficient, unit : str
     true : float or None
         None without truth.
     estimate, standard_deviation : float
@@ -113,12 +108,12 @@ class CoefficientResult(NamedTuple):
         much of what the data hold the filter claims to have got. Below one it claims more, or its prior does. None
         also after divergence, and where the bound is infinite.
     identified : bool
-        Whether its share of the value, see `shares_of_value`, is small enough, and the estimate is sound.
+        Whether the relative uncertainty is small, see `shares_of_value`, and the estimate is sound.
     bound_with_process_noise : float or None
-        Least standard deviation by the data alone if process noise moves the vehicle, see
+        Smallest standard deviation that the data allow with process noise, see
         `auvid_cli.evaluation.bounds`; None without an estimate of the smoother.
     corrected_standard_deviation : float or None
-        With allowance for the autocorrelation of what is left unexplained; None of a filter that is no batch estimator.
+        Accounts for the autocorrelation of the residuals; None except for batch estimators.
     """
 
     filter: str
@@ -143,8 +138,6 @@ def coefficient_results(
 
     Parameters
     ----------
-    estimate : Estimate
-    truth : TruthRecord or None
     bounds : mapping
         Cramer-Rao's by symbol, as far as known.
     is_sound : bool
@@ -185,7 +178,7 @@ def coefficient_results(
 
 
 def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float]) -> dict[str, float]:
-    """Say how large the uncertainty of each coefficient is in proportion, by symbol.
+    """Return the relative uncertainty of each coefficient, by symbol.
 
     The larger of the standard deviation and, where it is known, the Cramer-Rao bound, over the true value, else over
     the estimate. Where the truth is zero: over the natural magnitude of a body of this size.
@@ -205,7 +198,7 @@ def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mappi
 
 
 def shares_of_prior(estimate: Estimate) -> dict[str, float]:
-    """Say which share of the prior's standard deviation is left of each coefficient, by symbol."""
+    """Return the standard deviation of each coefficient relative to its prior, by symbol."""
     settings = estimate.experiment.identification
     priors = coefficient_priors(estimate.experiment.vehicle, settings.prior)
     left = {}
@@ -213,7 +206,7 @@ def shares_of_prior(estimate: Estimate) -> dict[str, float]:
         if symbol in priors:
             before = priors[symbol].standard_deviation
             if settings.prior.from_estimate is not None:
-                # What an earlier estimate knew is what the filter begins with.
+                # The filter started from the earlier estimate.
                 before = estimate.standard_deviation[0, i]
             left[symbol] = float(estimate.standard_deviation[-1, i] / before)
     return left

@@ -12,7 +12,7 @@ from scipy.linalg import block_diag, solve_triangular
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import Cause
 from auvid_cli.errors import DataError
-from auvid_cli.evaluation.causes import LARGEST_FAULT, causes_text
+from auvid_cli.evaluation.innovations import LARGEST_FAULT, causes_text
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, gauss_newton
 from auvid_cli.filters.noise_likelihood import noise_scores_about
 from auvid_cli.filters.smoother import follow_measurements
@@ -23,27 +23,18 @@ from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
 
 Array = NDArray[np.float64]
-# Instants beyond those between which a spline is wanted.
-_NEIGHBOURS = 8
-# Share of the prior's spread that parameters keep which are held, and passes through the data to find the rest.
-_HELD, _PASSES = 1e-4, 20
+_NEIGHBOURS = 8  # samples of a spline beyond its span
+_FIXED_SPREAD = 1e-4  # of a fixed parameter, relative to its prior
+_MAX_PASSES = 20
 # Shares below this are rounding.
 _ROUNDING = 1e-9
 UNSTABLE = (
-    "the motion is unstable in open loop, and after {:.3g} s its sensitivities differ by more than numbers can hold"
+    "the motion is unstable in open loop, and after {:.3g} s its sensitivities exceed the range of floating point"
 )
 
 
 class ProbableMotion(NamedTuple):
-    """The most probable motion of data with some parameters held, and the linear problem about it.
-
-    Attributes
-    ----------
-    prepared : PreparedData
-    augmented : AugmentedProblem
-    smoothing : LinearSmoothing
-    filtered : Filtered
-    """
+    """The most probable motion with some parameters fixed, and the linear problem about it."""
 
     prepared: PreparedData
     augmented: AugmentedProblem
@@ -59,13 +50,12 @@ class ProbableMotion(NamedTuple):
 
 
 def probable_motion(prepared: PreparedData, values: Mapping[str, float]) -> ProbableMotion | None:
-    """Find the most probable motion with some parameters held, and along with it the others: a current, a trim.
+    """Return the most probable motion with some parameters fixed; the others, such as a current, are estimated.
 
     Parameters
     ----------
-    prepared : PreparedData
     values : mapping
-        Of coefficients and other parameters, SI, by symbol: those that are held.
+        Fixed values of coefficients and other parameters, SI, by symbol.
 
     Returns
     -------
@@ -77,11 +67,11 @@ def probable_motion(prepared: PreparedData, values: Mapping[str, float]) -> Prob
     held = [row for row, symbol in enumerate(layout.symbols[: layout.n_parameters]) if symbol in values]
     mean, factor = prior.mean.copy(), prior.factor.copy()
     mean[held] = [values[layout.symbols[row]] / layout.scale[row] for row in held]
-    factor[held] *= _HELD
+    factor[held] *= _FIXED_SPREAD
     known = augmented.joint._replace(prior=prior._replace(mean=mean, factor=factor))
-    # What a current does would else pass for slip, and noise that a trajectory follows would seem to move the vehicle.
+    # Other parameters, such as a current, are estimated: without them, sideslip would absorb their effect.
     if (start := follow_measurements(known)) is None or (
-        found := gauss_newton(LinearSmoothing(known), start, _PASSES)
+        found := gauss_newton(LinearSmoothing(known), start, _MAX_PASSES)
     ) is None:
         return None
     trajectory, smoothing = found[0].trajectory, LinearSmoothing(known._replace(prior=prior._replace(mean=mean)))
@@ -167,7 +157,7 @@ class BoundsOf:
 
 def _bounds(prepared: PreparedData, estimate: Estimate) -> Bounds:
     settings = estimate.experiment.identification
-    # An earlier estimate may have gone since.
+    # The file of an earlier estimate may be gone.
     prior = settings.prior.model_copy(update={"from_estimate": None})
     identification = settings.model_copy(update={"prior": prior})
     experiment = estimate.experiment.model_copy(update={"identification": identification})
@@ -179,13 +169,12 @@ def _bounds(prepared: PreparedData, estimate: Estimate) -> Bounds:
 
 
 def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
-    """Find bounds with the settings that data are prepared for.
+    """Return the bounds at given values, with the settings of the prepared data.
 
     Parameters
     ----------
-    prepared : PreparedData
     values : mapping
-        Of the coefficients, by symbol, SI.
+        Values of the coefficients, by symbol, SI.
     """
     try:
         if (motion := true_motion(prepared)) is None and (about := probable_motion(prepared, values)) is not None:
@@ -199,7 +188,7 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
 
 
 class DataInformation(NamedTuple):
-    """What data say of parameters, beyond what was known before, where process noise moves the vehicle as well.
+    """Information of the data about parameters, without the prior, with process noise.
 
     Attributes
     ----------
@@ -227,18 +216,18 @@ class DataInformation(NamedTuple):
 
 
 def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> dict[str, float]:
-    """Find what the data say of each coefficient if process noise moves the vehicle as well, by symbol, SI.
+    """Return the bound of each coefficient with process noise, by symbol, SI.
 
     A linear smoother about the most probable trajectory has the least covariance ``P`` of all that know the prior
     ``P0``; the information of the data themselves is ``P^-1 - P0^-1``, which needs no sensitivities of a free motion.
-    Infinite for what the data do not tell from the rest.
+    Infinite for coefficients that the data do not determine.
 
     Parameters
     ----------
     prepared : PreparedData
         From which the estimate was made.
     reference : Estimate
-        Of the smoother.
+        Estimate of the smoother.
     """
     problem = augmented_problem(prepared.with_settings(reference.experiment))
     n = problem.layout.n_parameters
@@ -248,12 +237,12 @@ def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> di
 
 
 def information_with_process_noise(about: ProbableMotion) -> DataInformation:
-    """Find the same before any estimate, about the trajectory that keeps some coefficients along the measurements.
+    """Return the information of the data with process noise, about the most probable motion with fixed coefficients.
 
     Parameters
     ----------
     about : ProbableMotion
-        With all coefficients that are estimated held.
+        With all estimated coefficients fixed.
     """
     layout, filtered = about.augmented.layout, about.filtered
     n = layout.n_parameters
@@ -267,10 +256,10 @@ def information_with_process_noise(about: ProbableMotion) -> DataInformation:
 
 
 def _beyond_prior(symbols: tuple[str, ...], factor: Array, covariance: Array) -> DataInformation:
-    """Take the prior's information, by a factor of its covariance, off that of a posterior covariance, SI."""
+    """Return the information of a posterior covariance, SI, minus that of the prior, given as a factor."""
     whitened = solve_triangular(factor, solve_triangular(factor, covariance, lower=True).T, lower=True)
     left, directions = np.linalg.eigh(0.5 * (whitened + whitened.T))
-    # What is left of the prior's variance in each direction; with all of it left the data say nothing there.
+    # Share of the prior's variance that is left in each direction; 1 means no information.
     known = np.where(left < 1.0 - _ROUNDING, 1.0 - left, 0.0)
     prior_std = np.linalg.norm(factor, axis=1)
     rows = solve_triangular(factor, np.diag(prior_std), lower=True).T @ directions
@@ -278,44 +267,41 @@ def _beyond_prior(symbols: tuple[str, ...], factor: Array, covariance: Array) ->
 
 
 def efficiency_warning(prepared: PreparedData, estimate: Estimate, causes: list[Cause]) -> str:
-    """Say why a filter knows so much less than its data hold: process noise is only called too large if it is.
+    """Return why a filter is far from the bound; process noise is called too large only if a score test says so.
 
     Parameters
     ----------
     prepared : PreparedData
         From which the estimate was made.
-    estimate : Estimate
     causes : list of Cause
-        What these data look like.
+        Likely causes of the innovations.
     """
     if causes:
-        return f"Process noise takes its part, and must, for these data look like {causes_text(causes)}."
+        return f"Process noise costs information, and is needed. Likely causes: {causes_text(causes)}."
     score = process_noise_score(prepared, estimate) or 0.0
     by = f"by {abs(score):.0f} sigma (`auvid tune` finds how much)"
     if score < -LARGEST_FAULT:
-        return f"Less process noise is likelier in these data than what is stated, {by}: lower it."
+        return f"The stated process noise is too large {by}: lower it."
     if score > LARGEST_FAULT:
-        return f"Process noise takes its part, and must: more of it is likelier in these data, {by}."
+        return f"Process noise costs information, and is needed: the stated one is too small {by}."
     return (
-        "Process noise takes its part, and nothing in these data speaks against what is stated: more or livelier data "
-        "will tell more, less process noise will not."
+        "Process noise costs information, and its stated size agrees with these data: record more data or stronger "
+        "manoeuvres; do not lower the process noise."
     )
 
 
 def process_noise_score(prepared: PreparedData, estimate: Estimate) -> float | None:
-    """Judge all process noise at once by Rao's test of its logarithm, about the trajectory of an estimate.
+    """Return Rao's score statistic of the logarithm of all process noise, about the trajectory of an estimate.
 
     Parameters
     ----------
     prepared : PreparedData
         From which the estimate was made.
-    estimate : Estimate
 
     Returns
     -------
     float or None
-        Standard deviations by which data ask for more of it or, negative, for less. None where they say nothing of it,
-        or cannot be followed.
+        Standard deviations: positive if the noise is too small, negative if too large. None without information.
     """
     own = prepared.with_settings(estimate.experiment)
     if (about := probable_motion(own, dict(zip(estimate.state, estimate.mean[-1], strict=True)))) is None:

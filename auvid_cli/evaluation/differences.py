@@ -1,4 +1,4 @@
-"""Two results beside each other, value by value, with what they may differ by."""
+"""Comparison of two results, value by value, within tolerances."""
 
 from collections.abc import Iterator, Mapping
 from math import inf, isfinite, nan
@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 from auvid_cli.data.checks import ResultTables
 
-# Another processor or library rounds differently, and a filter carries that on; nothing else should.
-RELATIVE, DEVIATIONS = 0.01, 0.01
-# What the standard deviation of an estimate says enough of, and what no two runs have in common.
+# Tolerances for the rounding of other processors and libraries, which a filter amplifies.
+RELATIVE = 0.01  # share of a value
+DEVIATIONS = 0.01  # standard deviations of an estimate
+# Columns whose tolerance follows from the standard deviation, and columns that are not compared.
 _BY_DEVIATION = ("estimate", "steady_state_error_percent")
 _LEFT_OUT = ("cpu_time_s", "microseconds_per_step", "reason", "remedy")
 
@@ -24,7 +25,7 @@ class Tolerance(NamedTuple):
     by_column : mapping
         The same of single columns, by name; infinite of one that is not compared.
     deviations : float
-        What an estimate may differ by as well, in standard deviations of the second result.
+        Tolerance of an estimate, in standard deviations of the second result.
     """
 
     everywhere: float | None = None
@@ -43,11 +44,10 @@ class Tolerance(NamedTuple):
 
 
 class ComparedValue(NamedTuple):
-    """A value of one result beside that of another.
+    """A value in both results.
 
     Attributes
     ----------
-    table : str
     row : str
         Filter and, if it is of one, coefficient or component.
     column : str
@@ -55,8 +55,7 @@ class ComparedValue(NamedTuple):
     first, second : str
         As in the tables; empty where there is none.
     difference, allowed : float
-        First less second, and what it may be; NaN where they are no numbers.
-    agrees : bool
+        First minus second, and the tolerance; NaN if they are not numbers.
     """
 
     table: str
@@ -77,13 +76,12 @@ class ComparedValue(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """All values of a second result beside those of a first.
+    """All compared values.
 
     Attributes
     ----------
-    values : list of ComparedValue
     only_first : list of str
-        Filters, rows of others, and columns that the second does not have; they are no differences.
+        Filters, rows and columns that only the first result has; they do not count as differences.
     """
 
     values: list[ComparedValue]
@@ -95,13 +93,12 @@ class Comparison(NamedTuple):
 
 
 def compare_tables(first: ResultTables, second: ResultTables, tolerance: Tolerance) -> Comparison:
-    """Compare results: what the second has, the first must have, and alike.
+    """Compare two results; every value of the second must be in the first and agree.
 
     Parameters
     ----------
     first, second : ResultTables
         The second is the reference.
-    tolerance : Tolerance
     """
     values = [
         value

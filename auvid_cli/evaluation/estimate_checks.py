@@ -17,34 +17,31 @@ from auvid_cli.evaluation.accuracy import (
     shares_of_value,
 )
 from auvid_cli.evaluation.bounds import Bounds, efficiency_warning
-from auvid_cli.evaluation.causes import causes_text, likely_causes
-from auvid_cli.evaluation.innovations import innovation_checks
-from auvid_cli.evaluation.judgement import Grade, Judgement, judge, pushing_drag, reference_among, reversed_fins
+from auvid_cli.evaluation.innovations import causes_text, innovation_checks, likely_causes
+from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among, reversed_fins, wrong_drag_signs
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.states import natural_magnitude
 from auvid_cli.inspection.inspection import data_checks
 
 _GEOMETRY_SIGMAS = 4.0
-# Share of the prior's standard deviation that may be left.
-_LARGEST_SHARE = 0.5
+_LARGEST_SHARE = 0.5  # of the prior's standard deviation
 # Standard deviation of an estimate in terms of the least that data and prior allow: the bound is that of the true
 # values, and a filter linearises, hence some room below.
-_LEAST_OF_BOUND, _LARGEST_OF_BOUND = 0.8, 3.0
-# Standard deviations from a limit at which a fit has ended there.
-_AT_LIMIT = 0.01
-# Times the natural magnitude of a plain body of that size.
-_LARGEST_SIZE = 30.0
+_MIN_OF_BOUND = 0.8
+_MAX_OF_BOUND = 3.0
+_AT_LIMIT = 0.01  # standard deviations; a fit this close to a limit ended there
+_LARGEST_SIZE = 30.0  # natural magnitudes of a body of this size
 _SIGNIFICANT = 3.0
-# The verdict that repeats the judgement.
+# Name of the check that repeats the judgement.
 JUDGED = "sound"
 _CONFIDENCE = 0.99
-_OTHER_BOUND = "The bound is another at the true values: the fit is far from them."
+_OTHER_BOUND = "The bound holds at the true values, and the fit is far from them."
 
 
 def near_its_geometry(estimate: Estimate) -> list[Check]:
-    """Compare the estimated coefficients with what follows from hull and fins; nothing where these are not stated.
+    """Compare the estimated coefficients with values derived from hull and fins, if the vehicle file states these.
 
-    What is worth a remark is beyond four standard deviations of both together: a drawing can be wrong as well.
+    A difference above four standard deviations of both is noted: a drawing can be wrong as well.
     """
     derived = {each.name: each for each in estimate.experiment.vehicle.derived_values()}
     distances = {
@@ -65,9 +62,9 @@ def near_its_geometry(estimate: Estimate) -> list[Check]:
             distances,
             limit=_GEOMETRY_SIGMAS,
             unit="sd",
-            meaning="from what hull and fins let expect",
-            advice="Look at the geometry in the vehicle file, at units and signs, and at what is marked beside; if all "
-            "is right, this vehicle is another than its drawing, and the estimate stands.",
+            meaning="from the value derived from hull and fins",
+            advice="Check the geometry in the vehicle file, units and signs, and the other marked checks; if all "
+            "are right, the drawing is wrong: keep the estimate.",
             fails=False,
         )
     ]
@@ -99,13 +96,10 @@ def check_estimate(
 
     Parameters
     ----------
-    prepared : PreparedData
-    estimate : Estimate
     bounds : Bounds
-        Of its coefficients.
-    judgement : Judgement
+        Bounds of its coefficients.
     causes : list of Cause
-        What these data, or the smoother's innovations of them, look like.
+        Likely causes of the innovations, from the smoother if there is one.
     """
     dataset = prepared.dataset
     used = [segment.dataset for segment in prepared.with_settings(estimate.experiment).segments]
@@ -126,7 +120,7 @@ def check_estimate(
 
 
 def _finished(estimate: Estimate) -> Check:
-    advice = "Narrow the prior, start more gently, or look at that sensor at that time."
+    advice = "Narrow the prior, start with a gentler manoeuvre, or check that sensor at that time."
     if estimate.is_free_run_fit:
         advice = "The data do not determine the model, or it is unstable in open loop: use a filter, or a prior."
     return Check.of(
@@ -141,7 +135,7 @@ def _finished(estimate: Estimate) -> Check:
 
 
 def _sound(estimate: Estimate, judgement: Judgement) -> Check:
-    """Repeat the judgement as a verdict; what nobody has judged is only worth knowing."""
+    """Return the judgement as a check; an unjudged estimate is only noted."""
     return Check.of(
         estimate.filter,
         "coefficients",
@@ -154,7 +148,7 @@ def _sound(estimate: Estimate, judgement: Judgement) -> Check:
 
 
 def _unexplained(estimate: Estimate, causes: list[Cause]) -> Check:
-    """Name what would explain the innovations better than the noise that is stated."""
+    """Check whether another cause explains the innovations better than the stated noise."""
     return Check.of(
         estimate.filter,
         "innovations",
@@ -164,12 +158,12 @@ def _unexplained(estimate: Estimate, causes: list[Cause]) -> Check:
         else "nothing else is likelier",
         threshold="nothing else is likelier",
         passed=None if causes else True,
-        advice=f"These data look like {causes_text(causes)}.",
+        advice=f"Likely causes: {causes_text(causes)}.",
     )
 
 
 def _against_bounds(prepared: PreparedData, estimate: Estimate, bounds: Bounds, causes: list[Cause]) -> list[Check]:
-    """Judge whether the filter claims more than data and prior hold, or got much less."""
+    """Check the standard deviations against the bounds."""
     if bounds.remark:
         return [
             Check.of(
@@ -191,11 +185,11 @@ def _against_bounds(prepared: PreparedData, estimate: Estimate, bounds: Bounds, 
         return []
     meaning = "the least standard deviation that data and prior allow"
     above = ""
-    if max(ratio.values()) > _LARGEST_OF_BOUND:
+    if max(ratio.values()) > _MAX_OF_BOUND:
         above = _OTHER_BOUND if estimate.is_free_run_fit else efficiency_warning(prepared, estimate, causes)
     below = (
-        "The filter claims more than the data hold: do not use its standard deviations. Its linearisation fails; "
-        "narrow the prior, or use a sigma-point filter or output_error."
+        "The standard deviations are smaller than the data allow: do not use them. The linearisation of the filter "
+        "fails; narrow the prior, or use a sigma-point filter or output_error."
     )
     if estimate.is_free_run_fit:
         below = _OTHER_BOUND
@@ -205,7 +199,7 @@ def _against_bounds(prepared: PreparedData, estimate: Estimate, bounds: Bounds, 
             "coefficients",
             "near the bound",
             ratio,
-            limit=_LARGEST_OF_BOUND,
+            limit=_MAX_OF_BOUND,
             unit="times",
             meaning=meaning,
             advice=above,
@@ -216,7 +210,7 @@ def _against_bounds(prepared: PreparedData, estimate: Estimate, bounds: Bounds, 
             "coefficients",
             "not below the bound",
             ratio,
-            limit=_LEAST_OF_BOUND,
+            limit=_MIN_OF_BOUND,
             unit="times",
             meaning=meaning,
             advice=below,
@@ -237,14 +231,14 @@ def _at_limits(estimate: Estimate) -> list[Check]:
         if distance < _AT_LIMIT * estimate.standard_deviation[-1, i]:
             held.append(symbol)
     advice = (
-        "These are the limits in `identification.output_error.bounds`, not estimates; their standard deviations know "
-        "nothing of the limits. Widen them, or find out why the data want to go beyond."
+        "These values are limits in `identification.output_error.bounds`, not estimates, and their standard "
+        "deviations ignore the limits. Widen the limits, or find out why the data exceed them."
     )
     return [Check.of_names(estimate.filter, "within its limits", held, threshold="none at a limit", advice=advice)]
 
 
 def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) -> list[Check]:
-    """Judge what the data added to the prior, and how much of each value is known."""
+    """Check the information gained over the prior, and the relative uncertainty."""
     return [
         Check.of_values(
             estimate.filter,
@@ -253,8 +247,8 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
             shares_of_prior(estimate),
             limit=_LARGEST_SHARE,
             meaning="of the prior's standard deviation is left",
-            advice="The data hardly moved these: excite them, hold them at known values "
-            "(`identification.coefficients`), or report them as unknown, or as what the earlier estimate knew.",
+            advice="The data add little to the prior: excite these coefficients, fix them at known values "
+            "(`identification.coefficients`), or report them as unknown or as known from the earlier estimate.",
         ),
         Check.of_values(
             estimate.filter,
@@ -263,13 +257,13 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
             shares_of_value(estimate, truth, bounds.of_data),
             limit=LARGEST_SHARE_OF_VALUE,
             meaning="of the value is its uncertainty",
-            advice="The data do not determine these; do not use the numbers. A longer or livelier manoeuvre may.",
+            advice="The data do not determine these; do not use the values. Try a longer or stronger manoeuvre.",
         ),
     ]
 
 
 def _plausibility(estimate: Estimate) -> list[Check]:
-    """Judge signs by physics and the convention of fin angles, and sizes by what a body of that size can have."""
+    """Check signs by physics and the convention of fin angles, and sizes by the natural magnitude."""
     final = {s: v for s, v in estimate.final_coefficients().items() if s in estimate.state}
     size = estimate.experiment.vehicle.size
     magnitudes = {
@@ -281,19 +275,19 @@ def _plausibility(estimate: Estimate) -> list[Check]:
         Check.of_names(
             estimate.filter,
             "sign of drag",
-            pushing_drag(estimate, _SIGNIFICANT),
+            wrong_drag_signs(estimate, _SIGNIFICANT),
             threshold="negative",
-            advice="Drag that pushes: a sign is turned in the data or the model lacks something that these make up "
-            "for.",
+            advice="Drag coefficients have the wrong sign: a sign in the data is wrong, or these replace a term that "
+            "the model lacks.",
         ),
         Check.of_names(
             estimate.filter,
             "sign of fins",
             reversed_fins(estimate, _SIGNIFICANT),
             threshold="Y_uudr > 0 > N_uudr, Z_uude < 0, M_uude < 0",
-            advice="The fin angles are counted the other way round than in the shipped vehicles (positive rudder: "
-            "force to starboard at the stern): turn the sign of rudder or elevator, or keep it so wherever these are "
-            "used.",
+            advice="The sign convention of the fins is opposite to the shipped vehicles (positive rudder: force to "
+            "starboard at the stern): change the sign of rudder or elevator, or use the same convention wherever you "
+            "use these coefficients.",
         ),
         Check.of_values(
             estimate.filter,
@@ -303,7 +297,7 @@ def _plausibility(estimate: Estimate) -> list[Check]:
             limit=_LARGEST_SIZE,
             unit="times",
             meaning="the natural magnitude of a body of this size",
-            advice="Too large for the vehicle: look at units, mass, length, and at what else is marked here.",
+            advice="Too large for the vehicle: check units, mass, length, and the other marked checks.",
         ),
     ]
 
@@ -319,14 +313,14 @@ def _sensor_errors(estimate: Estimate) -> list[Check]:
             "sensor errors observed",
             names,
             threshold="less than half of the prior left",
-            advice="This manoeuvre does not show these errors: do not use their values. The rest is not harmed by it.",
+            advice="These errors are not observable in this manoeuvre: do not use their values.",
             fails=False,
         )
     ]
 
 
 def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
-    """Judge whether the standard deviations are honest; simulated data only."""
+    """Check the standard deviations against the true errors of simulated data."""
     rows = estimate.coefficient_rows
     true = np.array([*truth.coefficients_of(estimate.state[i] for i in rows).values()])
     error, deviation = estimate.mean[-1, rows] - true, estimate.standard_deviation[-1, rows]
@@ -342,8 +336,8 @@ def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
             limit=_SIGNIFICANT,
             unit="sd",
             meaning="from the truth",
-            advice="The filter is surer of these than it should be: sensor errors that last (AHRS, bias), or wide "
-            "priors.",
+            advice="The standard deviations are too small: sensor errors are correlated in time (AHRS, bias), or the "
+            "prior is too wide.",
         ),
         Check.of(
             estimate.filter,

@@ -1,4 +1,4 @@
-"""Everything the report needs to know of a dataset and its estimates."""
+"""Evaluation of estimates against their dataset: tables, free runs and judgements."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,7 +20,7 @@ from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.innovations import SensorConsistency, mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.identification.prepared_data import PreparedData
 
 if TYPE_CHECKING:
@@ -32,17 +32,12 @@ class FilterSummary(NamedTuple):
 
     Attributes
     ----------
-    filter : str
     average_steady_state_error_percent : float or None
         Mean over the coefficients; None without truth or after divergence.
     mean_relative_rmse, median_relative_rmse : float or None
         RMSE / |true value| over the coefficients, dimensionless; None as above.
     mean_nis : float
         Mean normalised innovation squared of a component.
-    cpu_time_s : float
-    steps : int
-    microseconds_per_step : float
-    status, grade, reason, remedy : str
     """
 
     filter: str
@@ -60,7 +55,7 @@ class FilterSummary(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """Tables of all filters, the free runs behind one of them, and sentences on what is missing."""
+    """Tables of all filters, their free runs, and remarks."""
 
     coefficients: list[CoefficientResult]
     summary: list[FilterSummary]
@@ -138,7 +133,7 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
 def _bounds_with_process_noise(prepared: PreparedData, estimates: list[Estimate]) -> dict[str, float]:
     """Return the bounds of the coefficients with process noise; none without a smoother's estimate."""
     reference = reference_among(estimates)
-    # Of an earlier estimate that it began with nothing may be left.
+    # The information of an earlier estimate in the prior cannot be subtracted.
     if (
         reference is None
         or not reference.completed
@@ -149,11 +144,11 @@ def _bounds_with_process_noise(prepared: PreparedData, estimates: list[Estimate]
 
 
 def _of_different_data(estimates: list[Estimate]) -> list[str]:
-    """Return a sentence if estimates were made from different parts of the data, whose numbers do not compare."""
+    """Return a sentence if the estimates use different parts of the data."""
     used = {estimate.filter: estimate.experiment.identification.use.model_dump_json() for estimate in estimates}
     if len(set(used.values())) < 2:
         return []
     spans = ", ".join(
         f"{estimate.filter} {estimate.time[0]:.6g} to {estimate.time[-1]:.6g} s" for estimate in estimates
     )
-    return [f"made from different parts of the data, which do not compare (identification.use): {spans}"]
+    return [f"estimates from different parts of the data cannot be compared (identification.use): {spans}"]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.extra_states import ERROR_BLOCKS
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.process import N_PREDICTED, move_freely
@@ -22,7 +22,7 @@ from auvid_cli.vehicle.equations import N_WORK, factors, vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, MOTION_SYMBOLS, N_MOTION, SENSORS, state_of
 
 Array = NDArray[np.float64]
-# What is measured of which motion state an error adds to, and how the velocity is measured over ground.
+# Motion state whose measurements an additive error shifts, by symbol of the error.
 _ADDED = {
     quantity.symbol: state_of(measured)
     for block in ERROR_BLOCKS
@@ -49,7 +49,7 @@ class MeasurementErrors(NamedTuple):
 
 
 def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
-    """Pick them from the components of a state, shape (len(state),)."""
+    """Return the estimated measurement errors of a state, shape (len(state),)."""
     by_symbol = dict(zip(state, values, strict=True))
     offset = {_ADDED[symbol]: value for symbol, value in by_symbol.items() if symbol in _ADDED}
     return MeasurementErrors(
@@ -59,15 +59,14 @@ def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
 
 
 def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
-    """Return what noiseless sensors would say of a motion.
+    """Return the noiseless measurements of a motion.
 
-    Of the velocity a DVL, see `auvid_cli.identification.sensors`.
+    The velocity is that of a DVL, see `auvid_cli.identification.sensors`.
 
     Parameters
     ----------
     motion : ndarray, shape (..., 9) or (..., 10)
         Its velocity is that through the water; not finite where a model blew up; the depth behind it, or not.
-    errors : MeasurementErrors
 
     Returns
     -------
@@ -81,7 +80,7 @@ def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
 
 
 def motion_behind(measurement: Array, errors: MeasurementErrors) -> Array:
-    """Return the motion of which noiseless sensors would say this; inverts `measured_motion`."""
+    """Return the motion of noiseless measurements; inverts `measured_motion`."""
     motion = measurement - errors.offset[: measurement.shape[-1]]
     motion[..., :3] = velocity_through_water(motion, errors.dvl)
     return motion
@@ -143,14 +142,12 @@ def free_motion(
     motion : ndarray, shape (9,) or (10,)
         At the start of the first; the depth behind it, or not.
     parameters, coefficients : mapping
-        Of the model, SI, by symbol.
-    actuators : ActuatorErrors
+        Parameters and coefficients of the model, SI, by symbol.
     of_vehicle : CoefficientSet
-        Of which the coefficients are.
+        Set of the coefficients.
 
     Yields
     ------
-    timeline : Timeline
     motion : ndarray, shape (events, 9) or (events, 10)
         At its events; not finite from where the model blew up.
     """

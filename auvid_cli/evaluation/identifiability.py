@@ -1,4 +1,4 @@
-"""What data can say about the coefficients at best, before any filter runs: bounds, and what goes together."""
+"""Cramér-Rao bounds of the coefficients before any filter runs, and inseparable coefficients."""
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import reduce
@@ -12,14 +12,6 @@ from auvid_cli.config.extra_states import BiasName, ProcessNoise
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import is_observed
-from auvid_cli.evaluation.assessment import (
-    CLASSES,
-    CoefficientBound,
-    Collinear,
-    FixSuggestion,
-    Identifiability,
-    SensorErrorBound,
-)
 from auvid_cli.evaluation.bounds import (
     UNSTABLE,
     DataInformation,
@@ -27,6 +19,14 @@ from auvid_cli.evaluation.bounds import (
     probable_motion,
     true_initial_motions,
     true_motion,
+)
+from auvid_cli.evaluation.results import (
+    CLASSES,
+    CoefficientBound,
+    Collinear,
+    FixSuggestion,
+    Identifiability,
+    SensorErrorBound,
 )
 from auvid_cli.filters.least_squares import Information
 from auvid_cli.identification.information import information_at
@@ -48,7 +48,7 @@ class Assessed(NamedTuple):
 
 _KNOWN = CLASSES[-2][0]
 _MOTIONS = "surge", "sway", "heave", "roll", "pitch", "yaw"
-# Of any vehicle at sea.
+# Errors that every vehicle at sea has.
 _USUAL_ERRORS = BiasName.CURRENT, BiasName.FIN_TRIM, BiasName.BALLAST
 # Correlation from which coefficients are said to go together.
 LARGEST_CORRELATION = 0.95
@@ -66,16 +66,15 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     of_vehicle = vehicle.coefficient_set
     coefficients = at if at is not None else dataset.known_coefficients()
     if at is not None and (unknown := [str(symbol) for symbol in at if symbol not in of_vehicle.symbols]):
-        raise DataError(f"not coefficients: {', '.join(unknown)}; there are {', '.join(of_vehicle.symbols)}")
+        raise DataError(f"unknown coefficients: {', '.join(unknown)}; expected some of {', '.join(of_vehicle.symbols)}")
     missing = [symbol for symbol in settings.estimated(vehicle) if symbol not in coefficients]
     if missing:
         raise DataError(
-            f"no value is known of {', '.join(missing)}: sensitivities need one of each coefficient; name an estimate "
-            "that has them (--at FILE), or give the vehicle those of a similar one"
+            f"no value of {', '.join(missing)}; identifiability needs one of each coefficient: name an estimate that "
+            "has them (--at FILE), or copy the values of a similar vehicle"
         )
     prepared = resolve_settings(prepare(dataset))
-    # Where other coefficients are asked for, the truth is not where they lead. With a vehicle file's the most probable
-    # motion would owe what the file lacks to process noise, which sways and turns apart where the vehicle did not.
+    # The true motion belongs to the true coefficients; others have their own most probable motion.
     about = probable_motion(prepared, coefficients)
     along = true_motion(prepared) if at is None else None if about is None else about.motion()
     information = information_at(prepared, coefficients, true_initial_motions(prepared), along)
@@ -97,11 +96,11 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     noisy = {} if with_noise is None else with_noise.bound()
     identifiability = assess(information.by_sensor, information.growing, values, information.scale, prior_stds, noisy)
     for delay in (block for block in blocks if block.is_delay):
-        # Of which only the way with process noise knows.
+        # Only the bound with process noise includes delays.
         identifiability.sensor_errors[delay.name] = _error_bound(noisy.get(delay.name, np.inf), delay.prior_std)
     lost, remarks = information.lost_after, [] if dataset.truth is not None else _presumed(prepared)
     if lost is not None:
-        remarks.append(f"{UNSTABLE.format(lost)}: only what comes before is judged")
+        remarks.append(f"{UNSTABLE.format(lost)}: only the data before are judged")
     stated = vehicle.stated_coefficients()
     holding = None if with_noise is None else coefficients_to_fix(with_noise, values, stated, of_vehicle)
     return identifiability._replace(
@@ -110,12 +109,12 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
 
 
 def _presumed(prepared: PreparedData) -> list[str]:
-    """Say what a promise about a real vehicle goes by that nobody said."""
+    """Return the assumptions of the bounds that a real vehicle may not meet."""
     settings, presumed = prepared.experiment.identification, []
     if settings.process_noise == ProcessNoise():
         presumed.append(
-            "the process noise is that of auvid's own simulations, and a real vehicle has more: these bounds are too "
-            "small by as much (--set identification.noise=estimate)"
+            "the process noise is that of auvid's simulations; a real vehicle has more, and its bounds are larger "
+            "(--set identification.noise=estimate)"
         )
     if left_out := [name.value for name in _USUAL_ERRORS if name not in settings.estimate.biases]:
         presumed.append(f"bounds presume that there is no {' and no '.join(left_out)} (identification.estimate.biases)")
@@ -134,11 +133,8 @@ def coefficients_to_fix(
 
     Parameters
     ----------
-    information : DataInformation
-    values : mapping of Assessed
     stated : collection of str
         Those of which the vehicle file has a value.
-    of_vehicle : CoefficientSet
     """
     held: list[str] = []
     percents = _percents(information, values, held)
@@ -178,13 +174,13 @@ def assess(
     by_sensor : mapping of Information
         About the joint state of all segments, see `auvid_cli.filters.problem`.
     growing : sequence of (float, Information)
-        Of all sensors together after so many seconds, the whole last; about the own state of a segment.
+        Information of all sensors after each duration, s, the whole run last; about the state of one segment.
     values : mapping of Assessed
         In the order of the state.
     to_si : ndarray, shape (n,)
         Units of the state.
     prior_stds : mapping of (int, float)
-        Of each constant sensor error the place in the state, and its standard deviation before any data, SI.
+        Index in the state and prior standard deviation, SI, of each constant sensor error.
     noisy : mapping of float
         Bounds of coefficients and constant errors where process noise moves the vehicle, SI.
     """
@@ -232,13 +228,13 @@ def assess(
 
 
 def _error_bound(deviation: float, prior_std: float) -> SensorErrorBound:
-    """Say of an error how well the data alone know it, and whether they say more of it than the prior."""
+    """Return the bound of a sensor error, and whether the data improve on its prior."""
     together = float(1.0 / np.hypot(1.0 / deviation, 1.0 / prior_std))
     return SensorErrorBound(deviation, prior_std, is_observed(together, prior_std))
 
 
 def _shares(by_sensor: Mapping[str, Information], n: int) -> dict[str, Array]:
-    """Return the shares ``c' I_s c / c' I c`` of what holds down the variances ``c = I^-1 e``, by sensor."""
+    """Return the shares of the information, ``c' I_s c / c' I c`` with ``c = I^-1 e``, by sensor."""
     root = reduce(Information.join, by_sensor.values()).uncertainty().root
     directions = root @ root.T[:, :n]
     squares = {name: np.square(information.factor @ directions).sum(axis=0) for name, information in by_sensor.items()}
@@ -249,7 +245,7 @@ def _shares(by_sensor: Mapping[str, Information], n: int) -> dict[str, Array]:
 def _collinear(
     names: tuple[str, ...], value: Array, size: Array, covariance: Array, correlation: Array, percent: Array
 ) -> list[Collinear]:
-    """Group what correlations link, with the combination of each group that is known best in proportion."""
+    """Return groups of correlated coefficients with the best determined combination of each."""
     linked = np.abs(np.nan_to_num(correlation)) > LARGEST_CORRELATION
     groups, left = [], set(range(len(names)))
     while left:

@@ -1,32 +1,33 @@
-"""Consistency of a filter with its innovations, and checks of them."""
+"""Consistency of a filter with its innovations: checks and likely causes."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
 from scipy.special import chdtri
 
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import N_LAGS, NIS_WINDOW, Estimate, Innovations
+from auvid_cli.data.faults import Cause
 from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
-# Limits of the mean NIS of a sensor, over a whole run and over any `NIS_WINDOW` of it. Neither chance nor the
-# coloured noise of an AHRS reaches them (400 components scatter by 0.07). The window is for a filter that was
-# thrown off course early and looks settled later: what it learned then was wrong.
-LARGEST_MEAN_NIS, LARGEST_NIS_IN_WINDOW = 1.5, 2.0
+# Limits of the mean NIS of a sensor, over a whole run and over any `NIS_WINDOW`. Neither chance nor an AHRS reaches
+# them (400 components scatter by 0.07). The window finds a filter that lost track only early.
+LARGEST_MEAN_NIS = 1.5
+LARGEST_NIS_IN_WINDOW = 2.0
 _FEWEST_COMPONENTS = 200
 # Standard deviations within which 99 % of a Gaussian are.
 _QUANTILE = 2.576
 Array = NDArray[np.float64]
-# A model that raises the NIS by less than this beyond chance is good enough for anybody's vehicle.
-_TOLERANCE = 0.05
+_TOLERANCE = 0.05  # of the mean NIS, beyond chance
 _CONFIDENCE = 0.99
 # Correlation that is allowed beyond chance (three standard deviations of a white sequence's).
 _LARGEST_CORRELATION = 0.1
 _LARGEST_REJECTED = 0.05
-# So many samples say enough of a correlation.
-_FEWEST = 50
+_MIN_SAMPLES = 50  # for a correlation
 
 
 class SensorConsistency(NamedTuple):
@@ -34,18 +35,17 @@ class SensorConsistency(NamedTuple):
 
     Attributes
     ----------
-    filter, sensor : str
     measurements : int
         Measurements used.
     rejected : int
         Components beyond the gate, or of which a robust fit counted less than half.
     mean_weight : float or None
-        Of all components in a robust fit; None where there are no weights.
+        Mean weight of the components in a robust fit; None without weights.
     mean_nis : float
         Normalised innovation squared per component: 1 for a consistent filter with white noise,
         more if the data contradict the model, less if the stated noise is larger than the scatter.
     expected_low, expected_high : float
-        Between which chance leaves it 99 times of 100, were the innovations independent.
+        99 % interval of the mean NIS of independent innovations.
     """
 
     filter: str
@@ -64,7 +64,7 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
     for name, innovations in estimate.innovations.items():
         tally = innovations.sums()
         components = tally.components.sum()
-        # Of chi-squared with so many components, whose mean is its number, and its variance twice that.
+        # A chi-squared variable of n components has mean n and variance 2 n.
         scatter = _QUANTILE * float(np.sqrt(2.0 / components)) if components else float("nan")
         counts = tally.measurements, tally.rejected, innovations.mean_weight()
         results.append(
@@ -106,7 +106,7 @@ def windowed_nis(innovations: Innovations) -> NDArray[np.float64]:
 
 def _belied(sensor: str, nis: float, when: str) -> str:
     return (
-        f"inconsistent: innovations of {sensor} are {np.sqrt(nis):.3g} times as large as the filter says{when} "
+        f"inconsistent: innovations of {sensor} are {np.sqrt(nis):.3g} times as large as expected{when} "
         f"(NIS {nis:.3g}, expected 1)"
     )
 
@@ -119,7 +119,7 @@ def mean_nis(estimate: Estimate) -> float:
 
 
 def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
-    """Judge NIS, whiteness and freedom from the inputs, sensor by sensor."""
+    """Check NIS, whiteness and correlation with the inputs, sensor by sensor."""
     checks = []
     for sensor, innovations in estimate.innovations.items():
         if innovations.used().any():
@@ -140,8 +140,8 @@ def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
     low, high = (float(chdtri(components, tail)) / components for tail in tails)
     passed = None if nis < low - _TOLERANCE else nis <= high + _TOLERANCE
     too_large = (
-        f"The data contradict the model or the stated noise of {sensor}: look at what `explained by noise` names, for "
-        "outliers, wrong signs, and terms that the model lacks. Do not use the coefficients."
+        f"The data contradict the model or the stated noise of {sensor}: see the check `explained by noise`, and look "
+        "for outliers, wrong signs and missing terms. Do not use the coefficients."
     )
     return Check.of(
         filter_name,
@@ -150,15 +150,15 @@ def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
         statistic=f"{nis:.4g}",
         threshold=f"{low:.4g} to {high:.4g} (chi-squared, {_CONFIDENCE:.0%}), tolerance {_TOLERANCE}",
         passed=passed,
-        advice=_told_larger(sensor) if passed is None else too_large,
+        advice=_overstated_noise(sensor) if passed is None else too_large,
     )
 
 
-def _told_larger(sensor: str) -> str:
-    """Say what to do where more noise is stated than there is: of each verdict that this explains the same."""
+def _overstated_noise(sensor: str) -> str:
+    """Return the advice for noise that is stated too large, the same for all checks that it explains."""
     return (
-        f"The stated noise of {sensor} is larger than its scatter. Of an AHRS, whose errors last and follow the "
-        "motion, that is on purpose, and there is nothing to do; of another sensor state less, and learn more."
+        f"The stated noise of {sensor} is larger than its scatter. For an AHRS, whose errors are correlated in time, "
+        "this is intended; for another sensor, state less noise to get smaller standard deviations."
     )
 
 
@@ -174,17 +174,17 @@ def _nis_in_windows(filter_name: str, sensor: str, innovations: Innovations) -> 
         statistic=f"{largest:.4g} from t = {start:.6g} s on",
         threshold=f"<= {LARGEST_NIS_IN_WINDOW:g}",
         passed=bool(largest <= LARGEST_NIS_IN_WINDOW),
-        advice=f"Something happened to {sensor} or to the vehicle then, or the filter was thrown off course: look at "
-        "figures/innovations, leave the time out, gate outliers (`identification.gate`) or weigh them down "
+        advice=f"Something happened to {sensor} or to the vehicle at that time, or the filter lost track: see "
+        "figures/innovations, leave that time out, reject outliers (`identification.gate`) or reduce their weight "
         "(`identification.robust=huber`, smoother and output_error), or narrow the prior.",
     )
 
 
 def _outliers(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    """Judge how much the gate rejects, or weights take away: much means that the filter no longer listens."""
+    """Check the share of components that the gate rejects or that have a small weight."""
     name, what, without = "gate", "components rejected", "the gate"
     if innovations.weight is not None:
-        name, what, without = "robust", "components counted less than half", "identification.robust"
+        name, what, without = "robust", "components weighted less than half", "identification.robust"
     rejected, used = innovations.sums().rejected, int(innovations.sums().components.sum())
     share = rejected / (rejected + used)
     return Check.of(
@@ -194,16 +194,15 @@ def _outliers(filter_name: str, sensor: str, innovations: Innovations) -> Check:
         statistic=f"{rejected} of {rejected + used} {what}",
         threshold=f"<= {_LARGEST_REJECTED:.0%}",
         passed=True if not rejected else None if share <= _LARGEST_REJECTED else False,
-        advice=f"Outliers of {sensor} were left out; where they are many, the filter has lost its way and no longer "
-        "listens: look at figures/innovations, and run without "
-        f"{without}.",
+        advice=f"Outliers of {sensor} were rejected. If they are many, the filter has lost track and rejects good "
+        f"data: see figures/innovations, and run without {without}.",
     )
 
 
 def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    """Judge the largest autocorrelation of the normalised innovations over some lags."""
+    """Check the largest autocorrelation of the normalised innovations."""
     lags = np.arange(1, N_LAGS + 1)
-    # Of few, later pairs are fewer: each correlation by the number of its own.
+    # Later lags have fewer pairs: scale each correlation to its own number.
     largest = {
         quantity.symbol: float(np.max(np.abs(correlation) * n / (n - lags)))
         for quantity, correlation, n in zip(SENSORS[sensor], *innovations.autocorrelation, strict=True)
@@ -220,20 +219,20 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check
         innovations,
         largest,
         f"correlation over {N_LAGS} lags",
-        f"Errors of {sensor} last from sample to sample: standard deviations of the coefficients are too small, unless "
-        "its noise was stated larger for that. What would explain it stands under `explained by noise`.",
+        f"Errors of {sensor} are correlated in time: standard deviations of the coefficients are too small, unless its "
+        "stated noise is increased to allow for it. See `explained by noise` for likely causes.",
     )
 
 
 def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Dataset) -> Check:
-    """Judge the correlation of the innovations with what the actuators did shortly before."""
+    """Check the correlation of the innovations with the latest inputs."""
     correlations = {}
     held = np.searchsorted(dataset.inputs.time, innovations.time, side="right") - 1
     for column, quantity in enumerate(SENSORS[sensor]):
         values = _normalised(innovations, column)
         for place, given in enumerate(INPUTS):
             signal = dataset.inputs.values[np.maximum(held, 0), place]
-            if np.isfinite(values).sum() >= _FEWEST and signal.std() > 0.0:
+            if np.isfinite(values).sum() >= _MIN_SAMPLES and signal.std() > 0.0:
                 correlations[f"{quantity.symbol} by {given.symbol}"] = abs(_correlation(values, signal))
     if not correlations:
         return Check.of(
@@ -246,8 +245,8 @@ def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Da
         innovations,
         correlations,
         "correlation with an input",
-        "What an actuator does still shows in what should be noise: its model is wrong (delay, saturation, sign, a "
-        "term that is missing; see `explained by noise`), or the filter has not settled.",
+        "The innovations depend on an input: the model of the actuator is wrong (delay, saturation, sign, a missing "
+        "term; see `explained by noise`), or the filter has not converged.",
     )
 
 
@@ -262,17 +261,17 @@ def _uncorrelated(
 ) -> Check:
     """Judge correlations.
 
-    A sensor told to be more than twice as bad as it is, as an AHRS is, has paid for the memory of its errors.
+    A sensor whose stated noise is more than twice its scatter, such as an AHRS, only gets a note.
     """
     limit = _LARGEST_CORRELATION + 3.0 / np.sqrt(len(innovations.time))
     check = Check.of_values(filter_name, sensor, name, correlations, limit=limit, meaning=meaning, advice=advice)
     tally = innovations.sums()
     small = tally.squares.sum() < 0.25 * tally.components.sum()
-    return check._replace(passed=None, advice=_told_larger(sensor)) if check.passed is False and small else check
+    return check._replace(passed=None, advice=_overstated_noise(sensor)) if check.passed is False and small else check
 
 
 def _normalised(innovations: Innovations, column: int) -> Array:
-    """Divide innovations by their standard deviations; NaN where a fit left a residual no room."""
+    """Return innovations over their standard deviations; NaN where the variance is zero."""
     variance = innovations.variance[:, column]
     return innovations.innovation[:, column] / np.sqrt(np.where(variance > 0.0, variance, np.nan))
 
@@ -282,3 +281,99 @@ def _correlation(a: Array, b: Array) -> float:
     a, b = a[both] - a[both].mean(), b[both] - b[both].mean()
     product = float(np.sqrt((a @ a) * (b @ b)))
     return float(a @ b) / product if product > 0.0 else 0.0
+
+
+LARGEST_FAULT = 3.5
+"""Standard deviations of its size by which a fault may look present; chosen as in `auvid_cli.evaluation.judgement`."""
+# Log-likelihood; as much as a fault that would make the estimate doubtful.
+_WORTH_NAMING = 0.5 * LARGEST_FAULT**2
+_MAX_CAUSES = 3
+_TUNE = "`auvid tune` finds how much"
+_TUNE_SENSORS = "`auvid tune --sensors` finds how much"
+
+
+def likely_causes(estimate: Estimate) -> list[Cause]:
+    """Return the likely causes of the innovations of an estimate, the likeliest first.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Preferably of the smoother, which has fault tests. A fault with score z gains z^2 / 2. It also correlates errors
+        in time; if the likeliest fault explains most of that, only the gain beyond it counts.
+    """
+    faults = [
+        Cause(0.5 * test.z**2, str(test), test.fault.remedy)
+        for test in estimate.faults
+        if not test.fault.is_alternative
+    ]
+    sensors = list(sensors_without_ahrs(estimate))
+    noises = [noise_cause(*of_sensor) for of_sensor in sensors]
+    if any(noise.gain > _WORTH_NAMING and noise.lasts for noise in noises):
+        # Innovations correlated in time need more process noise, whatever those of another sensor look like.
+        noises = [noise_cause(*of_sensor, or_less_process_noise=False) for of_sensor in sensors]
+    likeliest = max((fault.gain for fault in faults), default=0.0)
+    noises = [
+        noise._replace(gain=noise.gain - likeliest)
+        if noise.lasts and likeliest < noise.gain < 2.0 * likeliest
+        else noise
+        for noise in noises
+    ]
+    likely = [cause for cause in [*faults, *noises] if cause.gain > _WORTH_NAMING]
+    return sorted(likely, key=lambda cause: -cause.gain)
+
+
+def causes_text(causes: list[Cause]) -> str:
+    """Return the likeliest causes as text; empty if there are none."""
+    return "; or ".join(map(str, causes[:_MAX_CAUSES]))
+
+
+def sensors_without_ahrs(estimate: Estimate) -> Iterator[tuple[str, Innovations]]:
+    """Yield sensors whose innovations should agree with the stated noise: all except an AHRS."""
+    for sensor, innovations in estimate.innovations.items():
+        if (sensor != "attitude" or not is_from_ahrs(estimate)) and innovations.used().any():
+            yield sensor, innovations
+
+
+def noise_cause(sensor: str, innovations: Innovations, or_less_process_noise: bool = True) -> Cause:
+    """Return the noise that would explain the innovations of a sensor, and its gain in log-likelihood.
+
+    `or_less_process_noise` allows less process noise as a cause.
+
+    An autoregression of their own variance has over white noise of the stated one n / 2 (NIS - 1 - log NIS) by its size
+    and, for each component, -n / 2 log(1 - R^2) by its memory, less the number of its coefficients (Akaike, IEEE Trans.
+    Autom. Control 19(6), 1974).
+    """
+    tally, (correlation, samples) = innovations.sums(), innovations.autocorrelation
+    nis = tally.mean_nis
+    by_size = 0.5 * float(tally.components.sum()) * (nis - 1.0 - np.log(nis)) if nis > 0.0 else 0.0
+    explained = np.array([_explained_by_the_past(row) for row in correlation])
+    by_memory = float(np.sum(np.maximum(-0.5 * samples * np.log1p(-explained) - N_LAGS, 0.0)))
+    if nis < 1.0 and by_memory <= by_size:
+        return Cause(by_size, f"noise of {sensor} that is stated too large", _TUNE_SENSORS)
+    if nis >= 1.0 and by_memory <= _WORTH_NAMING:
+        return Cause(by_size, f"more noise of {sensor} than stated, or more process noise", _TUNE_SENSORS)
+    # White noise of another size would explain the size alone.
+    gain = by_memory + by_size if nis >= 1.0 else by_memory
+    if float(correlation[:, 0] @ samples) < 0.0:
+        # Negative correlation: the filter overcorrects.
+        or_less = ", or less process noise" if or_less_process_noise else ""
+        return Cause(gain, f"more noise of {sensor} than stated{or_less}", _TUNE_SENSORS)
+    lasting = f"errors of {sensor} that are correlated in time, or motion that the model does not explain"
+    remedy = (
+        f"more process noise ({_TUNE}), a disturbance (`auvid tune --disturbance` finds whether), or its bias "
+        "(identification.estimate.biases)"
+    )
+    return Cause(gain, lasting, remedy, lasts=True)
+
+
+def _explained_by_the_past(correlation: Array) -> float:
+    """Return the share of the variance that an autoregression predicts, by the equations of Yule and Walker."""
+    if not correlation.any():
+        return 0.0
+    weights = solve_toeplitz(np.append(1.0, correlation[:-1]), correlation)
+    return float(np.clip(correlation @ weights, 0.0, 0.999))
+
+
+def is_from_ahrs(estimate: Estimate) -> bool:
+    """Whether the attitude of an AHRS was used."""
+    return "attitude" in estimate.innovations and estimate.experiment.has_ahrs

@@ -12,8 +12,17 @@ from auvid_cli.config.extra_states import AugmentedStates, BiasName
 from auvid_cli.config.sanity import MAX_FIN_STRENGTH, MIN_FIN_STRENGTH
 from auvid_cli.data.estimate import N_LAGS, NIS_WINDOW, Estimate, Innovations
 from auvid_cli.data.faults import Cause, FaultKind
-from auvid_cli.evaluation.causes import LARGEST_FAULT, is_from_ahrs, noise_cause, told_as_noise
-from auvid_cli.evaluation.innovations import LARGEST_MEAN_NIS, LARGEST_NIS_IN_WINDOW, mean_nis, status_of, windowed_nis
+from auvid_cli.evaluation.innovations import (
+    LARGEST_FAULT,
+    LARGEST_MEAN_NIS,
+    LARGEST_NIS_IN_WINDOW,
+    is_from_ahrs,
+    mean_nis,
+    noise_cause,
+    sensors_without_ahrs,
+    status_of,
+    windowed_nis,
+)
 from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
 
 # Drag along each axis takes energy. Positive rudder pushes the stern to starboard, a positive stern plane pushes it up.
@@ -21,14 +30,14 @@ DRAG = dict.fromkeys(DRAG_SYMBOLS, -1)
 FINS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
 # Moments of fins.
 _MOMENTS = ("N_uudr", "M_uude")
-# Errors with which a DVL is no linear sensor.
+# Errors that make the DVL a nonlinear sensor.
 _NONLINEAR = [
     name
     for name in BiasName
     if any(block.sensor == "dvl" and not block.additive for block in AugmentedStates().blocks_of(name))
 ]
-# Times the natural magnitudes: a prior that suits most runs, and one for these errors.
-_NARROW, _NARROWER = 1.0, 0.3
+_NARROW = 1.0  # factor of a prior that suits most runs
+_NARROWER = 0.3  # factor of a prior with these errors
 Array = NDArray[np.float64]
 # Limits in standard deviations, chosen on simulations of six manoeuvres with and without faults, see docs/studies.md.
 LARGEST_NIS = 4.0  # excess of the sum of squares of a sensor's innovations
@@ -38,33 +47,32 @@ FARTHEST_MINIMUM = 2.5  # largest difference of a coefficient in another minimum
 FARTHEST_SEGMENT = 4.0  # largest difference of a coefficient in one of several segments
 _LIMITS = {FaultKind.ANOTHER_MINIMUM: FARTHEST_MINIMUM, FaultKind.SEGMENT: FARTHEST_SEGMENT}
 _SIGNIFICANT = 5.0  # distance of a coefficient from 0
-# Measurements of a component from which its autocorrelation is used.
-_FEWEST = 200
-# Errors of an AHRS are no noise, and what a smoother makes of them may look like anything.
+_MIN_MEASUREMENTS = 200  # of a component, for its autocorrelation
+# Errors of an AHRS are correlated in time and can imitate many faults.
 _WITHOUT_AHRS = (
-    "first do without the AHRS, from recorded accelerometer and magnetometer (identification.attitude_from=inertial) "
-    "or a better attitude; if the fault is still named, "
+    "first replace the AHRS by recorded accelerometer and magnetometer (identification.attitude_from=inertial) "
+    "or a better attitude; if the fault remains, "
 )
 
 
-def pushing_drag(estimate: Estimate, sigmas: float) -> list[str]:
-    """Return the symbols of drag that pushes, by more than so many of its standard deviations."""
+def wrong_drag_signs(estimate: Estimate, sigmas: float) -> list[str]:
+    """Return drag coefficients of the wrong sign, by more than `sigmas` standard deviations."""
     return _contradicting(estimate, DRAG, sigmas)
 
 
 def reversed_fins(estimate: Estimate, sigmas: float) -> list[str]:
-    """Return those of fins that count the other way round than in the shipped vehicles."""
+    """Return fin coefficients with the opposite sign of the shipped vehicles."""
     return _contradicting(estimate, FINS, sigmas)
 
 
 def unlike_the_vehicle_file(estimate: Estimate, sigmas: float) -> list[str]:
-    """Return those of fins that have another sign than the vehicle file states."""
+    """Return those of fins that have the opposite sign of the vehicle file."""
     stated = estimate.experiment.vehicle.coefficients.by_symbol()
     return _contradicting(estimate, {symbol: stated[symbol] for symbol in FINS if symbol in stated}, sigmas)
 
 
 def out_of_proportion(estimate: Estimate, sigmas: float) -> dict[str, float]:
-    """Return moments of fins that are surely far from those of the vehicle file, as multiples of these."""
+    """Return fin moments that differ significantly from the vehicle file, as multiples of its values."""
     stated = estimate.experiment.vehicle.coefficients.by_symbol()
     values, deviations = estimate.final_coefficients(), estimate.final_deviations()
     found = {}
@@ -86,21 +94,21 @@ def _contradicting(estimate: Estimate, signs: Mapping[str, float], sigmas: float
 
 
 def advice_on_nonlinearity(estimate: Estimate) -> str:
-    """Return what may help if a Kalman filter was led astray by states that make a sensor nonlinear; empty if not."""
+    """Return advice for a Kalman filter with states that make a sensor nonlinear; else empty."""
     settings = estimate.experiment.identification
     nonlinear = [name.value for name in settings.estimate.biases if name in _NONLINEAR]
     if not nonlinear or estimate.is_free_run_fit:
         return ""
     narrow = f"needs a narrow prior (--set identification.prior.factor={_NARROWER:g})"
     return (
-        f"with {' and '.join(nonlinear)} to be found a Kalman filter "
-        f"{narrow if settings.prior.factor > _NARROWER else 'may go astray from a narrow prior too'}; "
+        f"if {' and '.join(nonlinear)} is estimated, a Kalman filter "
+        f"{narrow if settings.prior.factor > _NARROWER else 'may diverge even from a narrow prior'}; "
         "output_error needs none (--filter output_error)"
     )
 
 
 def remedy_of_linearisation(estimate: Estimate) -> str:
-    """Return what may help an EKF whose innovations are too large at the start of the run only; empty if not."""
+    """Return advice for an EKF whose innovations are too large only at the start; else empty."""
     is_ekf = estimate.filter == FilterName.EKF
     if not is_ekf or not mean_nis(estimate) <= LARGEST_MEAN_NIS:
         return ""
@@ -110,60 +118,61 @@ def remedy_of_linearisation(estimate: Estimate) -> str:
     if any(nis > LARGEST_NIS_IN_WINDOW for nis in late):
         return ""
     return (
-        "an EKF linearises about its own estimate, which is far off in the first seconds; its standard deviations are "
-        "too small from then on, with either ekf.transition: use the CKF, the TUKF or the smoother, or a narrower "
-        "prior (identification.prior.factor)"
+        "an EKF linearises about its estimate, which is wrong in the first seconds; its standard deviations stay too "
+        "small, with either ekf.transition: use the CKF, the TUKF or the smoother, or a narrower prior "
+        "(identification.prior.factor)"
     )
 
 
 def advice_on_divergence(estimate: Estimate) -> str:
-    """Return what may help a filter that did not end well."""
+    """Return advice for a filter that diverged."""
     settings = estimate.experiment.identification
     if remedy := advice_on_nonlinearity(estimate):
         return remedy
     if estimate.status.startswith("unconverged"):
         return _remedy_of_unconverged(estimate)
     if estimate.is_free_run_fit:
-        by_prior = ", or let the prior hold it (--set identification.output_error.use_prior=true)"
+        by_prior = ", or use the prior (--set identification.output_error.use_prior=true)"
         return (
-            "the data do not determine the model, or it is unstable in open loop: take another filter"
+            "the data do not determine the model, or it is unstable in open loop: use another filter"
             f"{'' if settings.output_error.use_prior else by_prior}"
         )
     if settings.prior.from_estimate is not None:
-        return "the earlier estimate (identification.prior.from_estimate) may not fit these data: start without it"
+        return "the earlier estimate (identification.prior.from_estimate) may not fit these data: run without it"
     if settings.prior.factor > _NARROW:
-        return f"narrow the prior (--set identification.prior.factor={_NARROW:g}), or take another filter"
-    return "the prior is narrow already: raise the process noise (identification.process_noise), or take another filter"
+        return f"narrow the prior (--set identification.prior.factor={_NARROW:g}), or use another filter"
+    return (
+        "the prior is already narrow: increase the process noise (identification.process_noise), or use another filter"
+    )
 
 
 def _remedy_of_unconverged(estimate: Estimate) -> str:
-    """Return what may help a fit that did not settle: more steps, unless it is where the data are not met."""
+    """Return advice for a fit that did not converge: more steps, unless its residuals are large."""
     settings, large = estimate.experiment.identification, "its residuals are larger than the noise"
     if estimate.is_free_run_fit:
         more = f"identification.output_error.max_evaluations={2 * settings.output_error.max_evaluations}"
-        held = "" if settings.output_error.use_prior else " or let the prior hold them (output_error.use_prior)"
+        held = "" if settings.output_error.use_prior else " or use the prior (output_error.use_prior)"
         elsewhere = (
-            f"{large}: allow more steps (--set {more}); if they stay large, fit shorter segments (--use), or take the "
+            f"{large}: allow more steps (--set {more}); if they stay large, fit shorter segments (--use), or use the "
             "smoother"
         )
     else:
         more = f"identification.smoother.max_passes={2 * settings.smoother.max_passes}"
         held = " or narrow the prior (identification.prior.factor)"
         elsewhere = (
-            f"{large}, where more steps (--set {more}) seldom help: look at signs, units and delays (auvid inspect), "
-            "and let the data say how much process noise the model needs (--set identification.noise=estimate, or "
-            "auvid tune)"
+            f"{large}, and more steps (--set {more}) seldom help: check signs, units and delays (auvid inspect), and "
+            "estimate the process noise (--set identification.noise=estimate, or auvid tune)"
         )
     if not mean_nis(estimate) <= LARGEST_MEAN_NIS:
         return elsewhere
     return (
-        f"its residuals are as large as the noise: allow more steps (--set {more}); coefficients that still move "
-        f"then are not determined by these data: hold them (identification.coefficients){held}"
+        f"its residuals are as large as the noise: allow more steps (--set {more}); these data do not determine "
+        f"coefficients that still change then: fix them (identification.coefficients){held}"
     )
 
 
 class Grade(StrEnum):
-    """What an estimate is worth, the best first."""
+    """Grade of an estimate, best first."""
 
     SOUND = "sound"
     UNJUDGED = "unjudged"
@@ -177,11 +186,10 @@ class Judgement(NamedTuple):
 
     Attributes
     ----------
-    grade : Grade
     reason : str
-        What stands against it; empty if nothing does.
+        Reason of the grade; empty if sound.
     remedy : str
-        What to do about that.
+        Advice.
     """
 
     grade: Grade
@@ -190,12 +198,12 @@ class Judgement(NamedTuple):
 
     @property
     def is_against(self) -> bool:
-        """Say whether it speaks against the estimate; one that nobody was asked to judge has nothing against it."""
+        """Whether the estimate is worse than sound; an unjudged one is not."""
         return self.grade not in (Grade.SOUND, Grade.UNJUDGED)
 
     @property
     def advice(self) -> str:
-        """Return reason and remedy, as far as there are such."""
+        """Return reason and remedy, if any."""
         return "; ".join(part for part in (self.reason, self.remedy) if part)
 
     def __str__(self) -> str:
@@ -235,14 +243,14 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
             advice_on_nonlinearity(estimate) or remedy_of_linearisation(estimate),
             "" if doubt is None else doubt.advice,
         ]
-        otherwise = "do not use it; look at stated noise, biases, outliers and signs (auvid check)"
+        otherwise = "do not use the estimate; check stated noise, biases, outliers and signs (auvid check)"
         remedy = "; ".join(filter(None, known)) or otherwise
         return Judgement(Grade.INCONSISTENT, status.removeprefix("inconsistent: "), remedy)
     if reference is None:
-        remedy = "fit it as well (--filter smoother, without identification.gate)"
-        return Judgement(Grade.UNJUDGED, "nobody has judged it, for there is no estimate of the smoother", remedy)
+        remedy = "run the smoother as well (--filter smoother, without identification.gate)"
+        return Judgement(Grade.UNJUDGED, "not judged, because there is no smoother estimate", remedy)
     if not reference.completed:
-        return Judgement(Grade.UNJUDGED, f"the smoother, which would judge it, {reference.status}")
+        return Judgement(Grade.UNJUDGED, f"the smoother, which judges the others, {reference.status}")
     return doubt or _doubt_of_distance(estimate, reference) or _doubt_of_vehicle(estimate) or Judgement(Grade.SOUND)
 
 
@@ -254,14 +262,12 @@ def _doubt_of_data(reference: Estimate) -> Judgement | None:
 
 
 def _noises(reference: Estimate) -> Iterator[Cause]:
-    for sensor, innovations in told_as_noise(reference):
+    for sensor, innovations in sensors_without_ahrs(reference):
         statistics, beyond = whiteness(innovations), ""
         if statistics.nis > LARGEST_NIS:
-            beyond = (
-                f"are larger than the smoother says (NIS is {statistics.nis:.1f} standard deviations of chance above 1)"
-            )
+            beyond = f"are larger than expected (NIS exceeds 1 by {statistics.nis:.1f} sigma)"
         elif statistics.portmanteau > LARGEST_PORTMANTEAU:
-            beyond = f"last from sample to sample ({statistics.portmanteau:.0f} sigma, Ljung-Box)"
+            beyond = f"are correlated in time ({statistics.portmanteau:.0f} sigma, Ljung-Box)"
         if beyond:
             cause = noise_cause(sensor, innovations)
             remedy = f"they look like {cause.name}: {cause.remedy}"
@@ -277,7 +283,7 @@ def _faults(reference: Estimate) -> Iterator[Cause]:
     worst = beyond[0]
     reason, remedy = str(worst), worst.fault.remedy
     if not worst.fault.is_alternative:
-        # A model that does not hold for all segments looks like many a fault.
+        # A model that differs between segments can look like a fault.
         disagreeing = next((f", and {test}" for test in beyond if test.fault.is_alternative), "")
         reason = f"{_ahrs_or(reference)}{reason}{disagreeing}"
         remedy = f"{_WITHOUT_AHRS if is_from_ahrs(reference) else ''}{remedy}"
@@ -285,7 +291,7 @@ def _faults(reference: Estimate) -> Iterator[Cause]:
 
 
 def _ahrs_or(reference: Estimate) -> str:
-    doubted = "errors of the AHRS, which last, or " if is_from_ahrs(reference) else "a fault: "
+    doubted = "errors of the AHRS, correlated in time, or " if is_from_ahrs(reference) else "a fault: "
     return f"the data look like {doubted}"
 
 
@@ -294,28 +300,29 @@ def _doubt_of_distance(estimate: Estimate, reference: Estimate) -> Judgement | N
     farthest = max(distances, key=lambda symbol: distances[symbol], default=None)
     if farthest is None or distances[farthest] <= FARTHEST:
         return None
-    reason = f"{farthest} is {distances[farthest]:.1f} of its standard deviations from what the smoother finds"
+    reason = f"{farthest} is {distances[farthest]:.1f} standard deviations from the smoother's estimate"
     return Judgement(Grade.DOUBTFUL, reason, "use the smoother's estimate")
 
 
 def _doubt_of_vehicle(estimate: Estimate) -> Judgement | None:
-    """Say what no noise explains: data whose signs or units are others are as consistent as those that are right."""
-    if pushing := pushing_drag(estimate, _SIGNIFICANT):
-        reason = f"drag that pushes ({', '.join(pushing)})"
-        return Judgement(Grade.DOUBTFUL, reason, "a sign is turned in the data, or the model lacks a term")
+    """Return a doubt about signs and sizes, which innovations do not show."""
+    if pushing := wrong_drag_signs(estimate, _SIGNIFICANT):
+        reason = f"drag coefficients have the wrong sign ({', '.join(pushing)})"
+        return Judgement(Grade.DOUBTFUL, reason, "a sign in the data is wrong, or the model lacks a term")
     if turned := unlike_the_vehicle_file(estimate, _SIGNIFICANT):
-        reason = f"{', '.join(turned)} have another sign than the vehicle file states"
-        remedy = "turn the sign of that fin in the map (sign: -1), or in the vehicle file if its fins count so"
+        reason = f"{', '.join(turned)} have the opposite sign of the vehicle file"
+        remedy = "change the sign of that fin in the map (sign: -1), or in the vehicle file if the log is right"
         return Judgement(Grade.DOUBTFUL, reason, remedy)
     if far := out_of_proportion(estimate, _SIGNIFICANT):
-        reason = f"{', '.join(f'{symbol} is {times:.2g} times' for symbol, times in far.items())} what the file states"
-        remedy = "look at unit and scale of that fin in the map; if they are right, mend the vehicle file"
+        found = ", ".join(f"{symbol} is {times:.2g} times" for symbol, times in far.items())
+        reason = f"{found} the value of the vehicle file"
+        remedy = "check unit and scale of that fin in the map; if they are right, correct the vehicle file"
         return Judgement(Grade.DOUBTFUL, reason, remedy)
     return None
 
 
 def distances_to(estimate: Estimate, reference: Estimate) -> Mapping[str, float]:
-    """Say how far coefficients are from those of another estimate, by the larger of their standard deviations."""
+    """Return the distances of two estimates in the larger of their standard deviations, by symbol."""
     distances = {}
     for i in estimate.coefficient_rows:
         symbol = estimate.state[i]
@@ -332,9 +339,9 @@ class Whiteness(NamedTuple):
     Attributes
     ----------
     nis : float
-        Sum of the squares beyond its expectation; its variance counts the memory of the innovations.
+        Excess of the sum of squares; its variance accounts for the autocorrelation.
     portmanteau : float
-        Statistic of Ljung and Box (Biometrika 65(2), 1978) of the component that remembers most.
+        Statistic of Ljung and Box (Biometrika 65(2), 1978) of the component with the largest one.
     """
 
     nis: float
@@ -348,9 +355,9 @@ def whiteness(innovations: Innovations) -> Whiteness:
     if not components:
         return Whiteness(0.0, 0.0)
     correlation, samples = innovations.autocorrelation
-    enough = samples >= _FEWEST
+    enough = samples >= _MIN_MEASUREMENTS
     squared, n = correlation[enough] ** 2, samples[enough]
-    # The squares of a Gaussian sequence correlate by the square of its own correlation.
+    # The autocorrelation of the squares of a Gaussian sequence is its autocorrelation squared.
     memory = float(squared.sum(axis=1).max(initial=0.0))
     nis = (squares - components) / np.sqrt(2.0 * components * (1.0 + 2.0 * memory))
     sums = n * (n + 2.0) * (squared / (n[:, None] - np.arange(1, N_LAGS + 1))).sum(axis=1)

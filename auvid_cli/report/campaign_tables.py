@@ -1,4 +1,4 @@
-"""What a campaign found, as files and on the screen."""
+"""Results of a campaign as files and on the screen."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from math import isfinite
@@ -16,11 +16,10 @@ from auvid_cli.report.screen_table import narrowed
 from auvid_cli.report.table import Cell, Column, Table, number, setting_text
 from auvid_cli.report.text_tables import render_markdown
 
-# More combinations than this are for the files.
-_MOST_ON_SCREEN = 40
+_MAX_ROWS = 40  # on the screen; the files have all
 _SCREEN_DIGITS = 3
-# What gives way where the terminal is narrow, first to last.
-_LEAST_OF_COLUMNS = "by chance", "error / bound", "5 - 95 %", "sd / bound", "in 2 sd %", "NEES"
+# Columns left out on a narrow terminal, in this order.
+_DROPPED_COLUMNS = "by chance", "error / bound", "5 - 95 %", "sd / bound", "in 2 sd %", "NEES"
 _WHAT = {"steady_state_error_percent": "steady-state error", "rmse_percent": "RMSE"}
 
 
@@ -30,7 +29,7 @@ def write_findings(findings: CampaignSummary, folder: Path) -> list[Path]:
     Raises
     ------
     FileError
-        If one cannot be written; it is then not there, or as it was before.
+        If a file cannot be written; an existing file then stays as it was.
     """
     tables = {
         "filters": findings.filters,
@@ -47,11 +46,11 @@ def write_findings(findings: CampaignSummary, folder: Path) -> list[Path]:
 
 def print_findings(console: Console, findings: CampaignSummary, files: Sequence[Path]) -> None:
     """Print a row for each combination of settings and filter, who is better in how many, and where the files are."""
-    if len(findings.filters) <= _MOST_ON_SCREEN:
+    if len(findings.filters) <= _MAX_ROWS:
         table = filters_table(findings)
         if not any(findings.filters["failed"]):
             table = table.without("failed %")
-        console.print(narrowed(console, table, _LEAST_OF_COLUMNS, _SCREEN_DIGITS))
+        console.print(narrowed(console, table, _DROPPED_COLUMNS, _SCREEN_DIGITS))
     else:
         console.print(Text(f"{len(findings.filters)} combinations of settings and filter: see the tables"))
     for sentence in comparison_sentences(findings):
@@ -60,7 +59,7 @@ def print_findings(console: Console, findings: CampaignSummary, files: Sequence[
 
 
 def comparison_sentences(findings: CampaignSummary) -> list[str]:
-    """Say for each pair of filters and measure in how many combinations of settings which conclusion holds."""
+    """Return, for each pair of filters and measure, in how many settings each conclusion holds."""
     sentences = []
     if not len(findings.comparisons):
         return sentences
@@ -106,13 +105,12 @@ def filters_table(findings: CampaignSummary) -> Table:
         for row in findings.filters.to_dict("records")
     ]
     notes = (
-        "Sound: share of the runs whose estimate may be used by its judgement. Error: mean steady-state error of the "
-        "coefficients, median over the runs; 90 % of them lie from 5 to 95 %. "
-        "In 2 sd: share of all coefficients whose truth lies within two standard deviations, of "
-        "batch estimates the corrected ones; 95.4 if these are honest.",
+        "Sound: share of the runs whose estimate may be used. Error: mean steady-state error of the coefficients, "
+        "median over the runs; 90 % of the runs are within 5 - 95 %. In 2 sd: share of coefficients whose true value "
+        "is within two standard deviations (corrected ones of batch estimates); 95.4 if these are right.",
         "sd / bound: median of the stated standard deviations in terms of Cramer-Rao's bound, of the data alone. "
         "Error / bound: root mean square of the errors in terms of it.",
-        "NEES: per coefficient, 1 if the covariance is honest; by chance it lies in the last interval in 95 %. "
+        "NEES: per coefficient, 1 if the covariance is right, and then within the last interval in 95 % of all cases. "
         "Runs that failed or diverged count only as such; those that are inconsistent count.",
     )
     return Table("campaign", "Filters", tuple(columns), rows, notes=notes)

@@ -39,7 +39,7 @@ _ERROR = "steady_state_error_percent"
 _VELOCITY = "Mean absolute error"
 _BOUND = "Cramér-Rao bound"
 _AVERAGE = "average error %"
-# A corrected standard deviation is told where it is more than so many times the nominal one.
+# A corrected standard deviation is shown from this ratio to the nominal one.
 _WIDER = 1.02
 _RMSE_OF = (
     "RMSE: over the whole run, from the initial value of zero, in the coefficient's unit. "
@@ -47,12 +47,12 @@ _RMSE_OF = (
 )
 _ERROR_OF = "Steady-state error: distance of the mean over the last tenth of the run from the true value."
 NIS_MEANS = (
-    "NIS: squares of the innovations by their stated variance, mean of a component. 1: noise is as stated. More: data "
-    "and model disagree. Less: more noise is stated than there is, as it is on purpose of an AHRS."
+    "NIS: squared prediction error / expected variance, mean over the components. 1 is right. Larger: data and model "
+    "disagree. Smaller: the stated noise is too large, which is intended for an AHRS."
 )
 _CORRECTED = (
-    "Corrected sd: standard deviation with allowance for residuals that are correlated in time, where that makes it "
-    f"more than {100.0 * (_WIDER - 1.0):.0f} % larger."
+    "Corrected sd: standard deviation that accounts for residuals correlated in time, if it is more than "
+    f"{100.0 * (_WIDER - 1.0):.0f} % larger."
 )
 
 
@@ -80,7 +80,7 @@ def published(table: str) -> dict[str, dict[str, str]]:
 
 
 def published_filters(table: str, column: str, filters: list[str]) -> list[str]:
-    """Return those of `filters` for which the paper has `column`, in the order given."""
+    """Return the filters for which the paper has `column`."""
     columns = {name for row in published(table).values() for name in row}
     return [name for name in filters if f"{column}_{name}" in columns]
 
@@ -108,7 +108,7 @@ def _columns(group: str, filters: list[str]) -> list[Column]:
 
 
 def results_by_coefficient(evaluation: Evaluation) -> dict[str, dict[str, CoefficientResult]]:
-    """Return results by coefficient and filter, in the order in which they come."""
+    """Return the results by coefficient and filter."""
     results: dict[str, dict[str, CoefficientResult]] = {}
     for row in evaluation.coefficients:
         results.setdefault(row.coefficient, {})[row.filter] = row
@@ -140,7 +140,6 @@ def _half(
 
     Parameters
     ----------
-    evaluation : Evaluation
     table : Table
         Key, which is the field of `CoefficientResult`, title and note.
     published_key : str
@@ -189,7 +188,7 @@ def _half(
 def table_iv(evaluation: Evaluation) -> dict[str, NamedRows]:
     """Return Table IV as the rows of ``table_iv.csv``, both halves side by side; empty without a truth.
 
-    Below the coefficients stand the averages, the number of rows below the paper's and the CPU time.
+    The last rows are the averages, the number of rows below the paper's values and the CPU time.
     """
     halves = accuracy(evaluation)
     if not halves:
@@ -211,7 +210,7 @@ def table_iv(evaluation: Evaluation) -> dict[str, NamedRows]:
 
 
 def _plain(cell: Cell) -> str | float | None:
-    """Return what a CSV file has for a cell, without marks and standard deviations."""
+    """Return the value of a cell for a CSV file, without marks and standard deviations."""
     match cell:
         case Unidentified(inner):
             return _plain(inner)
@@ -223,12 +222,12 @@ def _plain(cell: Cell) -> str | float | None:
 
 
 def marked(row: CoefficientResult, cell: float | PlusMinus | None) -> Cell:
-    """Mark what the data do not determine."""
+    """Return the cell with a mark if the data do not determine the coefficient."""
     return cell if row.identified or cell is None else Unidentified(cell)
 
 
 def mark_explained(evaluation: Evaluation) -> list[str]:
-    """Return the sentence that explains the mark, if anything is marked."""
+    """Return the explanation of the mark if any coefficient is marked."""
     return [] if all(row.identified for row in evaluation.coefficients) else [UNIDENTIFIED]
 
 
@@ -257,7 +256,7 @@ def estimates(evaluation: Evaluation, filters: Sequence[str], with_deviations: b
 
 
 def _is_wider(row: CoefficientResult) -> bool:
-    """Say whether its standard deviation is corrected by so much that it is worth telling."""
+    """Whether the corrected standard deviation is large enough to be shown."""
     return (row.corrected_standard_deviation or 0.0) > _WIDER * row.standard_deviation
 
 
@@ -266,7 +265,7 @@ def _corrected(row: CoefficientResult) -> list[Cell]:
 
 
 def _bounds(evaluation: Evaluation) -> Table:
-    """Lay out bounds: at the truth there is one; at each filter's own estimate it is another for each."""
+    """Return the bounds: one column at the true values, or one for each filter at its estimate."""
     filters = _filters(evaluation)
     rows: list[list[Cell]] = []
     results_of = results_by_coefficient(evaluation)
@@ -281,7 +280,7 @@ def _bounds(evaluation: Evaluation) -> Table:
         rows.append([Symbol(symbol), UnitCell(any_row.unit), *bound, *with_noise, *times])
     return Table(
         "bounds",
-        "Least standard deviations that the data allow, and how many times as large those of the estimates are",
+        "Smallest standard deviations that the data allow, and those of the estimates relative to them",
         (
             Column("Coefficient", numeric=False),
             Column("Unit", numeric=False),
@@ -323,7 +322,7 @@ def _velocities(evaluation: Evaluation) -> Table:
 
 
 def consistency(evaluation: Evaluation) -> Table:
-    """Lay out the mean NIS by sensor and filter, as for the terminal so for files."""
+    """Return the mean NIS by sensor and filter."""
     filters = _filters(evaluation)
     nis = {(row.sensor, row.filter): row.mean_nis for row in evaluation.consistency}
     expected = {
@@ -336,7 +335,7 @@ def consistency(evaluation: Evaluation) -> Table:
     return Table(
         "consistency",
         "Consistency: mean normalised innovation squared per component",
-        (Column("NIS of", numeric=False), Column("99 % of chance"), *_columns("Mean NIS", filters)),
+        (Column("sensor", numeric=False), Column("normal range (99 %)"), *_columns("Mean NIS", filters)),
         rows,
         notes=(NIS_MEANS, *rejections(evaluation)),
     )
@@ -356,28 +355,28 @@ def _faults(evaluation: Evaluation) -> Table:
     ]
     return Table(
         "faults",
-        "What may be wrong, by what it would leave in the innovations of the smoother",
+        "Possible faults and their size",
         (
             *(Column("Fault", numeric=False), Column("Unit", numeric=False), Column("Size ± standard deviation")),
             *(Column("Size / standard deviation"), Column("Moves most", numeric=False), Column("Susceptibility")),
         ),
         rows,
         notes=(
-            "The size is what these data say of each fault if nothing else was wrong. Susceptibility: by how many of "
-            "its standard deviations a fault of one of its own, which these data cannot show, moves that coefficient.",
+            "Size: estimated from these data, as if this were the only fault. Susceptibility: how far an undetectable "
+            "fault (one of its standard deviations) shifts the coefficient, in standard deviations of the coefficient.",
         ),
     )
 
 
 def rejections(evaluation: Evaluation) -> list[str]:
-    """Return a sentence for each filter whose gate rejected measurements, and each fit that weighed some down."""
+    """Return a sentence for each filter that rejected measurements or reduced their weight."""
     sentences = []
     for name in _filters(evaluation):
         counts = [
             f"{row.rejected} of {row.sensor}" for row in evaluation.consistency if row.filter == name and row.rejected
         ]
         if counts:
-            what = "counted less than half" if FilterName(name).in_one_batch else "the gate rejected"
+            what = "weighted less than half:" if FilterName(name).in_one_batch else "the gate rejected"
             sentences.append(f"{filter_label(name)}: {what} {', '.join(counts)} (components).")
     return sentences
 
@@ -407,19 +406,19 @@ def _sensor_errors(evaluation: Evaluation) -> Table:
 
 
 def unobserved(evaluation: Evaluation) -> list[str]:
-    """Return a sentence for each filter that was asked for a sensor error which the data do not determine."""
+    """Return a sentence for each filter with sensor errors that the data do not determine."""
     sentences = []
     for name in _filters(evaluation):
         states = dict.fromkeys(row.state for row in evaluation.sensor_errors if row.filter == name and not row.observed)
         if states:
             sentences.append(
-                f"{filter_label(name)}: {', '.join(states)} cannot be observed on this manoeuvre; do not use the value."
+                f"{filter_label(name)}: {', '.join(states)} is not observable in this manoeuvre; do not use the value."
             )
     return sentences
 
 
 def runs(evaluation: Evaluation) -> Table:
-    """Lay out error, cost and judgement of each filter, as for the terminal so for files."""
+    """Return error, cost and judgement of each filter."""
     headers = _AVERAGE, "CPU time s", "steps", "µs/step"
     columns = Column("filter", numeric=False), *map(Column, headers), Column("judgement", numeric=False)
     rows: list[list[Cell]] = [
@@ -445,7 +444,7 @@ def write_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
     Raises
     ------
     FileError
-        If one cannot be written; it is then not there, or as it was before.
+        If a file cannot be written; an existing file then stays as it was.
     """
     paths = write_csv_tables(evaluation.tables() | table_iv(evaluation), folder)
     markdown, latex = folder / "tables.md", folder / "tables.tex"

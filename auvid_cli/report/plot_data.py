@@ -10,17 +10,28 @@ from numpy.typing import NDArray
 from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import EstimateHistory
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.table import unit_text
 from auvid_cli.vehicle.kinematics import dead_reckoned
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, Quantity, state_of
 
 _DEGREES = float(np.rad2deg(1.0))
 Array = NDArray[np.float64]
-# Of the usual interval, and s.
-_JUMP, _LEAST_JUMP = 20.0, 1.0
-# Per cent of a run's estimates that an axis shows for certain; brief excursions beyond them are cut off.
-SHOWN_PERCENT = 98.0
+# A line is broken where time advances by more than both of these.
+_JUMP = 20.0  # median intervals
+_MIN_JUMP = 1.0  # s
+# Share of a run's estimates inside the limits of an axis; brief excursions beyond are cut off.
+SHOWN_PERCENT = 98.0  # %
+# Start of a logarithmic time axis.
+_FIRST_SHARE = 1e-3  # of the run
+_SHORTEST = 1e-3  # s
+_BAND_POINTS = 100
+# Limits of the convergence plots.
+_HIGHEST = 1e3  # %, unless lines end higher
+_ABOVE = 3.0  # times the largest end of a line
+_BELOW = 0.03  # times the smallest band
+_SPAN = 1e9  # largest ratio of the limits
+_MARGIN = 0.08  # of the range of the values
 
 
 class Scale(NamedTuple):
@@ -39,7 +50,7 @@ def scale_of(quantity: Quantity) -> Scale:
 
 
 def finite(values: Array) -> Array:
-    """Put NaN for what is infinite, which breaks a line instead of shooting off."""
+    """Return values with NaN for infinity, which breaks a line."""
     return np.where(np.isfinite(values), values, np.nan)
 
 
@@ -58,7 +69,7 @@ def thin(time: Array, values: Array, points: int = 2000) -> tuple[Array, Array]:
     time, values : ndarray
         A subset in order, or all of them if they are few.
     """
-    time, values = _broken(time, finite(values))
+    time, values = broken(time, finite(values))
     n = values.size
     if n <= points:
         return time, values
@@ -75,13 +86,13 @@ def thin(time: Array, values: Array, points: int = 2000) -> tuple[Array, Array]:
     return time[kept], values[kept]
 
 
-def _broken(time: Array, values: Array) -> tuple[Array, Array]:
-    """Put a gap wherever time jumps on."""
+def broken(time: Array, values: Array) -> tuple[Array, Array]:
+    """Insert a gap, a row of NaN, wherever time jumps."""
     steps = np.diff(time)
     if not steps.size:
         return time, values
-    jumps = np.flatnonzero(steps > max(_JUMP * float(np.median(steps)), _LEAST_JUMP)) + 1
-    return np.insert(time, jumps, time[jumps]), np.insert(values, jumps, np.nan)
+    jumps = np.flatnonzero(steps > max(_JUMP * float(np.median(steps)), _MIN_JUMP)) + 1
+    return np.insert(time, jumps, time[jumps]), np.insert(values, jumps, np.nan, axis=0)
 
 
 def spaced(n: int, points: int) -> NDArray[np.int64]:
@@ -97,81 +108,166 @@ def log_spaced(time: Array, first: float, points: int) -> NDArray[np.int64]:
 
 
 def unwrapped(angle: Array) -> Array:
-    """Take the jumps of a turn out of an angle, rad; gaps stay gaps."""
+    """Return an angle, rad, without jumps of a turn; gaps stay gaps."""
     result = finite(angle)
     is_known = ~np.isnan(result)
     result[is_known] = np.unwrap(result[is_known])
     return result
 
 
-class Convergence(NamedTuple):
-    """Distance of an estimate from its origin over time.
+def value_range(*series: Array) -> tuple[float, float] | None:
+    """Return least and greatest finite value, None if there is none."""
+    finite = [values[np.isfinite(values)] for values in series]
+    present = [values for values in finite if values.size]
+    if not present:
+        return None
+    return min(float(values.min()) for values in present), max(float(values.max()) for values in present)
+
+
+def with_margin(low: float, high: float) -> tuple[float, float]:
+    """Return limits with a margin on both sides, also around a single value."""
+    room = _MARGIN * (high - low) or 0.05 * abs(high) or 1.0
+    return low - room, high + room
+
+
+def around(reference: tuple[float, float] | None, others: tuple[float, float] | None) -> tuple[float, float]:
+    """Return limits around a reference range, extended to other ranges by at most its own height."""
+    if reference is None:
+        return with_margin(*others) if others is not None else (-1.0, 1.0)
+    low, high = reference
+    if others is not None:
+        height = high - low
+        low, high = max(min(low, others[0]), low - height), min(max(high, others[1]), high + height)
+    return with_margin(low, high)
+
+
+class CoefficientLine(NamedTuple):
+    """Line of one filter in the plot of a coefficient.
 
     Attributes
     ----------
-    time : ndarray, shape (n,)
-        s, the beginning of each of equal parts.
-    percent : ndarray, shape (n,)
-        Greatest distance in each part, in percent of the origin; NaN where there is none, or where it is zero.
-    last : float
-        The last distance that is neither, %; NaN if there is none.
+    completed : bool
+        Whether the filter reached the end of the data.
+    time, values : ndarray, shape (n,)
+        s, and values in the unit of the plot; NaN breaks the line.
+    end : float
+        Value at the last time.
+    band_time, band : ndarray, shape (m,)
+        s, and the upper edge of two standard deviations; empty without a band.
     """
 
+    filter: str
+    completed: bool
     time: Array
-    percent: Array
-    last: float
+    values: Array
+    end: float
+    band_time: Array = np.empty(0)
+    band: Array = np.empty(0)
 
 
-def origin_of(true: float | None, final: float) -> float | None:
-    """Return what distances are percents of: the truth, or where that is not known, or zero, the final value.
+class CoefficientPlot(NamedTuple):
+    """Description of the plot of one coefficient over time, for figures and pages.
 
-    None where that is zero as well, or not finite.
-    """
-    origin = true or final
-    return origin if isfinite(origin) and origin != 0.0 else None
-
-
-def convergence_of(time: Array, mean: Array, origin: float, spans: int) -> Convergence:
-    """Return how far an estimate is from its origin over time.
-
-    Parameters
+    Attributes
     ----------
-    time, mean : ndarray, shape (n,)
-    origin : float
-        Not zero.
-    spans : int
-        How many parts at most.
-    """
-    percent = 100.0 * np.abs(mean / origin - 1.0)
-    # A batch estimate is constant, and where it ends it is always.
-    percent[~np.isfinite(percent) | (percent == 0.0)] = np.nan
-    known = percent[~np.isnan(percent)]
-    begin = np.arange(0, percent.size, -(-percent.size // spans))
-    return Convergence(time[begin], np.fmax.reduceat(percent, begin), float(known[-1]) if known.size else float("nan"))
-
-
-def shown_range(means: Sequence[Array], true: float | None) -> tuple[float, float] | None:
-    """Return the range of a linear axis from which the convergence of estimates can be read.
-
-    Parameters
-    ----------
-    means : sequence of ndarray, shape (n,)
-        Estimates of one coefficient over time, by each filter.
+    lines : list of CoefficientLine
+        One for each filter.
     true : float or None
-
-    Returns
-    -------
-    (float, float) or None
-        Holds the true value, the start, the end, and `SHOWN_PERCENT` of each filter's estimates; None without any
-        finite value.
+        SI.
+    limits : (float, float) or None
+        Limits of the ordinate; None for automatic ones.
+    begin, end : float
+        Limits of the time axis, s.
     """
+
+    symbol: str
+    lines: list[CoefficientLine]
+    true: float | None
+    limits: tuple[float, float] | None
+    begin: float
+    end: float
+
+
+def estimate_plot(
+    symbol: str, estimates: Sequence[EstimateHistory], true: float | None, points: int
+) -> CoefficientPlot:
+    """Describe the plot of a coefficient's estimates, SI, over the logarithm of time.
+
+    The limits contain the true value, the start, the end and `SHOWN_PERCENT` of the estimates of each filter; they are
+    None without a finite estimate. Each line has at most `points` points.
+    """
+    span = time_span(estimates)
+    begin = max(span[1] * _FIRST_SHARE, _SHORTEST)
+    shown = [estimate for estimate in estimates if symbol in estimate.state and estimate.time.size]
+    means = [estimate.mean[:, estimate.state.index(symbol)] for estimate in shown]
+    lines = []
+    for estimate, mean in zip(shown, means, strict=True):
+        some = log_spaced(estimate.time, begin, points)
+        lines.append(
+            CoefficientLine(
+                estimate.filter, estimate.completed, estimate.time[some], finite(mean[some]), float(mean[-1])
+            )
+        )
+    end = max(span[1], 10.0 * begin)
+    return CoefficientPlot(symbol, lines, true, _estimate_limits(means, true), begin, end)
+
+
+def _estimate_limits(means: Sequence[Array], true: float | None) -> tuple[float, float] | None:
     cut = 0.5 * (100.0 - SHOWN_PERCENT)
-    finite = [mean[np.isfinite(mean)] for mean in means]
-    values = [np.append(np.percentile(mean, [cut, 100.0 - cut]), mean[[0, -1]]) for mean in finite if mean.size]
+    known = [mean[np.isfinite(mean)] for mean in means]
+    values = [np.append(np.percentile(mean, [cut, 100.0 - cut]), mean[[0, -1]]) for mean in known if mean.size]
     if not values:
         return None
     shown = np.concatenate([*values, [] if true is None else [true]])
-    return float(shown.min()), float(shown.max())
+    return with_margin(float(shown.min()), float(shown.max()))
+
+
+def convergence_plot(
+    symbol: str, estimates: Sequence[EstimateHistory], true: float | None, points: int
+) -> CoefficientPlot:
+    """Describe the plot of a coefficient's distance from its true value over time, in percent of that value.
+
+    The final estimate of each filter replaces a true value that is unknown or zero; a filter whose final estimate is
+    zero or not finite has no line then. The run is cut into at most `points` parts, and each point of a line is the
+    largest distance in one part, because the smallest is where the estimate crosses the true value.
+    """
+    lines = []
+    for estimate in estimates:
+        if symbol not in estimate.state or not estimate.time.size:
+            continue
+        column = estimate.state.index(symbol)
+        mean, deviation = estimate.mean[:, column], estimate.standard_deviation[:, column]
+        origin = true or float(mean[-1])
+        if not isfinite(origin) or origin == 0.0:
+            continue
+        percent = 100.0 * np.abs(mean / origin - 1.0)
+        end = float(percent[-1])
+        # A logarithmic axis has no zero. A batch estimate is constant, and zero from its own final value.
+        percent[~np.isfinite(percent) | (percent == 0.0)] = np.nan
+        part = np.arange(0, percent.size, -(-percent.size // points))
+        largest = np.fmax.reduceat(percent, part)
+        some = spaced(mean.size, _BAND_POINTS)
+        band = 200.0 * deviation[some] / abs(origin)
+        time = estimate.time
+        lines.append(CoefficientLine(estimate.filter, estimate.completed, time[part], largest, end, time[some], band))
+    return CoefficientPlot(symbol, lines, true, None, *time_span(estimates))
+
+
+def convergence_limits(plots: Sequence[CoefficientPlot]) -> tuple[float, float]:
+    """Return limits in percent that suit all plots: by the bands at both ends, and by the ends of the lines."""
+    lines = [line for plot in plots for line in plot.lines]
+    # A filter that diverged would squash the others, so it counts only if all diverged.
+    counting = [line for line in lines if line.completed] or lines
+    bands = [line.band[[0, -1]] for line in counting]
+    low, high = value_range(*(band[band > 0.0] for band in bands)) or (0.1, _HIGHEST)
+    _, last = value_range(*(np.array([line.end]) for line in counting)) or (0.0, 0.0)
+    high = max(min(high, _HIGHEST), min(_ABOVE * last, _HIGHEST**2))
+    return min(max(_BELOW * low, high / _SPAN), 0.01 * high), high
+
+
+def time_span(estimates: Sequence[EstimateHistory]) -> tuple[float, float]:
+    """Return the first and the last time of all estimates, s."""
+    return value_range(*(estimate.time for estimate in estimates)) or (0.0, 1.0)
 
 
 def free_run_residual(quantity: Quantity, time: Array, measured: Array, run: FreeRun) -> Array | None:
@@ -182,7 +278,6 @@ def free_run_residual(quantity: Quantity, time: Array, measured: Array, run: Fre
     quantity : Quantity
         Component of a sensor.
     time, measured : ndarray, shape (n,)
-    run : FreeRun
 
     Returns
     -------
@@ -229,13 +324,12 @@ class TravelledPath(NamedTuple):
 
 
 def travelled_paths(truth: TruthRecord | None, motions: Iterable[EstimateHistory]) -> list[TravelledPath]:
-    """Return the true path, as far as it is finite, and dead reckoning from its start, or from zero.
+    """Return the true path, where finite, and dead reckoning from its start, or from zero without truth.
 
     Parameters
     ----------
-    truth : TruthRecord or None
     motions : iterable of Course
-        Of the nine motion states; one that is not finite from the second time on has no path.
+        Histories of the nine motion states; one that is not finite from its second time has no path.
     """
     paths, start = list[TravelledPath](), np.zeros(3)
     if truth is not None:

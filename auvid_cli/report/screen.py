@@ -14,9 +14,9 @@ from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.checks import Check
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.findings import DisturbanceChoice, TunedNoise, Tuning
-from auvid_cli.evaluation.assessment import CLASSES, FixSuggestion, Identifiability
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.judgement import Judgement, whiteness
+from auvid_cli.evaluation.results import CLASSES, FixSuggestion, Identifiability
 from auvid_cli.report.layout import (
     NIS_MEANS,
     PAPER,
@@ -49,42 +49,42 @@ from auvid_cli.validation.results import (
 )
 
 _NOTES = (
-    "Bound: the least standard deviation that any estimate from these data can have (Cramer-Rao), with the noise of "
-    "the sensors alone; with noise %: with process noise, too. The class goes by the larger. Mostly from: the sensor "
-    "that says most of it, and its share.",
+    "Bound: smallest standard deviation that an estimate from these data can have (Cramer-Rao), with sensor noise "
+    "only; with noise %: with process noise as well. The class is that of the larger one. Mostly from: the sensor with "
+    "the largest share of the information.",
 )
-# What gives way where the terminal is narrow, first to last.
-_LEAST_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
+# Columns left out on a narrow terminal, in this order.
+_DROPPED_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
 _STYLES = {"FAIL": "bold red", "note": "yellow"}
 _TUNING_DIGITS = 3
-_LESS, _WHITE = "any less will do", "white process noise would do"
-_LONGER, _ANY = "any longer will do", "any will do"
+_LESS = "any smaller value fits as well"
+_WHITE = "white process noise fits as well"
+_LONGER = "any larger value fits as well"
+_ANY = "any value fits"
 _PREFIX = "identification."
-# The smoother's estimate, and what is said of it.
+# An estimate of the smoother and its judgement.
 Judged = tuple[Estimate, Judgement]
 _VALIDATION_DIGITS = 3
-# What gives way where the terminal is narrow, first to last.
-_LEAST_OF_MODELS = "vehicle file", "prior", "unchanged"
+# Columns left out on a narrow terminal, in this order.
+_DROPPED_OF_MODELS = "vehicle file", "prior", "unchanged"
 _ERRORS = (
-    "Free run: the model moved from its start by the inputs alone. Noise: of the sensor, as stated. Unchanged: errors "
-    "if the motion stayed as at the start; prior, vehicle file: by the coefficients known before, and by the file's."
+    "Free run: the model is driven by the inputs alone. Noise: stated noise of the sensor. RMSE: error of the model. "
+    "Unchanged: error if the motion stayed as at the start. Prior, vehicle file: errors with these coefficients."
 )
-_BAND = (
-    "Band: two standard deviations of coefficients, start, measurements and what the model is seen to lack, together."
-)
+_BAND = "Band: two standard deviations, from coefficients, start, measurements and known defects of the model together."
 
 
 def assessment_sentences(identifiability: Identifiability) -> list[str]:
-    """Say what is missing, what goes together, what cannot be observed, and how bounds fall."""
+    """Return sentences on missing data, inseparable coefficients, unobservable states and bounds over time."""
     sentences = [sentence(identifiability.remark)] if identifiability.remark else []
     sentences += [
-        f"{', '.join(group.members)} go together: {group.combination} is known to {group.percent:.2g} %, "
+        f"{', '.join(group.members)} cannot be separated: {group.combination} is known to {group.percent:.2g} %, "
         f"the worst of them alone to {group.worst_percent:.2g} %"
         for group in identifiability.groups
     ]
     for symbol, error in identifiability.sensor_errors.items():
-        unobserved = "" if error.observed else ": cannot be observed on this manoeuvre"
+        unobserved = "" if error.observed else ": not observable in this manoeuvre"
         sentences.append(f"{symbol}: bound {printed(error.bound, 2)}, prior {printed(error.prior, 2)}{unobserved}")
     half = min(identifiability.growth, key=lambda entry: abs(entry[0] - 0.5 * identifiability.growth[-1][0]))
     whole = identifiability.growth[-1]
@@ -93,9 +93,9 @@ def assessment_sentences(identifiability: Identifiability) -> list[str]:
 
 
 def holding_sentence(holding: FixSuggestion) -> str:
-    """Say what data tell of, and the setting that holds the rest."""
-    missing = f", of which it must first state {', '.join(holding.unstated)}" if holding.unstated else ""
-    only = f"These data tell of {', '.join(holding.motions)} alone. " if len(holding.motions) < 6 else ""
+    """Return which coefficients to fix, and the setting that does so."""
+    missing = f" (add {', '.join(holding.unstated)} to it first)" if holding.unstated else ""
+    only = f"These data contain only {', '.join(holding.motions)}. " if len(holding.motions) < 6 else ""
     return (
         f"{only}Hold {', '.join(holding.held)} at the values of the vehicle file{missing}; then the rest is known to "
         f"{holding.worst_percent:.2g} % or better:\n"
@@ -104,7 +104,7 @@ def holding_sentence(holding: FixSuggestion) -> str:
 
 
 def bounds_table(identifiability: Identifiability) -> Table:
-    """Lay out bounds by class, and what they mostly come from."""
+    """Return the bounds by class, with the sensor that contributes most."""
     ranks = {label: rank for rank, (_, label) in enumerate(CLASSES)}
     columns = (
         *(Column(header, numeric=False) for header in ("symbol", "unit")),
@@ -125,21 +125,20 @@ def bounds_table(identifiability: Identifiability) -> Table:
         ]
         for bound in sorted(identifiability.bounds, key=lambda bound: ranks[bound.label])
     ]
-    table = Table("bounds", "Least standard deviations that the data allow", columns, rows, notes=_NOTES)
+    table = Table("bounds", "Smallest standard deviations that the data allow", columns, rows, notes=_NOTES)
     return table if identifiability.groups else table.without("goes with")
 
 
 def print_summary(console: Console, evaluation: Evaluation) -> None:
-    """Print coefficients, averages, cost, judgement and consistency of every filter.
+    """Print coefficients, averages, cost, judgement and consistency of all filters.
 
     Parameters
     ----------
     console : rich.console.Console
-        Where it is narrow, units, true values and the paper's columns are left out, and named below the table.
-    evaluation : Evaluation
+        On a narrow one, units, true values and the paper's columns are left out and named below the table.
     """
     if console.quiet:
-        # To try what fits takes a tenth of a second.
+        # Choosing the columns that fit takes a tenth of a second.
         return
     filters = [row.filter for row in evaluation.summary]
     notes = dict.fromkeys(mark_explained(evaluation))
@@ -154,7 +153,7 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     console.print(screen_table(console, runs(evaluation), unbroken=("filter", "judgement")))
     for text in judgement_sentences(evaluation.judgements(), with_sound=False):
         console.print(Text(text))
-    console.print(screen_table(console, consistency(evaluation), ERROR_DIGITS + 1, unbroken=("NIS of",)))
+    console.print(screen_table(console, consistency(evaluation), ERROR_DIGITS + 1, unbroken=("sensor",)))
     console.print(Text(NIS_MEANS))
     explained = [encodable(console, text) for text in notes]
     for text in [*explained, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
@@ -162,21 +161,19 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
 
 
 def print_files(console: Console, files: Sequence[Path]) -> None:
-    """Print in which folders files are, and how many."""
+    """Print the folders of the files with the number of files."""
     for folder, count in Counter(path.parent for path in files).items():
         line = f"{count} {'file' if count == 1 else 'files'} in {folder}"
         console.print(Text(line), soft_wrap=True)
 
 
 def print_checks(console: Console, checks: Sequence[Check], passed: bool) -> None:
-    """Count verdicts, and print those that did not pass, once for all estimates that share them, with what to do.
+    """Print the number of checks, and those that did not pass, once for all estimates that share them, with advice.
 
     Parameters
     ----------
-    console : rich.console.Console
-    checks : sequence of Check
     passed : bool
-        Whether all are printed, also those that passed, and of every estimate by itself.
+        Whether all checks are printed, estimate by estimate.
     """
     names = list(dict.fromkeys(check.filter for check in checks))
     shared = shared_checks(checks)
@@ -190,7 +187,9 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool) -> Non
         console.print(screen_table(console, _checks(shared, names), styles=_STYLES))
         if len(names) > 1:
             shown = whose([JUDGE if JUDGE in names else names[0]])
-            console.print(Text(f"Found is of the {shown}, where it is among those; of each estimate with --verbose."))
+            console.print(
+                Text(f"Column found: value of the {shown}, if it is in the row. Add --verbose for each estimator.")
+            )
             console.print()
     for advice in advices(shared):
         only = f", {whose(advice.filters)}" if len(advice.filters) < len(names) else ""
@@ -199,13 +198,13 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool) -> Non
 
 
 def print_check_counts(console: Console, checks: Sequence[Check]) -> None:
-    """Print how many verdicts passed, failed, or are worth knowing."""
+    """Print how many checks passed, failed, or are notes."""
     for line in counts_in_words(checks):
         console.print(Text(line))
 
 
 def _checks(shared: Sequence[SharedCheck], names: Sequence[str]) -> Table:
-    columns = tuple(Column(header, numeric=False) for header in ("", "estimator", "of", "check", "found", "may be"))
+    columns = tuple(Column(header, numeric=False) for header in ("", "estimator", "of", "check", "found", "allowed"))
     rows: list[list[Cell]] = [
         [
             *(_VERDICTS[check.passed], whose(filters, names)),
@@ -218,9 +217,9 @@ def _checks(shared: Sequence[SharedCheck], names: Sequence[str]) -> Table:
 
 
 def print_identifiability(console: Console, identifiability: Identifiability) -> None:
-    """Print bounds by class, what contributes and goes together, how bounds fall, and what cannot be observed."""
+    """Print bounds by class and over time, inseparable coefficients and unobservable errors."""
     table = bounds_table(identifiability)
-    console.print(narrowed(console, table, _LEAST_OF_BOUNDS))
+    console.print(narrowed(console, table, _DROPPED_OF_BOUNDS))
     for note in table.notes:
         console.print(Text(encodable(console, note)))
     for text in assessment_sentences(identifiability):
@@ -230,7 +229,7 @@ def print_identifiability(console: Console, identifiability: Identifiability) ->
 
 
 def _estimate_tables(console: Console, evaluation: Evaluation, filters: list[str]) -> list[ScreenTable]:
-    """Return one table with as much as there is room for, or else one for each filter."""
+    """Return the widest table that fits, or else one table for each filter."""
     full, bare = estimates(evaluation, filters), estimates(evaluation, filters, with_deviations=False)
     choices = [
         screen_table(console, table.without(*left_out), unbroken=("symbol", "unit"), left_out=(*words, *left_out))
@@ -244,14 +243,14 @@ def _estimate_tables(console: Console, evaluation: Evaluation, filters: list[str
 
 
 def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged) -> None:
-    """Print the noise, and the smoother's estimates with the stated and with the tuned one."""
+    """Print the tuned noise, and the innovations of the smoother before and after."""
     console.print(screen_table(console, _noises(tuning), _TUNING_DIGITS))
-    for said, of, so in _SAYINGS:
-        if names := [noise.setting.removeprefix(_PREFIX) for noise in tuning.noises if of(noise)]:
-            console.print(Text(f"The data {said} {', '.join(names)}: {so}."))
+    for finding, applies, consequence in _FINDINGS:
+        if names := [noise.setting.removeprefix(_PREFIX) for noise in tuning.noises if applies(noise)]:
+            console.print(Text(f"The data {finding} {', '.join(names)}: {consequence}."))
     console.print(screen_table(console, _estimates(before, after), _TUNING_DIGITS))
     if not tuning.converged:
-        console.print(Text("The search has not settled: take this for a beginning, and tune again with it."))
+        console.print(Text("The search has not converged: start `auvid tune` again from these values."))
 
 
 def _noises(tuning: Tuning) -> Table:
@@ -263,10 +262,11 @@ def _noises(tuning: Tuning) -> Table:
 
 
 def choice_text(choice: DisturbanceChoice) -> str:
-    """Say whether a disturbance is estimated, and why."""
-    criterion = f"{choice.n_parameters} numbers more must bring {choice.needed:.3g} (Bayesian information criterion)"
+    """Return whether a disturbance is estimated, and why."""
+    criterion = f"{choice.n_parameters} more parameters need {choice.needed:.3g} (Bayesian information criterion)"
     what = "kept" if choice.is_kept else "left out"
-    return f"a disturbance that lasts is {what}: with it the log-likelihood is {choice.gain:+.4g}, and {criterion}"
+    gain = f"it changes the log-likelihood by {choice.gain:+.4g}"
+    return f"a disturbance that is correlated in time is {what}: {gain}; {criterion}"
 
 
 def _is_flat(noise: TunedNoise) -> bool:
@@ -277,53 +277,51 @@ def _is_bounded(noise: TunedNoise) -> bool:
     return noise.low == 0.0 and isfinite(noise.high)
 
 
-# What data say of some noise, of which, and what follows.
-_SAYINGS: tuple[tuple[str, Callable[[TunedNoise], bool], str], ...] = (
-    ("only say that there is no more of", lambda noise: _is_bounded(noise) and not noise.is_time_constant, _LESS),
-    ("say nothing of", lambda noise: _is_flat(noise) and not noise.is_time_constant, _LESS),
-    ("only say that it is no longer,", lambda noise: _is_bounded(noise) and noise.is_time_constant, _WHITE),
-    ("only say that it is no shorter,", lambda noise: noise.low > 0.0 and not isfinite(noise.high), _LONGER),
-    ("say nothing of", lambda noise: _is_flat(noise) and noise.is_time_constant, _ANY),
+# Result, condition and consequence for noise that the data determine only in part.
+_FINDINGS: tuple[tuple[str, Callable[[TunedNoise], bool], str], ...] = (
+    ("only give an upper limit of", lambda noise: _is_bounded(noise) and not noise.is_time_constant, _LESS),
+    ("do not determine", lambda noise: _is_flat(noise) and not noise.is_time_constant, _LESS),
+    ("only give an upper limit of", lambda noise: _is_bounded(noise) and noise.is_time_constant, _WHITE),
+    ("only give a lower limit of", lambda noise: noise.low > 0.0 and not isfinite(noise.high), _LONGER),
+    ("do not determine", lambda noise: _is_flat(noise) and noise.is_time_constant, _ANY),
 )
 
 
 def _row(noise: TunedNoise) -> list[Cell]:
-    # Where any less will do the likeliest is as little as the search allows, and says nothing.
+    # Without a lower limit, the most likely value is the smallest that the search allows.
     is_none = noise.low == 0.0 and noise.tuned < 1e-3 * noise.high and not noise.is_time_constant
     likeliest = "none" if is_none else noise.tuned
-    high = noise.high if isfinite(noise.high) else "no end"
+    high = noise.high if isfinite(noise.high) else "no limit"
     return [noise.setting.removeprefix(_PREFIX), UnitCell(noise.unit), noise.stated, likeliest, noise.low, high]
 
 
 def _estimates(before: Judged, after: Judged) -> Table:
-    """Lay out mean NIS and memory of the innovations of each sensor, and the judgement."""
+    """Return mean NIS and autocorrelation of the innovations of each sensor, and the judgement."""
     rows: list[list[Cell]] = []
     for sensor in before[0].innovations:
         nis: list[Cell] = [estimate.innovations[sensor].sums().mean_nis for estimate, _ in (before, after)]
         rows.append([f"mean NIS of {sensor}", *nis])
         memory: list[Cell] = [whiteness(estimate.innovations[sensor]).portmanteau for estimate, _ in (before, after)]
-        rows.append([f"memory of {sensor}, Ljung-Box", *memory])
+        rows.append([f"errors of {sensor} correlated in time (Ljung-Box)", *memory])
     grades: list[Cell] = [judgement.grade for _, judgement in (before, after)]
     columns = Column("smoother", numeric=False), Column("as stated"), Column("tuned")
     return Table("tuned", "Before and after", columns, [*rows, ["judgement", *grades]])
 
 
 def print_validation(console: Console, validation: Validation, passed: bool) -> None:
-    """Print what is against the estimate, errors of the free run, fits by horizon, manoeuvres, and verdicts.
+    """Print judgement, errors of the free run, fits by horizon, manoeuvres and checks.
 
     Parameters
     ----------
-    console : rich.console.Console
-    validation : Validation
     passed : bool
-        Whether verdicts that passed are printed as well.
+        Whether checks that passed are printed as well.
     """
     if validation.judgement.is_against:
         for line in judgement_sentences({validation.filter: validation.judgement}, with_sound=False):
             console.print(Text(line))
     ahead = [row for row in validation.predictions if row.kind == AHEAD]
     free = [row for row in validation.predictions if row.kind == FREE_RUN]
-    console.print(narrowed(console, _free_run(free), _LEAST_OF_MODELS, _VALIDATION_DIGITS))
+    console.print(narrowed(console, _free_run(free), _DROPPED_OF_MODELS, _VALIDATION_DIGITS))
     if free:
         console.print(Text(_ERRORS))
         console.print()
@@ -340,7 +338,7 @@ def print_validation(console: Console, validation: Validation, passed: bool) -> 
 
 
 def _conclusion(validation: Validation) -> str:
-    """Say whether the model predicts these data, or what of them, and what it does not."""
+    """Return which signals the model predicts and which it does not."""
     worse = {
         "in the free run": validation.worse_than_the_mean(FREE_RUN),
         "ahead": validation.worse_than_the_mean(AHEAD),
@@ -376,7 +374,7 @@ def _free_run(rows: Sequence[Prediction]) -> Table:
 
 
 def _fits_ahead(rows: Sequence[Prediction]) -> Table:
-    """Lay out the fit by signal and horizon, and the share of errors that the stated uncertainty explains."""
+    """Return the fit by signal and horizon, and the share of errors within the stated uncertainty."""
     horizons = list(dict.fromkeys(row.horizon_s for row in rows))
     columns = Column("fit % ahead", numeric=False), *(Column(f"{horizon:g} s") for horizon in horizons)
     fits = {(row.signal, row.horizon_s): row.fit_percent for row in rows}
@@ -387,13 +385,13 @@ def _fits_ahead(rows: Sequence[Prediction]) -> Table:
 
 
 def _share_within(rows: Sequence[Prediction], horizon: float) -> float | None:
-    """Average the share over the errors of all signals at a horizon, percent."""
+    """Return the mean share over all signals at a horizon, percent."""
     shares = [row.share_within_band for row in rows if row.horizon_s == horizon and row.share_within_band is not None]
     return 100.0 * sum(shares) / len(shares) if shares else None
 
 
 def _manoeuvres(numbers: Sequence[ManoeuvreNumber]) -> list[str]:
-    """Write a line for each kind of number; those of a zigzag are many, and their mean is printed."""
+    """Return a line for each kind of number, with the mean of those that repeat, as in a zigzag."""
     kinds: dict[tuple[str, str], list[ManoeuvreNumber]] = {}
     for number in numbers:
         kinds.setdefault((number.manoeuvre, number.number.rstrip(" 0123456789")), []).append(number)

@@ -11,14 +11,10 @@ from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from auvid_cli.report.table import (
-    DEVIATION_DIGITS,
     DIGITS,
-    Cell,
-    PlusMinus,
-    Symbol,
+    CellStyle,
     Table,
-    Unidentified,
-    UnitCell,
+    cell_text,
     number,
     unit_text,
 )
@@ -28,12 +24,12 @@ MISSING = "-"
 NO_STYLES: Mapping[str, str] = MappingProxyType({})
 # Columns; wider than any table, so that none is measured as it would be squeezed.
 _UNLIMITED = 10_000
-# What stands for auvid's own signs on a terminal that lacks them.
+# ASCII replacements of auvid's signs.
 _PLAIN = str.maketrans({"±": "+-", "µ": "u", "†": "?"})
 
 
 class PlainConsole(Console):
-    """A console whose own signs alone steer the terminal: those in a text are written out."""
+    """A console that prints control characters of a text as visible escapes."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Turn something into segments, as `Console.render`."""
@@ -49,20 +45,18 @@ def screen_table(
     styles: Mapping[str, str] = NO_STYLES,
     left_out: Sequence[str] = (),
 ) -> ScreenTable:
-    """Render a table for a console: a rule under the headings, and below what was left out of it, if anything was.
+    """Return a table for a console, with the names of the columns that were left out below it.
 
     Parameters
     ----------
-    console : rich.console.Console
-    table : Table
     digits : int
         Significant ones of a number.
     unbroken : collection of str
         Headings of columns whose lines are not broken, however narrow the console is.
     styles : mapping
-        How cells stand out, by their text.
+        Styles of cells by their text.
     left_out : sequence of str
-        Names of what there was no room for.
+        Names of the columns that were left out.
     """
     caption = Text(f" left out at {console.width} columns: {', '.join(left_out)}") if left_out else None
     screen = ScreenTable(
@@ -71,16 +65,17 @@ def screen_table(
     for column in table.columns:
         header, justify = Text(encodable(console, column.header)), "right" if column.numeric else "left"
         screen.add_column(header, justify=justify, no_wrap=column.header in unbroken, overflow="fold")
+    style = _cell_style(console, digits)
     for row in [*table.rows, *table.totals]:
         if table.totals and row is table.totals[0]:
             screen.add_section()
-        texts = (_cell(console, cell, digits) for cell in row)
+        texts = (cell_text(cell, style) for cell in row)
         screen.add_row(*(Text(text, styles.get(text, "")) for text in texts))
     return screen
 
 
 def narrowed(console: Console, table: Table, dropped: Sequence[str], digits: int = DIGITS) -> ScreenTable:
-    """Render a table without as many columns as there is no room for, by their headings in this order."""
+    """Render a table, without the first columns of `dropped` that do not fit."""
     headers = [column.header for column in table.columns]
     dropped = [header for header in dropped if header in headers]
     ever_narrower = enumerate(accumulate(dropped, Table.without, initial=table))
@@ -90,7 +85,7 @@ def narrowed(console: Console, table: Table, dropped: Sequence[str], digits: int
 
 
 def fits(console: Console, table: ScreenTable) -> bool:
-    """Say whether a console is wide enough for a table without breaking its lines."""
+    """Whether a table fits on a console without broken lines."""
     return console.measure(table, options=console.options.update(max_width=_UNLIMITED)).maximum <= console.width
 
 
@@ -113,19 +108,16 @@ def encodable(console: Console, text: str) -> str:
     return text if _has_signs(console, text) else text.translate(_PLAIN)
 
 
-def _cell(console: Console, cell: Cell, digits: int) -> str:
-    match cell:
-        case Symbol(name):
-            return name
-        case UnitCell(name):
-            return unit_text(name) if _has_signs(console, unit_text(name)) else name
-        case PlusMinus(value, deviation):
-            return encodable(console, f"{printed(value, digits)} ± {printed(deviation, DEVIATION_DIGITS)}")
-        case Unidentified(marked):
-            return _cell(console, marked, digits) + encodable(console, "†")
-        case str():
-            return cell
-    return printed(cell, digits)
+def _cell_style(console: Console, digits: int) -> CellStyle:
+    return CellStyle(
+        MISSING,
+        symbol=str,
+        unit=lambda name: unit_text(name) if _has_signs(console, unit_text(name)) else name,
+        text=str,
+        plus_minus=encodable(console, "±"),
+        mark=encodable(console, "†"),
+        digits=digits,
+    )
 
 
 def _has_signs(console: Console, text: str) -> bool:

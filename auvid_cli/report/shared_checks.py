@@ -14,7 +14,7 @@ _COUNTED = {False: "failed", None: "noted"}
 
 
 def judgement_sentences(judgements: Mapping[str, Judgement], with_sound: bool) -> list[str]:
-    """Say what filters are worth, what stands against them and what to do, all with the same in one sentence.
+    """Return judgement, reason and remedy, in one sentence for all filters that share them.
 
     Parameters
     ----------
@@ -31,20 +31,19 @@ def judgement_sentences(judgements: Mapping[str, Judgement], with_sound: bool) -
 
 
 def contradiction_sentences(checks: Iterable[Check]) -> list[str]:
-    """Say of verdicts on an accelerometer that nothing listened to that it contradicts what was used."""
+    """Return a sentence on failed checks of an accelerometer that was not used."""
     found = ", ".join(f"{check.check}: {check.statistic}" for check in checks)
-    said = "the accelerometer, which was not used, contradicts the DVL ({}): see `auvid inspect` before it is used"
-    return [sentence(said.format(found))] if found else []
+    text = "the unused accelerometer contradicts the DVL ({}): run `auvid inspect` before you use it"
+    return [sentence(text.format(found))] if found else []
 
 
 class SharedCheck(NamedTuple):
-    """What did not pass, and of whom.
+    """A check that did not pass, and the estimates that share it.
 
     Attributes
     ----------
     check : Check
-        That of the estimate that judges the others, if it is among them, else of the first.
-    filters : tuple of str
+        Check of the smoother if it is among them, else of the first estimate.
     """
 
     check: Check
@@ -52,13 +51,12 @@ class SharedCheck(NamedTuple):
 
 
 class Advice(NamedTuple):
-    """What to do about verdicts of which the cause is the same.
+    """Advice that several checks share.
 
     Attributes
     ----------
     shared : tuple of SharedCheck
         All failed or all worth knowing, of the same estimates.
-    text : str
     """
 
     shared: tuple[SharedCheck, ...]
@@ -66,59 +64,60 @@ class Advice(NamedTuple):
 
     @property
     def failed(self) -> bool:
-        """Say whether it is against the estimates."""
+        """Whether the checks failed."""
         return self.shared[0].check.passed is False
 
     @property
     def filters(self) -> tuple[str, ...]:
-        """Return whose it is."""
+        """Return the estimates that share the advice."""
         return self.shared[0].filters
 
     @property
     def what(self) -> str:
         """Name the verdicts."""
         names: dict[str, list[str]] = {}
-        for each in self.shared:
-            names.setdefault(each.check.subject, []).append(each.check.check)
+        for entry in self.shared:
+            names.setdefault(entry.check.subject, []).append(entry.check.check)
         return joined_words([f"{subject} ({', '.join(checks)})" for subject, checks in names.items()])
 
 
 def shared_checks(checks: Iterable[Check]) -> list[SharedCheck]:
-    """Return what did not pass, failures first, each once for all estimates of which the same is to be said."""
+    """Return the checks that did not pass, failures first, once for all estimates with the same result and advice."""
     alike: dict[tuple[str, str, bool | None, str], list[Check]] = {}
     for check in checks:
         if not check.passed:
             alike.setdefault((check.subject, check.check, check.passed, check.advice), []).append(check)
     shared = [
         SharedCheck(
-            next((each for each in group if each.filter == JUDGE), group[0]), tuple(each.filter for each in group)
+            next((entry for entry in group if entry.filter == JUDGE), group[0]),
+            tuple(entry.filter for entry in group),
         )
         for group in alike.values()
     ]
-    return sorted(shared, key=lambda each: each.check.passed is None)
+    return sorted(shared, key=lambda entry: entry.check.passed is None)
 
 
 def advices(shared: Iterable[SharedCheck]) -> list[Advice]:
-    """Return what to do, each once for all verdicts that it explains."""
+    """Return each advice once, with the checks that share it."""
     alike: dict[tuple[str, bool | None, tuple[str, ...]], list[SharedCheck]] = {}
-    for each in shared:
-        alike.setdefault((each.check.advice, each.check.passed, each.filters), []).append(each)
+    for entry in shared:
+        alike.setdefault((entry.check.advice, entry.check.passed, entry.filters), []).append(entry)
     return [Advice(tuple(group), text) for (text, _, _), group in alike.items()]
 
 
 def counts_in_words(checks: Sequence[Check]) -> list[str]:
-    """Say how many verdicts passed, those of estimates of which as many did in one sentence without its full stop."""
+    """Return how many checks passed; estimates with equal counts share a sentence."""
     labels: dict[str, list[str]] = {}
     for name in dict.fromkeys(check.filter for check in checks):
         verdicts = [check.passed for check in checks if check.filter == name]
         counts = Counter(verdicts)
-        others = "".join(f", {counts[passed]} {said}" for passed, said in _COUNTED.items() if counts[passed])
+        others = "".join(f", {counts[passed]} {word}" for passed, word in _COUNTED.items() if counts[passed])
         labels.setdefault(f"{counts[True]} of {len(verdicts)} passed{others}", []).append(name)
     return [f"{whose(names)}: {counted}" for counted, names in labels.items()]
 
 
 def whose(filters: Collection[str], among: Collection[str] = ()) -> str:
-    """Name estimates, or the data where no estimate is judged; all of several as that."""
+    """Return the names of estimators, "all" if they are all of several, or "data" without an estimator."""
     if len(filters) == len(among) > 1:
         return "all"
     return ", ".join(filter_label(name) if name else "data" for name in filters)

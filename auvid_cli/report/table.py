@@ -1,7 +1,7 @@
 """Tables independent of their output, and the notation of symbols and units."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import compress
 from math import floor, isfinite, log10
 from typing import NamedTuple, TypeAlias
@@ -12,11 +12,10 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _FINS = {"rudder": r"\delta_r", "elevator": r"\delta_e"}
 _WORDS = {"heading": r"$\psi$", "down": "depth"}
 _GREEK = ("phi", "theta", "psi")
-# Letters of a subscript that is no word.
+# Longest subscript that is set in italics; longer ones are words.
 _SHORT = 2
 _DVL = {"dvl_scale": r"$s_{\mathrm{DVL}}$", "dvl_yaw": r"$\psi_{\mathrm{DVL}}$"}
-# Coefficients that one picture has room for.
-_MANY = 14
+_MAX_COEFFICIENTS = 14  # of one picture
 _COEFFICIENTS = {c.symbol: c for c in COEFFICIENTS}
 # Digits that the printed tables show of a value, of a standard deviation and of an error in percent.
 DIGITS = 4
@@ -24,8 +23,8 @@ DEVIATION_DIGITS = 2
 ERROR_DIGITS = 2
 # Where the mark is explained.
 UNIDENTIFIED = (
-    "† not to be relied on: the standard deviation, or the least that the data allow, is above 20 % of the value (the "
-    "true one where it is known), or the estimate is not sound."
+    "† do not rely on it: the standard deviation, or the smallest that the data allow, exceeds 20 % of the value (of "
+    "the true value if it is known), or the estimate is not sound."
 )
 
 
@@ -47,7 +46,7 @@ def symbol_math(symbol: str) -> str:
         letter, subscript = symbol.split("_", 1)
         return f"${letter}_{{{subscript.replace('_', ',')}}}$"
     if "_" in symbol:
-        # Of an error: a bias of a quantity, a current towards somewhere.
+        # An error state: the bias of a quantity, or a component of the current.
         word, of = symbol.split("_", 1)
         subscript = rf"\{of}" if of in _GREEK else of if len(of) <= _SHORT else rf"\mathrm{{{of}}}"
         return f"${word[0]}_{{{subscript}}}$"
@@ -74,14 +73,14 @@ def by_kind(symbols: Sequence[str]) -> dict[str, list[str]]:
     dict
         Symbols by what they are, in the order in which they came; all by ``""`` where they are few.
     """
-    if len(symbols) <= _MANY:
+    if len(symbols) <= _MAX_COEFFICIENTS:
         return {"": list(symbols)}
     groups = {"forces": [s for s in symbols if s[0] in "XYZ"], "moments": [s for s in symbols if s[0] not in "XYZ"]}
     return {kind: group for kind, group in groups.items() if group}
 
 
 def filter_label(name: str) -> str:
-    """Write a filter's name as it is read: EKF and so on; OE for the output-error method, the smoother in full."""
+    """Return the displayed name of a filter: EKF and so on, OE for output error, and smoother."""
     return {"output_error": "OE", "smoother": "smoother"}.get(name, name.upper())
 
 
@@ -115,7 +114,7 @@ class Unidentified(NamedTuple):
     cell: float | PlusMinus
 
 
-# None, like a number that is not finite, is a value that should stand here and does not.
+# None and a number that is not finite are missing values.
 Cell: TypeAlias = str | float | Symbol | UnitCell | PlusMinus | Unidentified | None
 
 
@@ -133,9 +132,7 @@ class Table(NamedTuple):
     Attributes
     ----------
     key : str
-        Short name, for a LaTeX label.
-    title : str
-    columns : tuple of Column
+        Short name, used in the LaTeX label.
     rows, totals : list of lists of Cell
         Body, and the rows below the rule.
     notes : tuple of str
@@ -162,7 +159,7 @@ def capitalised(header: str) -> str:
 
 
 def number(value: float, digits: int = DIGITS) -> str | None:
-    """Write a number with so many significant digits, in decimal notation where that is readable.
+    """Return a number with `digits` significant digits, in decimal notation where that is readable.
 
     Returns
     -------
@@ -181,3 +178,54 @@ def number(value: float, digits: int = DIGITS) -> str | None:
     if -5 < magnitude < 7:
         return f"{rounded:.{max(digits - 1 - magnitude, 0)}f}"
     return f"{rounded:.{digits - 1}e}"
+
+
+class CellStyle(NamedTuple):
+    """How a medium writes cells.
+
+    Attributes
+    ----------
+    missing : str
+        Stands for an unknown value.
+    symbol, unit, text : callable
+        Write the name of a symbol, the name of a unit, and plain text.
+    number : callable
+        Writes a number that already has its digits.
+    plus_minus, mark : str
+        Sign before a standard deviation, and the mark of an unidentified value.
+    digits : int
+        Significant digits of a value.
+    """
+
+    missing: str
+    symbol: Callable[[str], str]
+    unit: Callable[[str], str]
+    text: Callable[[str], str]
+    number: Callable[[str], str] = str
+    plus_minus: str = "±"
+    mark: str = " †"
+    digits: int = DIGITS
+
+    def number_text(self, value: float, digits: int) -> str:
+        """Return a number with `digits` significant digits, or the sign of a missing value."""
+        text = number(value, digits)
+        return self.missing if text is None else self.number(text)
+
+
+def cell_text(cell: Cell, style: CellStyle) -> str:
+    """Return the text of a cell in the style of a medium."""
+    match cell:
+        case None:
+            return style.missing
+        case Symbol(name):
+            return style.symbol(name)
+        case UnitCell(name):
+            return style.unit(name)
+        case PlusMinus(value, deviation):
+            deviation_text = style.number_text(deviation, DEVIATION_DIGITS)
+            return f"{style.number_text(value, style.digits)} {style.plus_minus} {deviation_text}"
+        case Unidentified(marked):
+            return cell_text(marked, style) + style.mark
+        case str():
+            return style.text(cell)
+    return style.number_text(cell, style.digits)

@@ -8,15 +8,10 @@ from pathlib import Path
 from auvid_cli.data.checks import NamedRows
 from auvid_cli.data.files import write_text
 from auvid_cli.report.table import (
-    DEVIATION_DIGITS,
-    Cell,
-    PlusMinus,
-    Symbol,
+    CellStyle,
     Table,
-    Unidentified,
-    UnitCell,
     capitalised,
-    number,
+    cell_text,
     symbol_math,
     unit_latex,
     unit_text,
@@ -24,7 +19,7 @@ from auvid_cli.report.table import (
 from auvid_cli.text import one_line
 
 MARKDOWN_MISSING = "—"
-# What begins something in Markdown or HTML. An underscore within a word begins nothing.
+# Characters that start markup in Markdown or HTML. An underscore within a word does not.
 _MARKS = str.maketrans({"&": "&amp;", "<": "&lt;", **{mark: f"\\{mark}" for mark in "\\`*[]|$~#"}})
 LATEX_MISSING = "--"
 _ESCAPES = str.maketrans(
@@ -41,7 +36,7 @@ _ESCAPES = str.maketrans(
         "†": r"$\dagger$",
         "é": r"\'{e}",
         "—": "---",
-        # At the beginning of a row they would belong to the end of the row before.
+        # At the beginning of a row, LaTeX reads these as an option of the row above.
         "[": "{[}",
         "*": "{*}",
     }
@@ -57,10 +52,6 @@ def write_csv_tables(tables: Mapping[str, NamedRows], folder: Path) -> list[Path
         By name.
     folder : pathlib.Path
         Made if it is missing.
-
-    Returns
-    -------
-    list of pathlib.Path
 
     Raises
     ------
@@ -83,35 +74,18 @@ def render_markdown(tables: list[Table]) -> str:
 def _markdown_table(table: Table) -> str:
     headers = [f"{c.group}, {c.header}" if c.group else capitalised(c.header) for c in table.columns]
     marks = ["---:" if column.numeric else "---" for column in table.columns]
-    body = [[_markdown_cell(cell) for cell in row] for row in [*table.rows, *table.totals]]
+    body = [[cell_text(cell, _MARKDOWN) for cell in row] for row in [*table.rows, *table.totals]]
     lines = ["| " + " | ".join(row) + " |" for row in [[_in_a_cell(h) for h in headers], marks, *body]]
     return "\n\n".join([f"## {table.title}", "\n".join(lines), *(_in_a_cell(note) for note in table.notes)])
 
 
-def _markdown_cell(cell: Cell) -> str:
-    match cell:
-        case None:
-            return MARKDOWN_MISSING
-        case Symbol(name):
-            return _in_a_cell(name)
-        case UnitCell(name):
-            return unit_text(name)
-        case PlusMinus(value, deviation):
-            return f"{number(value) or MARKDOWN_MISSING} ± {number(deviation, DEVIATION_DIGITS) or MARKDOWN_MISSING}"
-        case Unidentified(marked):
-            return f"{_markdown_cell(marked)} †"
-        case str():
-            return escape_markdown(cell)
-    return number(cell) or MARKDOWN_MISSING
-
-
 def _in_a_cell(text: str) -> str:
-    """Write auvid's own words, which may have marks in them."""
+    """Return text of auvid, which may contain markup, in the form of a cell."""
     return one_line(text).replace("|", r"\|")
 
 
 def escape_markdown(text: str) -> str:
-    """Write plain text for Markdown."""
+    """Return plain text with the markup of Markdown escaped."""
     return re.sub(r"(?<!\w)_|_(?!\w)", r"\\_", one_line(text).translate(_MARKS))
 
 
@@ -133,9 +107,9 @@ def _latex_table(table: Table) -> str:
             *_group_headings(table),
             "    " + _line([escape_latex(capitalised(column.header)) for column in table.columns]),
             r"    \midrule",
-            *("    " + _line([_latex_cell(cell) for cell in row]) for row in table.rows),
+            *("    " + _line([cell_text(cell, _LATEX) for cell in row]) for row in table.rows),
             *([r"    \midrule"] if table.totals else []),
-            *("    " + _line([_latex_cell(cell) for cell in row]) for row in table.totals),
+            *("    " + _line([cell_text(cell, _LATEX) for cell in row]) for row in table.totals),
             r"    \bottomrule",
             r"  \end{tabular}",
             *(rf"  \par\smallskip {escape_latex(note)}" for note in table.notes),
@@ -145,7 +119,7 @@ def _latex_table(table: Table) -> str:
 
 
 def _group_headings(table: Table) -> list[str]:
-    """Write the line above the headings that names groups of columns, with rules; nothing without groups."""
+    """Return the lines above the headings that name groups of columns; empty without groups."""
     cells, rules, begin = [], [], 1
     for group, members in groupby(column.group for column in table.columns):
         width = len(list(members))
@@ -160,30 +134,18 @@ def _line(cells: list[str]) -> str:
     return " & ".join(cells) + r" \\"
 
 
-def _latex_cell(cell: Cell) -> str:
-    match cell:
-        case None:
-            return LATEX_MISSING
-        case Symbol(name):
-            return symbol_math(name)
-        case UnitCell(name):
-            return unit_latex(name)
-        case PlusMinus(value, deviation):
-            return rf"{_number(number(value))} $\pm$ {_number(number(deviation, DEVIATION_DIGITS))}"
-        case Unidentified(marked):
-            return rf"{_latex_cell(marked)}\,$\dagger$"
-        case str():
-            return escape_latex(cell)
-    return _number(number(cell))
-
-
-def _number(text: str | None) -> str:
-    if text is None:
-        return LATEX_MISSING
-    mantissa, _, exponent = text.partition("e")
+def _math(number: str) -> str:
+    """Return a number as LaTeX mathematics."""
+    mantissa, _, exponent = number.partition("e")
     return rf"${mantissa}\times 10^{{{int(exponent)}}}$" if exponent else f"${mantissa}$"
 
 
 def escape_latex(text: str) -> str:
-    """Write plain text for LaTeX."""
+    """Return plain text with the special characters of LaTeX escaped."""
     return one_line(text).translate(_ESCAPES)
+
+
+_MARKDOWN = CellStyle(MARKDOWN_MISSING, _in_a_cell, unit_text, escape_markdown)
+_LATEX = CellStyle(
+    LATEX_MISSING, symbol_math, unit_latex, escape_latex, _math, plus_minus=r"$\pm$", mark=r"\,$\dagger$"
+)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import InputRecord
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.validation.motion_prediction import MeasuredSignal
 from auvid_cli.validation.results import ManoeuvreNumber
 from auvid_cli.vehicle.kinematics import body_to_earth

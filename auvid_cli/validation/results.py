@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.checks import Check, Checks, NamedRows, frames
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -48,6 +48,6 @@ def test_identifiability_prints_bounds_and_fixed_coefficients(tmp_path):
     home = tmp_path / "results/spiral"
     assert len(rows(home)) == N_COEFFICIENTS
     assert (home / "figures/identifiability_bounds.png").is_file()
-    assert "These data do not tell" in (home / "identifiability.html").read_text(encoding="utf-8")
+    assert "These data do not determine" in (home / "identifiability.html").read_text(encoding="utf-8")
     assert (home / "figures/identifiability_correlation.png").is_file()
     assert not (home / "estimates").exists()

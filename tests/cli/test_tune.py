@@ -56,9 +56,9 @@ def test_tune_chooses_disturbance(simulated_with, tmp_path, run):
     write_dataset(tmp_path / "dataset.h5", dataset)
     result = run(tmp_path / "dataset.h5", "--disturbance")
     assert result.exit_code == 0, result.output
-    (line,) = [line for line in result.output.splitlines() if line.startswith("a disturbance that lasts is")]
-    assert line.startswith("a disturbance that lasts is left out: with it the log-likelihood is ")
-    assert "2 numbers more must bring" in line
+    (said,) = [line for line in result.output.splitlines() if line.startswith("a disturbance")]
+    assert said.startswith("a disturbance that is correlated in time is left out: it changes the log-likelihood by ")
+    assert "2 more parameters need" in said
     tuned = read_dataset(tmp_path / "dataset.h5", str(tmp_path / "tuned.yaml")).experiment.identification
     assert tuned.estimate.biases == ()
 

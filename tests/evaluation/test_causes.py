@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from auvid_cli.config.enums import FilterName
 from auvid_cli.data.estimate import Innovations
 from auvid_cli.data.faults import Fault, FaultTest
-from auvid_cli.evaluation.causes import likely_causes, noise_cause
+from auvid_cli.evaluation.innovations import likely_causes, noise_cause
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.parameters import SENSORS
 
@@ -31,7 +31,7 @@ def test_a_gain_by_memory_is_that_of_the_likelihood_of_an_autoregression(rng):
     steps = (values[1:] - 0.5 * values[:-1]) / np.sqrt(0.75)
     difference = 0.5 * (values[1:] ** 2).sum() - 0.5 * (steps**2).sum() - 0.5 * steps.size * np.log(0.75)
     assert cause.gain == pytest.approx(difference, rel=0.03)
-    assert "last" in cause.name
+    assert "correlated" in cause.name
     assert "more process noise" in cause.remedy
 
 
@@ -48,7 +48,7 @@ def test_what_is_larger_and_lasts_is_no_larger_noise_of_its_sensor(rng):
     """Whatever size alone would gain: white noise as large explains no memory, and what lasts explains the size too."""
     values = 5.0 * autoregressive(rng, 0.5)
     cause = noise_cause("dvl", innovations_of(values))
-    assert cause.name.startswith("errors of dvl that last")
+    assert cause.name.startswith("errors of dvl that are correlated")
     assert "disturbance" in cause.remedy
     alone = noise_cause("dvl", innovations_of(autoregressive(rng, 0.5)))
     larger = noise_cause("dvl", innovations_of(5.0 * rng.standard_normal(values.shape)))
@@ -83,7 +83,7 @@ def test_causes_stand_in_the_order_of_their_gain(rng, short_estimates):
     assert ["delay" in cause.name for cause in causes] == [True, False, True]
 
 
-@pytest.mark.parametrize(("size", "first"), [(30.0, "delay of the inputs"), (8.0, "errors of dvl that last")])
+@pytest.mark.parametrize(("size", "first"), [(30.0, "delay of the inputs"), (8.0, "errors of dvl that are correlated")])
 def test_a_fault_that_explains_most_of_what_lasts_stands_before_it(size, first, rng, short_estimates):
     faults = [FaultTest(Fault.parse("delay of the inputs"), "s", size, 1.0, "N_uudr", 1.0)]
     noise = {"dvl": innovations_of(autoregressive(rng, 0.2, 10_000))}
@@ -101,5 +101,5 @@ def test_errors_of_a_gyroscope_that_last_are_named_and_nobody_says_to_lower_the_
     last = autoregressive(rng, 0.99, len(gyroscope.time)) * gyroscope.standard_deviation
     sensors = dataset.sensors | {"gyroscope": replace(gyroscope, values=gyroscope.values + last)}
     cause = likely_causes(identify(replace(dataset, sensors=sensors), FilterName.SMOOTHER))[0]
-    assert cause.name.startswith("errors of gyroscope that last")
+    assert cause.name.startswith("errors of gyroscope that are correlated")
     assert cause.remedy.startswith("more process noise")

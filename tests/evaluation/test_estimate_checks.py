@@ -10,8 +10,8 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.data.checks import Checks
 from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.causes import likely_causes
 from auvid_cli.evaluation.estimate_checks import check_estimate
+from auvid_cli.evaluation.innovations import likely_causes
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
@@ -75,7 +75,7 @@ def test_that_nobody_has_judged_is_worth_knowing_and_no_failure(long_enough):
     assert fails == set()
     (unjudged,) = [check for check in checks if check.passed is None]
     assert (unjudged.subject, unjudged.check, unjudged.statistic) == ("coefficients", "sound", "unjudged")
-    assert unjudged.advice.startswith("nobody has judged it")
+    assert unjudged.advice.startswith("not judged")
 
 
 def test_an_estimate_that_is_not_sound_fails_and_says_what_would_help(long_enough, smoothed):
@@ -174,5 +174,5 @@ def test_who_takes_process_noise_for_what_data_need_is_not_told_to_lower_it(long
     checks, _ = verdicts(replace(noisy, sensors=sensors), FilterName.CKF)
     verdict = {check.check: check for check in checks}
     assert verdict["near the bound"].passed is None
-    assert verdict["near the bound"].advice.startswith("Process noise takes its part, and must")
+    assert verdict["near the bound"].advice.startswith("Process noise costs information, and is needed")
     assert verdict["explained by noise"].passed is None

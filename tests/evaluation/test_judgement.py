@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from auvid_cli.data.estimate import Innovations
 from auvid_cli.data.faults import Fault, FaultTest
-from auvid_cli.evaluation.causes import LARGEST_FAULT
+from auvid_cli.evaluation.innovations import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import (
     FARTHEST,
     FARTHEST_MINIMUM,
@@ -76,7 +76,7 @@ def test_one_that_its_innovations_belie_is_inconsistent(ckf, smoother, rng):
 def test_without_a_smoother_nobody_judges(ckf):
     judgement = judge_one(ckf, None)
     assert judgement.grade is Grade.UNJUDGED
-    assert "nobody has judged it" in judgement.reason
+    assert "not judged" in judgement.reason
     assert "--filter smoother" in judgement.remedy
 
 
@@ -95,7 +95,7 @@ def test_the_largest_fault_makes_all_doubtful_and_is_named_with_its_remedy(sign,
         assert judgement.grade is Grade.DOUBTFUL
         assert f"delay of the gyroscope ({late.size:.3g} +- 0.001 s, 3.5 sigma)" in judgement.reason
         assert judgement.remedy.endswith(
-            "if the fault is still named, subtract it from the times of the gyroscope where they are recorded or "
+            "if the fault remains, subtract it from the times of the gyroscope where they are recorded or "
             "imported, or state it (identification.delays.gyroscope)"
         )
 
@@ -130,7 +130,7 @@ def test_innovations_of_the_smoother_that_are_too_large_are_told_with_their_sens
     large = replace(smoother, innovations=smoother.innovations | {"gyroscope": white(rng, 1.1)})
     for judgement in judge([ckf, large]).values():
         assert judgement.grade is Grade.DOUBTFUL
-        assert judgement.reason.startswith("innovations of gyroscope are larger than the smoother says")
+        assert judgement.reason.startswith("innovations of gyroscope are larger than expected")
         assert "more noise of gyroscope" in judgement.remedy
 
 
@@ -138,7 +138,7 @@ def test_innovations_that_last_are_told_with_their_sensor(ckf, smoother, rng):
     coloured = replace(smoother, innovations=smoother.innovations | {"dvl": white(rng, 0.9, 0.3)})
     for judgement in judge([ckf, coloured]).values():
         assert judgement.grade is Grade.DOUBTFUL
-        assert judgement.reason.startswith("innovations of dvl last from sample to sample")
+        assert judgement.reason.startswith("innovations of dvl are correlated in time")
 
 
 def test_an_attitude_is_judged_where_it_is_no_ahrs(smoother, experiment_with):
@@ -146,7 +146,7 @@ def test_an_attitude_is_judged_where_it_is_no_ahrs(smoother, experiment_with):
     assert judge_one(smoother, None).grade is Grade.SOUND
     judgement = judge_one(direct, None)
     assert judgement.grade is Grade.DOUBTFUL
-    assert judgement.reason.startswith("innovations of attitude last")
+    assert judgement.reason.startswith("innovations of attitude are correlated")
 
 
 def test_one_far_from_the_smoother_is_doubtful_by_its_worst_coefficient(ckf, smoother):
@@ -157,7 +157,7 @@ def test_one_far_from_the_smoother_is_doubtful_by_its_worst_coefficient(ckf, smo
         judgements = judge([replace(ckf, mean=mean), smoother])
         assert judgements["ckf"].grade is grade
         assert judgements["smoother"].grade is Grade.SOUND
-    assert judgements["ckf"].reason == "N_url is 2.3 of its standard deviations from what the smoother finds"
+    assert judgements["ckf"].reason == "N_url is 2.3 standard deviations from the smoother's estimate"
     assert judgements["ckf"].remedy == "use the smoother's estimate"
 
 
@@ -242,5 +242,5 @@ def test_fins_far_stronger_or_weaker_than_the_vehicle_file_states_are_doubtful(t
     judgement = judge([replace(estimate, filter="smoother")])["smoother"]
     assert judgement.grade is grade
     if grade is Grade.DOUBTFUL:
-        assert judgement.reason == f"N_uudr is {times:.2g} times what the file states"
+        assert judgement.reason == f"N_uudr is {times:.2g} times the value of the vehicle file"
         assert "unit and scale" in judgement.remedy

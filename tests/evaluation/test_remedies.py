@@ -39,7 +39,7 @@ def remedy(estimate):
 
 def test_filters_that_ended_well_need_nothing_but_a_judge(ended):
     assert {remedy(ended(name, DVL, status="completed")) for name in ALL} == {
-        "fit it as well (--filter smoother, without identification.gate)"
+        "run the smoother as well (--filter smoother, without identification.gate)"
     }
 
 
@@ -50,7 +50,7 @@ def test_a_wide_prior_is_to_be_narrowed_and_a_narrow_one_is_not(ended):
     assert "process noise" in narrow
 
 
-@pytest.mark.parametrize(("setting", "named"), [(DVL, "with dvl to"), (CURRENT, "with current to")])
+@pytest.mark.parametrize(("setting", "named"), [(DVL, "if dvl is"), (CURRENT, "if current is")])
 def test_blocks_that_make_a_dvl_nonlinear_need_a_narrower_prior_or_a_fit(setting, named, ended):
     for estimate in (ended("ckf", setting), belied(ended("ckf", setting))):
         assert named in remedy(estimate)
@@ -66,16 +66,16 @@ def test_blocks_of_a_linear_sensor_ask_for_nothing_of_their_own(ended):
 
 
 def test_innovations_that_belie_a_filter_have_many_causes(ended):
-    assert "look at stated noise" in remedy(belied(ended("ukf")))
+    assert "check stated noise" in remedy(belied(ended("ukf")))
 
 
 def test_what_led_a_filter_astray_and_what_the_smoother_doubts_are_one_remedy(ended):
     fault = FaultTest(Fault.parse("bias of r"), "rad/s", 1.0, 0.1, "Y_url", 2.5)
     smoother = replace(ended("smoother", DVL, status="completed"), faults=(fault,))
     both = judge([smoother, belied(ended("ckf", DVL))])["ckf"].remedy
-    assert both.startswith("with dvl to be found")
+    assert both.startswith("if dvl is estimated")
     assert "the data look like a fault: bias of r" in both
-    assert "look at stated noise" not in both
+    assert "check stated noise" not in both
 
 
 def test_a_fit_is_not_told_of_the_factor_of_a_prior_that_it_does_not_use(ended):
@@ -94,7 +94,7 @@ def test_a_fit_that_did_not_settle_is_given_more_steps_and_not_called_unstable(n
     assert limit in remedy(off)
     assert "larger than the noise" in remedy(off)
     assert ("noise=estimate" in remedy(off)) == (name == "smoother")
-    assert "hold them" in remedy(replace(off, innovations=near))
+    assert "fix them" in remedy(replace(off, innovations=near))
     assert "unstable" not in remedy(off) + remedy(replace(off, innovations=near))
 
 

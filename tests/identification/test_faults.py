@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.data.faults import Fault, FaultKind
-from auvid_cli.evaluation.causes import LARGEST_FAULT
+from auvid_cli.evaluation.innovations import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import FARTHEST_SEGMENT, judge
 from auvid_cli.filters.smoother_forward import Linearised
 from auvid_cli.identification.fault_effects import VehicleFaults

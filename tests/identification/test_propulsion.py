@@ -74,7 +74,7 @@ def test_propulsion_dataset_is_read_back(run, tmp_path):
 
 
 def test_manoeuvre_without_propulsion_inputs_is_refused(experiment_with):
-    refusal = r"states no revolutions or voltage.*X_n\|n\|.*manoeuvre.propeller="
+    refusal = r"no revolutions or voltage.*X_n\|n\|.*manoeuvre.propeller="
     with pytest.raises(ConfigError, match=refusal) as refused:
         experiment_with(TERMS)
     assert "manoeuvres/spiral_gentle.yaml" in str(refused.value)

@@ -74,4 +74,4 @@ def test_weights_and_counts_are_reported_by_sensor(estimates, with_outliers, tmp
         assert row.mean_nis == pytest.approx(1.0, abs=0.2)
     told = [check for check in innovation_checks(with_outliers, back) if check.check == "robust"]
     assert len(told) == len(back.innovations)
-    assert all("counted less than half" in check.statistic for check in told)
+    assert all("weighted less than half" in check.statistic for check in told)

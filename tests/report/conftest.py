@@ -14,7 +14,7 @@ from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.evaluation.free_run import VelocityError
 from auvid_cli.evaluation.innovations import mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, SENSORS
 

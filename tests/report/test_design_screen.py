@@ -1,4 +1,4 @@
-"""What is said of a design."""
+"""What is lines of a design."""
 
 import io
 
@@ -41,30 +41,30 @@ def design():
     return make
 
 
-def test_a_gain_is_said_with_what_it_saves_and_what_stays_bad(design):
+def test_sentences_of_better_design_give_gain_duration_and_weak_coefficients(design):
     assert sentences(design(trial(1.0), trial(2.0))) == [
         "The designed run gives x2.00 over the spiral on 4 vehicles not seen by the search.",
-        "After 40 of 120 s it has told what the spiral tells in all.",
-        "Mean sd with the vehicle as it is believed to be: 3.1 % after 60 s, 1 % after 120 s.",
+        "After 40 of 120 s it is as informative as the whole spiral.",
+        "Mean sd for the expected vehicle: 3.1 % after 60 s, 1 % after 120 s.",
         "N_uvl stays at 31 %: cannot be told from N_url: correlation 0.97.",
     ]
 
 
-def test_where_the_spiral_is_as_good_this_is_said_and_its_own_faults(design):
-    said = sentences(design(trial(1.0), trial(1.05, outside=2, lost=1), chosen="spiral"))
-    assert said[0].startswith("The spiral is as good (x1.05 over the spiral on 4 vehicles")
-    assert said[1] == "It leaves the envelope with 3 of 4 vehicles (roll), of which 1 are lost: keep room for it."
+def test_spiral_is_written_if_as_good(design):
+    lines = sentences(design(trial(1.0), trial(1.05, outside=2, lost=1), chosen="spiral"))
+    assert lines[0].startswith("The spiral is as good (x1.05 over the spiral on 4 vehicles")
+    assert lines[1] == "3 of 4 trial vehicles left the limits (roll), and 1 went out of control: allow room for it."
 
 
-def test_a_search_that_finds_nothing_in_the_envelope_says_so(design):
-    said = sentences(design(trial(1.0, outside=1), trial(2.0), chosen="spiral"))
-    assert said[0] == "No designed run keeps the envelope as the spiral does: the spiral is what is written."
+def test_spiral_is_written_if_no_design_stays_within_limits(design):
+    lines = sentences(design(trial(1.0, outside=1), trial(2.0), chosen="spiral"))
+    assert lines[0] == "No designed run stays within the limits as well as the spiral: the spiral is written."
 
 
-def test_what_is_usual_is_named_where_it_is_best(design):
-    said = sentences(design(trial(1.0), trial(2.0, outside=1), chosen="doublets"))
-    assert said[0].startswith("Best of all that was tried: doublets (x4.00 over the spiral on 4 vehicles")
-    assert said[1] == "The spiral itself leaves the envelope with 1 of them."
+def test_usual_manoeuvre_is_written_if_best(design):
+    lines = sentences(design(trial(1.0), trial(2.0, outside=1), chosen="doublets"))
+    assert lines[0].startswith("The best run is doublets (x4.00 over the spiral on 4 vehicles")
+    assert lines[1] == "With the spiral, 1 of them left the limits."
 
 
 def test_the_table_has_a_row_for_each_and_none_of_what_is_lost(design):

@@ -11,17 +11,26 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from auvid_cli.config.enums import FigureFormat, FilterName
+from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.errors import FileError
-from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Identifiability
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FreeRun, Identifiability
 from auvid_cli.report.figures import kinds
 from auvid_cli.report.figures.coefficients import bounds_figure, convergence_figure, correlation_figure
 from auvid_cli.report.figures.draw import FigureQueue
 from auvid_cli.report.figures.motion import motion_error_figure, motion_figure, path_figure
-from auvid_cli.report.figures.style import around, new_figure, plain_log_ticks, value_range, with_margin, with_near_zero
+from auvid_cli.report.figures.style import new_figure, plain_log_ticks
 from auvid_cli.report.figures.validation import free_run_figure, innovation_figure
 from auvid_cli.report.layout import write_tables
-from auvid_cli.report.plot_data import log_spaced, shown_range, spaced, thin, unwrapped
+from auvid_cli.report.plot_data import (
+    around,
+    estimate_plot,
+    log_spaced,
+    spaced,
+    thin,
+    unwrapped,
+    value_range,
+    with_margin,
+)
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS
 
@@ -326,9 +335,6 @@ def test_limits():
     assert value_range(np.array([1.0, np.nan]), np.array([-2.0])) == (-2.0, 1.0)
     assert with_margin(3.0, 3.0) == pytest.approx((2.85, 3.15))
     assert with_margin(0.0, 0.0) == (-1.0, 1.0)
-    assert with_near_zero(1.0, 11.0) == (0.0, 11.0)
-    assert with_near_zero(5.0, 6.0) == (5.0, 6.0)
-    assert with_near_zero(-11.0, -1.0) == (-11.0, 0.0)
     assert around(None, None) == (-1.0, 1.0)
     assert around((0.0, 1.0), (-100.0, 1.5)) == with_margin(-1.0, 1.5)
 
@@ -355,8 +361,10 @@ def test_log_spaced_samples_begin_and_end_where_asked():
     assert log_spaced(np.zeros(1), 0.3, 200).tolist() == [0]
 
 
-def test_shown_range_holds_truth_start_and_end_and_cuts_brief_excursions():
-    mean = np.concatenate([[0.0], np.full(5, 1e6), np.full(994, -3.0)])
-    low, high = shown_range([mean], -3.5)
-    assert (low, high) == (-3.5, 0.0)
-    assert shown_range([np.full(3, np.nan)], None) is None
+def test_limits_of_estimates_contain_truth_start_and_end_without_brief_excursions():
+    mean = np.concatenate([[0.0], np.full(5, 1e6), np.full(994, -3.0)])[:, None]
+    time = np.arange(1000.0)
+    history = EstimateHistory(time, mean, np.ones_like(mean), {}, "ekf", ("X_u|u|",), True)
+    assert estimate_plot("X_u|u|", [history], -3.5, 300).limits == with_margin(-3.5, 0.0)
+    unknown = replace(history, mean=np.full_like(mean, np.nan))
+    assert estimate_plot("X_u|u|", [unknown], None, 300).limits is None

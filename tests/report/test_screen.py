@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 from auvid_cli.data.checks import Check
-from auvid_cli.evaluation.assessment import CoefficientBound, Identifiability
+from auvid_cli.evaluation.results import CoefficientBound, Identifiability
 from auvid_cli.report.screen import print_checks, print_files, print_identifiability, print_summary
 from auvid_cli.report.screen_table import printed as printed_number
 
@@ -92,8 +92,8 @@ def test_all_verdicts_of_every_filter_are_printed_if_asked_for():
     assert checks_printed(checks, passed=True).count("FAIL") == 2
 
 
-def test_the_words_of_nis_stand_below_it(evaluation):
-    assert "1: noise is as stated" in " ".join(printed(evaluation, 80).split())
+def test_nis_is_explained_below_its_table(evaluation):
+    assert "1 is right" in " ".join(printed(evaluation, 80).split())
 
 
 def test_without_truth_estimates_and_deviations_only(evaluation):
@@ -150,12 +150,12 @@ def test_an_ascii_terminal_gets_ascii(tmp_path, evaluation):
     assert "+- sd" in (tmp_path / "out").read_text(encoding="ascii")
 
 
-def test_what_a_bound_is_stands_below_the_bounds():
+def test_bounds_are_explained_below_their_table():
     names = ["X_u|u|", "Y_v|v|"]
     bounds = [CoefficientBound(s, "kg/m", 1.0, 0.01, 1.0, 1.2, "within 5 %", "dvl", 0.75, "") for s in names]
     found = Identifiability(bounds, [], {}, np.eye(2), [(duration, np.ones(2)) for duration in (1.0, 8.0)], {})
     text = StringIO()
     print_identifiability(Console(file=text, width=80), found)
     words = " ".join(text.getvalue().split())
-    assert "Bound: the least standard deviation that any estimate from these data can have" in words
-    assert "Mostly from: the sensor that says most of it, and its share." in words
+    assert "Bound: smallest standard deviation" in words
+    assert "Mostly from: the sensor" in words

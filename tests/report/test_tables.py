@@ -98,7 +98,7 @@ def test_a_column_of_units_is_called_so(evaluation):
     assert {name.capitalize() for name in named} == {"Unit"}
 
 
-def test_what_is_not_identified_is_marked_and_the_mark_explained(evaluation):
+def test_unidentified_coefficient_is_marked_and_mark_explained(evaluation):
     """The data say nothing of N_uudr; of the others the standard deviation is 0.25, a fraction of the value."""
     markdown = render_markdown(lay_out(evaluation))
     assert all(cell.endswith(" †") for half in (0, 1) for cell in markdown_rows(markdown, "N_uudr")[half][3::2])
@@ -106,7 +106,7 @@ def test_what_is_not_identified_is_marked_and_the_mark_explained(evaluation):
     assert markdown_rows(markdown, "N_uudr")[3][2:] == ["—"] * 4
     assert "†" not in "".join(markdown_rows(markdown, "Y_url")[2])
     assert markdown_rows(markdown, "Y_url")[3][2:] == ["0.2000", "1.250", "1.250", "1.250"]
-    assert markdown.count("† not to be relied on") == 3
+    assert markdown.count("† do not rely on it") == 3
     latex = render_latex(lay_out(evaluation))
     assert r"$31.62$ $\pm$ $0.25$\,$\dagger$" in latex
     identified = evaluation._replace(coefficients=[row._replace(identified=True) for row in evaluation.coefficients])

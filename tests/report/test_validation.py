@@ -10,7 +10,7 @@ from rich.console import Console
 
 from auvid_cli.data.checks import Check, Checks
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.figures.validation import horizon_figure
 from auvid_cli.report.screen import print_validation
 from auvid_cli.report.text_tables import write_csv_tables
@@ -144,8 +144,8 @@ def test_a_model_that_is_worse_than_every_mean_predicts_nothing(validation):
     assert "The model of the CKF does not predict these data. Worse" in text
 
 
-def test_the_band_is_said_to_be_without_process_noise_where_there_is_one(validation):
-    assert "what the model is seen to lack" in shown(validation, 120)
+def test_band_is_explained(validation):
+    assert "known defects of the model" in shown(validation, 120)
     rows = [row._replace(share_within_band=None) for row in validation.predictions]
     assert "process noise" not in shown(validation._replace(predictions=rows), 120)
 
@@ -203,7 +203,7 @@ def test_a_model_that_is_better_than_its_bands_still_predicts(validation):
     assert "does not predict these data" in shown(both, 120)
 
 
-def test_what_the_errors_of_others_are_is_said_below_them(validation):
+def test_errors_of_reference_models_are_explained(validation):
     words = " ".join(shown(validation, 100).split())
-    assert "Noise: of the sensor, as stated. Unchanged: errors if the motion stayed as at the start;" in words
-    assert "prior, vehicle file: by the coefficients known before" in words
+    assert "Unchanged: error if the motion stayed as at the start." in words
+    assert "Prior, vehicle file: errors" in words

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import InputRecord
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.validation.manoeuvres import manoeuvre_numbers, rudder_holds
 from auvid_cli.validation.motion_prediction import MeasuredSignal
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS

@@ -1,4 +1,4 @@
-"""What a campaign found: spread of the errors of each filter, and a map over two settings."""
+"""Figures of a campaign: spread of the errors of each filter, and a map over two settings."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -15,20 +15,18 @@ from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, ne
 from auvid_cli.report.table import setting_text
 
 if TYPE_CHECKING:
-    # Who draws something else does not need it.
+    # Other figures do not need it.
     import pandas as pd
 
 Array = NDArray[np.float64]
 
 _HATCHES = ("", "////", "xxxx", "....", "----", "++++", "oo")
-# Of the boxes of one group, what they take of the room between two.
+# Share of the distance between two groups that the boxes of a group fill.
 _WIDTH = 0.8
-_MOST_PANELS = 12
-_LARGEST = 1e3
-# Runs that have quartiles.
-_FEWEST = 4
-# From the bottom of an axis to its top, at least this factor.
-_LEAST_SPAN = 4.0
+_MAX_PANELS = 12
+_MAX_ERROR = 1e3  # %
+_MIN_RUNS = 4  # for quartiles
+_MIN_SPAN = 4.0  # ratio of the limits of the axis
 
 
 def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
@@ -41,13 +39,13 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
     columns : list of str
         Axes: the last along each panel, the others from panel to panel.
     filters : dict
-        Of each variant, by name, its filter.
+        Filter of each variant, by name of the variant.
     """
     along, between = (columns[-1] if columns else None), columns[:-1]
     cells = (
         [(_title(between, key), cell) for key, cell in runs.groupby(between, sort=False)] if between else [("", runs)]
     )
-    panels = cells[:_MOST_PANELS]
+    panels = cells[:_MAX_PANELS]
     figure = new_figure(11.0, 2.6 * len(panels) + 0.9)
     axes_list = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True, sharey=True))
     levels, looks = list(dict.fromkeys(runs[along])) if along else [""], _looks(filters)
@@ -65,11 +63,11 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
     axes_list[-1].set_xlabel(plain(along or ""), fontsize=9)
     _leave_room(axes_list)
     most = int(ended(runs).groupby([runs["filter"], *(runs[column] for column in columns)]).sum().max())
-    words = ["a mark for each run" if most < _FEWEST else "box: quartiles, mark: median, whiskers: 5 to 95 %"]
-    words += ["upright: share that did not end"] * (not ended(runs).all())
+    words = ["a mark for each run" if most < _MIN_RUNS else "box: quartiles, mark: median, whiskers: 5 to 95 %"]
+    words += ["upright numbers: share of runs that failed"] * (not ended(runs).all())
     words += [f"{len(cells) - len(panels)} more combinations: see the tables"] * (len(cells) > len(panels))
     handles: list[Artist] = [Patch(label=plain(name), **look) for name, look in looks.items()]
-    if most < _FEWEST:
+    if most < _MIN_RUNS:
         handles = [
             Line2D(
                 [],
@@ -90,8 +88,8 @@ def _draw_runs(
     axes: Axes, by_level: list["pd.DataFrame"], places: Array, width: float, look: dict[str, Any], marker: str
 ) -> None:
     """Draw a box of the errors at each level or, where they are too few for quartiles, a mark for each."""
-    errors = [runs["steady_state_error_percent"].dropna().clip(upper=_LARGEST).to_numpy() for runs in by_level]
-    few = [place for place, values in enumerate(errors) if values.size < _FEWEST]
+    errors = [runs["steady_state_error_percent"].dropna().clip(upper=_MAX_ERROR).to_numpy() for runs in by_level]
+    few = [place for place, values in enumerate(errors) if values.size < _MIN_RUNS]
     for place in few:
         at = np.full(errors[place].size, places[place])
         axes.plot(at, errors[place], marker, color=look["facecolor"], markeredgecolor="black", markersize=6.0)
@@ -117,13 +115,13 @@ def _draw_runs(
 def _leave_room(panels: NDArray[Any]) -> None:
     """Let errors that hardly differ look alike: an axis spans a factor of four at least."""
     low, high = panels[0].get_ylim()
-    if 0.0 < low < high < _LEAST_SPAN * low:
-        room = np.sqrt(_LEAST_SPAN * low / high)
+    if 0.0 < low < high < _MIN_SPAN * low:
+        room = np.sqrt(_MIN_SPAN * low / high)
         panels[0].set_ylim(low / room, high * room)
 
 
 def _write_losses(axes: Axes, by_level: list["pd.DataFrame"], places: Array) -> None:
-    """Write below each box what share of its runs did not end, if any."""
+    """Write the share of failed runs below each box, if there are any."""
     style = {"rotation": 90, "fontsize": 6.5, "ha": "center", "va": "bottom", "color": "#A00000"}
     for place, runs in zip(places, by_level, strict=True):
         lost = float((~ended(runs)).mean()) if len(runs) else 0.0
@@ -157,13 +155,13 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     wide = min(n, 3)
     figure = new_figure(1.0 + wide * (0.62 * len(cols) + 0.9), -(-n // wide) * (0.42 * len(rows) + 1.0) + 0.5)
     panels = np.atleast_1d(figure.subplots(-(-n // wide), wide, sharex=True, sharey=True, squeeze=False)).ravel()
-    errors = table["steady_state_error_percent"].clip(upper=_LARGEST).dropna().to_numpy(dtype=np.float64)
+    errors = table["steady_state_error_percent"].clip(upper=_MAX_ERROR).dropna().to_numpy(dtype=np.float64)
     # In decades; of a run that was lost there is none.
     lowest, highest = np.log10([errors.min(), errors.max()]) if errors.size else (0.0, 0.0)
     image = None
     for axes, name in zip(panels, filters, strict=False):
         of_filter = table[table["filter"] == name]
-        error, lost, belied = (
+        error, lost, inconsistent = (
             of_filter.groupby([down, across])[value]
             .agg(over)
             .unstack()
@@ -175,12 +173,12 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
                 ("inconsistent", "mean"),
             )
         )
-        decades = np.log10(np.minimum(error, _LARGEST))
+        decades = np.log10(np.minimum(error, _MAX_ERROR))
         image = axes.imshow(decades, vmin=lowest, vmax=highest, cmap="viridis_r", aspect="auto")
         for i, j in np.ndindex(len(rows), len(cols)):
             text = _rounded(float(error[i, j])) if np.isfinite(error[i, j]) else "-"
             text += f"\n{lost[i, j]:.0%} lost" if lost[i, j] > 0.0 else ""
-            text += f"\n{belied[i, j]:.0%} incons." if belied[i, j] > 0.0 else ""
+            text += f"\n{inconsistent[i, j]:.0%} incons." if inconsistent[i, j] > 0.0 else ""
             is_dark = decades[i, j] > 0.5 * (lowest + highest)
             axes.text(j, i, text, ha="center", va="center", fontsize=6, color="white" if is_dark else "black")
         axes.set_xticks(range(len(cols)), [plain(setting_text(value)) for value in cols], fontsize=8)

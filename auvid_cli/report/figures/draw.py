@@ -1,45 +1,172 @@
-"""Which figures a run gets."""
+"""Requests for figures, and the queue that draws them in other processes."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.config.enums import FigureFormat
-from auvid_cli.data.dataset import Dataset, SensorRecord
-from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord
+from auvid_cli.data.estimate import Estimate, EstimateHistory, Innovations
 from auvid_cli.report.figures import workers
 from auvid_cli.report.figures.workers import Submit, draw_and_save
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_SYMBOLS, SENSORS, Quantity, state_of
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from auvid_cli.campaign.summary import CampaignSummary
 
-    # They bring the compiled core along, which is loaded elsewhere, and said to be.
+    # These load the compiled core, which takes a second and is announced elsewhere.
     from auvid_cli.design.mission import Band
     from auvid_cli.design.search import Design
-    from auvid_cli.evaluation.assessment import Identifiability
     from auvid_cli.evaluation.evaluate import Evaluation
+    from auvid_cli.evaluation.results import FreeRun, Identifiability
     from auvid_cli.inspection.inspection import Inspection
-    from auvid_cli.validation.results import Validation
+    from auvid_cli.validation.results import Prediction, Validation
 
-# Of one sensor, as many as any figure can show.
-_MOST_SAMPLES = 100_000
+Array = NDArray[np.float64]
+
+_MAX_SAMPLES = 100_000  # of one sensor, as many as any figure can show
+
+
+class PathRequest(NamedTuple):
+    """The true path and dead reckoning from the estimated motion."""
+
+    truth: TruthRecord | None
+    motions: list[EstimateHistory]
+
+
+class MotionErrorRequest(NamedTuple):
+    """Errors of the estimated motion."""
+
+    truth: TruthRecord
+    motions: list[EstimateHistory]
+
+
+class EstimateRequest(NamedTuple):
+    """Estimates of the coefficients over time; the true values, SI, by symbol."""
+
+    symbols: list[str]
+    estimates: list[EstimateHistory]
+    true: dict[str, float]
+
+
+class ConvergenceRequest(NamedTuple):
+    """Distances of the coefficients from their true or final values."""
+
+    symbols: list[str]
+    estimates: list[EstimateHistory]
+    true: dict[str, float]
+
+
+class InnovationRequest(NamedTuple):
+    """Innovations by filter and sensor."""
+
+    innovations: dict[str, dict[str, Innovations]]
+
+
+class FreeRunRequest(NamedTuple):
+    """Measurements minus the free runs of all filters."""
+
+    sensors: dict[str, SensorRecord]
+    runs: "dict[str, FreeRun]"
+
+
+class MotionRequest(NamedTuple):
+    """Measured motion and the free runs of a model."""
+
+    quantities: Sequence[Quantity]
+    sensors: dict[str, SensorRecord]
+    runs: "dict[str, FreeRun]"
+
+
+class HorizonRequest(NamedTuple):
+    """Errors of predictions over the horizon."""
+
+    filter: str
+    predictions: "Sequence[Prediction]"
+
+
+class BoundsRequest(NamedTuple):
+    """Cramér-Rao bounds of the coefficients."""
+
+    identifiability: "Identifiability"
+
+
+class CorrelationRequest(NamedTuple):
+    """Correlations of the errors at the bounds."""
+
+    identifiability: "Identifiability"
+
+
+class TimelineRequest(NamedTuple):
+    """An inspected dataset."""
+
+    sensors: dict[str, SensorRecord]
+    inspection: "Inspection"
+
+
+class MissionRequest(NamedTuple):
+    """A designed run; see `auvid_cli.report.figures.timeline.mission_figure`."""
+
+    time: Array
+    inputs: Array
+    band: "Band"
+    symbols: tuple[str, ...]
+    percents: dict[str, Array]
+
+
+class SpreadRequest(NamedTuple):
+    """Errors of all runs of a campaign."""
+
+    runs: "pd.DataFrame"
+    columns: list[str]
+    filters: dict[str, str]
+
+
+class MapRequest(NamedTuple):
+    """Errors of a campaign over two settings."""
+
+    table: "pd.DataFrame"
+    columns: list[str]
+    filters: dict[str, str]
+
+
+FigureRequest: TypeAlias = (
+    PathRequest
+    | MotionErrorRequest
+    | EstimateRequest
+    | ConvergenceRequest
+    | InnovationRequest
+    | FreeRunRequest
+    | MotionRequest
+    | HorizonRequest
+    | BoundsRequest
+    | CorrelationRequest
+    | TimelineRequest
+    | MissionRequest
+    | SpreadRequest
+    | MapRequest
+)
 
 
 class FigureQueue:
-    """Figures of a results folder, drawn as soon as what they show is there.
+    """Figures of a results folder, drawn as soon as their data exist.
 
     Parameters
     ----------
     folder : pathlib.Path
-        Made if it is missing.
+        Created if it is missing.
     submit : callable
-        As `Executor.submit`, to those who draw. They are handed no more data than a figure needs: it may travel to
-        another process.
+        As `Executor.submit`. A request contains only the data that its figure needs, because it is sent to another
+        process.
     formats : collection of FigureFormat
-        As which each is written; PNG has 150 dots an inch.
+        PNG has 150 dots per inch.
     """
 
     def __init__(self, folder: Path, submit: Submit, formats: Collection[FigureFormat]) -> None:
@@ -49,57 +176,57 @@ class FigureQueue:
         self._drawn: dict[str, Future[list[Path]]] = {}
 
     def add_estimates(self, dataset: Dataset, estimates: Sequence[Estimate]) -> None:
-        """Draw all filters together, those figures of many panels first; the path also where there is no filter."""
+        """Draw the figures of all filters, those with many panels first; without a filter only the true path."""
         innovations = {estimate.filter: estimate.innovations for estimate in estimates if estimate.innovations}
         if innovations:
-            self._add("innovations", "innovations", innovations)
+            self._add("innovations", InnovationRequest(innovations))
         known = dict.fromkeys(c.symbol for estimate in estimates for c in estimate.coefficient_set)
         state = {symbol for estimate in estimates for symbol in estimate.state}
         if symbols := [symbol for symbol in known if symbol in state]:
             true = dataset.truth.coefficients_of(symbols) if dataset.truth is not None else {}
             courses = [estimate.history(symbols) for estimate in estimates]
-            self._add("estimates", "estimates", symbols, courses, true)
-            self._add("convergence", "convergence", symbols, courses, true)
+            self._add("estimates", EstimateRequest(symbols, courses, true))
+            self._add("convergence", ConvergenceRequest(symbols, courses, true))
         motions = [estimate.history(MOTION_SYMBOLS) for estimate in estimates]
         if dataset.truth is not None or estimates:
-            self._add("path", "path", dataset.truth, motions)
+            self._add("path", PathRequest(dataset.truth, motions))
         if dataset.truth is not None and estimates:
-            self._add("motion_errors", "motion_errors", dataset.truth, motions)
+            self._add("motion_errors", MotionErrorRequest(dataset.truth, motions))
 
     def add_free_runs(self, dataset: Dataset, evaluation: "Evaluation") -> None:
-        """Draw what free runs leave of the measurements, where there are any of the motion."""
+        """Draw measurements minus free runs, if any sensor measures the motion."""
         sensors = _records_of(MOTION_AND_DEPTH, dataset.sensors)
         if evaluation.free_runs and sensors:
-            self._add("free_runs", "free_runs", sensors, evaluation.free_runs)
+            self._add("free_runs", FreeRunRequest(sensors, evaluation.free_runs))
 
     def add_identifiability(self, identifiability: "Identifiability") -> None:
-        """Draw what the data can say before any filter runs."""
-        self._add("identifiability_bounds", "bounds", identifiability)
-        self._add("identifiability_correlation", "correlation", identifiability)
+        """Draw the bounds of the coefficients and the correlations of their errors."""
+        self._add("identifiability_bounds", BoundsRequest(identifiability))
+        self._add("identifiability_correlation", CorrelationRequest(identifiability))
 
     def add_validation(self, validation: "Validation") -> None:
-        """Draw what a model predicts of data that it has not seen; of several segments the free run of the longest."""
+        """Draw the predictions of a model on other data: the free run of the longest segment, and errors by horizon."""
         for name, quantities in (("velocities", MOTION[:6]), ("attitude", validation.run.quantities[6:])):
             sensors = _records_of(quantities, validation.shown.sensors)
-            self._add(f"validation_{name}", "motion", quantities, sensors, {validation.filter: validation.run})
-        self._add("validation_horizons", "horizons", validation.filter, validation.predictions)
+            self._add(f"validation_{name}", MotionRequest(quantities, sensors, {validation.filter: validation.run}))
+        self._add("validation_horizons", HorizonRequest(validation.filter, validation.predictions))
 
     def add_timeline(self, dataset: Dataset, inspection: "Inspection") -> None:
-        """Draw what was recorded, and where something is the matter with it."""
+        """Draw the recorded data and mark their faults."""
         sensors = {name: _thinned(record) for name, record in dataset.sensors.items()}
-        self._add("timeline", "timeline", sensors, inspection)
+        self._add("timeline", TimelineRequest(sensors, inspection))
 
     def add_mission(self, design: "Design", band: "Band") -> None:
-        """Draw a designed run before it is made, beside the spiral that it was compared with."""
+        """Draw a designed run next to the spiral that it was compared with."""
         shown = dict.fromkeys((design.chosen, "spiral"))
         percents = {name: design.trials[name].percent() for name in shown}
-        self._add("mission", "mission", design.truth.time, design.truth.inputs, band, design.symbols, percents)
+        self._add("mission", MissionRequest(design.truth.time, design.truth.inputs, band, design.symbols, percents))
 
     def add_campaign(self, findings: "CampaignSummary", filters: dict[str, str]) -> None:
-        """Draw the spread of the errors of each filter variant, and a map where two settings vary."""
-        self._add("spread", "spread", findings.runs, findings.columns, filters)
+        """Draw the spread of the errors of each filter variant, and a map if two settings vary."""
+        self._add("spread", SpreadRequest(findings.runs, findings.columns, filters))
         if len(findings.columns) > 1:
-            self._add("map", "map", findings.filters, findings.columns, filters)
+            self._add("map", MapRequest(findings.filters, findings.columns, filters))
 
     def finish(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Path]:
         """Wait until all are drawn.
@@ -107,34 +234,30 @@ class FigureQueue:
         Parameters
         ----------
         progress : callable
-            Told how many figures are done, and of how many.
-
-        Returns
-        -------
-        list of pathlib.Path
+            Called with the number of finished figures and the number of all.
 
         Raises
         ------
         FileError
-            If a file cannot be written; it is then not there, or as it was before.
+            If a file cannot be written; an existing file then stays as it was.
         """
         for done, _ in enumerate(as_completed(self._drawn.values()), 1):
             progress(done, len(self._drawn))
         return [path for future in self._drawn.values() for path in future.result()]
 
-    def _add(self, name: str, kind: str, *arguments: Any) -> None:
-        self._drawn[name] = self._submit(draw_and_save, kind, arguments, self._folder, name, self._formats)
+    def _add(self, name: str, request: FigureRequest) -> None:
+        self._drawn[name] = self._submit(draw_and_save, request, self._folder, name, self._formats)
 
 
 @contextmanager
 def drawing(folder: Path, formats: Collection[FigureFormat] | None) -> Iterator[FigureQueue]:
-    """Say where to put the figures of a results folder, and as what, PNG if nothing; with workers that draw them."""
+    """Yield the figure queue of a results folder, with processes that draw; the default format is PNG."""
     with workers.figure_workers() as submit:
         yield FigureQueue(folder / "figures", submit, formats or (FigureFormat.PNG,))
 
 
 def _records_of(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord]) -> dict[str, SensorRecord]:
-    """Pick the sensors that measure any of some quantities; of a long record evenly spaced samples."""
+    """Return the sensors that measure any of the quantities; long records are thinned."""
     symbols = {quantity.symbol for quantity in quantities}
     return {
         name: _thinned(record)
@@ -144,5 +267,5 @@ def _records_of(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord]
 
 
 def _thinned(record: SensorRecord) -> SensorRecord:
-    every = slice(None, None, 1 + record.time.size // _MOST_SAMPLES)
+    every = slice(None, None, 1 + record.time.size // _MAX_SAMPLES)
     return SensorRecord(record.time[every], record.values[every], record.standard_deviation)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import SensorRecord, TruthRecord
 from auvid_cli.data.estimate import EstimateHistory
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.figures.style import (
     BAND_SHADE,
     FILTER_STYLES,
@@ -23,7 +23,6 @@ from auvid_cli.report.figures.style import (
     TRUE_LINE,
     WIDTH,
     Room,
-    around,
     draw_band,
     filter_handles,
     head,
@@ -33,29 +32,37 @@ from auvid_cli.report.figures.style import (
     new_figure,
     new_panels,
     plain_decades,
-    say,
+    show_message,
     sized_figure,
     tidy,
+)
+from auvid_cli.report.plot_data import (
+    around,
+    finite,
+    scale_of,
+    spaced,
+    thin,
+    travelled,
+    travelled_paths,
+    unwrapped,
     value_range,
     with_margin,
 )
-from auvid_cli.report.plot_data import finite, scale_of, spaced, thin, travelled, travelled_paths, unwrapped
 from auvid_cli.report.table import filter_label, symbol_math
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
 _HEIGHT = 5.8
-_PATH_POINTS, _POINTS_IN_SPACE = 1000, 500
-# From its start a path is drawn, in extents of the first.
-_FARTHEST = 2.0
+_PATH_POINTS = 1000
+_SPACE_POINTS = 500
+_MAX_DISTANCE = 2.0  # of a path from its start, in extents of the first path
 _SHADOW: dict[str, Any] = {"color": "0.75", "linewidth": 0.8}
 _ENDS = (("start", "o", "white"), ("end", "s", "0.4"))
-# s, of the end of the run that is drawn once more, larger.
-_ZOOM = 30.0
+_ZOOM = 30.0  # s, end of the run that is drawn enlarged
 _MOTION_POINTS = 1200
 _ERROR_POINTS = 250
-# Half the height of a panel in usual bands, or in usual errors: those that so many percent do not reach.
-_HIGHEST, _MOST = 2.0, 90.0
+_HALF_HEIGHT = 2.0  # of a panel, in usual bands or usual errors
+_USUAL_PERCENTILE = 90.0  # of the errors
 
 
 class _Track(NamedTuple):
@@ -68,7 +75,7 @@ class _Track(NamedTuple):
 
 
 def path_figure(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> Figure:
-    """Draw the true path, and those that follow from the estimated motion alone, from its start or from zero."""
+    """Draw the true path, and dead reckoning from the estimated motion."""
     tracks = _tracks(truth, estimates)
     figure = sized_figure(WIDTH, _HEIGHT)
     has_distance = truth is not None and len(tracks) > 1
@@ -82,7 +89,7 @@ def path_figure(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> 
     views, plan = figure.add_subplot(grid[:, 0], projection="3d"), figure.add_subplot(grid[0, 1])
     assert isinstance(views, Axes3D)
     if not tracks:
-        say(plan, "no finite position")
+        show_message(plan, "no finite position")
         return figure
     profile = figure.add_subplot(grid[1, 1] if has_distance else grid[1:, 1])
     _draw_in_space(views, tracks)
@@ -97,7 +104,7 @@ def path_figure(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> 
 
 def _tracks(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> list[_Track]:
     tracks: list[_Track] = []
-    # Those that ended set the scale where there is no truth.
+    # Without truth, a completed estimate comes first and sets the scale.
     for track in travelled_paths(truth, sorted(estimates, key=lambda estimate: not estimate.completed)):
         position = _as_far_as_others(track.position, tracks[0].position) if tracks else track.position
         if track.filter is None:
@@ -109,16 +116,16 @@ def _tracks(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> list
 
 
 def _as_far_as_others(position: Array, first: Array) -> Array:
-    """Cut a path, of a filter that diverged, where it has left the surroundings of the first."""
-    room = _FARTHEST * max(float(np.ptp(first, axis=0).max()), 1.0)
+    """Cut the path of a diverged filter where it leaves the surroundings of the first path."""
+    room = _MAX_DISTANCE * max(float(np.ptp(first, axis=0).max()), 1.0)
     beyond = np.linalg.norm(position - first[0], axis=1) > room
     return position[: int(beyond.argmax())] if beyond.any() else position
 
 
 def _draw_in_space(axes: Axes3D, tracks: list[_Track]) -> None:
-    """Draw the first path and its plan below; others can hardly be told from it here."""
+    """Draw only the first path and its plan below, because the others would hide it."""
     position = tracks[0].position
-    north, east, down = position[spaced(len(position), _POINTS_IN_SPACE)].T
+    north, east, down = position[spaced(len(position), _SPACE_POINTS)].T
     # East, north and up, in this order, make a right-handed view with depth growing downwards.
     wide = _square(east, north)
     depth = _range(down)
@@ -151,7 +158,7 @@ def _draw_plan(axes: Axes, tracks: list[_Track]) -> None:
 
 
 def _upwards(tracks: list[_Track]) -> list[_Track]:
-    """Return them as they are drawn, wide lines below narrow ones, the true path last."""
+    """Return the tracks in drawing order: wide lines first, the true path last."""
     return [*tracks[1:], tracks[0]]
 
 
@@ -166,7 +173,7 @@ def _draw_profile(axes: Axes, tracks: list[_Track]) -> None:
 
 
 def _draw_distance(axes: Axes, true: _Track, others: list[_Track]) -> None:
-    """Draw how far dead reckoning is from the true path over time."""
+    """Draw the distance of dead reckoning from the true path over time."""
     tidy(axes)
     for position, track in enumerate(others):
         some = spaced(len(track.position), _PATH_POINTS)[1:]
@@ -177,7 +184,7 @@ def _draw_distance(axes: Axes, true: _Track, others: list[_Track]) -> None:
     axes.set_yscale("log")
     plain_decades(axes.yaxis)
     axes.set_xlabel("time (s)", fontsize=9)
-    axes.set_ylabel("off by (m)", fontsize=9)
+    axes.set_ylabel("position error (m)", fontsize=9)
 
 
 def _draw(axes: Axes, x: Array, y: Array, track: _Track) -> None:
@@ -210,13 +217,12 @@ class Curve(NamedTuple):
 
 
 def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) -> Figure:
-    """Draw a row for each motion state, or the depth: the whole run, and its end beside it.
+    """Draw a row for each motion state or the depth: the whole run, and its end enlarged.
 
     Parameters
     ----------
     quantities : sequence of Quantity
         Motion states, and the depth if the runs have it.
-    sensors : dict of SensorRecord
     runs : dict of FreeRun
         By filter.
     """
@@ -255,7 +261,7 @@ def _draw_motion_panel(
             sound.append(values)
         line = _narrowed(FILTER_STYLES[name].line(), width)
         axes.plot(*thin(time, values, _MOTION_POINTS), **line, zorder=2.0 + 0.1 * position)
-    # What was measured sets the scale, or else the runs that did not blow up.
+    # The measurements set the scale or, without any, the runs that stayed finite.
     reference = value_range(*sound)
     if measured is not None:
         time, values = _part(measured, span[0])
@@ -264,7 +270,7 @@ def _draw_motion_panel(
         reference = value_range(values) or reference
     others = value_range(*every)
     if reference is None and others is None:
-        say(axes, "nothing finite to draw")
+        show_message(axes, "nothing finite to draw")
     axes.set_ylim(*around(reference, others))
     axes.set_xlim(*span)
 
@@ -339,19 +345,19 @@ def _draw_error_panel(
         axes.plot(at, error, **style.marked_line(position, at.size), zorder=2.0 + 0.1 * position)
         (sound if estimate.completed else others).append((error, band))
     if not sound + others:
-        say(axes, "no estimate")
+        show_message(axes, "no estimate")
         return
     height = _height(sound or others)
     axes.set_ylim(-height, height)
 
 
 def _height(drawn: list[tuple[Array, Array]]) -> float:
-    """Return half the height of a panel: all errors, but no more than a few times what is usual later on."""
+    """Return half the height of a panel: all errors, but at most twice the usual error of the second half."""
     usual = 0.0
     for error, band in drawn:
-        for values, share in ((band, 50.0), (np.abs(error), _MOST)):
+        for values, share in ((band, 50.0), (np.abs(error), _USUAL_PERCENTILE)):
             late = values[values.size // 2 :]
             late = late[np.isfinite(late)]
             usual = max(usual, float(np.percentile(late, share)) if late.size else 0.0)
     _, largest = value_range(*(np.abs(error) for error, _ in drawn)) or (0.0, 0.0)
-    return max(1.2 * usual, min(1.1 * largest, _HIGHEST * usual)) or 1.1 * largest or 1.0
+    return max(1.2 * usual, min(1.1 * largest, _HALF_HEIGHT * usual)) or 1.1 * largest or 1.0

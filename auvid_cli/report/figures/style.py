@@ -18,53 +18,17 @@ from auvid_cli.report.table import filter_label
 from auvid_cli.text import printable
 
 Array = NDArray[np.float64]
-_MARGIN = 0.08
-# Zero is shown if it is no further away than this share of what is shown anyway.
-_NEAR = 0.25
 DPI = 150
-# Inches, of all figures.
-WIDTH = 11.0
-# Ends of a path and all filters stand in one row.
-_MOST_HANDLES, _LEGEND_ROW = 9, 0.22
+WIDTH = 11.0  # inch, of all figures
+_MAX_HANDLES = 9  # in a row of the legend
+_LEGEND_ROW = 0.22  # inch
 _LEGEND: dict[str, Any] = {"handlelength": 3.5, "fontsize": 9, "columnspacing": 1.5}
 TRUE_LINE: dict[str, Any] = {"color": "black", "linewidth": 1.1, "linestyle": (0, (6, 3))}
 MEASURED: dict[str, Any] = {"color": "0.8", "linewidth": 3.4}
-# Opacity of a band, or of as many as there are filters over each other, which must leave the lines to be seen.
+# Opacity of all bands on top of each other, low enough to see the lines.
 BAND_SHADE = 0.26
 # Behind words on lines.
 _BEHIND: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.0}
-
-
-def value_range(*series: Array) -> tuple[float, float] | None:
-    """Return least and greatest finite value, None if there is none."""
-    finite = [values[np.isfinite(values)] for values in series]
-    present = [values for values in finite if values.size]
-    if not present:
-        return None
-    return min(float(values.min()) for values in present), max(float(values.max()) for values in present)
-
-
-def with_margin(low: float, high: float) -> tuple[float, float]:
-    """Leave some room on both sides; a point gets room of its own size."""
-    room = _MARGIN * (high - low) or 0.05 * abs(high) or 1.0
-    return low - room, high + room
-
-
-def with_near_zero(low: float, high: float) -> tuple[float, float]:
-    """Reach to zero if that costs little."""
-    near = _NEAR * (high - low)
-    return (0.0 if 0.0 < low <= near else low), (0.0 if -near <= high < 0.0 else high)
-
-
-def around(reference: tuple[float, float] | None, others: tuple[float, float] | None) -> tuple[float, float]:
-    """Leave room for the reference, and for the others as far as they stray no further than its own height."""
-    if reference is None:
-        return with_margin(*others) if others is not None else (-1.0, 1.0)
-    low, high = reference
-    if others is not None:
-        height = high - low
-        low, high = max(min(low, others[0]), low - height), min(max(high, others[1]), high + height)
-    return with_margin(low, high)
 
 
 class FilterStyle(NamedTuple):
@@ -112,7 +76,7 @@ FILTER_STYLES = {name.value: style for name, style in zip(FilterName, _STYLES, s
 
 
 class Room(NamedTuple):
-    """Room beside, above and below the panels of a figure, and between them, inches."""
+    """Margins of the panels of a figure and gaps between them, inches."""
 
     left: float = 0.85
     right: float = 0.2
@@ -122,12 +86,12 @@ class Room(NamedTuple):
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Make an empty figure, inches, that arranges its own panels for names of any length: half of the time it takes."""
+    """Return an empty figure, inches, with automatic layout, which takes half of the drawing time."""
     return Figure(figsize=(width, height), dpi=DPI, layout="constrained")
 
 
 def sized_figure(width: float, height: float) -> Figure:
-    """Make an empty figure, inches, whose panels are put where they stand."""
+    """Return an empty figure, inches, without automatic layout."""
     return Figure(figsize=(width, height), dpi=DPI)
 
 
@@ -140,25 +104,24 @@ def new_panels(
     span: tuple[float, float],
     with_heads: bool = False,
 ) -> tuple[Figure, list[Axes]]:
-    """Make a figure of alike panels over the same time, below a legend; its margins are what its labels take.
+    """Return a figure of equal panels over the same time axis, with a legend above.
 
     Parameters
     ----------
     number, most_columns : int
-        Of panels, row by row.
+        Number of panels and of columns, filled row by row.
     height : float
-        Of each, inches.
+        Height of a panel, inches.
     handles : sequence of Artist
-        Of the legend.
-    room : Room
+        Entries of the legend.
     span : tuple of float
-        Of time, s.
+        Limits of the time axis, s.
     with_heads : bool
         Whether there is a heading above the panels.
     """
     columns = min(number, most_columns)
     rows = -(-number // columns)
-    legend_rows = -(-len(handles) // _MOST_HANDLES)
+    legend_rows = -(-len(handles) // _MAX_HANDLES)
     above = 0.15 + _LEGEND_ROW * (legend_rows + with_heads)
     inches = room.below + rows * height + (rows - 1) * room.between + above
     figure = sized_figure(WIDTH, inches)
@@ -188,7 +151,7 @@ def new_panels(
 
 
 def draw_band(axes: Axes, time: Array, low: Array | float, high: Array, color: str, number: int) -> None:
-    """Draw one of so many shades on what lies between two series of the same times; where one is not finite nothing."""
+    """Shade the area between two series with the opacity of one of `number` bands; gaps stay empty."""
     alpha = 1.0 - (1.0 - BAND_SHADE) ** (1.0 / number)
     known = np.isfinite(low) & np.isfinite(high)
     for piece in np.split(np.arange(time.size), np.flatnonzero(np.diff(known)) + 1):
@@ -196,12 +159,12 @@ def draw_band(axes: Axes, time: Array, low: Array | float, high: Array, color: s
             across = np.concatenate([time[piece], time[piece][::-1]])
             up = np.concatenate([high[piece], np.broadcast_to(low, time.shape)[piece][::-1]])
             outline = Polygon(np.stack([across, up], axis=1), color=color, alpha=alpha, linewidth=0, zorder=1.5)
-            # `fill_between` would go through all axes for their limits, which stand.
+            # `fill_between` would update the limits of the axes, which are fixed.
             axes.add_artist(outline)
 
 
 def name_values(figure: Figure, text: str) -> None:
-    """Say at the left edge what all panels show."""
+    """Label the values of all panels at the left edge."""
     figure.supylabel(text, fontsize=9, x=0.12 / figure.get_figwidth())
 
 
@@ -216,9 +179,9 @@ def filter_handles(names: Iterable[str], marked: bool = False) -> list[Line2D]:
 
 def legend_above(figure: Figure, handles: Sequence[Artist]) -> None:
     """Put a legend outside all panels."""
-    # A layout leaves room for what is outside; elsewhere the room is there.
+    # Only a figure with automatic layout makes room outside of its panels.
     place = "outside upper center" if figure.get_layout_engine() else "upper center"
-    ncols = min(max(len(handles), 1), _MOST_HANDLES)
+    ncols = min(max(len(handles), 1), _MAX_HANDLES)
     figure.legend(handles=list(handles), loc=place, ncols=ncols, frameon=False, **_LEGEND)
 
 
@@ -234,7 +197,7 @@ def tidy(axes: Axes) -> None:
 
 
 def plain(text: str) -> str:
-    """Return a user's text as it is, its dollars no mathematics."""
+    """Return the text of a user without mathematics: dollars are escaped."""
     return printable(text).replace("$", r"\$")
 
 
@@ -259,11 +222,11 @@ def name_panel(axes: Axes, text: str, height: float = 0.95) -> None:
 
 def head(axes: Axes, text: str) -> None:
     """Put a heading above a panel."""
-    # With a place of its own it need not be fitted in, a large part of the time that a figure takes.
+    # A fixed place saves the layout of the title, a large part of the drawing time.
     axes.set_title(text, fontsize=9.5, y=1.0)
 
 
-def say(axes: Axes, text: str) -> None:
-    """Put words where there is nothing to draw."""
+def show_message(axes: Axes, text: str) -> None:
+    """Write a message in an empty panel."""
     axes.tick_params(axis="y", left=False, labelleft=False)
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=9, color="0.35")

@@ -20,34 +20,34 @@ from auvid_cli.report.table import symbol_math
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
-_DESIGNED, _SPIRAL = "#0072B2", "#E69F00"
+_DESIGNED = "#0072B2"
+_SPIRAL = "#E69F00"
 _POINTS = 3000
 _PRESENT = "#9BC4DE"
 _ROW = 0.16
-# Share of the span that a mark takes at least, to be seen.
-_LEAST = 0.0025
+_MIN_MARK = 0.0025  # share of the span, width of a visible mark
 _INPUT: dict[str, Any] = {"color": "0.35", "linewidth": 0.8, "drawstyle": "steps-post", "rasterized": True}
 _SIGNAL: dict[str, Any] = {"color": "#0072B2", "linewidth": 0.8, "rasterized": True}
-_HOUR, _MINUTE = 3600.0, 60.0
-# Heights of a signal and of a sensor's strip, inches.
-_PANEL, _STRIP = 0.62, 0.42
+_HOUR = 3600.0  # s
+_MINUTE = 60.0  # s
+_PANEL = 0.62  # inch, height of a signal
+_STRIP = 0.42  # inch, height of a sensor's strip
 
 
 def mission_figure(
     time: Array, inputs: Array, band: Band, symbols: tuple[str, ...], percents: dict[str, Array]
 ) -> Figure:
-    """Draw it.
+    """Draw inputs, depth, track and expected standard deviations of a designed run.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
     inputs : ndarray, shape (n, 4)
-        What the actuators of the vehicle as it is believed to be do: rad, N, N m.
-    band : Band
+        Inputs of the expected vehicle: rad, N, N m.
     symbols : tuple of str
-        Of the coefficients.
+        Symbols of the coefficients.
     percents : dict of ndarray, shape (m,)
-        Standard deviations of the coefficients, %, by the name of the manoeuvre, the one to sail first.
+        Standard deviations of the coefficients, %, by manoeuvre, the designed one first.
     """
     figure = new_figure(11.0, 7.4)
     grid = figure.add_gridspec(3, 2, width_ratios=[1.0, 1.1])
@@ -76,7 +76,7 @@ def _label(axes: Axes, text: str) -> None:
 
 
 def _draw_track(axes: Axes, band: Band) -> None:
-    """Draw the middle of the tracks, and every few seconds how far 5 to 95 of 100 are from it."""
+    """Draw the median track and the area of 5 to 95 % of the tracks."""
     north, east = band.position[:, 0], band.position[:, 1]
     for place in range(0, band.time.size, 2):
         corners = east[place, [0, 2, 2, 0]], north[place, [0, 0, 2, 2]]
@@ -86,7 +86,7 @@ def _draw_track(axes: Axes, band: Band) -> None:
     _label(axes, "north (m)")
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("east (m)", fontsize=9)
-    head(axes, f"{band.number} vehicles as they may be: middle, 5 to 95 %")
+    head(axes, f"{band.number} trial vehicles: median, 5 to 95 %")
 
 
 def _draw_percents(axes: Axes, symbols: tuple[str, ...], percents: dict[str, Array]) -> None:
@@ -105,7 +105,7 @@ def _draw_percents(axes: Axes, symbols: tuple[str, ...], percents: dict[str, Arr
 
 
 class _Look(NamedTuple):
-    """How a kind of trouble is drawn, and where: the height of its row in a strip is from 0 to 1."""
+    """Style of a kind of fault; `height` is that of its row in a strip, 0 to 1."""
 
     color: str
     marker: str
@@ -113,7 +113,7 @@ class _Look(NamedTuple):
     words: str
 
 
-# All have the same place in every strip.
+# The rows are the same in all strips.
 _KINDS: dict[MarkKind, _Look] = {
     "spike": _Look("#D55E00", "v", 0.90, "spikes"),
     "step": _Look("#CC79A7", "D", 0.70, "angle jumps away"),
@@ -124,7 +124,7 @@ _KINDS: dict[MarkKind, _Look] = {
 
 
 class _Signal(NamedTuple):
-    """A line over time, s, in units that can be read."""
+    """A line over time, s, in a readable unit."""
 
     name: str
     time: Array
@@ -133,7 +133,7 @@ class _Signal(NamedTuple):
 
 
 def timeline_figure(sensors: dict[str, SensorRecord], inspection: Inspection) -> Figure:
-    """Draw inputs, and of each sensor its signals, above how much of them there is, and its marks by kind."""
+    """Draw the inputs, and the signals, presence and faults of each sensor."""
     rows: list[_Signal | str] = [*_inputs(inspection)]
     for name in inspection.presence:
         rows += [*_signals(name, sensors[name]), name]
@@ -165,7 +165,7 @@ def _inputs(inspection: Inspection) -> list[_Signal]:
 
 
 def _signals(sensor: str, record: SensorRecord) -> list[_Signal]:
-    """Return those components of a sensor that say anything."""
+    """Return the components of a sensor with finite values."""
     signals = []
     for quantity, values in zip(SENSORS[sensor], record.values.T, strict=True):
         if np.isfinite(values).any():
@@ -176,7 +176,7 @@ def _signals(sensor: str, record: SensorRecord) -> list[_Signal]:
 
 
 def _handles(inspection: Inspection) -> list[Artist]:
-    """Return the entries of the legend, of what is there."""
+    """Return the legend entries of the marks that exist."""
     present = {mark.kind for mark in inspection.marks}
     handles: list[Artist] = [Patch(color=_PRESENT, label="measurements present")]
     for kind, look in _KINDS.items():
@@ -201,7 +201,7 @@ def _draw_strip(axes: Axes, inspection: Inspection, name: str, scale: float) -> 
     axes.set_ylim(0.0, 1.0)
     edges = np.linspace(*inspection.span, inspection.presence[name].size + 1) / scale
     axes.stairs(inspection.presence[name], edges, fill=True, color=_PRESENT, alpha=0.55, linewidth=0.0)
-    least = _LEAST * (inspection.span[1] - inspection.span[0])
+    least = _MIN_MARK * (inspection.span[1] - inspection.span[0])
     marks = [mark for mark in inspection.marks if mark.sensor == name]
     for kind, look in _KINDS.items():
         spans = _drawn([mark for mark in marks if mark.kind == kind], least)
@@ -217,7 +217,7 @@ def _draw_strip(axes: Axes, inspection: Inspection, name: str, scale: float) -> 
 
 
 def _drawn(marks: list[Mark], least: float) -> list[tuple[float, float]]:
-    """Widen the spans of marks, s, until they can be seen; those that overlap are one."""
+    """Return the spans of marks, s, widened to be visible; overlapping ones are joined."""
     spans: list[tuple[float, float]] = []
     for mark in sorted(marks, key=lambda mark: mark.start):
         room = max(least - (mark.end - mark.start), 0.0) / 2.0

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import Innovations
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.figures.style import (
     FILTER_STYLES,
     Room,
-    around,
     filter_handles,
     head,
     legend_above,
@@ -29,10 +28,9 @@ from auvid_cli.report.figures.style import (
     new_figure,
     new_panels,
     plain_decades,
-    say,
-    value_range,
+    show_message,
 )
-from auvid_cli.report.plot_data import free_run_residual, scale_of
+from auvid_cli.report.plot_data import around, free_run_residual, scale_of, value_range
 from auvid_cli.report.table import filter_label, symbol_math
 from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.vehicle.parameters import (
@@ -46,38 +44,37 @@ from auvid_cli.vehicle.parameters import (
 )
 
 Array = NDArray[np.float64]
-# Half the height of a panel in standard deviations: what is beyond it is counted, not drawn.
-_HIGHEST = 4.0
+_HALF_HEIGHT = 4.0  # of a strip, standard deviations; innovations beyond are counted
 _BINS = 32
-# Samples that a bin of time has about, and the most bins.
-_SAMPLES_PER_BIN, _MOST_BINS = 40, 120
+_SAMPLES_PER_BIN = 40  # of time
+_MAX_BINS = 120
 # Height of a strip, inches.
 _STRIP = 0.62
 _BOUND = {"color": "#D55E00", "linewidth": 1.1, "linestyle": (0, (5, 2))}
 _DARKEST = "0.15"
-# Parts of a run of which the residuals are averaged at most, and samples that each has about, at least.
-_MOST_PARTS, _FEWEST = 120, 3
-# Of the means of all filters, so many percent set the scale, where noise does not.
-_MOST = 95.0
+_MAX_PARTS = 120  # parts of a run whose residuals are averaged
+_MIN_SAMPLES = 3  # of a part
+# Percentile of the residuals that sets the scale if noise does not.
+_SCALE_PERCENTILE = 95.0
 _FREE_RUN_NOISE = "0.85"
 _COLUMNS = 3
-# What sets the scale, beyond which there is this factor of room.
+# Errors that set the limits, and the margin as a factor.
 _SCALING = ("rmse", "noise", "expected_rmse", "constant_velocity_rmse")
 _MARGIN = 1.4
-# Of the height of a panel, in decades.
+# Share of the height, in decades, that is free for words.
 _ROOM_FOR_WORDS = 0.15
 _EXPECTED = "0.85"
 _HORIZON_NOISE = {"color": "0.35", "linewidth": 0.9, "linestyle": (0, (1, 2))}
 # Okabe and Ito's, not those of a filter.
 _OTHERS = {
     "constant_velocity_rmse": ("unchanged", {"color": "#E69F00", "linestyle": (0, (5, 2)), "marker": "v"}),
-    "prior_rmse": ("prior", {"color": "#0072B2", "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"}),
+    "prior_rmse": ("prior", {"color": "#7A3E9D", "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"}),
     "vehicle_file_rmse": ("vehicle file", {"color": "black", "linestyle": (0, (9, 2)), "marker": "D"}),
 }
 
 
 class _Strip(NamedTuple):
-    """A component of a sensor, and where the middle of its strip stands."""
+    """A component of a sensor, and the ordinate of the middle of its strip."""
 
     sensor: str
     component: int
@@ -87,7 +84,7 @@ class _Strip(NamedTuple):
 def innovation_figure(innovations: dict[str, dict[str, Innovations]]) -> Figure:
     """Draw a panel for each filter, and in it a strip for each component of each sensor.
 
-    Each shows how many innovations there are over time and over their own standard deviations: the darker the more.
+    A strip is a histogram of normalised innovations over time; darker means more of them.
 
     Parameters
     ----------
@@ -96,13 +93,13 @@ def innovation_figure(innovations: dict[str, dict[str, Innovations]]) -> Figure:
     """
     sensors = dict.fromkeys(sensor for of_filter in innovations.values() for sensor in of_filter)
     components = [(sensor, component) for sensor in sensors for component in range(len(SENSORS[sensor]))]
-    strips = [_Strip(*row, -2.0 * _HIGHEST * place) for place, row in enumerate(components)]
+    strips = [_Strip(*row, -2.0 * _HALF_HEIGHT * place) for place, row in enumerate(components)]
     handles = [
-        Patch(color=_DARKEST, label="innovations, the darker the more"),
+        Patch(color=_DARKEST, label="innovations (darker: more of them)"),
         Line2D(
             [],
             [],
-            label="±2 standard deviations; of the innovations so many % within, so many beyond the strip",
+            label="±2 standard deviations; numbers: share within them, and count beyond the strip",
             **_BOUND,
         ),
     ]
@@ -118,15 +115,15 @@ def innovation_figure(innovations: dict[str, dict[str, Innovations]]) -> Figure:
             _draw_strip(axes, of_filter.get(strip.sensor), strip)
         middles = np.array([strip.middle for strip in strips])
         axes.hlines([*(middles - 2.0), *(middles + 2.0)], *axes.get_xlim(), **_BOUND, zorder=3.0)
-        axes.hlines(middles - _HIGHEST, *axes.get_xlim(), color="0.5", linewidth=0.6)
-        axes.set_ylim(middles[-1] - _HIGHEST, _HIGHEST)
+        axes.hlines(middles - _HALF_HEIGHT, *axes.get_xlim(), color="0.5", linewidth=0.6)
+        axes.set_ylim(middles[-1] - _HALF_HEIGHT, _HALF_HEIGHT)
         axes.set_yticks(middles, [_name(strip, innovations) for strip in strips] if place == 0 else [])
         axes.tick_params(axis="y", left=False)
     return figure
 
 
 def _name(strip: _Strip, innovations: dict[str, dict[str, Innovations]]) -> str:
-    """Name a component, with its usual standard deviation by the first filter that has any."""
+    """Return the name of a component with its median standard deviation in the first filter that has one."""
     quantity = SENSORS[strip.sensor][strip.component]
     scale = scale_of(quantity)
     name = f"{symbol_math(quantity.symbol)}, {strip.sensor}"
@@ -144,25 +141,25 @@ def _draw_strip(axes: Axes, innovations: Innovations | None, strip: _Strip) -> N
     if not time.size:
         words = "not used" if innovations is None else "no finite innovations"
     else:
-        bins = int(np.clip(time.size // _SAMPLES_PER_BIN, 4, _MOST_BINS))
+        bins = int(np.clip(time.size // _SAMPLES_PER_BIN, 4, _MAX_BINS))
         span = float(time[0]), max(float(time[-1]), float(time[0]) + 1e-3)
-        number, *_ = np.histogram2d(time, normalised, bins=(bins, _BINS), range=(span, (-_HIGHEST, _HIGHEST)))
+        number, *_ = np.histogram2d(time, normalised, bins=(bins, _BINS), range=(span, (-_HALF_HEIGHT, _HALF_HEIGHT)))
         image = AxesImage(
             axes,
             cmap="Greys",
-            # An image of one sample in a bin here and there would be black and white.
+            # Keeps an image with few samples from being only black and white.
             norm=Normalize(0.0, 1.15 * max(float(number.max()), 2.0)),
-            extent=(*span, strip.middle - _HIGHEST, strip.middle + _HIGHEST),
+            extent=(*span, strip.middle - _HALF_HEIGHT, strip.middle + _HALF_HEIGHT),
             origin="lower",
             interpolation="nearest",
         )
         image.set_data(number.T)
         axes.add_image(image)
-        beyond = int((np.abs(normalised) > _HIGHEST).sum())
+        beyond = int((np.abs(normalised) > _HALF_HEIGHT).sum())
         words = f"{100.0 * (np.abs(normalised) <= 2.0).mean():.1f} %"
         words += f", {beyond} beyond" if beyond else ""
     # Above the upper bound.
-    place = axes.get_xlim()[1], strip.middle + _HIGHEST
+    place = axes.get_xlim()[1], strip.middle + _HALF_HEIGHT
     axes.annotate(words, place, (-2.0, -2.0), textcoords="offset points", ha="right", va="top", fontsize=7.5)
 
 
@@ -187,20 +184,17 @@ class _Panel(NamedTuple):
 
 
 def free_run_figure(sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) -> Figure:
-    """Draw a panel for each motion state that is measured, and the depth: means of what free runs leave of it.
+    """Draw a panel for each motion state that is measured, and the depth: means of measurements minus free runs.
 
     Parameters
     ----------
-    sensors : dict of SensorRecord
     runs : dict of FreeRun
         By filter.
     """
     handles: list[Artist] = [*filter_handles(runs, marked=True)]
     wanted = _panels(sensors)
     begin, end = value_range(*(panel.time for panel in wanted)) or (0.0, 1.0)
-    handles.append(
-        Patch(color=_FREE_RUN_NOISE, linewidth=0, label="±2 standard deviations of the means, of noise alone")
-    )
+    handles.append(Patch(color=_FREE_RUN_NOISE, linewidth=0, label="expected from noise alone (95 %)"))
     figure, panels = new_panels(len(wanted), 3, 1.7, handles, Room(), (begin, end))
     for axes, panel in zip(panels, wanted, strict=True):
         _draw_panel(axes, panel, runs, (begin, max(end, begin + 1e-3)))
@@ -209,7 +203,7 @@ def free_run_figure(sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) 
 
 
 def _panels(sensors: dict[str, SensorRecord]) -> list[_Panel]:
-    """Return what is measured of the motion, in its order."""
+    """Return the measured motion states in their order."""
     found = []
     for name, record in sensors.items():
         for column, quantity in enumerate(SENSORS[name]):
@@ -223,7 +217,7 @@ def _panels(sensors: dict[str, SensorRecord]) -> list[_Panel]:
 def _draw_panel(axes: Axes, panel: _Panel, runs: dict[str, FreeRun], span: tuple[float, float]) -> None:
     scale = scale_of(panel.quantity)
     name_panel(axes, f"{symbol_math(panel.quantity.symbol)}, {panel.sensor} ({scale.unit})")
-    parts = int(np.clip(panel.time.size // _FEWEST, 1, _MOST_PARTS))
+    parts = int(np.clip(panel.time.size // _MIN_SAMPLES, 1, _MAX_PARTS))
     edges = np.linspace(*span, parts + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
     place = np.clip(np.searchsorted(edges, panel.time, side="right") - 1, 0, parts - 1)
@@ -233,21 +227,23 @@ def _draw_panel(axes: Axes, panel: _Panel, runs: dict[str, FreeRun], span: tuple
     axes.fill_between(middle, -noise, noise, color=_FREE_RUN_NOISE, linewidth=0, zorder=1.0)
     means = []
     for position, (name, run) in enumerate(runs.items()):
-        left = free_run_residual(panel.quantity, panel.time, panel.values, run)
-        if left is None:
+        residual = free_run_residual(panel.quantity, panel.time, panel.values, run)
+        if residual is None:
             continue
-        mean = scale.factor * np.bincount(place, left, parts) / count
+        mean = scale.factor * np.bincount(place, residual, parts) / count
         means.append(mean)
         axes.plot(middle, mean, **FILTER_STYLES[name].marked_line(position, parts), zorder=2.0 + 0.1 * position)
     if value_range(*means) is None:
-        say(axes, "no free run")
+        show_message(axes, "no free run")
         return
     axes.set_ylim(*_free_run_limits(noise, means, scale.factor * float(np.ptp(panel.values))))
 
 
 def _free_run_limits(noise: Array, means: list[Array], height: float) -> tuple[float, float]:
-    """Leave room for the noise, and for most of what the best model leaves, up to the height of what was measured."""
-    sizes = [np.percentile(np.abs(mean[np.isfinite(mean)]), _MOST) for mean in means if np.isfinite(mean).any()]
+    """Return limits that contain the noise and most residuals of the best model, up to the range measured."""
+    sizes = [
+        np.percentile(np.abs(mean[np.isfinite(mean)]), _SCALE_PERCENTILE) for mean in means if np.isfinite(mean).any()
+    ]
     largest = max(float(np.nanmax(noise)), min(1.3 * float(min(sizes)), height))
     every = value_range(*means)
     return around((-largest, largest), every)
@@ -256,13 +252,12 @@ def _free_run_limits(noise: Array, means: list[Array], height: float) -> tuple[f
 def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figure:
     """Draw a panel for each motion state, and the depth if there is any: RMSE over the horizon, both logarithmic.
 
-    What the prior predicts may be worse by orders of magnitude, and does not set the axes.
+    Errors of the prior may be larger by orders of magnitude and do not set the limits.
 
     Parameters
     ----------
-    filter_name : str
     predictions : sequence of Prediction
-        Those ahead are drawn.
+        Only those ahead are drawn.
     """
     has_depth = any(row.signal == DEPTH.symbol for row in predictions)
     quantities = MOTION_AND_DEPTH if has_depth else MOTION
@@ -279,7 +274,7 @@ def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figur
         if rows:
             _draw(axes, filter_name, rows, scale.factor)
         else:
-            say(axes, "no measurements ahead")
+            show_message(axes, "no measurements ahead")
     for axes in panels.flat[len(quantities) - _COLUMNS : len(quantities)]:
         axes.set_xlabel("horizon (s)", fontsize=9)
         axes.tick_params(labelbottom=True)
@@ -325,7 +320,7 @@ def _horizon_limits(series: Sequence[list[float]]) -> tuple[float, float]:
 
 
 def _handles(filter_name: str, predictions: Sequence[Prediction]) -> list[Artist]:
-    """Return the entries of the legend, of what is there."""
+    """Return the legend entries of the lines that exist."""
     style = FILTER_STYLES[filter_name]
     handles: list[Artist] = [
         Line2D([], [], label=filter_label(filter_name), **style.line() | {"linestyle": "-"}, **style.mark())

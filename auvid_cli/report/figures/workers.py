@@ -1,4 +1,4 @@
-"""Processes that draw figures while others work."""
+"""Processes that draw figures in parallel with the filters."""
 
 import gc
 import multiprocessing
@@ -11,11 +11,14 @@ from contextlib import contextmanager
 from functools import partial
 from multiprocessing import forkserver
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from auvid_cli.child_processes import WorkerPool, starting_children
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.errors import FileError
+
+if TYPE_CHECKING:
+    from auvid_cli.report.figures.draw import FigureRequest
 
 Submit = Callable[..., Future[Any]]
 
@@ -24,7 +27,7 @@ _MAX_WORKERS = 4
 
 
 def load_ahead() -> None:
-    """Start to load the drawing library in the fork server while this process does something else."""
+    """Start to load matplotlib in the fork server, in parallel with this process."""
     if _start_method() == "forkserver":
         modules = [f"auvid_cli.report.figures.{name}" for name in ("server", "kinds")]
         multiprocessing.get_context("forkserver").set_forkserver_preload(modules)
@@ -39,7 +42,9 @@ def _start_method() -> str:
 
 @contextmanager
 def figure_workers() -> Iterator[Submit]:
-    """Keep worker processes from the first figure to the end of the block; figures not begun by then are dropped.
+    """Start worker processes with the first figure and stop them at the end of the block.
+
+    Figures that are not started by then are dropped.
 
     Yields
     ------
@@ -54,14 +59,14 @@ def figure_workers() -> Iterator[Submit]:
     count = min(os.cpu_count() or 1, _MAX_WORKERS)
     load_ahead()
     pool = _Pool(count)
-    # Submitting the first figure waits until the server has loaded everything; the caller does not.
+    # The first submit waits until the server has loaded matplotlib; a thread waits instead of the caller.
     threads = ThreadPoolExecutor(count)
     try:
         yield partial(threads.submit, pool.run)
     except BrokenProcessPool as error:
         raise FileError(
-            "figures: a process that draws them was ended from outside, perhaps for want of memory; "
-            "the estimates are written, `auvid report` draws again"
+            "figures: a process that draws them was killed, perhaps because memory ran out; "
+            "the estimates are written, draw again with `auvid report`"
         ) from error
     finally:
         threads.shutdown(cancel_futures=True)
@@ -69,7 +74,7 @@ def figure_workers() -> Iterator[Submit]:
 
 
 class _Pool:
-    """Workers that start with the first figure, so that an interrupt before it finds none."""
+    """Worker processes that start with the first figure, so that an earlier interrupt has none to stop."""
 
     def __init__(self, count: int) -> None:
         self._count = count
@@ -91,17 +96,15 @@ class _Pool:
         try:
             return WorkerPool(self._count, _start_method())
         except OSError:
-            # Some containers have no shared memory for locks between processes; one thread draws as well.
+            # Some containers have no shared memory for locks between processes; then one thread draws.
             return ThreadPoolExecutor(1)
 
 
-def draw_and_save(
-    kind: str, arguments: tuple[Any, ...], folder: Path, name: str, formats: Collection[FigureFormat]
-) -> list[Path]:
-    """Draw a figure of a kind, see `kinds`, and write it; only here is matplotlib loaded."""
-    from auvid_cli.report.figures.kinds import KINDS, save
+def draw_and_save(request: "FigureRequest", folder: Path, name: str, formats: Collection[FigureFormat]) -> list[Path]:
+    """Draw the figure of a request and write it; called in a process that may load matplotlib."""
+    from auvid_cli.report.figures.kinds import draw_figure, save
 
-    paths = save(KINDS[kind](*arguments), folder, name, formats)
-    # A figure refers to itself and would stay in memory while the next is drawn.
+    paths = save(draw_figure(request), folder, name, formats)
+    # A figure refers to itself; without this it would stay in memory while the next one is drawn.
     gc.collect()
     return paths

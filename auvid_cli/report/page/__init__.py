@@ -1,1 +1,1 @@
-"""One page for what a command found: a file that needs no other, and asks no network."""
+"""Results of a command as one HTML page that needs no other file and no network."""

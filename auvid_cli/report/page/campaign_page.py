@@ -26,9 +26,12 @@ from auvid_cli.report.page.parts import (
 from auvid_cli.report.page.sections import campaign_provenance
 from auvid_cli.report.table import setting_text
 
-_ROW, _LEFT, _WIDTH, _TOP = 22.0, 170.0, 560.0, 12.0
-# Combinations that are drawn, and percent beyond which errors stand at the edge.
-_MOST_DRAWN, _LARGEST = 24, 1e3
+_ROW = 22.0
+_LEFT = 170.0
+_WIDTH = 560.0
+_TOP = 12.0
+_MAX_ROWS = 24  # combinations that are drawn
+_MAX_ERROR = 1e3  # %, larger errors are drawn at the edge
 
 
 def campaign_page(
@@ -38,10 +41,8 @@ def campaign_page(
 
     Parameters
     ----------
-    campaign : Campaign
-    findings : CampaignSummary
     filters : mapping of str
-        Of each variant, by name, its filter.
+        Filter of each variant, by name of the variant.
     failures : sequence of str
         Why runs failed, each once.
     """
@@ -70,16 +71,16 @@ def _spread(findings: CampaignSummary, filters: Mapping[str, str]) -> list[Part]
     if not known.size:
         return []
     low = float(np.floor(np.log10(known.min())))
-    high = max(float(np.ceil(np.log10(min(known.max(), _LARGEST)))), low + 1.0)
+    high = max(float(np.ceil(np.log10(min(known.max(), _MAX_ERROR)))), low + 1.0)
     across = Axis(low, high, _LEFT, _WIDTH - 60.0)
-    drawn = cells[:_MOST_DRAWN]
+    drawn = cells[:_MAX_ROWS]
     bottom = _TOP + _ROW * len(drawn)
     shapes = decades(across, _TOP, bottom)
     for place, (key, runs) in enumerate(drawn):
         values = key if isinstance(key, tuple) else (key,)
         shapes += _row(_TOP + _ROW * (place + 0.5), [setting_text(value) for value in values], runs, across, filters)
     shapes.append(TextLabel(0.5 * (across.begin + across.end), bottom + 36.0, "mean steady-state error (%)", "middle"))
-    says = "A mark for each run that ended, a long stroke at their median; at the right the share of those lost."
+    says = "A mark for each completed run, a long stroke at their median; at the right the share of runs that failed."
     if len(cells) > len(drawn):
         says += f" {len(cells) - len(drawn)} more combinations: see the table."
     return [Picture("Errors", says, _WIDTH, bottom + 46.0, shapes)]

@@ -9,11 +9,10 @@ import numpy as np
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.figures.style import with_margin
 from auvid_cli.report.layout import mark_explained, marked, results_by_coefficient
 from auvid_cli.report.page.parts import Axis, Box, Dot, Picture, Plot, PlotLine, Plots, Rule, Shape, TextLabel
 from auvid_cli.report.page.render import symbol_parts
-from auvid_cli.report.plot_data import convergence_of, log_spaced, origin_of, shown_range
+from auvid_cli.report.plot_data import CoefficientPlot, convergence_plot, estimate_plot
 from auvid_cli.report.table import (
     DEVIATION_DIGITS,
     ERROR_DIGITS,
@@ -29,15 +28,13 @@ from auvid_cli.report.table import (
     unit_text,
 )
 
-# Half the width, in standard deviations; a mark at the edge, with an arrow, stands for all beyond.
-_WIDEST = 5.0
-_ROW, _LEFT, _WIDTH, _TOP = 20.0, 64.0, 460.0, 12.0
-# Of the height of a row, what its marks take.
-_SPREAD = 0.7
-# Parts of a run of which the greatest distance of a settling coefficient is drawn: the least is where it crosses zero.
-_SPANS = 300
-# Start of the logarithmic time axis as a share of the run.
-_FIRST_SHARE = 1e-3
+_WIDEST = 5.0  # half the width in standard deviations; an arrow at the edge marks larger distances
+_ROW = 20.0
+_LEFT = 64.0
+_WIDTH = 460.0
+_TOP = 12.0
+_SPREAD = 0.7  # share of the height of a row that its marks fill
+_PARTS = 300  # points of a line over time
 
 
 class _Distance(NamedTuple):
@@ -138,10 +135,10 @@ def _mark(distance: _Distance, across: Axis, y: float) -> list[Shape]:
 def _in_words(distances: list[_Distance], against: str) -> str:
     worst = max(distances, key=lambda distance: abs(distance.sigmas))
     beyond = sum(abs(distance.sigmas) > _WIDEST for distance in distances)
-    outside = f" {beyond} are farther than {_WIDEST:g} and stand at the edge, with an arrow." if beyond else ""
+    outside = f" {beyond} are farther than {_WIDEST:g}: arrows at the edge." if beyond else ""
     return (
         f"Farthest from {against}: {worst.symbol} of {filter_label(worst.filter)}, by {abs(worst.sigmas):.2g} standard "
-        f"deviations.{outside} Within the band of 2 to each side lie 95 of 100 if the standard deviations are right."
+        f"deviations.{outside} If the standard deviations are right, 95 of 100 are within the shaded band."
     )
 
 
@@ -150,7 +147,6 @@ def coefficient_list(evaluation: Evaluation, shares_of_prior: Mapping[str, Mappi
 
     Parameters
     ----------
-    evaluation : Evaluation
     shares_of_prior : mapping of mapping
         By filter and symbol, which share of the prior's standard deviation is left.
     """
@@ -180,8 +176,8 @@ def coefficient_list(evaluation: Evaluation, shares_of_prior: Mapping[str, Mappi
             )
     notes = (
         *mark_explained(evaluation),
-        "Bound: least standard deviation that the data allow (Cramér-Rao). % of prior: how much of the standard "
-        "deviation before the data is left after them.",
+        "Bound: smallest standard deviation that the data allow (Cramér-Rao). % of prior: standard deviation of the "
+        "estimate in percent of the prior's.",
     )
     return Table("list", "Estimates", columns, rows, notes=notes)
 
@@ -192,56 +188,47 @@ def _against_truth(row: CoefficientResult) -> list[Cell]:
 
 
 def _rounded(value: float | None, digits: int) -> Cell:
-    """Round a number to what is shown, so that it is also sorted by it."""
+    """Return a number with the digits shown, by which the column is then sorted as well."""
     return None if value is None else number(value, digits)
 
 
 def estimate_plots(estimates: Sequence[Estimate], true: Mapping[str, float]) -> Plots:
     """Return a plot of each coefficient's estimates over time on a linear axis, with the true value as a line."""
     plots = []
-    for symbol in dict.fromkeys(estimate.state[row] for estimate in estimates for row in estimate.coefficient_rows):
-        of_symbol = [estimate for estimate in estimates if symbol in estimate.state and estimate.time.size]
-        means = [estimate.mean[:, estimate.state.index(symbol)] for estimate in of_symbol]
-        shown = shown_range(means, true.get(symbol))
-        if shown is None:
+    units = {e.state[row]: unit_text(e.unit[row]) for e in estimates for row in e.coefficient_rows}
+    histories = [estimate.history(tuple(units)) for estimate in estimates]
+    for symbol, unit in units.items():
+        plot = estimate_plot(symbol, histories, true.get(symbol), _PARTS)
+        if plot.limits is None:
             continue
-        unit = next(estimate.unit[estimate.state.index(symbol)] for estimate in of_symbol)
-        last = max(float(estimate.time[-1]) for estimate in of_symbol)
-        first = last * _FIRST_SHARE
         lines = []
-        if symbol in true:
-            span = np.array([first, last])
-            lines.append(PlotLine("true value", "true", span, np.full(2, true[symbol])))
-        for estimate, mean in zip(of_symbol, means, strict=True):
-            some = log_spaced(estimate.time, first, _SPANS)
-            lines.append(PlotLine(filter_label(estimate.filter), estimate.filter, estimate.time[some], mean[some]))
-        ends = [f"{filter_label(e.filter)} {number(float(mean[-1]))}" for e, mean in zip(of_symbol, means, strict=True)]
-        says = f"Estimates of {symbol} over time; at the end {', '.join(ends)}"
-        says += f"; true value {number(true[symbol])}." if symbol in true else "."
-        plots.append(Plot(symbol, says, unit_text(unit), lines, log_x=True, limits=with_margin(*shown)))
+        if plot.true is not None:
+            lines.append(PlotLine("true value", "true", np.array([plot.begin, plot.end]), np.full(2, plot.true)))
+        lines += _lines(plot)
+        ends = ", ".join(f"{filter_label(line.filter)} {number(line.end)}" for line in plot.lines)
+        truth = "" if plot.true is None else f"; true value {number(plot.true)}"
+        says = f"Estimates of {symbol} over time; at the end {ends}{truth}."
+        plots.append(Plot(symbol, says, unit, lines, log_x=True, limits=plot.limits))
     return Plots(plots, linked="estimates")
 
 
 def convergence(estimates: Sequence[Estimate], true: Mapping[str, float]) -> Plots:
-    """Plot how far each coefficient is over time from the truth, or from where it ends, in percent of that."""
+    """Plot the distance of each coefficient over time from its true or final value, in percent of that."""
     plots = []
-    for symbol in dict.fromkeys(estimate.state[row] for estimate in estimates for row in estimate.coefficient_rows):
-        lines, ends = [], []
-        for estimate in estimates:
-            if symbol not in estimate.state or not estimate.time.size:
-                continue
-            column = estimate.state.index(symbol)
-            final = float(estimate.mean[-1, column])
-            origin = origin_of(true.get(symbol), final)
-            if origin is None:
-                continue
-            course = convergence_of(estimate.time, estimate.mean[:, column], origin, _SPANS)
-            label = filter_label(estimate.filter)
-            if isfinite(course.last):
-                lines.append(PlotLine(label, estimate.filter, course.time, course.percent))
-                ends.append(f"{label} {number(course.last, 2)} %")
-        if lines:
-            origin_words = "the truth" if true.get(symbol) else "its final value"
-            says = f"Distance of {symbol} from {origin_words}; at the end {', '.join(ends)}."
-            plots.append(Plot(symbol, says, "%", lines, log_y=True))
+    symbols = tuple(dict.fromkeys(e.state[row] for e in estimates for row in e.coefficient_rows))
+    histories = [estimate.history(symbols) for estimate in estimates]
+    for symbol in symbols:
+        plot = convergence_plot(symbol, histories, true.get(symbol), _PARTS)
+        plot = plot._replace(lines=[line for line in plot.lines if np.isfinite(line.values).any()])
+        if plot.lines:
+            ends = ", ".join(
+                f"{filter_label(line.filter)} {number(line.end, 2)} %" for line in plot.lines if line.end > 0.0
+            )
+            says = f"Distance of {symbol} from {'the truth' if plot.true else 'its final value'}"
+            says += f"; at the end {ends}." if ends else "."
+            plots.append(Plot(symbol, says, "%", _lines(plot), log_y=True))
     return Plots(plots, linked="convergence")
+
+
+def _lines(plot: CoefficientPlot) -> list[PlotLine]:
+    return [PlotLine(filter_label(line.filter), line.filter, line.time, line.values) for line in plot.lines]

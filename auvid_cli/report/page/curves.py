@@ -8,7 +8,7 @@ from scipy.special import chdtri
 
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import N_LAGS, Estimate, Innovations
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.page.parts import (
     Axis,
     Part,
@@ -23,31 +23,32 @@ from auvid_cli.report.page.parts import (
     frame,
     stroke,
 )
-from auvid_cli.report.plot_data import free_run_residual, scale_of, spaced, travelled, travelled_paths
+from auvid_cli.report.plot_data import broken, free_run_residual, scale_of, spaced, travelled, travelled_paths
 from auvid_cli.report.table import filter_label
 from auvid_cli.text import sentence
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
-# Of the usual interval, and s: a line does not bridge more.
-_JUMP, _LEAST_JUMP = 20.0, 1.0
-# Parts of a run of which the extremes are drawn; and about as many samples as a free run keeps, so many residuals.
-_MOTION_SPANS, _MOST_RESIDUALS = 700, 100_000
+_MOTION_PARTS = 700  # parts of a run whose extremes are drawn
+_MAX_RESIDUALS = 100_000  # about as many as a free run keeps
 HOW_TO_LOOK = (
-    "Drag over any of these to look closer at all of them; double-click, or press 0, for the whole run. Of long series "
-    "the least and the greatest value of each of many short spans are drawn."
+    "Drag over a plot to zoom into all of them; double-click or press 0 to see the whole run. A long series is drawn "
+    "by the smallest and the largest value of each of many short spans."
 )
-_WIDTH, _HEIGHT, _LEFT, _TOP, _BOTTOM, _RIGHT = 520.0, 420.0, 58.0, 30.0, 48.0, 16.0
+_WIDTH = 520.0
+_HEIGHT = 420.0
+_LEFT = 58.0
+_TOP = 30.0
+_BOTTOM = 48.0
+_RIGHT = 16.0
 _MARGIN = 0.05
-# Most points of a path that is turned.
-_MOST_POINTS = 500
-# Parts of a run of which the extremes are drawn, of which the NIS is averaged, and points of a smooth bound.
-_RESIDUAL_SPANS, _WINDOWS, _BOUND_POINTS = 400, 60, 120
-# Half the height of a plot in usual bounds of two standard deviations.
-_HIGHEST = 2.5
-# Of all mean NIS by chance this share lies within the band.
-_WITHIN = 0.95
-_TWO_SIDED = 1.96
+_MAX_POINTS = 500  # of a path in space
+_RESIDUAL_PARTS = 400  # parts of a run whose extremes are drawn
+_NIS_WINDOWS = 60  # parts of a run for the mean NIS
+_BOUND_POINTS = 120  # points of a smooth bound
+_HALF_HEIGHT = 2.5  # of a plot, in median bounds of two standard deviations
+_BAND_PROBABILITY = 0.95  # of the band of the mean NIS
+_TWO_SIDED = 1.96  # standard deviations
 
 
 def envelope(time: Array, values: Array, spans: int) -> tuple[Array, Array]:
@@ -57,7 +58,7 @@ def envelope(time: Array, values: Array, spans: int) -> tuple[Array, Array]:
     ----------
     time : ndarray, shape (n,)
     values : ndarray, shape (n, c)
-        What is not finite is a gap; a gap that fills a part remains one, and so does a jump of time.
+        Values that are not finite are gaps; a part without finite values and a jump of time stay gaps.
     spans : int
         How many parts, each of the same number of samples.
 
@@ -67,7 +68,7 @@ def envelope(time: Array, values: Array, spans: int) -> tuple[Array, Array]:
         Those of the samples if they are few; else beginning and middle of each part.
     values : ndarray, shape (m, c)
     """
-    time, values = _with_gaps(time, np.where(np.isfinite(values), values, np.nan))
+    time, values = broken(time, np.where(np.isfinite(values), values, np.nan))
     n, columns = values.shape
     if n <= 2 * spans:
         return time, values
@@ -86,19 +87,10 @@ def envelope(time: Array, values: Array, spans: int) -> tuple[Array, Array]:
     return time[np.stack([begin, middle], axis=1).ravel()], kept
 
 
-def _with_gaps(time: Array, values: Array) -> tuple[Array, Array]:
-    """Put a gap wherever time jumps on."""
-    steps = np.diff(time)
-    if not steps.size:
-        return time, values
-    jumps = np.flatnonzero(steps > max(_JUMP * float(np.median(steps)), _LEAST_JUMP)) + 1
-    return np.insert(time, jumps, time[jumps]), np.insert(values, jumps, np.nan, axis=0)
-
-
 def course_parts(dataset: Dataset, runs: Mapping[str, FreeRun]) -> list[Part]:
-    """Return plots that are zoomed together: inputs, then what each sensor read, and what free runs leave of that."""
+    """Return plots that are zoomed together: inputs, measurements, and residuals of the free runs."""
     plots = [*input_plots(dataset.inputs), *sensor_plots(dataset.sensors, runs)]
-    residuals = "Residuals are measurements minus the free run: the final model, moved by the inputs alone."
+    residuals = "Residuals are measurements minus the free run, in which the inputs alone drive the final model."
     return [Words([f"{HOW_TO_LOOK} {residuals}"]), Plots(plots, linked="time", wide=True)]
 
 
@@ -107,7 +99,7 @@ def input_plots(inputs: InputRecord) -> list[Plot]:
     plots = []
     for column, quantity in enumerate(inputs.quantities):
         scale = scale_of(quantity)
-        time, values = envelope(inputs.time, inputs.values[:, [column]] * scale.factor, _MOTION_SPANS)
+        time, values = envelope(inputs.time, inputs.values[:, [column]] * scale.factor, _MOTION_PARTS)
         says = sentence(f"{quantity.meaning}, {_range(values, scale.unit)}")
         line = PlotLine(quantity.symbol, "input", time, values[:, 0], "steps")
         plots.append(Plot(f"input: {quantity.symbol.replace('_', ' ')}", says, scale.unit, [line]))
@@ -119,14 +111,14 @@ def sensor_plots(
     runs: Mapping[str, FreeRun],
     marks: Mapping[str, list[tuple[float, float]]] | None = None,
 ) -> list[Plot]:
-    """Plot what each component of each sensor read, shaded at its marks, and its residuals."""
+    """Plot the measurements of each component of each sensor, with shaded marks, and their residuals."""
     plots = []
     for name, record in sensors.items():
         for column, quantity in enumerate(SENSORS[name]):
             if not np.isfinite(record.values[:, column]).any():
                 continue
             scale = scale_of(quantity)
-            time, values = envelope(record.time, record.values[:, [column]] * scale.factor, _MOTION_SPANS)
+            time, values = envelope(record.time, record.values[:, [column]] * scale.factor, _MOTION_PARTS)
             says = sentence(f"{quantity.meaning} by {name}, {_range(values, scale.unit)}")
             line = PlotLine("measured", "measured", time, values[:, 0])
             shaded = () if marks is None else marks.get(name, ())
@@ -140,20 +132,20 @@ def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, run
     scale = scale_of(quantity)
     known = np.isfinite(measured)
     time, measured = time[known], measured[known]
-    some = slice(None, None, 1 + time.size // _MOST_RESIDUALS)
+    some = slice(None, None, 1 + time.size // _MAX_RESIDUALS)
     time, measured = time[some], measured[some]
     lines, words = [], []
-    # Of a model that blew up no more is shown than of what was measured; the rest would hide the others.
+    # The height of the measurements limits the axis, because a model that diverged would hide the others.
     height = scale.factor * float(np.ptp(measured))
     beyond = False
     for name, run in runs.items():
-        left = free_run_residual(quantity, time, measured, run)
-        if left is None:
+        residual = free_run_residual(quantity, time, measured, run)
+        if residual is None:
             continue
-        left *= scale.factor
-        finite = left[np.isfinite(left)]
+        residual *= scale.factor
+        finite = residual[np.isfinite(residual)]
         if finite.size:
-            at, drawn = envelope(time, left[:, None], _MOTION_SPANS)
+            at, drawn = envelope(time, residual[:, None], _MOTION_PARTS)
             beyond |= height > 0.0 and bool((np.abs(finite) > height).any())
             lines.append(PlotLine(filter_label(name), name, at, drawn[:, 0]))
             words.append(f"{filter_label(name)} {_root_mean_square(finite):.3g} {scale.unit}")
@@ -167,7 +159,7 @@ def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, run
 
 
 def _root_mean_square(values: Array) -> float:
-    """Return it also of values whose squares are too large for a number."""
+    """Return the root mean square without overflow."""
     largest = float(np.abs(values).max())
     return largest * float(np.sqrt(np.mean((values / largest) ** 2))) if largest else 0.0
 
@@ -185,10 +177,10 @@ def path_parts(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list
     ends = ", ".join(
         f"{track.label} {np.linalg.norm(track.position[-1] - tracks[0].position[-1]):.3g} m" for track in tracks[1:]
     )
-    words = "An estimate's path is dead reckoning: its velocities, turned by its attitude, added up"
+    words = "The path of an estimate is dead reckoning: the estimated velocity, rotated by the attitude and integrated"
     words += " from the true start." if truth is not None else " from its start."
     if ends and truth is not None:
-        words += f" At the end they are off by: {ends}."
+        words += f" Position errors at the end: {ends}."
     says = f"Paths of {', '.join(track.label for track in tracks)} in space."
     return [Words([words]), _plan(tracks), _profile(tracks), Space(says, tracks)]
 
@@ -197,7 +189,7 @@ def _tracks(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list[Pa
     tracks = []
     for track in travelled_paths(truth, (estimate.history(MOTION_SYMBOLS) for estimate in estimates)):
         names = ("truth", "true") if track.filter is None else (filter_label(track.filter), track.filter)
-        tracks.append(PathTrack(*names, track.position[spaced(len(track.position), _MOST_POINTS)]))
+        tracks.append(PathTrack(*names, track.position[spaced(len(track.position), _MAX_POINTS)]))
     return tracks
 
 
@@ -248,8 +240,8 @@ def innovation_parts(estimates: Sequence[Estimate]) -> list[Part]:
         return []
     choice = {estimate.filter: filter_label(estimate.filter) for estimate in estimates if estimate.innovations}
     words = (
-        "Innovations are measurements minus predictions. They should lie within the lines of two standard deviations "
-        "95 times of 100, their normalised squares (NIS, per component) around 1 within the shaded band, and their "
+        "Innovations are measurements minus predictions. 95 of 100 should be within the lines of two standard "
+        "deviations. Their normalised squares (NIS, per component) should be near 1, within the band, and their "
         "autocorrelation within its band. Choose the estimator here."
     )
     return [Words([words]), Plots(plots, choice=choice)]
@@ -269,10 +261,10 @@ def _components(
         bound = 2.0 * np.sqrt(innovations.variance[known, component]) * scale.factor
         shares.append(f"{filter_label(name)} {100.0 * float((np.abs(values) <= bound).mean()):.1f} %")
         # At the start the bounds are those of the prior.
-        usual = _HIGHEST * float(np.median(bound))
+        usual = _HALF_HEIGHT * float(np.median(bound))
         height = max(height, usual)
         beyond += int((np.abs(values) > usual).sum())
-        at, drawn = envelope(time, values[:, None], _RESIDUAL_SPANS)
+        at, drawn = envelope(time, values[:, None], _RESIDUAL_PARTS)
         lines.append(PlotLine(f"{filter_label(name)} innovation", "measured", at, drawn[:, 0], of=name))
         some = spaced(time.size, _BOUND_POINTS)
         for sign, word in ((1.0, "+2 sd"), (-1.0, "-2 sd")):
@@ -293,10 +285,10 @@ def _nis(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[Plot
         components = innovations.used().sum(axis=1)
         if not components.any():
             continue
-        edges = np.linspace(innovations.time[0], innovations.time[-1], _WINDOWS + 1)
-        window = np.clip(np.searchsorted(edges, innovations.time, side="right") - 1, 0, _WINDOWS - 1)
-        count = np.bincount(window, components, _WINDOWS)
-        squares = np.bincount(window, np.nan_to_num(innovations.nis), _WINDOWS)
+        edges = np.linspace(innovations.time[0], innovations.time[-1], _NIS_WINDOWS + 1)
+        window = np.clip(np.searchsorted(edges, innovations.time, side="right") - 1, 0, _NIS_WINDOWS - 1)
+        count = np.bincount(window, components, _NIS_WINDOWS)
+        squares = np.bincount(window, np.nan_to_num(innovations.nis), _NIS_WINDOWS)
         with np.errstate(invalid="ignore"):
             mean = np.where(count > 0.0, squares / count, np.nan)
         middle = 0.5 * (edges[1:] + edges[:-1])
@@ -307,9 +299,9 @@ def _nis(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[Plot
         return []
     middle, count = band
     enough = np.where(count > 0.0, count, np.nan)
-    tails = ("chance, upper", 0.5 - _WITHIN / 2.0), ("chance, lower", 0.5 + _WITHIN / 2.0)
+    tails = ("chance, upper", 0.5 - _BAND_PROBABILITY / 2.0), ("chance, lower", 0.5 + _BAND_PROBABILITY / 2.0)
     chance = [PlotLine(label, "chance", middle, chdtri(enough, tail) / enough) for label, tail in tails]
-    says = f"Mean NIS of {sensor} per component, 1 by right noise: {', '.join(words)}."
+    says = f"Mean NIS of {sensor} per component, 1 if the noise is right: {', '.join(words)}."
     return [Plot(f"{sensor}: NIS", says, "per component", [*chance, *lines])]
 
 

@@ -10,10 +10,10 @@ from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import shares_of_prior
-from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.evaluation.estimate_checks import JUDGED
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.judgement import Judgement
+from auvid_cli.evaluation.results import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.inspection.inspection import Inspection
 from auvid_cli.report.layout import NIS_MEANS, lay_out
 from auvid_cli.report.page.coefficients import coefficient_list, convergence, estimate_plots, forest
@@ -59,9 +59,10 @@ from auvid_cli.text import sentence
 from auvid_cli.validation.results import AHEAD, Prediction, Validation
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH
 
+INSEPARABLE = "Coefficients that cannot be separated"
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
-# Verdicts, with what to do, that stand beside the cards; all stand in the list of checks.
-_MOST_TOLD = 6
+# Advice next to the cards; the list of checks has all of it.
+_MAX_ADVICES = 6
 # The table of bounds is in the list of coefficients.
 _IN_THE_LIST = ("estimates", "bounds")
 # Errors of what is compared, by field, with label and look; the model's own is a line of its filter.
@@ -75,17 +76,20 @@ _OTHERS = {
 # Looks of the classes, from sure to unknown.
 _LOOKS = dict(zip((label for _, label in CLASSES), ("sure", "known", "rough", "lost"), strict=True))
 # Percent: a bar without bound, or beyond it, is so long, and says what it is.
-_LARGEST = 1e4
-_ROW, _LEFT, _WIDTH, _TOP = 20.0, 64.0, 460.0, 24.0
+_MAX_PERCENT = 1e4
+_ROW = 20.0
+_LEFT = 64.0
+_WIDTH = 460.0
+_TOP = 24.0
 
 
 def judgement_parts(evaluation: Evaluation, checks: Sequence[Check]) -> list[Part]:
-    """Return a verdict for each filter, with the numbers that everybody asks for, and what checks have to say.
+    """Return a card with judgement and main numbers for each filter, and the advice of the checks.
 
     A verdict is one sentence with what to do.
     """
     judgements = evaluation.judgements()
-    told = shared_checks(check for check in checks if check.check != JUDGED)
+    shared = shared_checks(check for check in checks if check.check != JUDGED)
     cards = []
     for row in evaluation.summary:
         numbers: dict[str, str | None] = {}
@@ -96,13 +100,13 @@ def judgement_parts(evaluation: Evaluation, checks: Sequence[Check]) -> list[Par
             if each.filter == row.filter:
                 numbers[f"NIS of {each.sensor}"] = number(each.mean_nis, ERROR_DIGITS)
         numbers["processor time"] = f"{row.cpu_time_s:.2g} s"
-        own = [each.check.passed for each in told if row.filter in each.filters]
+        own = [each.check.passed for each in shared if row.filter in each.filters]
         shown = {name: text for name, text in numbers.items() if text}
         cards.append(judgement_card(row.filter, judgements[row.filter], shown, own.count(False), own.count(None)))
     names = [row.filter for row in evaluation.summary]
-    sentences = [_in_words(advice, names) for advice in advices(told)]
-    if len(sentences) > _MOST_TOLD:
-        sentences[_MOST_TOLD:] = [f"{len(sentences) - _MOST_TOLD} more stand below, in the list of checks."]
+    sentences = [_in_words(advice, names) for advice in advices(shared)]
+    if len(sentences) > _MAX_ADVICES:
+        sentences[_MAX_ADVICES:] = [f"{len(sentences) - _MAX_ADVICES} more are in the list of checks below."]
     says: list[Part] = [Words(sentences, listed=True)] if sentences else []
     return [Cards(cards), *says, Words([NIS_MEANS])]
 
@@ -115,27 +119,30 @@ def judgement_card(
     if judgement.advice:
         says = sentence(judgement.advice)
     elif failed:
-        says = f"It is judged sound, yet {failed} check{'s' * (failed > 1)} failed: first do what stands below."
+        says = f"Judged sound, but {failed} check{'s' * (failed > 1)} failed: follow the advice below first."
+    elif noted:
+        says = f"Use the estimate, and read the {noted} note{'s' * (noted > 1)} of its checks below."
     else:
-        says = f"Use it; its checks have {noted} note{'s' * (noted > 1)}, to be read below." if noted else "Use it."
+        says = "Use the estimate."
     return Card(label, filter_name, str(judgement.grade), says, numbers)
 
 
 def _in_words(advice: Advice, names: Sequence[str]) -> str:
-    """Say what failed or is worth knowing, of whom, and what to do."""
+    """Return a failed or noted check, its estimators and the advice in one sentence."""
     found = f": {advice.shared[0].check.statistic}" if len(advice.shared) == 1 else ""
-    verb = "Failed" if advice.failed else "Noted"
-    return f"{verb} of {whose(advice.filters, names)}: {advice.what}{found}. {advice.text}"
+    verb = "Failed" if advice.failed else "Note"
+    of = whose(advice.filters, names)
+    return f"{verb} for {'all filters' if of == 'all' else of}: {advice.what}{found}. {advice.text}"
 
 
 def check_parts(checks: Iterable[Check]) -> list[Part]:
-    """Return verdicts as tables: what did not pass, once for all estimates that share it, with advice; and the rest."""
+    """Return the checks as tables: those that did not pass with their advice, and those that passed."""
     ordered = list(checks)
     if not ordered:
         return []
     names = list(dict.fromkeys(check.filter for check in ordered))
     filters = any(names)
-    headers = ("verdict", *(["estimator"] if filters else []), "of", "check", "found", "may be", "what to do")
+    headers = ("verdict", *(["estimator"] if filters else []), "of", "check", "found", "allowed", "what to do")
 
     def row(check: Check, of: Sequence[str]) -> list[Cell]:
         return [
@@ -144,14 +151,16 @@ def check_parts(checks: Iterable[Check]) -> list[Part]:
             *(check.subject, check.check, check.statistic, check.threshold, check.advice),
         ]
 
-    told = [row(each.check, each.filters) for each in shared_checks(ordered)]
+    shared = [row(each.check, each.filters) for each in shared_checks(ordered)]
     passed = [row(check, [check.filter])[:-1] for check in ordered if check.passed]
     columns = tuple(Column(header, numeric=False) for header in headers)
     parts: list[Part] = [Words([f"{counted}." for counted in counts_in_words(ordered)])]
-    if told:
-        notes = ("Found is of the smoother, where it is among those.",) if JUDGE in names and len(names) > 1 else ()
+    if shared:
+        notes = (
+            ("Column found: value of the smoother, if it is in the row.",) if JUDGE in names and len(names) > 1 else ()
+        )
         parts.append(
-            TablePart(Table("noteworthy", "Failed or worth knowing", columns, told, notes=notes), sortable=True)
+            TablePart(Table("noteworthy", "Failed or worth knowing", columns, shared, notes=notes), sortable=True)
         )
     if passed:
         table = Table("passed", f"Passed: {len(passed)}", columns[:-1], passed)
@@ -164,11 +173,8 @@ def run_page(dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evalua
 
     Parameters
     ----------
-    dataset : Dataset
     estimates : sequence of Estimate
-        The first is what stands open where one is shown at a time.
-    evaluation : Evaluation
-    checks : sequence of Check
+        The first is shown where only one estimate is shown at a time.
     """
     true = dataset.truth.coefficients if dataset.truth is not None else {}
     shares = {estimate.filter: shares_of_prior(estimate) for estimate in estimates}
@@ -181,7 +187,7 @@ def run_page(dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evalua
         Section("verdict", "Verdict", [*judgement_parts(evaluation, checks), *remarks]),
         Section("coefficients", "Coefficients", listed),
         Section("convergence", "Convergence", _convergence(estimates, true)),
-        Section("correlation", "What is known only together", _run_correlation(estimates)),
+        Section("correlation", INSEPARABLE, _run_correlation(estimates)),
         Section("innovations", "Innovations", innovation_parts(estimates)),
         Section("course", "Inputs, sensors, residuals", course_parts(dataset, evaluation.free_runs)),
         Section("path", "Path", path_parts(dataset.truth, estimates)),
@@ -223,7 +229,7 @@ def inspection_page(dataset: Dataset, inspection: Inspection) -> Page:
     sections = (
         Section("verdict", "Verdict", [_inspection_verdict(inspection)]),
         Section("checks", "Checks", check_parts(inspection.checks)),
-        Section("course", "What was recorded", _recorded(dataset, inspection)),
+        Section("course", "Recorded data", _recorded(dataset, inspection)),
         provenance_section(dataset),
     )
     subtitle = f"{dataset.experiment.vehicle.name}, {begin:.6g} to {end:.6g} s, sensors {', '.join(dataset.sensors)}"
@@ -233,11 +239,11 @@ def inspection_page(dataset: Dataset, inspection: Inspection) -> Page:
 def _inspection_verdict(inspection: Inspection) -> Cards:
     failed = inspection.checks.failed()
     noted = sum(check.passed is None for check in inspection.checks)
-    says = "Nothing fails: identify from these data"
+    says = "No check fails: these data can be used"
     says += f", and read the {noted} note{'s' * (noted > 1)} below." if noted else "."
     if failed:
         names = ", ".join(f"{check.check} of {check.subject}" for check in failed)
-        says = f"Mend these first, or leave bad times out with --use BEGIN:END: {names}."
+        says = f"Fix these first, or leave out bad times with --use BEGIN:END: {names}."
     counts = {"failed": str(len(failed)), "worth knowing": str(noted), "checks": str(len(inspection.checks))}
     return Cards([Card("These data", "input", "fails" if failed else "passes", says, counts)])
 
@@ -252,7 +258,7 @@ def _recorded(dataset: Dataset, inspection: Inspection) -> list[Part]:
 
 
 def validation_page(validation: Validation) -> Page:
-    """Lay out how well a model predicts, beside what knows less, and beside what it says of itself."""
+    """Lay out the predictions of a model next to those of the prior, and next to its own uncertainty."""
     tables = validation.tables()
     listed = {"validation": "Predictions", "manoeuvres": "Numbers of manoeuvres"}
     grids = [
@@ -297,9 +303,9 @@ def _horizons(validation: Validation) -> list[Part]:
         if rows:
             plots.append(_horizon(validation.filter, quantity.symbol, rows, scale_of(quantity)))
     words = (
-        "Root mean square error of predictions from many starts, over how far they look ahead: of the model, and of "
-        "what there was before. Errors below the noise of the sensor say that more noise is stated than there is, as "
-        "it is on purpose of an AHRS."
+        "Root mean square error of predictions from many starts, over the time that they look ahead, for the model and "
+        "for what was known before. Errors below the noise of the sensor mean that its stated noise is too large, "
+        "which is intended for an AHRS."
     )
     return [Words([words]), Plots(plots)] if plots else []
 
@@ -322,21 +328,23 @@ def _horizon(filter_name: str, symbol: str, rows: Sequence[Prediction], scale: S
 
 
 def identifiability_page(dataset: Dataset, identifiability: Identifiability, where: str) -> Page:
-    """Lay out bounds, by what they are got, how they fall with time, and which coefficients go together.
+    """Return the page of the bounds: by coefficient, over time, and inseparable coefficients.
 
     Parameters
     ----------
-    dataset : Dataset
-    identifiability : Identifiability
     where : str
-        Whose coefficients the bounds hold at, in words.
+        Name of the coefficients at which the bounds hold.
     """
     symbols = [bound.coefficient for bound in identifiability.bounds]
     sections = (
         Section("verdict", "Verdict", [_verdict(identifiability), *_words(identifiability)]),
         Section("bounds", "Bounds", [*_bars(identifiability), TablePart(bounds_table(identifiability), sortable=True)]),
         Section("duration", "Bounds over the duration", _growth(identifiability)),
-        Section("correlation", "What is known only together", _identifiability_correlation(symbols, identifiability)),
+        Section(
+            "correlation",
+            "Coefficients that cannot be separated",
+            _identifiability_correlation(symbols, identifiability),
+        ),
         provenance_section(dataset),
     )
     return Page(
@@ -345,13 +353,13 @@ def identifiability_page(dataset: Dataset, identifiability: Identifiability, whe
 
 
 def _verdict(identifiability: Identifiability) -> Cards:
-    """Say of how many coefficients what is known, and what to do about the others."""
+    """Count the coefficients by class, with advice on those that are not identified."""
     classes = [bound.label for bound in identifiability.bounds]
     lost = [bound.coefficient for bound in identifiability.bounds if bound.label == CLASSES[-1][1]]
     says = (
-        f"These data do not tell {', '.join(lost)}: hold these at known values, or move the vehicle differently."
+        f"These data do not determine {', '.join(lost)}: fix these at known values, or use another manoeuvre."
         if lost
-        else "These data can tell every coefficient to 20 % or better."
+        else "These data determine every coefficient to 20 % or better."
     )
     grade = "fails" if len(lost) == len(classes) else "doubtful" if lost else "passes"
     counts = {label: str(classes.count(label)) for _, label in CLASSES if label in classes}
@@ -371,7 +379,7 @@ def _identifiability_correlation(symbols: list[str], identifiability: Identifiab
 
 def _bars(identifiability: Identifiability) -> list[Picture]:
     """Draw bounds in percent of the value, by class, on a logarithmic scale; many in two pictures of the same scale."""
-    percents = [min(bound.percent, _LARGEST) for bound in identifiability.bounds]
+    percents = [min(bound.percent, _MAX_PERCENT) for bound in identifiability.bounds]
     low = np.floor(np.log10(max(min(percents), 1e-4)))
     high = np.ceil(np.log10(max(max(percents), 2.0 * CLASSES[-2][0])))
     across = Axis(float(low), float(high), _LEFT, _WIDTH - 56.0)
@@ -386,7 +394,7 @@ def _bars_of(title: str, bounds: Sequence[CoefficientBound], across: Axis) -> Pi
     bottom = _TOP + _ROW * len(bounds)
     shapes = decades(across, _TOP, bottom)
     for place, bound in enumerate(bounds):
-        percent = min(bound.percent, _LARGEST)
+        percent = min(bound.percent, _MAX_PERCENT)
         y = _TOP + _ROW * place
         letter, below = symbol_parts(bound.coefficient)
         end = across.at(float(np.log10(max(percent, 1e-4))))
@@ -408,7 +416,7 @@ def _growth(identifiability: Identifiability) -> list[Part]:
     """Plot how the bounds fall with the duration."""
     times = np.array([time for time, _ in identifiability.growth])
     percents = np.array([percent for _, percent in identifiability.growth])
-    percents = np.where((percents > 0.0) & (percents < _LARGEST), percents, np.nan)
+    percents = np.where((percents > 0.0) & (percents < _MAX_PERCENT), percents, np.nan)
     lines = [
         PlotLine(bound.coefficient, _LOOKS[bound.label], times, percents[:, k])
         for k, bound in enumerate(identifiability.bounds)

@@ -11,14 +11,10 @@ from auvid_cli.report.plot_data import spaced
 from auvid_cli.report.table import Table
 
 Array = NDArray[np.float64]
-# Most points of a path: no screen shows more.
-_MOST_POINTS = 600
-# Powers of ten along an axis that leave room for numbers between them.
-_FEW_DECADES = 2.0
-# Columns of text that a narrow screen has room for.
-_MOST_WORDED = 4
-# Rows that are shown at once; of a longer table the rest is scrolled to.
-_MOST_ROWS = 24
+_MAX_POINTS = 600  # of a path, more than a screen shows
+_FEW_DECADES = 2.0  # length of a logarithmic axis that also has numbers at 2 and 5
+_MAX_TEXT_COLUMNS = 4  # that a narrow screen has room for
+_MAX_ROWS = 24  # without a scroll bar
 
 
 class Stroke(NamedTuple):
@@ -49,7 +45,7 @@ class Box(NamedTuple):
 
 
 class Dot(NamedTuple):
-    """A mark whose shape goes by its look, with the words that a pointer held over it shows."""
+    """A mark in the shape of its look, with the text shown under the pointer."""
 
     x: float
     y: float
@@ -58,7 +54,7 @@ class Dot(NamedTuple):
 
 
 class TextLabel(NamedTuple):
-    """A word; `below` stands lower and smaller behind it."""
+    """A text with the subscript `below`."""
 
     x: float
     y: float
@@ -75,9 +71,8 @@ class Picture(NamedTuple):
 
     Attributes
     ----------
-    title : str
     says : str
-        What it shows in words.
+        Description in words.
     width, height : float
         Units of the shapes' coordinates, y down; also the most pixels that it takes.
     shapes : sequence of Shape
@@ -107,7 +102,7 @@ class Axis(NamedTuple):
         return self.begin + (value - self.low) / (self.high - self.low) * (self.end - self.begin)
 
     def ticks(self, most: int = 7) -> list[float]:
-        """Return round values along the scale: so many at most, steps of 1, 2 or 5 times a power of ten."""
+        """Return at most `most` round values: multiples of 1, 2 or 5 times a power of ten."""
         rough = (self.high - self.low) / max(most - 1, 1)
         power = 10.0 ** floor(log10(rough))
         step = next(times * power for times in (1.0, 2.0, 5.0, 10.0) if times * power >= rough * (1.0 - 1e-9))
@@ -116,7 +111,7 @@ class Axis(NamedTuple):
 
 def stroke(x: Array, y: Array, across: Axis, down: Axis, look: str) -> Stroke:
     """Draw a line by its values along two axes; of a long one evenly spaced points."""
-    some = spaced(x.size, _MOST_POINTS)
+    some = spaced(x.size, _MAX_POINTS)
     pairs = zip(x[some].tolist(), y[some].tolist(), strict=True)
     return Stroke(np.array([(across.at(a), down.at(b)) for a, b in pairs]), look)
 
@@ -154,17 +149,16 @@ class PlotLine(NamedTuple):
 
     Attributes
     ----------
-    label : str
     look : str
-        Which colour and dashes: the name of a filter, or another of those in page.css, such as "measured" or "true".
+        Colour and dashes: the name of a filter or another class of page.css, such as "measured" or "true".
     time, values : ndarray, shape (n,)
         Abscissa, increasing, and ordinate; NaN breaks the line.
     kind : str
         Drawn as a line, as steps or as dots.
     of : str
-        Filter with whose choice the line is shown; empty if it always is.
+        Filter whose selection shows the line; empty if it is always shown.
     key : str
-        What a legend below the plot alone says of lines that look like this one; empty where one above all plots does.
+        Entry for this look in a legend below the plot; empty if the legend is above all plots.
     """
 
     label: str
@@ -177,22 +171,18 @@ class PlotLine(NamedTuple):
 
 
 class Plot(NamedTuple):
-    """A plot that can be zoomed.
+    """A plot with zoom.
 
     Attributes
     ----------
-    title : str
     says : str
-        What it shows in words, for those who do not see it.
+        Description in words, for readers who do not see the plot.
     unit : str
-        Of the ordinate.
-    lines : sequence of PlotLine
-    x_label : str
-    log_x, log_y : bool
+        Unit of the ordinate.
     marks : sequence of (float, float)
         Spans of the abscissa to be shaded.
     limits : (float, float) or None
-        Of the ordinate: what is beyond is not shown, and `says` how much that is.
+        Limits of the ordinate; `says` counts the values beyond.
     """
 
     title: str
@@ -211,9 +201,8 @@ class Plots(NamedTuple):
 
     Attributes
     ----------
-    plots : sequence of Plot
     linked : str
-        Those of the same word are zoomed together; empty if each is by itself.
+        Plots with the same word are zoomed together; empty for a plot by itself.
     choice : mapping of str
         Labels of the filters, by name, of which one is shown at a time; empty if all are.
     wide : bool
@@ -258,13 +247,13 @@ class TablePart(NamedTuple):
 
     @property
     def is_worded(self) -> bool:
-        """Say whether it is mostly text, which has no room in columns on a narrow screen."""
-        return sum(not column.numeric for column in self.table.columns) > _MOST_WORDED
+        """Whether it is mostly text, which needs another layout on a narrow screen."""
+        return sum(not column.numeric for column in self.table.columns) > _MAX_TEXT_COLUMNS
 
     @property
     def is_tall(self) -> bool:
-        """Say whether it would push what stands below it out of sight."""
-        return len(self.table.rows) > _MOST_ROWS
+        """Whether it is so tall that it gets a scroll bar."""
+        return len(self.table.rows) > _MAX_ROWS
 
 
 class Matrix(NamedTuple):
@@ -276,7 +265,7 @@ class Matrix(NamedTuple):
 
 
 class Card(NamedTuple):
-    """A verdict: of what, the word, the sentence, and some numbers by name."""
+    """A judgement: heading, grade, sentence, and numbers by name."""
 
     heading: str
     look: str
@@ -309,7 +298,7 @@ Part: TypeAlias = Plots | Space | TablePart | Matrix | Cards | Words | Listing |
 
 
 class Section(NamedTuple):
-    """Parts below a heading; `key` is what links to it say."""
+    """Parts below a heading; `key` is the target of links."""
 
     key: str
     title: str
@@ -321,8 +310,6 @@ class Page(NamedTuple):
 
     Attributes
     ----------
-    title : str
-    subtitle : str
     sections : sequence of Section
         Those without parts are left out.
     """

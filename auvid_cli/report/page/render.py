@@ -21,8 +21,8 @@ from auvid_cli.data.files import write_text
 from auvid_cli.data.results import refuse_other_page
 from auvid_cli.report.page.parts import Page, Part, PlotLine, Plots, Section, Space
 from auvid_cli.report.table import (
-    DEVIATION_DIGITS,
     Cell,
+    CellStyle,
     Column,
     PlusMinus,
     Symbol,
@@ -30,7 +30,7 @@ from auvid_cli.report.table import (
     Unidentified,
     UnitCell,
     capitalised,
-    number,
+    cell_text,
     symbol_math,
     unit_text,
 )
@@ -53,10 +53,11 @@ _CODE = re.compile(r"`([^`]+)`")
 _GREEK = {"phi": "φ", "theta": "θ", "psi": "ψ", "delta": "δ"}
 _STYLES = ("uPlot.min.css", "page.css")
 _SCRIPTS = ("uPlot.iife.min.js", "plots.js", "space.js", "tables.js")
-# Of what may end a script or begin markup; JSON and JavaScript read these back.
+# Characters that may end a script or start markup; JSON and JavaScript decode these escapes.
 _UNSAFE = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
-# Classes of correlations from -1 to 1: tenths.
+# Colour classes of the absolute correlation.
 _SHADES = 10
+_STYLE = CellStyle(MISSING, str, unit_text, one_line)
 
 
 class PackedArrays:
@@ -64,10 +65,6 @@ class PackedArrays:
 
     Seven digits are more than a screen shows; times are to be told from near their first, so that those of a long
     record keep their fractions. What is too large, and so what is not finite, is a gap.
-
-    Attributes
-    ----------
-    texts : list of str
     """
 
     def __init__(self) -> None:
@@ -85,7 +82,7 @@ class PackedArrays:
 
 
 class ShownCell(NamedTuple):
-    """A cell: what stands there, what stands lower behind it, and by what it is sorted and found."""
+    """A cell: text, subscript, sort key and text to search for."""
 
     text: str
     below: str = ""
@@ -94,12 +91,12 @@ class ShownCell(NamedTuple):
 
     @property
     def is_long(self) -> bool:
-        """Say whether it has a word, such as a hash, that may break anywhere."""
+        """Whether it contains a long word, such as a hash, that may break anywhere."""
         return any(len(word) >= _LONG for word in self.text.split())
 
 
 class Heading(NamedTuple):
-    """A heading over so many columns, `rows` high."""
+    """A heading that spans `columns` and `rows`."""
 
     text: str
     columns: int
@@ -117,7 +114,7 @@ def symbol_parts(symbol: str) -> tuple[str, str]:
 
 
 def with_code(text: str) -> list[tuple[str, bool]]:
-    """Cut a text at what stands between backticks: pieces, each with whether it is code."""
+    """Split a text at backticks into pieces, each with whether it is code."""
     pieces = _CODE.split(text)
     return [(piece, bool(place % 2)) for place, piece in enumerate(pieces) if piece]
 
@@ -139,26 +136,24 @@ def with_ties(text: str) -> str:
 
 
 def shown(cell: Cell) -> ShownCell:
-    """Return what a cell looks like."""
+    """Return the text of a cell and the key by which its column is sorted."""
     match cell:
-        case None:
-            return ShownCell(MISSING)
         case Symbol(name):
             return ShownCell(*symbol_parts(name), order=name.lower(), found=name)
-        case UnitCell(name):
-            return ShownCell(unit_text(name))
-        case PlusMinus(value, deviation):
-            text = f"{number(value) or MISSING} ± {number(deviation, DEVIATION_DIGITS) or MISSING}"
-            return ShownCell(text, order=_order(value))
         case Unidentified(marked):
             inner = shown(marked)
-            return inner._replace(text=f"{inner.text} †")
+            return inner._replace(text=inner.text + _STYLE.mark)
         case str() if is_name_of_term(cell):
             return shown(Symbol(cell))
+    text = cell_text(cell, _STYLE)
+    match cell:
+        case None | UnitCell():
+            return ShownCell(text)
+        case PlusMinus(value, _):
+            return ShownCell(text, order=_order(value))
         case str():
-            text = one_line(cell)
             return ShownCell(text, order=_number_or(text.lower()))
-    return ShownCell(number(cell) or MISSING, order=_order(cell))
+    return ShownCell(text, order=_order(cell))
 
 
 def _number_or(text: str) -> float | str:
@@ -190,7 +185,7 @@ def heading_rows(table: Table) -> list[list[Heading]]:
 
 
 class _Name:
-    """Names of a column in plain text; what Markdown writes in italics has asterisks around it."""
+    """Names of a column in plain text, without the asterisks of Markdown."""
 
     def __init__(self, column: Column) -> None:
         self.header = one_line(capitalised(column.header))
@@ -199,7 +194,7 @@ class _Name:
 
 
 class _Block(NamedTuple):
-    """A part with the name of what draws it, and a key that is its own."""
+    """A part with the name of its macro and a unique key."""
 
     kind: str
     key: str
@@ -235,7 +230,7 @@ def _blocks(section: Section) -> list[_Block]:
 
 
 def _policy(styles: Sequence[str], scripts: Sequence[str]) -> str:
-    """Return the policy that allows what the page brings along, by its hash, and no network, other script or form."""
+    """Return the content security policy: only the scripts and styles of the page, by hash, and no network."""
     scripted, styled = (" ".join(map(_hash, texts)) for texts in (scripts, styles))
     return f"default-src 'none'; script-src {scripted}; style-src {styled}; base-uri 'none'; form-action 'none'"
 
@@ -294,7 +289,7 @@ def _hundredths(correlation: float) -> str:
 
 
 def _data(blocks: Sequence[_Block]) -> str:
-    """Return what scripts draw, as JSON that cannot end the element that it stands in."""
+    """Return the data of the plots as JSON that cannot end its script element."""
     arrays = PackedArrays()
     groups: dict[str, Any] = {}
     spaces: dict[str, Any] = {}
@@ -335,7 +330,7 @@ def _plots(plots: Plots, arrays: PackedArrays) -> dict[str, Any]:
 
 
 def _line(line: PlotLine, arrays: PackedArrays) -> dict[str, Any]:
-    # Told from a round time near the first, what is left has all its fractions in seven digits.
+    # Relative to a whole second near the first, float32 keeps the fractions of all times.
     origin = float(round(float(line.time[0]))) if line.time.size else 0.0
     return {
         "label": printable(line.label),
@@ -355,7 +350,7 @@ def write_page(page: Page, path: Path) -> Path:
     Raises
     ------
     FileError
-        If it cannot be written, or another file than a page of auvid's has its name.
+        If it cannot be written, or a file that is not a page of auvid has this name.
     """
     refuse_other_page(path)
     write_text(path, render_page(page))

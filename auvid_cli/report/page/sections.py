@@ -22,15 +22,14 @@ from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 _LIBRARIES = ("numpy", "scipy", "numba", "h5py")
 Array = NDArray[np.float64]
-# Pairs that are named, and the correlation from which on one is worth naming.
-_MOST_PAIRS, _STRONG = 8, 0.7
-# Members of a combination that are named: at least this share of the largest weight.
-_LEAST_WEIGHT = 0.3
+_MAX_PAIRS = 8  # number of listed pairs
+_STRONG = 0.7  # smallest correlation of a listed pair
+_MIN_WEIGHT = 0.3  # smallest listed weight of a combination, relative to the largest
 _SYMBOLS = {*SYMBOLS, *MOTION_SYMBOLS}
 
 
 def what_ran(dataset: Dataset) -> str:
-    """Say how long data are, and of which manoeuvre where they are simulated."""
+    """Return the duration of the data and, if simulated, the manoeuvre."""
     duration = f"{dataset.inputs.time[-1] - dataset.inputs.time[0]:.6g} s"
     if dataset.truth is None or not isinstance(dataset.experiment, Experiment):
         return duration
@@ -38,7 +37,7 @@ def what_ran(dataset: Dataset) -> str:
 
 
 def provenance_section(dataset: Dataset) -> Section:
-    """Return what is needed to make the same numbers again.
+    """Return settings, versions and hashes that reproduce the numbers.
 
     Parameters
     ----------
@@ -49,7 +48,7 @@ def provenance_section(dataset: Dataset) -> Section:
 
 
 def campaign_provenance(campaign: Campaign) -> Section:
-    """Return what is needed to make the runs of a campaign again."""
+    """Return settings, versions and hashes that reproduce the runs of a campaign."""
     return _section(dump_campaign(campaign), "auvid campaign", "")
 
 
@@ -87,18 +86,19 @@ def correlation_parts(title: str, symbols: Sequence[str], values: Array) -> list
 
 def _strongest(symbols: Sequence[str], values: Array) -> list[str]:
     upper = np.triu(np.abs(np.nan_to_num(values)), 1)
-    order = np.argsort(-upper, axis=None)[:_MOST_PAIRS]
+    order = np.argsort(-upper, axis=None)[:_MAX_PAIRS]
     pairs = [(int(i), int(j)) for i, j in zip(*np.unravel_index(order, upper.shape), strict=True)]
     named = [f"{symbols[i]} and {symbols[j]} {values[i, j]:+.2f}" for i, j in pairs if upper[i, j] >= _STRONG]
     sentences = [f"Strongest pairs: {', '.join(named)}." if named else f"No pair correlates by {_STRONG:g} or more."]
     if np.isfinite(values).all():
         variances, vectors = np.linalg.eigh(values)
         sentences.append(
-            f"Least known together, each by its standard deviation: {_combination(symbols, vectors[:, -1])}; its "
-            f"standard deviation is {np.sqrt(variances[-1]):.2g} times what it were if the errors were independent."
+            f"Least certain combination, each in its standard deviation: {_combination(symbols, vectors[:, -1])}; its "
+            f"standard deviation is {np.sqrt(variances[-1]):.2g} times that of independent errors."
         )
         sentences.append(
-            f"Best known together: {_combination(symbols, vectors[:, 0])}, {np.sqrt(max(variances[0], 0.0)):.2g} times."
+            f"Most certain combination: {_combination(symbols, vectors[:, 0])}, "
+            f"{np.sqrt(max(variances[0], 0.0)):.2g} times."
         )
     return sentences
 
@@ -107,7 +107,7 @@ def _combination(symbols: Sequence[str], weights: Array) -> str:
     """Write the largest weights of a combination."""
     order = np.argsort(-np.abs(weights))
     largest = weights[order[0]]
-    kept = [k for k in order if abs(weights[k]) >= _LEAST_WEIGHT * abs(largest)]
+    kept = [k for k in order if abs(weights[k]) >= _MIN_WEIGHT * abs(largest)]
     signs = ["-" if weights[k] / largest < 0.0 else "+" for k in kept]
     sizes = ["" if k == order[0] else f"{abs(weights[k] / largest):.2g} " for k in kept]
     text = " ".join(f"{sign} {size}{symbols[k]}" for sign, size, k in zip(signs, sizes, kept, strict=True))

@@ -10,9 +10,8 @@ import yaml
 from auvid_cli.campaign.summary import CampaignSummary
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.data.checks import Checks, NamedRows
-from auvid_cli.evaluation.assessment import CoefficientBound, Identifiability
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import CoefficientBound, FreeRun, Identifiability
 from auvid_cli.inspection.inspection import Inspection, Mark
 from auvid_cli.report.page import campaign_page as campaign
 from auvid_cli.report.page.curves import path_parts
@@ -61,7 +60,7 @@ def test_the_page_of_data_shades_where_something_is_the_matter(known):
     assert {plot.title: plot.marks for plot in plots.plots}["dvl: u"] == [(10.0, 10.0), (20.0, 25.0)]
     assert {plot.title: plot.marks for plot in plots.plots}["gyroscope: p"] == ()
     text = render_page(page)
-    assert "Mend these first, or leave bad times out with --use BEGIN:END: NIS of dvl." in text
+    assert "Fix these first, or leave out bad times with --use BEGIN:END: NIS of dvl." in text
     Elements(text)
 
 
@@ -76,7 +75,7 @@ def test_the_page_of_bounds_draws_them_by_class_and_names_what_is_lost(known):
     found = Identifiability(bounds, [], {}, np.eye(3), growth, {})
     page = identifiability_page(known, found, "the true coefficients")
     text = render_page(page)
-    assert "These data do not tell N<sub>uuδr</sub>: hold these at known values" in text
+    assert "These data do not determine N<sub>uuδr</sub>: fix these at known values" in text
     (drawing,) = parts_of(page, Picture)
     bars = [shape for shape in drawing.shapes if isinstance(shape, Box)]
     assert [bar.look for bar in bars] == ["sure", "rough", "lost"]

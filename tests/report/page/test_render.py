@@ -102,7 +102,7 @@ def test_a_page_is_closed_in_order_and_has_its_headings(page):
     elements = Elements(render_page(page))
     assert elements.texts("h1") == ["spiral"]
     assert elements.texts("h2") == [
-        *("Verdict", "Coefficients", "Convergence", "What is known only together", "Innovations"),
+        *("Verdict", "Coefficients", "Convergence", "Coefficients that cannot be separated", "Innovations"),
         *("Inputs, sensors, residuals", "Path", "Tables", "Checks", "Settings, hashes, versions"),
     ]
     keys = {attributes["id"] for _, attributes, _ in elements.found if "id" in attributes}

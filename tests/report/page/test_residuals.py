@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import chi2
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.page.curves import innovation_parts, sensor_plots
 from auvid_cli.report.plot_data import interpolated
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS

@@ -20,33 +20,33 @@ def cards_and_words(evaluation, checks):
 @pytest.mark.parametrize(
     ("passed", "says"),
     [
-        ([True], "Use it."),
-        ([None, True, None], "Use it; its checks have 2 notes, to be read below."),
-        ([None, False], "It is judged sound, yet 1 check failed: first do what stands below."),
+        ([True], "Use the estimate."),
+        ([None, True, None], "Use the estimate, and read the 2 notes of its checks below."),
+        ([None, False], "Judged sound, but 1 check failed: follow the advice below first."),
     ],
 )
-def test_the_sentence_of_a_card_is_no_better_than_the_checks(evaluation, passed, says):
+def test_card_of_sound_estimate_mentions_notes_and_failures(evaluation, passed, says):
     checks = [verdict("ckf", f"check {place}", each) for place, each in enumerate(passed)]
     cards, _ = cards_and_words(evaluation, checks)
     assert (cards["ckf"].grade, cards["ckf"].says) == ("sound", says)
-    assert cards["ekf"].says == "Use it."
+    assert cards["ekf"].says == "Use the estimate."
 
 
-def test_what_is_noted_of_all_stands_below_the_cards_once_with_what_to_do(evaluation):
+def test_shared_note_is_listed_once_with_advice(evaluation):
     checks = [verdict(name, check, None) for name in ("ekf", "ckf", "tukf") for check in ("NIS", "whiteness")]
     checks += [verdict("ckf", "size", False, "Look at units."), verdict("ekf", "sound", False, "It is far off.")]
     _, words = cards_and_words(evaluation, checks)
     assert words[:-1] == [
-        "Failed of CKF: dvl (size): K_p|p| 9 sd. Look at units.",
-        "Noted of all: dvl (NIS, whiteness). Mend it.",
+        "Failed for CKF: dvl (size): K_p|p| 9 sd. Look at units.",
+        "Note for all filters: dvl (NIS, whiteness). Mend it.",
     ]
     assert words[-1].startswith("NIS: ")
 
 
-def test_many_verdicts_are_counted_below_the_cards(evaluation):
+def test_many_advices_are_cut_and_counted(evaluation):
     checks = [verdict("ckf", f"check {place}", False, f"Mend {place}.") for place in range(9)]
     _, words = cards_and_words(evaluation, checks)
-    assert words[6] == "3 more stand below, in the list of checks."
+    assert words[6] == "3 more are in the list of checks below."
 
 
 def test_the_nis_of_a_card_is_told_by_sensor(evaluation):

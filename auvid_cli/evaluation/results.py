@@ -1,4 +1,4 @@
-"""What is said of data before any filter runs: the value objects, apart from the compiled code that finds them."""
+"""Results of evaluations that do not need the compiled code: identifiability and free runs."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.checks import NamedRows, frames
-from auvid_cli.data.interop import import_xarray
+from auvid_cli.data.interop import LabelledSeries, import_xarray
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,23 +24,22 @@ class CoefficientBound(NamedTuple):
 
     Attributes
     ----------
-    coefficient, unit : str
     value : float
         At which the bound holds, SI.
     cramer_rao_bound : float
         Smallest standard deviation of any unbiased estimate, SI; infinite where the data say nothing.
     percent : float
-        Of the value; where that is zero, of the natural magnitude of a body of this size.
+        In percent of the value or, if that is zero, of the natural magnitude of a body of this size.
     percent_with_noise : float
         The same where process noise moves the vehicle, too; NaN where that is not known.
     label : str
         One of `CLASSES`, by the larger of these two; the column ``verdict``.
     best_sensor : str
-        Whose measurements say most of it.
+        Sensor with the largest share of the information.
     best_share : float
         Its share of the information, 0 to 1.
     group : str
-        Others with which it goes together; empty if it stands alone.
+        Coefficients that it cannot be separated from.
     """
 
     coefficient: str
@@ -55,11 +55,10 @@ class CoefficientBound(NamedTuple):
 
 
 class Collinear(NamedTuple):
-    """Coefficients of which the data determine a combination better than each.
+    """Coefficients that the data cannot separate.
 
     Attributes
     ----------
-    members : tuple of str
     combination : str
         The best determined one, for example ``Y_uvl + 0.9 Y_uudr``.
     percent : float
@@ -91,19 +90,18 @@ class SensorErrorBound(NamedTuple):
 
 
 class FixSuggestion(NamedTuple):
-    """Which coefficients to estimate from data that do not tell all.
+    """Coefficients to estimate from data that do not determine all.
 
     Attributes
     ----------
     held : tuple of str
-        Known to 20 % by no data of this kind; the others are, with these at known values.
-    kept : tuple of str
+        Coefficients to fix; with these at known values, the others are known to 20 %.
     worst_percent : float
         Largest bound of one that is kept, in percent of its value.
     motions : tuple of str
-        Of which those that are kept tell: "surge", "sway" and so on.
+        Motions with kept coefficients: "surge", "sway" and so on.
     unstated : tuple of str
-        Those among the held of which the vehicle file has no value.
+        Coefficients to fix that have no value in the vehicle file.
     """
 
     held: tuple[str, ...]
@@ -114,22 +112,20 @@ class FixSuggestion(NamedTuple):
 
 
 class Identifiability(NamedTuple):
-    """Bounds of coefficients and sensor errors by what data hold at best.
+    """Bounds of coefficients and sensor errors.
 
     Attributes
     ----------
-    bounds : list of CoefficientBound
-    groups : list of Collinear
     shares : dict of ndarray, shape (coefficients,)
-        Of the information on each coefficient, by sensor; they add up to one.
+        Share of the information of each sensor, by sensor; the shares add up to one.
     correlation : ndarray, shape (coefficients, coefficients)
-        Of the errors of an estimate that reaches the bound; NaN where there is none.
+        Correlation of the errors at the bound; NaN where there is none.
     growth : list of (float, ndarray)
         Duration, s, and bounds in percent after it.
     sensor_errors : dict of SensorErrorBound
         By symbol.
     remark : str
-        What is missing.
+        Missing data and assumptions.
     holding : Holding or None
         Where some coefficients are better held; None if all are known, or none would be.
     """
@@ -178,3 +174,36 @@ class Identifiability(NamedTuple):
                 "duration": ("duration", [duration for duration, _ in self.growth], {"units": "s"}),
             },
         )
+
+
+class FreeRun(NamedTuple):
+    """Motion predicted from the inputs alone.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+    motion : ndarray, shape (n, 9) or (n, 10)
+        Not finite from where the model blew up, if it did; the depth behind it where that is predicted.
+    """
+
+    time: Array
+    motion: Array
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Return the quantities of the columns."""
+        return MOTION_AND_DEPTH[: self.motion.shape[1]]
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a table with a column for each motion state, indexed by time, s."""
+        return LabelledSeries(self.time, self.quantities, self.motion).to_pandas()
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return a variable over time for each motion state.
+
+        Raises
+        ------
+        DataError
+            If xarray is not installed.
+        """
+        return LabelledSeries(self.time, self.quantities, self.motion).to_xarray()
