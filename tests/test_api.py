@@ -79,6 +79,7 @@ def test_import_loads_nothing_heavy_and_lists_public_names():
     assert loaded.isdisjoint(HEAVY)
 
 
+@pytest.mark.slow
 def test_reading_files_and_drawing_load_no_compiled_code():
     names = "load_experiment, read_dataset, read_estimate, Dataset, Estimate"
     drawing = "import sys, auvid_cli.report.figures.kinds"
@@ -97,6 +98,7 @@ def seconds(simulated_with):
     return simulated_with("manoeuvre.duration=4 s")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_docstring_is_complete_and_its_example_runs(name, here, short_run, seconds, estimate, other, capsys):
     function = getattr(auvid, name)
@@ -110,6 +112,7 @@ def test_docstring_is_complete_and_its_example_runs(name, here, short_run, secon
     assert result.failed == 0, capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_nothing_is_printed_and_no_file_is_written_unless_asked(short_run, other, here, capfd):
     before = {path: path.stat().st_mtime_ns for path in here.rglob("*")}
     dataset = auvid.read_dataset("dataset.h5")
@@ -147,7 +150,7 @@ def test_filter_may_be_text_or_enum(short_run, estimate):
     [
         (lambda run, e: auvid.identify(run, "tufk"), "unknown filter 'tufk'; auvid knows ekf"),
         (lambda run, e: auvid.export_model(run, e, "rust"), "unknown form of a model 'rust'; auvid knows yaml"),
-        (lambda run, e: auvid.export_model(run, e, "matlab", "9.m"), "'9' is no name for a matlab file"),
+        (lambda run, e: auvid.export_model(run, e, "matlab", "9.m"), "'9': not a valid name"),
         (lambda run, e: auvid.export_model(run, e, "mcap"), "mcap: is a format of runs"),
         (lambda run, e: auvid.load_experiment("spirale"), "'spirale' is neither a file nor an experiment"),
         (lambda run, e: auvid.load_experiment("spiral", "sed=3"), "sed"),
@@ -195,9 +198,7 @@ def test_wrong_type_names_argument_and_expected_type(call, words, short_run):
 
 
 def test_setting_instead_of_experiment_gives_advice():
-    with pytest.raises(
-        ConfigError, match="; a setting stands behind it: --set seed=7, in Python an argument of its own"
-    ):
+    with pytest.raises(ConfigError, match="--set seed=7"):
         auvid.load_experiment("seed=7")
     with pytest.raises(ConfigError) as caught:
         auvid.load_experiment("lake")
@@ -220,7 +221,7 @@ def test_estimate_of_other_dataset_is_refused(function, here, other):
 
 
 def test_own_dataset_is_refused_for_validation(short_run, estimate):
-    with pytest.raises(AuvidError, match="has not seen"):
+    with pytest.raises(AuvidError, match="new to the model"):
         auvid.validate(short_run, estimate, training=short_run)
 
 
@@ -299,6 +300,7 @@ def test_verdict_tables_have_missing_values_for_notes(short_run, estimate):
         assert table["passed"].any()
 
 
+@pytest.mark.slow
 def test_evaluation_and_bounds_are_tables_of_all_coefficients(short_run, short_estimates):
     tables = auvid.evaluate(
         short_run, *(short_estimates[name] for name in (FilterName.CKF, FilterName.TUKF))

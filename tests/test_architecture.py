@@ -75,6 +75,7 @@ def test_rooms_import_only_from_earlier_rooms():
         reached.add(room)
 
 
+@pytest.mark.slow
 def test_allowed_imports_are_all_used():
     for room, others in MAY_IMPORT.items():
         paths = [path for path in MODULES if path.relative_to(PACKAGE).parts[0] == room]

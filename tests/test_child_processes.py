@@ -31,6 +31,7 @@ def output_of(*arguments: str) -> str:
         return process.communicate()[0].decode().strip()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="kills")
 @pytest.mark.parametrize("platform", [sys.platform, "another"])
 def test_child_ends_with_killed_parent(platform):

@@ -52,7 +52,7 @@ def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
         path.write_text(text.replace("duration: 300 s", "duration: 120 s"), encoding="utf-8")
     monkeypatch.setattr(shipped, "PACKAGE", configs.parent)
     monkeypatch.setattr(campaign, "N_PROBES", 1)
-    monkeypatch.setattr(first_spiral, "_SHORTEST", 120.0)
+    monkeypatch.setattr(first_spiral, "MIN_DURATION", 120.0)
 
 
 def write_log(path: Path) -> None:

@@ -41,6 +41,7 @@ print(double_and_one(20), len(events))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", ["{tmp}/new", "{tmp}/file/within"])
 def test_code_compiled_by_another_process_is_found(tmp_path, place):
     (tmp_path / "file").write_text("a file where a folder is expected")
@@ -65,11 +66,13 @@ def compile_again(tmp_path):
     return again
 
 
+@pytest.mark.slow
 def test_compiled_function_is_loaded_with_its_callees_inside(compile_again, tmp_path):
     assert compile_again() == ["41", "0"]
     assert len(list(tmp_path.rglob("*.nbc"))) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
 @pytest.mark.parametrize("content", [b"", b"no machine code\n" * 100, bytes(1000)], ids=["empty", "text", "zeros"])
 def test_unreadable_cache_file_is_compiled_again(compile_again, tmp_path, kind, content):
@@ -101,12 +104,14 @@ def compiling_modules():
             yield path.relative_to(PACKAGE), tree
 
 
+@pytest.mark.slow
 def test_cache_depends_on_all_compiled_modules():
     modules = dict(compiling_modules())
     assert len(modules) > 8
     assert {path.parts[0] for path in modules} <= set(CORE)
 
 
+@pytest.mark.slow
 def test_constants_of_compiled_functions_come_from_the_core():
     for path, tree in compiling_modules():
         for node in ast.walk(tree):
@@ -119,10 +124,11 @@ def test_constants_of_compiled_functions_come_from_the_core():
                 assert not constants, (path, node.module, constants)
 
 
+@pytest.mark.slow
 def test_code_for_few_data_is_not_compiled_for_all():
     code = (
         "import sys, auvid_cli.api.evaluation, auvid_cli.filters.smoother, auvid_cli.identification.run;"
-        "print([m for m in ('filters.marginal', 'identification.sensors') if f'auvid_cli.{m}' in sys.modules])"
+        "print([m for m in ('filters.marginal', 'filters.noise_scores') if f'auvid_cli.{m}' in sys.modules])"
     )
     command = [sys.executable, "-c", code]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[]\n"

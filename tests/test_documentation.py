@@ -27,6 +27,7 @@ def test_the_table_of_shapes_is_what_the_formulas_give():
     assert make_geometry.table() in theory, "python -m docs.make_geometry"
 
 
+@pytest.mark.slow
 def test_the_picture_of_the_rooms_is_what_the_code_imports():
     assert architecture() == TARGET.read_text(encoding="utf-8"), "python docs/make_architecture.py"
 

@@ -5,6 +5,7 @@ import shlex
 from pathlib import Path
 
 import pandas as pd
+import pytest
 from typer.testing import CliRunner
 
 from auvid_cli.cli.app import app
@@ -15,6 +16,7 @@ JUDGED = {"identify": 1, "validate": 1}
 SHORTER = {"simulate field": "simulate field --set 'manoeuvre.duration=115 s'", "321:": "71:"}
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_tutorial_lead_from_logs_to_a_prediction(
     tmp_path, monkeypatch, without_figures, fewer_starts, walked_here
 ):

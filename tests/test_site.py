@@ -53,6 +53,7 @@ class Fetched(HTMLParser):
             self.addresses += [value for name, value in attrs if name in {"src", "href", "data", "srcset"} and value]
 
 
+@pytest.mark.slow
 def test_every_page_is_in_the_contents_and_on_the_site(site):
     named = set(re.findall(r"(?m)^ +- .*: (\S+\.md)$", (DOCS / "mkdocs.yml").read_text(encoding="utf-8")))
     assert named == pages()
@@ -89,6 +90,7 @@ def test_search_finds_pages_by_their_words(site):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.browser
 def test_a_reader_without_a_network_searches_and_finds(site, browser):
     complaints = []

@@ -3,10 +3,13 @@
 import re
 from pathlib import Path
 
+import pytest
+
 TUTORIAL = Path(__file__).parents[1] / "docs/tutorial.md"
 BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
 
 
+@pytest.mark.slow
 def test_the_blocks_of_the_tutorial_run_in_order_and_leave_one_file(tmp_path, monkeypatch, capsys, fewer_starts):
     monkeypatch.chdir(tmp_path)
     text, names = TUTORIAL.read_text(encoding="utf-8"), {}

@@ -5,6 +5,7 @@ import shlex
 from pathlib import Path
 
 import pandas as pd
+import pytest
 from typer.testing import CliRunner
 
 from auvid_cli.cli.app import app
@@ -19,6 +20,7 @@ SHORTER = {
 }
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_tutorial_tell_what_it_says(tmp_path, monkeypatch, without_figures, fewer_starts):
     monkeypatch.chdir(tmp_path)
     commands = re.findall(r"(?m)^    (auvid .*)", TUTORIAL.read_text(encoding="utf-8"))

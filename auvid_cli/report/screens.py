@@ -76,9 +76,8 @@ def sentences(design: "Design") -> list[str]:
     if np.isfinite(design.gain) and spiral.n_outside and not design.keeps_spiral:
         lines.append(f"With the spiral, {spiral.n_outside} of them left the limits.")
     if design.time_to_match is not None and not design.keeps_spiral:
-        lines.append(
-            f"After {design.time_to_match:.0f} of {design.posterior.time[-1]:.0f} s it is as informative as the whole spiral."
-        )
+        when = f"After {design.time_to_match:.0f} of {design.posterior.time[-1]:.0f} s"
+        lines.append(f"{when} it is as informative as the whole spiral.")
     end = design.posterior.time[-1]
     course = ", ".join(
         f"{percent:.2g} % after {time:.0f} s" for time, percent in design.accuracy_over_time if time <= end

@@ -25,6 +25,7 @@ def worker(tmp_path_factory):
     worker.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", COUNTS)
 def test_damaged_input_is_answered_in_words_in_time_and_nothing_is_lost(kind, worker):
     outcomes = [worker.attack(kind, index) for index in range(COUNTS[kind])]

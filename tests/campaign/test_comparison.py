@@ -81,6 +81,7 @@ def test_equal_filters_tie():
     assert row["conclusion"] == "tie"
 
 
+@pytest.mark.slow
 def test_chance_difference_is_not_significant():
     random = np.random.default_rng(4)
     named = [

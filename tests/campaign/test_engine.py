@@ -40,6 +40,7 @@ def test_worker_that_dies_at_start_is_cluster_error(monkeypatch):
         cluster_client(None, 1).__enter__()
 
 
+@pytest.mark.slow
 def test_killed_worker_loses_and_repeats_no_run(planned):
     plan, performed = planned(MANY), []
     with cluster_client(None, 2) as client:
@@ -82,6 +83,7 @@ def test_few_groups_wait_at_the_scheduler(planned):
             assert len(taken) <= count + 3
 
 
+@pytest.mark.slow
 def test_silent_scheduler_is_cluster_error():
     with (
         pytest.raises(ClusterError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler"),
@@ -90,6 +92,7 @@ def test_silent_scheduler_is_cluster_error():
         pass
 
 
+@pytest.mark.slow
 def test_lost_scheduler_is_cluster_error_after_finished_runs(planned):
     plan, came = planned(MANY, "seeds=100"), []
     cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")

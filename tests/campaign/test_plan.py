@@ -144,6 +144,7 @@ def test_axes_with_the_same_setting_are_refused(planned):
         planned(f"name: twins\nseeds: 2\nfilters: [ckf]\nvary: {axes}\n").labels()
 
 
+@pytest.mark.slow
 def test_draws_are_the_same_for_all_filters_and_follow_their_distribution(planned):
     text = (
         "name: drawn\nsettings: {manoeuvre.duration: 5 s}\nseeds: 200\nfilters: [ckf, tukf]\n"

@@ -326,6 +326,7 @@ def test_merged_names_remove_no_file_elsewhere(tmp_path):
     assert (tmp_path / "precious").is_file()
 
 
+@pytest.mark.slow
 @given(
     operations=st.lists(
         st.one_of(

@@ -66,6 +66,7 @@ def finished(tmp_path_factory):
     return folder, result
 
 
+@pytest.mark.slow
 def test_campaign_writes_results_tables_and_figures(finished):
     folder, result = finished
     home = folder / "results/campaigns/small"
@@ -111,6 +112,7 @@ def test_more_seeds_and_levels_extend_existing_results(finished, tmp_path):
     assert "18 runs take about " in result.stdout
 
 
+@pytest.mark.slow
 def test_other_settings_do_not_mix_with_existing_results(finished):
     folder, first = finished
     result = campaign("small.yaml", "--set", "settings.manoeuvre.duration=8 s", "--set", "seeds=1", cwd=folder)
@@ -134,6 +136,7 @@ def test_dry_run_writes_nothing(tmp_path):
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.slow
 def test_killed_campaign_continues(tmp_path):
     (tmp_path / "small.yaml").write_text(CAMPAIGN.replace("seeds: 6", "seeds: 10"))
     process = subprocess.Popen(command("small.yaml"), cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
@@ -155,6 +158,7 @@ def test_killed_campaign_continues(tmp_path):
     pd.testing.assert_series_equal(again, kept)
 
 
+@pytest.mark.slow
 def test_interrupted_campaign_reports_finished_runs(tmp_path):
     (tmp_path / "small.yaml").write_text(CAMPAIGN.replace("seeds: 6", "seeds: 400"))
     process = subprocess.Popen(
@@ -178,6 +182,7 @@ def test_interrupted_campaign_reports_finished_runs(tmp_path):
     assert complaint == "auvid: interrupted; files already written are complete\n"
 
 
+@pytest.mark.slow
 def test_failed_run_is_reported_and_repeated_by_retry(tmp_path):
     text = (
         CAMPAIGN.replace("seeds: 6", "seeds: 1")

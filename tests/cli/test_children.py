@@ -66,6 +66,7 @@ def test_killed_command_leaves_no_drawing_process(begun, tmp_path, number):
     assert not list(tmp_path.rglob("*.h5"))
 
 
+@pytest.mark.slow
 def test_compiling_process_ends_with_killed_command(begun, tmp_path):
     code = """
 import os, signal, time
@@ -79,6 +80,7 @@ os.kill(os.getpid(), signal.SIGKILL)
     assert left_of(marked) == []
 
 
+@pytest.mark.slow
 def test_worker_ends_with_killed_command(begun, tmp_path):
     """Whatever the worker was doing, and however early."""
     program = tmp_path / "program.py"

@@ -54,6 +54,7 @@ def table(folder, name):
     return list(csv.DictReader(lines))
 
 
+@pytest.mark.slow
 def test_smoother_runs_by_default_and_judges_filters(tmp_path):
     result = auvid("run", *JUDGED, "--filter", "ckf", cwd=tmp_path)
     rows = table(tmp_path, "summary")
@@ -65,6 +66,7 @@ def test_smoother_runs_by_default_and_judges_filters(tmp_path):
     assert again.exit_code in (result.exit_code, 1)
 
 
+@pytest.mark.slow
 def test_fault_gives_advice_and_exit_code_1(tmp_path):
     result = auvid("run", *JUDGED, "--set", "sensors.gyroscope.bias=0.2 deg/s", "--filter", "smoother", cwd=tmp_path)
     assert result.exit_code == 1
@@ -75,6 +77,7 @@ def test_fault_gives_advice_and_exit_code_1(tmp_path):
     assert abs(float(worst["size"])) == pytest.approx(0.0035, rel=0.3)
 
 
+@pytest.mark.slow
 def test_run_writes_dataset_estimates_tables_and_figures(results):
     folder, _ = results
     made = {str(path.relative_to(folder / "results/spiral")) for path in folder.rglob("*") if path.is_file()}
@@ -137,6 +140,7 @@ def test_dataset_without_truth_gives_identical_estimates(results, tmp_path):
             assert one[name][...].tobytes() == other[name][...].tobytes()
 
 
+@pytest.mark.slow
 def test_segments_are_fitted_together_and_reported(results, tmp_path):
     shutil.copy(results[0] / "results/spiral/dataset.h5", tmp_path / "mission.h5")
     command = ("identify", "mission.h5", "-f", "output_error", "-f", "tukf", "--use", ":5", "--use", "6:")
@@ -154,6 +158,7 @@ def test_segments_are_fitted_together_and_reported(results, tmp_path):
     assert not ((time > 5.0) & (time < 6.0)).any()
 
 
+@pytest.mark.slow
 def test_output_error_is_reported_with_filters(results, tmp_path):
     folder, _ = results
     (tmp_path / "mission.h5").write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
@@ -203,6 +208,7 @@ def test_verbose_prints_durations(tmp_path):
     assert "simulate: " in result.stdout + result.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("no_color", [False, True])
 def test_terminal_shows_progress_bars(no_color, results, tmp_path):
     pty = pytest.importorskip("pty")
@@ -294,6 +300,7 @@ def test_file_as_results_folder_is_one_error(tmp_path):
     assert_one_clear_complaint(auvid("simulate", *SHORT, cwd=tmp_path), "cannot be written")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize("first", ["dataset.h5", "estimates/.*"], ids=["loading", "filtering"])
 def test_interrupting_leaves_no_half_written_file(tmp_path, number, code, first):
@@ -326,6 +333,7 @@ def test_interrupting_leaves_no_half_written_file(tmp_path, number, code, first)
         assert file["sensors/gyroscope/p"].shape == (30001,)
 
 
+@pytest.mark.slow
 def test_drawing_runs_no_module_of_working_folder(results, tmp_path):
     folder, _ = results
     (tmp_path / "pydantic.py").write_text("raise RuntimeError('not what is installed')")

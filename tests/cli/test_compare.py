@@ -39,6 +39,7 @@ def test_wider_tolerances_make_results_agree(options, folders):
     assert auvid("compare", "mine", "reference", *options, cwd=folders).exit_code == 0
 
 
+@pytest.mark.slow
 def test_verbose_shows_all_values(folders):
     result = auvid("compare", "mine", "reference", "-v", cwd=folders)
     assert result.stdout.count("DIFFERS") == 25

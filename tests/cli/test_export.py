@@ -75,6 +75,7 @@ def test_all_formats_are_tested():
     assert {*SUFFIXES, "mcap"} == {name.value for name in FormatName}
 
 
+@pytest.mark.slow
 def test_diverged_run_is_written_as_mcap(own_results):
     with h5py.File(own_results / "estimates/tukf.h5", "r+") as file:
         file.attrs["status"] = "diverged at t = 9.000 s: the state was not finite"

@@ -28,6 +28,7 @@ def bounds(short_run, tmp_path, without_figures):
     return run
 
 
+@pytest.mark.slow
 def test_part_of_data_has_larger_bounds(bounds):
     whole, part = bounds(), bounds("--use", "10:40")
     assert part.keys() == whole.keys()
@@ -35,6 +36,7 @@ def test_part_of_data_has_larger_bounds(bounds):
     assert part == bounds("--set", "identification.use.spans=[[10, 40]]")
 
 
+@pytest.mark.slow
 def test_identifiability_prints_bounds_and_fixed_coefficients(tmp_path):
     result = auvid(
         *("identifiability", "--set", "manoeuvre=manoeuvres/spiral_gentle.yaml"),

@@ -87,6 +87,7 @@ def test_log_argument_overrides_log_of_map(exported, tmp_path):
     assert not (tmp_path / "d.h5").exists()
 
 
+@pytest.mark.slow
 def test_suggested_map_of_exported_logs_imports_once_it_is_filled_in(short_run, exported, tmp_path):
     logs = [exported / f"{name}.csv" for name in ("gyroscope", "dvl", "attitude", "inputs")]
     path = tmp_path / "map.yaml"
@@ -162,10 +163,10 @@ inputs: {{rudder: dr}}
     ("begin", "message", "code"),
     [
         (5.0, None, 0),  # goes on
-        (4.55, "file 2 of the log overlaps those before it from 4.550 to 4.900 s by the log's clock: taken as they", 0),
+        (4.55, "from 4.550 to 4.900 s", 0),
         (
             0.0,
-            "file 2 of the log and those before it both have measurements from 0.000 to 4.900 s, so they do not con",
+            "from 0.000 to 4.900 s",
             2,
         ),
     ],
@@ -196,6 +197,7 @@ def test_suggest_and_map_exclude_each_other():
     assert "--suggest and --map: expected one of them" in result.stderr
 
 
+@pytest.mark.slow
 def test_interrupt_during_imports_is_one_line():
     """Raised as the settings classes are built, where pydantic would make a SchemaError of it."""
     code = """
@@ -269,6 +271,7 @@ def test_import_never_overwrites_vehicle_file_of_map(own_log, tmp_path, link):
     assert vehicle.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_another_import_is_replaced_only_when_asked(own_log, tmp_path):
     path = tmp_path / "d.h5"
     before = path.read_bytes()
@@ -283,6 +286,7 @@ def test_another_import_is_replaced_only_when_asked(own_log, tmp_path):
     assert path.read_bytes() != before
 
 
+@pytest.mark.slow
 def test_import_replaces_only_datasets(own_log, tmp_path):
     notes = tmp_path / "notes.txt"
     notes.write_text("mine")

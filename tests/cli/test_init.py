@@ -26,6 +26,7 @@ def quick(without_figures):
     """Draw no figures."""
 
 
+@pytest.mark.slow
 def test_folder_from_outline_runs_without_an_edit(tmp_path):
     made = auvid("init", "mine", *MINE, cwd=tmp_path)
     assert made.exit_code == 0, made.output
@@ -101,7 +102,7 @@ def test_a_folder_that_is_not_empty_stays_as_it_is(tmp_path):
             ("--like", "lauv", "--mass", "3"),
             (
                 "--like lauv: ",
-                "leave out --mass",
+                "--mass",
             ),
         ),
         (("--like", "lauv", "--speed", "fast"), ("--speed: expected a speed such as",)),
@@ -141,6 +142,7 @@ def test_missing_values_are_asked_for_on_a_terminal(tmp_path, monkeypatch):
     assert {path.name for path in (tmp_path / "mine").iterdir()} == FILES
 
 
+@pytest.mark.slow
 def test_a_dialogue_on_a_real_terminal_ends_with_a_folder(tmp_path):
     pty = pytest.importorskip("pty", reason="terminals of Unix")
     ours, theirs = pty.openpty()

@@ -4,6 +4,8 @@ import subprocess
 import sys
 import time
 
+import pytest
+
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.files import locked
 from auvid_cli.data.results import read_results
@@ -18,6 +20,7 @@ def start(folder, seed):
     return subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
 
+@pytest.mark.slow
 def test_second_of_two_runs_into_one_folder_is_refused(tmp_path):
     first = start(tmp_path, 1)
     while not (tmp_path / "out/.lock").exists():
@@ -62,6 +65,7 @@ with locked(Path(sys.argv[1])):
         pass
 
 
+@pytest.mark.slow
 def test_every_command_that_writes_results_waits_for_its_folder(tmp_path):
     path = tmp_path / "out/dataset.h5"
     assert auvid("simulate", "--set", "manoeuvre.duration=6 s", "-o", "out", cwd=tmp_path).exit_code == 0

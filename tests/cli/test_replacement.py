@@ -70,6 +70,7 @@ def here(made, tmp_path, monkeypatch, without_figures):
     return folder
 
 
+@pytest.mark.slow
 def test_every_written_file_is_listed_as_product(here):
     for folder in (HOME, Path("results/other")):
         assert {*files(folder)} == {dataset_in(folder), *products(folder)}
@@ -130,6 +131,7 @@ def test_results_without_their_dataset_are_not_replaced(here):
     assert_refused("simulate", *SHORT, words=("tables/",))
 
 
+@pytest.mark.slow
 def test_a_repetition_keeps_the_dataset_and_estimates_of_other_filters(here):
     before = state(HOME)
     done("simulate", *SHORT)
@@ -169,11 +171,13 @@ def test_a_simulation_that_fails_loses_nothing(here, monkeypatch):
     assert state() == before
 
 
+@pytest.mark.slow
 def test_identify_with_other_settings_removes_old_results(here):
     done("identify", dataset_in(HOME), "-f", "ukf", "--use", "1:5", "--overwrite")
     assert {*files(HOME)} == {dataset_in(HOME), HOME / "estimates/ukf.h5"}
 
 
+@pytest.mark.slow
 def test_settings_of_one_filter_may_differ(here):
     done("identify", dataset_in(HOME), "-f", "ukf", "--set", "identification.ukf.alpha=0.2")
     done("identify", dataset_in(HOME), "-f", "tukf")
@@ -211,6 +215,7 @@ def test_a_dry_run_refuses_nothing(here):
     assert state() == before
 
 
+@pytest.mark.slow
 def test_a_model_is_exported_again_from_the_same_data(here):
     done("export", HOME / "estimates/ckf.h5", "--to", "yaml")
     done("export", HOME / "estimates/tukf.h5", "--to", "yaml", "-o", "model.yaml")

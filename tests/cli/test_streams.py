@@ -25,6 +25,7 @@ def test_full_device_is_one_line(command):
     assert (result.returncode, result.stderr) == (2, COMPLAINT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("redirection", "code"),
     [

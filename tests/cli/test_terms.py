@@ -18,6 +18,7 @@ def run(monkeypatch):
     return lambda *arguments: CliRunner().invoke(app, ["terms", *map(str, arguments)])
 
 
+@pytest.mark.slow
 def test_found_term_is_written_for_identify(multisine_with, tmp_path, run):
     file = tmp_path / "dataset.h5"
     write_dataset(file, multisine_with(PLANTED))
@@ -35,10 +36,11 @@ def test_found_term_is_written_for_identify(multisine_with, tmp_path, run):
     assert {row["held_out_gain"] == "" for row in rows} == {True, False}
 
 
+@pytest.mark.slow
 def test_complete_model_gives_no_term_and_no_file(multisine_with, tmp_path, run):
     file = tmp_path / "dataset.h5"
     write_dataset(file, multisine_with())
     result = run(file)
     assert result.exit_code == 0, result.output
-    assert "Nothing is proposed" in result.output
+    assert "No term is proposed" in result.output
     assert not (tmp_path / "terms.yaml").exists()

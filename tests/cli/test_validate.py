@@ -42,6 +42,7 @@ def results(simulated_with, tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_good_model_passes_and_leaves_tables_and_figures(results, tmp_path):
     result = run(results / "estimates/ckf.h5", results / "circle.h5", "-o", tmp_path)
     assert result.exit_code == 0, result.output
@@ -59,6 +60,7 @@ def test_a_good_model_passes_and_leaves_tables_and_figures(results, tmp_path):
     assert float(numbers["radius"]["predicted"]) == pytest.approx(float(numbers["radius"]["measured"]), rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("without_figures")
 def test_a_changed_vehicle_fails_with_exit_code_1(results, simulated_with, tmp_path):
     mass = simulated_with("manoeuvre.duration=2 s").experiment.vehicle.known_parameters()["m"]
@@ -91,6 +93,7 @@ def test_missing_file_is_reported(results, tmp_path):
         assert "no.h5" in result.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("without_figures")
 def test_quiet_prints_nothing(results, tmp_path):
     result = run(results / "estimates/ckf.h5", results / "circle.h5", "-q", "-o", tmp_path)
@@ -115,6 +118,7 @@ def test_unused_part_of_own_dataset_is_accepted(results, tmp_path):
     assert "the same data" in seen.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("without_figures")
 def test_several_datasets_and_segments_are_judged_together(results, simulated_with, tmp_path):
     write_dataset(tmp_path / "other.h5", simulated_with(CIRCLE, WHITE, "seed=6"))

@@ -43,6 +43,7 @@ def trapped(tmp_path, tmp_path_factory):
     return run
 
 
+@pytest.mark.slow
 def test_run_executes_no_file_of_the_working_folder(trapped, tmp_path):
     assert trapped("run", SHORT, "--filter=ekf", "-o", "out") == ""
     assert (tmp_path / "out/report.html").is_file()
@@ -51,6 +52,7 @@ def test_run_executes_no_file_of_the_working_folder(trapped, tmp_path):
     assert trapped("report", "out") == ""
 
 
+@pytest.mark.slow
 def test_campaign_executes_no_file_of_the_working_folder(trapped, tmp_path):
     (tmp_path / "campaign.yaml").write_text(CAMPAIGN)
     assert trapped("campaign", "campaign.yaml", "-o", "out", "--workers=1") == ""
@@ -65,6 +67,7 @@ def matlab_7_3(path, columns):
         file.write(b"MATLAB 7.3 MAT-file")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("write", [savemat, matlab_7_3])
 def test_import_of_matlab_files_executes_no_file_of_the_working_folder(write, trapped, tmp_path):
     time = np.arange(0.0, 20.0, 0.1)

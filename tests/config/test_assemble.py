@@ -174,5 +174,5 @@ def test_yaml_file_as_override_has_its_own_positions(tmp_path):
 
 def test_override_of_recorded_data_raises(tmp_path):
     (tmp_path / "more.yaml").write_text("seed: 3\n")
-    with pytest.raises(ConfigError, match=r"more\.yaml: seed: would change nothing"):
+    with pytest.raises(ConfigError, match=r"more\.yaml: seed: has no effect"):
         read_dataset(tmp_path / "dataset.h5", str(tmp_path / "more.yaml"))

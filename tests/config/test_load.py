@@ -70,6 +70,7 @@ def test_linear_damping_of_lauv_is_included_at_trim_speed(experiment_text):
     assert -coefficients["X_u|u|"] * speed**2 == pytest.approx(vehicle.known_parameters()["X_prop"], rel=1e-4)
 
 
+@pytest.mark.slow
 @given(
     noise=st.just(0.0) | st.floats(1e-9, 1e6),
     bias=st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3),

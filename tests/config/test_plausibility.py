@@ -59,6 +59,6 @@ def test_warning_has_value_and_expected_value(warnings):
     assert warnings("parameters.X_udot=1.5")["X_udot"].startswith("X_udot is +1.5 kg; expected 0 or less")
 
 
-def test_an_inertia_that_no_body_has_is_refused_though_added_mass_hides_it(doubts):
+def test_an_inertia_that_no_body_has_is_refused_though_added_mass_hides_it(warnings):
     with pytest.raises(ConfigError, match="invalid inertia: the rigid-body"):
-        doubts("parameters.zG=1 m", "parameters.K_pdot=-1e4", "parameters.M_qdot=-1e4")
+        warnings("parameters.zG=1 m", "parameters.K_pdot=-1e4", "parameters.M_qdot=-1e4")

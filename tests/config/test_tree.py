@@ -122,6 +122,7 @@ def test_deeply_nested_aliases_are_refused():
     assert "nested too deeply" in only_mistake("\n".join(levels))
 
 
+@pytest.mark.slow
 def test_too_many_values_are_refused():
     assert "more than 10000 values" in only_mistake("\n".join(f"key{i}: 1" for i in range(90_000)))
 
@@ -154,6 +155,7 @@ SCALARS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False)
 DATA = st.recursive(SCALARS, lambda inner: st.lists(inner) | st.dictionaries(st.text("abcxyz|_", min_size=1), inner))
 
 
+@pytest.mark.slow
 @given(st.dictionaries(st.text("abc", min_size=1), DATA))
 def test_data_agrees_with_safe_loader(data):
     assert read(yaml.safe_dump(data)).data == yaml.safe_load(yaml.safe_dump(data))

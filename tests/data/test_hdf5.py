@@ -52,10 +52,12 @@ def at_once(monkeypatch):
     monkeypatch.setattr(hdf5, "scan_in_child", partial(hdf5.scan_in_child, seconds=0))
 
 
+@pytest.mark.slow
 def test_endless_file_is_refused(dataset, tmp_path, at_once):
     assert "does not end" in refused("dataset", endless(tmp_path / "dataset.h5", dataset))
 
 
+@pytest.mark.slow
 def test_scan_of_several_files_names_the_endless_one(dataset, written, tmp_path, at_once):
     sound = shutil.copy(written["dataset"], tmp_path / "sound.h5")
     bad = endless(tmp_path / "endless.h5", dataset)
@@ -72,6 +74,7 @@ def test_crash_of_the_scan_refuses_the_file(written, tmp_path, monkeypatch):
     assert "crash" in refused("dataset", shutil.copy(written["dataset"], tmp_path / "dataset.h5"))
 
 
+@pytest.mark.slow
 def test_interrupt_ends_wait_and_scan(dataset, tmp_path, monkeypatch):
     path, started = endless(tmp_path / "dataset.h5", dataset), []
     popen = subprocess.Popen
@@ -130,6 +133,7 @@ def test_own_file_is_scanned_only_after_a_change(dataset, tmp_path, monkeypatch)
 
 
 # Benchmarks do the same thousands of times.
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "files"), [("dataset", 40), ("estimate", 10)])
 def test_flipped_bytes_are_read_or_refused_in_one_line(kind, files, written, tmp_path, monkeypatch):
     content, rng, paths = written[kind].read_bytes(), random.Random(1), []

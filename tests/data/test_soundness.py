@@ -100,6 +100,7 @@ WRONG = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "change"), WRONG, ids=[f"{name}-{i}" for i, (name, _) in enumerate(WRONG)])
 def test_invalid_array_of_estimate_is_refused(name, change, estimate_with):
     refused(read_estimate, estimate_with(name, change))
@@ -219,6 +220,7 @@ FAULTS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "change"),
     [

@@ -21,6 +21,7 @@ def reached(remus):
     return problem, list(islice(search(problem.space, problem.search_set, 1), 2))
 
 
+@pytest.mark.slow
 def test_search_improves_and_repeats_with_seed(reached):
     problem, steps = reached
     assert [step.evaluations for step in steps] == [13, 25]
@@ -113,6 +114,7 @@ def test_criterion_worst_and_chosen_coefficients_set_measure(remus, requirement)
         assert named == pytest.approx(np.log(run.percent[rows]).mean())
 
 
+@pytest.mark.slow
 def test_best_standard_manoeuvre_is_recommended(remus, requirement):
     """A zigzag is twice as accurate as the spiral for these coefficients of a REMUS 100."""
     problem = make_problem(remus(), requirement(chosen=("Y_v|v|", "Y_r|r|", "K_p|p|"), duration=60.0))
@@ -123,6 +125,7 @@ def test_best_standard_manoeuvre_is_recommended(remus, requirement):
     assert not design.keeps_spiral
 
 
+@pytest.mark.slow
 def test_weak_coefficient_is_confounded_or_small(remus, requirement):
     """The factor equals the gain of a run in which all other coefficients are fixed."""
     problem = make_problem(remus(), requirement(chosen=("Y_r|r|",)))

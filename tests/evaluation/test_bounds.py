@@ -39,6 +39,7 @@ def with_identification(estimate, **changes):
     return replace(estimate, experiment=estimate.experiment.model_copy(update={"identification": settings}))
 
 
+@pytest.mark.slow
 def test_with_truth_the_bound_is_one_for_all_and_that_of_the_true_motion(short_run, short_estimates):
     prepared = prepare(short_run)
     bounds_of = BoundsOf(prepared)
@@ -53,6 +54,7 @@ def test_with_truth_the_bound_is_one_for_all_and_that_of_the_true_motion(short_r
     assert set(SYMBOLS) < set(bounds[FilterName.CKF])
 
 
+@pytest.mark.slow
 def test_without_truth_it_is_that_of_each_estimate_and_nearly_the_same(short_run, short_estimates):
     with_truth = BoundsOf(prepare(short_run))(short_estimates[FilterName.CKF]).of_data
     bounds_of = BoundsOf(prepare(short_run.without_truth()))
@@ -63,6 +65,7 @@ def test_without_truth_it_is_that_of_each_estimate_and_nearly_the_same(short_run
         assert np.abs(np.log(ratio)).max() < 0.2
 
 
+@pytest.mark.slow
 def test_without_truth_it_goes_along_the_measured_motion_where_a_free_one_would_leave_it():
     """Left to itself a vehicle that is unstable in open loop would be promised a fifth of one bound."""
     doublets = "manoeuvre=manoeuvres/doublets.yaml", "manoeuvre.speed=1.54 m/s", "manoeuvre.duration=60 s"
@@ -72,6 +75,7 @@ def test_without_truth_it_goes_along_the_measured_motion_where_a_free_one_would_
     assert_allclose([measured[symbol] for symbol in SYMBOLS], [bounds[symbol] for symbol in SYMBOLS], rtol=0.02)
 
 
+@pytest.mark.slow
 def test_without_process_noise_the_bound_with_it_is_that_of_the_free_motion(simulated_with):
     """From another algorithm: a smoother's posterior less its prior, against sensitivities of the free motion."""
     dataset = simulated_with(
@@ -97,6 +101,7 @@ def test_before_any_estimate_the_bound_with_process_noise_is_that_of_the_smoothe
     assert all(few[symbol] < bound[symbol] for symbol in few)
 
 
+@pytest.mark.slow
 def test_beside_a_current_that_is_sought_it_is_promised_what_an_estimate_then_has(simulated_with):
     """Without the current what that does looks like slip, which would tell of coefficients that nothing moves."""
     dataset = simulated_with(
@@ -190,6 +195,7 @@ def of_unstable_run(unstable_run):
     return assess_dataset(unstable_run)
 
 
+@pytest.mark.slow
 def test_a_motion_too_unstable_for_sensitivities_is_judged_as_long_as_they_hold(unstable_run, of_unstable_run):
     """More data cannot say less; after 300 s this vehicle's seem to say nothing at all."""
     identifiability = of_unstable_run
@@ -202,6 +208,7 @@ def test_a_motion_too_unstable_for_sensitivities_is_judged_as_long_as_they_hold(
     assert "unstable in open loop" in bounds.remark
 
 
+@pytest.mark.slow
 def test_in_segments_that_are_short_enough_it_is_judged_to_the_end(unstable_run, of_unstable_run, with_settings):
     whole, short = of_unstable_run, "identification.use.spans=[[0, 100], [100.5, 200], [200.5, 300]]"
     cut = assess_dataset(with_settings(unstable_run, short))
@@ -213,6 +220,7 @@ def test_in_segments_that_are_short_enough_it_is_judged_to_the_end(unstable_run,
     assert 100.0 < lost.growth[-1][0] < 298.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "failing", "noted"), [(1.0, False, False), (0.5, True, False), (4.0, False, True)])
 def test_standard_deviations_are_checked_against_the_least_that_are_possible(short_run, ckf, share, failing, noted):
     places = [ckf.state.index(symbol) for symbol in SYMBOLS]

@@ -95,6 +95,7 @@ def test_a_fault_that_explains_most_of_what_lasts_stands_before_it(size, first, 
     assert lasts.gain == pytest.approx(plain[0].gain - explained)
 
 
+@pytest.mark.slow
 def test_errors_of_a_gyroscope_that_last_are_named_and_nobody_says_to_lower_the_process_noise(simulated_with, rng):
     dataset = simulated_with("manoeuvre.duration=60 s", "sensors.attitude.source=direct")
     gyroscope = dataset.sensors["gyroscope"]

@@ -66,6 +66,7 @@ def test_divergence_is_the_status_whatever_the_innovations(hand_made, innovation
     assert status_of(hand_made([0, 1], {"Y_url": [0, 1]}, status, bad)) == status
 
 
+@pytest.mark.slow
 def test_the_wrong_vehicle_is_called_inconsistent(simulated_with, filter_name, with_settings):
     """Roll inertia and righting moment far from what they are: no coefficient makes up for that."""
     run = simulated_with("manoeuvre.duration=8 s")

@@ -58,6 +58,7 @@ def verdicts(dataset, filter_name=FilterName.TUKF, reference=None):
     return checks, {(check.subject, check.check) for check in Checks(checks).failed()}
 
 
+@pytest.mark.slow
 def test_sound_data_pass_everything(long_enough, filter_name, smoothed):
     checks, fails = verdicts(long_enough, filter_name, smoothed)
     assert fails == set()
@@ -105,6 +106,7 @@ def test_time_between_two_segments_is_no_gap(long_enough, with_settings):
     assert any(check.check == "near the bound" for check in checks)
 
 
+@pytest.mark.slow
 def test_a_gap_is_worth_knowing_but_no_failure(long_enough):
     holed = with_values(long_enough, "dvl", silent)
     checks, fails = verdicts(holed, reference=identify(holed, FilterName.SMOOTHER))
@@ -130,6 +132,7 @@ def test_a_gate_that_shuts_the_sensor_out_fails(long_enough, with_settings):
     assert {subject for subject, check in fails if check == "gate"} == {"gyroscope", "dvl", "attitude"}
 
 
+@pytest.mark.slow
 def test_a_rudder_counted_the_other_way_is_found_by_its_signs(long_enough):
     values = long_enough.inputs.values * [-1.0, 1.0, 1.0, 1.0]
     turned = replace(long_enough, inputs=replace(long_enough.inputs, values=values), truth=None)
@@ -139,6 +142,7 @@ def test_a_rudder_counted_the_other_way_is_found_by_its_signs(long_enough):
     assert signs.statistic == "Y_uudr, N_uudr"
 
 
+@pytest.mark.slow
 def test_half_the_mass_contradicts_the_data(long_enough, with_settings):
     mass = long_enough.experiment.vehicle.known_parameters()["m"]
     light = with_settings(long_enough, f"vehicle.parameters.m={0.5 * mass}")

@@ -144,6 +144,7 @@ def test_evaluation_holds_a_row_for_each_filter_and_coefficient(short_run, short
         assert row.status == "completed"
 
 
+@pytest.mark.slow
 def test_evaluation_without_truth_has_velocity_errors_only(short_run, short_estimates):
     dataset, estimates = short_run.without_truth(), list(short_estimates.values())
     evaluation = evaluate(prepare(dataset), estimates, BoundsOf(prepare(dataset)))

@@ -131,6 +131,7 @@ LATERAL = (
 )
 
 
+@pytest.mark.slow
 def test_a_lateral_run_is_named_with_the_coefficients_to_hold(simulated_with, with_settings):
     dataset = simulated_with(*LATERAL).without_truth()
     found = assess_dataset(dataset)

@@ -60,6 +60,7 @@ def tame(model_with):
     return model_with(held=("X_u|u|",))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("write", [python_text, holoocean_text, simulator_text])
 @hostile
 def test_python_module_differs_only_in_comments(text, write, tame):
@@ -80,6 +81,7 @@ def test_matlab_function_differs_only_in_comments(text, write, tame):
     assert code == as_it_was
 
 
+@pytest.mark.slow
 @hostile
 def test_vehicle_file_keeps_the_text(text, tame):
     held = yaml.safe_load(yaml_text(named(tame, text), unsupported_features(tame), "m"))
@@ -97,6 +99,7 @@ def test_gazebo_model_has_the_same_elements(text, tame):
     assert written.isascii() or written.replace("\n", "").isprintable()
 
 
+@pytest.mark.slow
 @hostile
 def test_json_keeps_the_text(text, tame):
     model = named(tame, text)

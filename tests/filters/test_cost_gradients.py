@@ -104,6 +104,7 @@ def minus_twice_log_posterior(parameters, measured, cut, scale):
     return total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cut", [(), (130, 300)], ids=["one segment", "three segments"])
 def test_motion_dependent_damping_matches_exact_likelihood(cut, rng):
     measured = simulated(rng)

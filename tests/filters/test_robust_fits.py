@@ -62,6 +62,7 @@ def weighed_by_hand(problem, run):
     return history, weights
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("linear_problem", [1], indirect=True)
 @pytest.mark.parametrize("fit", FITS.values(), ids=FITS)
 def test_a_robust_fit_is_where_reweighting_ends(fit, with_outliers, run_whole, monkeypatch):

@@ -109,6 +109,7 @@ def nonlinear_cost(nonlinear_problem):
     return residuals
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
 def test_nonlinear_sensors_are_smoothed_to_the_least_cost(nonlinear_problem, nonlinear_cost, run_whole):
     history = run_whole(smooth_one, nonlinear_problem)

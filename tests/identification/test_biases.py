@@ -47,6 +47,7 @@ def test_without_blocks_the_biases_are_noticed(biased):
     assert sensor_error_results(estimate) == []
 
 
+@pytest.mark.slow
 def test_constant_biases_are_found_and_the_heading_offset_is_not(biased, with_settings, filter_name):
     dataset = with_settings(biased, ALL)
     estimate = identify(dataset, filter_name)
@@ -75,6 +76,7 @@ def test_blocks_bring_the_coefficients_back(biased, with_settings):
     assert errors[1] < 0.5 * errors[0]
 
 
+@pytest.mark.slow
 def test_scale_and_mounting_of_the_dvl_are_found(mounted_badly, with_settings, filter_name):
     # Narrow priors: with wide ones the first seconds, where the millimetre-sharp DVL and unknown coefficients meet,
     # lead some filters astray, which their status then says.
@@ -89,6 +91,7 @@ def test_scale_and_mounting_of_the_dvl_are_found(mounted_badly, with_settings, f
     assert abs(scale.estimate - SCALE) < 4.0 * scale.standard_deviation
 
 
+@pytest.mark.slow
 def test_a_bias_that_walks_is_followed(simulated_with, with_settings, kalman_filter):
     drifting = simulated_with(*BIASED, "sensors.gyroscope.drift=5e-4 rad/s/s^0.5")
     constant = identify(with_settings(drifting, ALL), kalman_filter)
@@ -132,6 +135,7 @@ def off_centre(simulated_with):
     return simulated_with("manoeuvre.duration=60 s", direct, trim, f"sensors.dvl.arm={ARM.tolist()}")
 
 
+@pytest.mark.slow
 def test_fin_trims_and_the_arm_of_a_dvl_are_found(off_centre, with_settings, filter_name):
     settings = (
         "identification.estimate={biases: [dvl_arm, fin_trim], dvl_arm: {axes: [x, y, z]}}",
@@ -150,6 +154,7 @@ def test_fin_trims_and_the_arm_of_a_dvl_are_found(off_centre, with_settings, fil
     assert estimate.final_actuators() == (1.0, *trims)
 
 
+@pytest.mark.slow
 def test_an_arm_may_walk(off_centre, with_settings):
     settings = "identification.estimate={biases: [dvl_arm, fin_trim], dvl_arm: {axes: [x, y, z], walk: 1 mm/s^0.5}}"
     found = by_state(identify(with_settings(off_centre, settings), FilterName.SMOOTHER))
@@ -190,6 +195,7 @@ def assert_ballast_is_found(estimate, truth):
         assert abs(row.estimate - row.true) < 4.0 * row.standard_deviation, row.coefficient
 
 
+@pytest.mark.slow
 def test_ballast_and_coefficients_are_estimated_together(ballasted, with_settings, filter_name):
     seeing = with_settings(ballasted, "identification.estimate.biases=[ballast]", "identification.prior.factor=0.3")
     assert_ballast_is_found(identify(seeing, filter_name), ballasted.truth)

@@ -51,6 +51,7 @@ def off(estimate, truth):
     return {symbol: abs(found[symbol] - true) / deviations[symbol] for symbol, true in truth.coefficients.items()}
 
 
+@pytest.mark.slow
 def test_delays_are_found_to_ten_milliseconds_and_coefficients_with_them(late, prepared):
     assert_allclose(prepared.delays.value, [-LATE, STAMPED], atol=0.01)
     assert (np.abs(prepared.delays.value - [-LATE, STAMPED]) < 3.0 * prepared.delays.deviation).all()
@@ -90,6 +91,7 @@ def test_unknown_delay_widens_covariance(late, prepared, with_settings):
     assert max(sought[symbol] / known[symbol] for symbol in known) > 1.1
 
 
+@pytest.mark.slow
 def test_delays_of_raw_sensors_are_found_to_ten_milliseconds(simulated_with):
     """Delays of an accelerometer off the origin and of a three-axis magnetometer, without an AHRS."""
     late = {"accelerometer": 0.04, "magnetic_field": -0.03}

@@ -235,6 +235,7 @@ def pushed(simulated_with):
     return simulated_with(*SHORT, f"manoeuvre.disturbance={PUSHED}", ASKED, few)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in FilterName if not name.is_free_run_fit])
 def test_estimators_follow_the_force_and_are_consistent_with_it(name, pushed):
     estimate = identify(pushed, name)

@@ -30,6 +30,7 @@ def written(tmp_path):
     return write
 
 
+@pytest.mark.slow
 def test_earlier_coefficients_and_covariance_are_the_prior(short_run, short_estimates, written):
     path = written(short_run)
     earlier = short_estimates[FilterName.CKF]

@@ -381,6 +381,7 @@ def results_of(dataset):
     return {str(fault.fault): fault for fault in estimate.faults}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "name", "size"),
     [
@@ -414,6 +415,7 @@ def turned(data, size):
     return replace(data, inputs=replace(data.inputs, values=data.inputs.values + np.array([size, 0.0, 0.0, 0.0])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "name", "obey"),
     [
@@ -450,6 +452,7 @@ def changing(data):
     return replace(data, inputs=replace(data.inputs, values=values))
 
 
+@pytest.mark.slow
 def test_segments_of_one_model_agree_and_others_do_not(clean, with_settings):
     halves = with_settings(clean, "identification.use.spans=[[0, 30], [30, 60]]")
     for dataset, disagree in (halves, False), (changing(halves), True):
@@ -499,6 +502,7 @@ def test_drifts_are_tested_of_what_is_estimated_as_a_constant(short_run, with_se
     assert not {name for name in (*walking, *names_with(short_run)) if name.startswith("drift")}
 
 
+@pytest.mark.slow
 def test_a_trim_that_drifts_by_less_than_a_tenth_of_a_degree_is_named(multisine_with):
     """The rudder's zero moves by .08 deg in 40 s, of which nothing is known but the constant."""
     dataset, rate = multisine_with("identification.estimate={biases: [fin_trim], fin_trim: {fins: [rudder]}}"), 2e-3
@@ -549,6 +553,7 @@ def of_slipping_thrust(dataset, per_second):
     return replace(dataset.without_truth(), inputs=replace(dataset.inputs, values=values))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bias", "name", "changed", "rate"),
     [
@@ -592,6 +597,7 @@ def test_large_fin_moves_are_not_anticipation(along):
     assert pushed[one & ~large[given]].any()
 
 
+@pytest.mark.slow
 def test_an_autopilot_that_steers_by_more_than_is_logged_is_named(simulated_with):
     """Depth and heading are held under disturbances; the log has neither gyroscope nor the true pitch."""
     pushes = "{moment: {standard_deviation: [0.005 N*m, 0.1 N*m, 0.1 N*m], time_constant: 3 s}}"

@@ -84,10 +84,12 @@ def test_estimates_start_at_zero_with_the_prior(short_estimates, kalman_filter):
     assert first.state == (*SYMBOLS, *MOTION_SYMBOLS)
 
 
+@pytest.mark.slow
 def test_truth_of_the_dataset_is_not_used(short_run, short_estimates, filter_name):
     assert_same(identify(short_run.without_truth(), filter_name), short_estimates[filter_name])
 
 
+@pytest.mark.slow
 def test_coefficients_of_the_settings_are_not_used(short_run, short_estimates, filter_name, with_settings):
     scrambled = with_settings(short_run, *(f"vehicle.coefficients.{symbol}=123" for symbol in SYMBOLS))
     assert scrambled.experiment.vehicle.all_coefficients()["Y_url"] == 123.0
@@ -134,6 +136,7 @@ FACTORS = {FilterName.SMOOTHER: (1, 100), FilterName.OUTPUT_ERROR: (1,)}
 WIDE = [(name, factor) for name in FilterName for factor in FACTORS.get(name, (1, 30, 300))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "factor"), WIDE)
 def test_wide_priors_give_a_sound_estimate_or_a_reason(long_run, name, factor, with_settings):
     estimate = identify(with_settings(long_run, f"identification.prior.factor={factor}"), name)
@@ -159,6 +162,7 @@ def test_the_exact_transition_of_the_ekf_is_at_least_as_good(short_run, short_es
     assert np.median(relative_errors(exact, short_run.truth)) < 0.05
 
 
+@pytest.mark.slow
 def test_lost_samples_do_no_harm(short_run, filter_name, rng):
     holed = short_run
     for name in ("dvl", "gyroscope", "attitude"):
@@ -171,6 +175,7 @@ def test_lost_samples_do_no_harm(short_run, filter_name, rng):
     assert np.median(relative_errors(estimate, short_run.truth)) < 0.05
 
 
+@pytest.mark.slow
 def test_gap_of_ten_seconds_does_no_harm(short_run, filter_name):
     silent = short_run
     for name in ("dvl", "gyroscope", "attitude"):
@@ -193,6 +198,7 @@ def test_absent_samples_equal_nan_samples(short_run):
     assert_same(identify(blanked, FilterName.TUKF), identify(absent, FilterName.TUKF))
 
 
+@pytest.mark.slow
 def test_without_a_gyroscope_the_rates_follow_from_the_attitude(short_run, filter_name):
     sensors = {name: record for name, record in short_run.sensors.items() if name != "gyroscope"}
     estimate = identify(replace(short_run, sensors=sensors), filter_name)
@@ -203,6 +209,7 @@ def test_without_a_gyroscope_the_rates_follow_from_the_attitude(short_run, filte
     assert np.sqrt(np.mean((rate - true_rate) ** 2)) < 0.1 * true_rate.std()
 
 
+@pytest.mark.slow
 def test_heading_that_wraps_does_no_harm(simulated_with, filter_name):
     dataset = simulated_with("manoeuvre.duration=80 s")
     heading = dataset.sensors["attitude"].values[:, 2]
@@ -316,6 +323,7 @@ def test_a_gate_for_output_error_is_refused(short_run, with_settings):
         identify(with_settings(short_run, "identification.gate=6"), FilterName.OUTPUT_ERROR)
 
 
+@pytest.mark.slow
 def test_outliers_are_gated_and_counted(short_run, short_estimates, with_settings, kalman_filter):
     dvl = short_run.sensors["dvl"]
     values = dvl.values.copy()

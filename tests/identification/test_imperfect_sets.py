@@ -28,6 +28,7 @@ def with_depth(simulated_with):
     return simulated_with("manoeuvre.duration=60 s", DIRECT, DEPTH)
 
 
+@pytest.mark.slow
 def test_depth_is_a_state_where_it_is_measured(with_depth, filter_name):
     estimate = identify(with_depth, filter_name)
     assert status_of(estimate) == "completed"
@@ -51,6 +52,7 @@ def drifting(simulated_with):
     return simulated_with("manoeuvre.duration=60 s", DIRECT, *CURRENT)
 
 
+@pytest.mark.slow
 def test_estimated_current_does_not_bias_drag(drifting, with_settings):
     """By the EKF from a narrow prior only: an unsure current makes for unsure speeds, and the model is nonlinear."""
     factor, name = 0.3, FilterName.EKF
@@ -66,6 +68,7 @@ def test_estimated_current_does_not_bias_drag(drifting, with_settings):
     assert average_error(drifting, seeing) < 0.3 * average_error(drifting, blind)
 
 
+@pytest.mark.slow
 def test_ignored_current_makes_the_filter_inconsistent(drifting, with_settings, kalman_filter):
     estimate = identify(with_settings(drifting, "identification.estimate.biases=[current]"), kalman_filter)
     error = average_error(drifting, estimate)
@@ -94,6 +97,7 @@ def test_without_a_gyroscope_and_without_roll_coefficients_are_found(with_depth,
         assert abs(row.estimate - row.true) < 4.0 * row.standard_deviation, symbol
 
 
+@pytest.mark.slow
 def test_the_gain_of_a_propeller_is_found(with_depth, with_settings, kalman_filter):
     """The mass is known, so the coast and the steps of the thrust tell force from drag."""
     inputs = with_depth.inputs

@@ -110,6 +110,7 @@ def tuned_disturbance(simulated_with):
     return tune_noise(prepare(run), with_time_constants=True)
 
 
+@pytest.mark.slow
 def test_disturbance_is_sized(tuned_disturbance):
     noises = {noise.setting.partition("disturbance.")[2]: noise for noise in tuned_disturbance.noises}
     sizes = ("force.standard_deviation", 5.0), ("moment.standard_deviation.1", 2.0)
@@ -145,6 +146,7 @@ def test_tuned_file_states_its_biases(tuned_disturbance, experiment_with):
     assert read == tuned_disturbance.experiment.identification.estimate
 
 
+@pytest.mark.slow
 def test_disturbance_is_chosen_in_disturbed_data(simulated_with):
     """Nothing is stated of it; each axis is sized, and what pushes none is not."""
     pushes = (
@@ -166,6 +168,7 @@ def test_disturbance_is_chosen_in_disturbed_data(simulated_with):
     assert noises["moment.standard_deviation.0"].low == 0.0
 
 
+@pytest.mark.slow
 def test_no_disturbance_is_chosen_in_undisturbed_data(overstated):
     chosen = choose_disturbance(prepare(overstated))
     assert not chosen.choice.is_kept
@@ -174,6 +177,7 @@ def test_no_disturbance_is_chosen_in_undisturbed_data(overstated):
     assert yaml.safe_load(chosen.settings())["identification"]["estimate"] == {"biases": []}
 
 
+@pytest.mark.slow
 def test_time_constant_of_near_white_noise_is_uncertain(simulated_with):
     """A force drawn independently at each input."""
     pushes = "manoeuvre.disturbance.force={standard_deviation: 100 N, time_constant: 1e-9 s}"

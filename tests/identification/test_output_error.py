@@ -54,6 +54,7 @@ def test_without_noise_it_finds_the_true_coefficients(simulated_with):
     assert_allclose(values_of(estimate.final_coefficients()), values_of(dataset.truth.coefficients), rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_output_error_scatter_attains_the_bound(simulated_with):
     """Normalised errors of 22 coefficients, by the bound at the truth and by what the fit says itself."""
     by_bound, by_itself = [], []
@@ -90,6 +91,7 @@ def test_coefficients_and_their_uncertainty_are_the_same_at_all_times(short_esti
     assert_allclose(np.sqrt(np.diag(estimate.covariance)), estimate.standard_deviation[-1], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_output_error_needs_no_filter_start(short_run, short_estimates, monkeypatch):
     def hopeless(*arguments):
         return vehicle_process(*arguments)._replace(noise_density=np.full(9, np.inf))
@@ -142,6 +144,7 @@ def test_without_an_attitude_sensor_the_heading_is_infinitely_uncertain(white_ru
     assert np.abs(error / estimate.standard_deviation[-1, :N]).max() < 5.0
 
 
+@pytest.mark.slow
 def test_the_prior_counts_only_if_it_is_asked_for(white_run, with_settings):
     def fit(*overrides):
         settings = ("identification.prior.standard_deviation={'M_w|w|': 0.01}", *overrides)

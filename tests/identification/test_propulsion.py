@@ -40,6 +40,7 @@ def test_propulsion_inputs_are_simulated_and_recorded(run):
     assert run.truth.motion[-1, 0] > 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in FilterName if name != FilterName.UKF])
 def test_propulsion_terms_are_estimated_from_natural_priors(run, name):
     estimate = identify(run, name)

@@ -45,6 +45,7 @@ def estimates(request, clean, with_outliers, with_settings):
     return [identify(data, request.param) for data in (clean, *robust)]
 
 
+@pytest.mark.slow
 def test_outliers_move_no_coefficient_by_a_standard_deviation(estimates):
     plain, _, wild = estimates
     deviation = plain.standard_deviation[-1, :N]

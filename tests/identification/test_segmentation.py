@@ -32,6 +32,7 @@ def test_each_segment_has_its_own_measurements_and_no_others(short_run, with_set
     assert used.sensors["dvl"].time.size == sum(part.sensors["dvl"].time.size for part in parts)
 
 
+@pytest.mark.slow
 def test_two_segments_equal_two_runs_in_sequence(short_run, with_settings, kalman_filter):
     """The coefficients of the first run are the prior of the second, as with another dataset."""
     both = identify(with_settings(short_run, TWO), kalman_filter)
@@ -91,6 +92,7 @@ def test_slow_segments_are_left_out_but_a_spike_is_not_slow(short_run, with_sett
     assert 40.0 <= second[0] < 40.3
 
 
+@pytest.mark.slow
 def test_joint_fit_of_segments_agrees_with_a_filter(short_run, with_settings):
     dataset = with_settings(short_run, TWO)
     fit, tukf = (identify(dataset, name) for name in (FilterName.OUTPUT_ERROR, FilterName.TUKF))
@@ -114,6 +116,7 @@ def test_covariance_of_segments_is_that_of_the_last_motion(short_run, with_setti
     assert_allclose(np.sqrt(np.diag(fit.covariance)), fit.standard_deviation[-1], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_fit_of_several_segments_that_blows_up_in_one_says_when(short_run, with_settings):
     """Inputs that nothing can follow, from a time within the second segment."""
     values = short_run.inputs.values.copy()

@@ -27,6 +27,7 @@ def normalised_errors(dataset, estimate):
     return (mean - [dataset.truth.coefficients[symbol] for symbol in SYMBOLS]) / deviation
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 2])
 def test_smoother_converges_from_wide_priors(seed, simulated_with):
     dataset = simulated_with(*ZIGZAG, f"seed={seed}")
@@ -50,6 +51,7 @@ def test_smoother_agrees_with_a_consistent_filter(short_run, short_estimates):
     assert np.all(smoothed.standard_deviation[late, motion] <= filtered.standard_deviation[late, motion] * 1.05)
 
 
+@pytest.mark.slow
 def test_without_process_noise_it_is_the_output_error_fit(simulated_with):
     dataset = simulated_with(
         "manoeuvre.duration=30 s",
@@ -64,6 +66,7 @@ def test_without_process_noise_it_is_the_output_error_fit(simulated_with):
     assert np.abs(np.log(deviation / of_other)).max() < 0.02
 
 
+@pytest.mark.slow
 def test_annealed_process_noise_leads_to_convergence(simulated_with):
     """From a slow start, with few measurements, no filter finishes and no other start leads to a minimum."""
     dataset = simulated_with(
@@ -118,6 +121,7 @@ def test_the_motion_is_integrated_out_where_noise_drives_it(overrides, marginal,
     assert experiment_with(*overrides).identification.is_marginal is marginal
 
 
+@pytest.mark.slow
 def test_marginal_smoother_agrees_with_a_filter(simulated_with, with_settings):
     """The filter does not know the motion either."""
     slow = "sensors.attitude={source: direct, rate: 10 Hz}", "sensors.gyroscope.rate=10 Hz"

@@ -29,6 +29,7 @@ def findings(planted):
     return search_terms(prepare(planted), max_terms=2)
 
 
+@pytest.mark.slow
 def test_missing_term_is_found_and_sized(findings):
     (first,) = findings.found
     assert first.term == "N_|v|r"
@@ -59,6 +60,7 @@ def test_search_ends_without_further_terms(findings):
     assert "N_|v|r" not in {term.term for term in second}
 
 
+@pytest.mark.slow
 def test_complete_model_has_no_missing_term(multisine_with):
     findings = search_terms(prepare(multisine_with()), max_terms=1)
     assert findings.found == ()

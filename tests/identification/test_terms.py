@@ -61,6 +61,7 @@ def test_own_terms_are_estimated_within_their_deviations(name, clean, found):
         assert abs(value - judged) < 3.0 * deviation
 
 
+@pytest.mark.slow
 def test_missing_own_term_is_named(clean, found):
     assert judge_one(found, found).grade is Grade.SOUND
     for symbol, true in TRUE.items():
@@ -76,6 +77,7 @@ def test_missing_own_term_is_named(clean, found):
     assert "vehicle.terms" in judgement.remedy
 
 
+@pytest.mark.slow
 def test_missing_roll_damping_biases_rolling_drag():
     """LRAUV with the terms that its source has beyond the 22."""
     settings = (

@@ -48,6 +48,7 @@ def joined(chunks):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @given(inputs_at=clock, dvl=clock, gyroscope=clock, step=st.floats(0.01, 1.0))
 def test_pieces_fill_the_gaps_between_events_with_the_input_that_holds(
     inputs_at, dvl, gyroscope, step, experiment_with

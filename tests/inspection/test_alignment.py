@@ -31,6 +31,7 @@ def verdicts(dataset):
     return {(check.subject, check.check): check for check in checks}, {(c.subject, c.check) for c in checks.failed()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [1.0, -1.0, 2.5])
 def test_delayed_inputs_fail_with_their_delay(seconds, dataset):
     checks, fails = verdicts(late(dataset, seconds))
@@ -40,6 +41,7 @@ def test_delayed_inputs_fail_with_their_delay(seconds, dataset):
     assert ("ahead" in checks[DELAY].statistic) == (seconds < 0.0)
 
 
+@pytest.mark.slow
 def test_short_input_delay_fails_if_fins_change_within_it(dataset):
     checks, fails = verdicts(late(dataset, 0.4))
     assert fails == {DELAY}
@@ -51,6 +53,7 @@ def test_short_input_delay_fails_if_fins_change_within_it(dataset):
     assert "vehicle.actuators.fins.time_constant" in checks[DELAY].advice
 
 
+@pytest.mark.slow
 def test_input_delay_is_found_between_samples(dataset):
     found = [float(verdicts(late(dataset, s))[0][DELAY].statistic.split(" s")[0].split()[-1]) for s in (0.0, 0.1, 0.35)]
     assert found == pytest.approx([0.0, 0.1, 0.35], abs=0.03)
@@ -63,6 +66,7 @@ def test_wrong_sign_is_found_with_delayed_inputs(dataset):
     assert fails == {DELAY, ("rudder", "response of r")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [0.0, 1.0])
 def test_exchanged_fins_fail(seconds, dataset):
     checks, fails = verdicts(late(with_columns(dataset, [1, 0, 2, 3]), seconds))
@@ -97,6 +101,7 @@ def test_first_order_turn_shows_its_delay(constant, lag, rng):
     assert input_alignment(signals, None, constant).delay == pytest.approx(lag, abs=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("without", [(), ("gyroscope",)], ids=["gyroscope", "attitude alone"])
 def test_input_delay_of_0_1_s_fails_and_none_passes(without, dataset):
     dataset = replace(dataset, sensors={name: r for name, r in dataset.sensors.items() if name not in without})
@@ -106,6 +111,7 @@ def test_input_delay_of_0_1_s_fails_and_none_passes(without, dataset):
     assert verdicts(late(dataset, 0.12))[1] == {DELAY}
 
 
+@pytest.mark.slow
 def test_wrong_coefficients_are_no_input_delay(sound_run, rng):
     dataset = sound_run()
     vehicle = dataset.experiment.vehicle

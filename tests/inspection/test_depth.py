@@ -64,6 +64,7 @@ def test_heave_positive_upwards_fails(dive, changed):
     assert fails_of(changed(dive, "dvl", turn)) == {("dvl", "w against depth")}
 
 
+@pytest.mark.slow
 def test_pitch_offset_fails_with_its_size(dive, changed):
     def lift(time, values):
         values[:, 1] -= np.deg2rad(12.0)
@@ -100,6 +101,7 @@ def test_constant_pitch_is_no_offset(dive, changed):
     assert fails_of(changed(dive, "attitude", hold)) == {("depth", "depth against pitch and u")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("column", "symbol"), [(1, "v"), (2, "w")])
 def test_wrong_sign_fails_by_slip_in_turns(column, symbol, dive, changed):
     def turn(time, values):

@@ -33,6 +33,7 @@ def test_excursion_from_gyroscope_fails(sensor, column, symbol, sound_run, chang
     assert "t = 50." in fails[sensor, f"excursions of {symbol} from integrated r"]
 
 
+@pytest.mark.slow
 def test_excursion_from_other_heading_fails_without_gyroscope(sound_run, changed):
     dataset = sound_run()
     sensors = {name: record for name, record in dataset.sensors.items() if name != "gyroscope"}

@@ -24,6 +24,7 @@ def with_fins(dataset, factor):
     return replace(dataset, inputs=replace(dataset.inputs, values=dataset.inputs.values * [factor, factor, 1.0, 1.0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, -0.5, 2.0])
 def test_wrong_fin_scale_fails_against_vehicle_file(factor, sound_run):
     dataset = sound_run()
@@ -36,6 +37,7 @@ def test_wrong_fin_scale_fails_against_vehicle_file(factor, sound_run):
         assert "`scale`" in changed[key].advice
 
 
+@pytest.mark.slow
 def test_doubled_coefficients_halve_the_strength(sound_run):
     dataset = sound_run()
     values = dataset.experiment.vehicle.all_coefficients()
@@ -46,6 +48,7 @@ def test_doubled_coefficients_halve_the_strength(sound_run):
     assert size(verdicts(told)[RUDDER]) == pytest.approx(0.5 * size(verdicts(dataset)[RUDDER]), rel=0.02)
 
 
+@pytest.mark.slow
 def test_strength_needs_moving_fin_and_coefficients(sound_run):
     dataset = sound_run()
     empty = dataset.experiment.vehicle.model_copy(

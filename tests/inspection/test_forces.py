@@ -30,6 +30,7 @@ def test_simulated_forces_pass(judged):
     assert {verdict.passed for verdict in verdicts.values()} == {True}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("symbol", "factor", "passed"),
     [
@@ -46,6 +47,7 @@ def test_input_in_wrong_unit_is_noted_or_fails(judged, symbol, factor, passed):
     assert "unit" in verdict.advice
 
 
+@pytest.mark.slow
 def test_excessive_roll_moment_is_noted(sound_run):
     run = sound_run()
     for size, passed in ((1.0, True), (1e3, None), (1e5, False)):

@@ -56,6 +56,7 @@ def test_import_remarks_are_repeated(sound_run):
     assert verdict.advice == f"At import: {remark}."
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("source", ["ahrs", "direct"])
 @pytest.mark.parametrize("manoeuvre", ["spiral", "zigzag_20_20"])
@@ -68,6 +69,7 @@ def test_nothing_fails_on_sound_data(manoeuvre, source, seed, sound_run):
     assert passed >= {"pitch offset", "delay", "rudder and elevator", "lever arm"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["remus100", "lauv", "lrauv", "dive"])
 def test_nothing_fails_on_other_vehicles(name):
     _, fails = verdicts(simulate(load_experiment(find_experiment(name), ("seed=4",))))
@@ -90,6 +92,7 @@ TURNED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["ahrs", "direct"])
 @pytest.mark.parametrize("symbol", TURNED)
 def test_wrong_sign_fails_one_check(symbol, source, sound_run, changed):
@@ -131,6 +134,7 @@ def test_single_spike_fails_with_its_time(sound_run, changed):
     assert mark.start == pytest.approx(100.0, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", ["gyroscope", "accelerometer", "magnetometer", "attitude"])
 def test_spike_of_any_sensor_fails(sensor, sound_run, changed):
     def spike(time, values):
@@ -151,6 +155,7 @@ def test_heading_excursions_fail_with_times(source, sound_run, changed):
     assert statistic.startswith("75 times away by 13 deg and back after 1 s: t = 2.99, 6.99, 10.99")
 
 
+@pytest.mark.slow
 def test_clock_jump_differs_from_gap(sound_run, changed):
     def leap(time, values):
         time[time > 150.0] += 2.0
@@ -172,6 +177,7 @@ def test_clock_jump_differs_from_gap(sound_run, changed):
         assert {mark.kind for mark in inspection.marks} == {"gap"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", ["gyroscope", "dvl", "attitude", "magnetometer"])
 def test_three_stuck_seconds_fail(sensor, sound_run, changed):
     def stick(time, values):

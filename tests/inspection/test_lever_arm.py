@@ -42,6 +42,7 @@ def test_lever_arm_is_noted_with_its_size(metres, dataset):
     assert "position" in check.advice
 
 
+@pytest.mark.slow
 def test_stated_accelerometer_position_explains_lever_arm(dataset):
     accelerometer = replace(dataset.sensors["accelerometer"], position=(-0.5, 0.0, 0.0))
     stated = replace(dataset, sensors=dataset.sensors | {"accelerometer": accelerometer})

@@ -11,6 +11,7 @@ def judged(simulated_with, *overrides):
     return {(check.subject, check.check): check for check in checks}, checks.failed()
 
 
+@pytest.mark.slow
 def test_outliers_fail_as_spikes(simulated_with):
     settings = ("sensors.dvl.outlier_probability=0.01", "sensors.dvl.outlier_size=1 m/s")
     checks, fails = judged(simulated_with, *settings)
@@ -19,6 +20,7 @@ def test_outliers_fail_as_spikes(simulated_with):
     assert 10 <= int(checks["dvl", "spikes"].statistic.split(";")[0]) <= 32
 
 
+@pytest.mark.slow
 def test_dropouts_count_as_missing(simulated_with):
     checks, fails = judged(simulated_with, "sensors.gyroscope.dropout_probability=0.2")
     assert fails == []
@@ -36,6 +38,7 @@ def test_coarse_sensor_shows_quantisation(simulated_with):
     assert "p 8.59" in quantisation.statistic
 
 
+@pytest.mark.slow
 def test_more_noise_than_stated_is_noted(simulated_with):
     settings = ("sensors.gyroscope.noise=1 deg/s", "sensors.gyroscope.standard_deviation=0.2 deg/s")
     checks, fails = judged(simulated_with, "sensors.gyroscope.range=null", *settings)
@@ -45,6 +48,7 @@ def test_more_noise_than_stated_is_noted(simulated_with):
     assert float(floor.statistic.split(",")[0].split()[1]) == pytest.approx(5.0, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [8.0, -8.0])
 def test_rotated_dvl_shows_heading_offset(degrees, simulated_with):
     checks, fails = judged(simulated_with, f"sensors.dvl.mounting_yaw={degrees} deg")
@@ -55,6 +59,7 @@ def test_rotated_dvl_shows_heading_offset(degrees, simulated_with):
     assert float(offset.statistic.split()[0]) == pytest.approx(-degrees, abs=1.0)
 
 
+@pytest.mark.slow
 def test_excitation_states_rms_of_inputs(simulated_with):
     """RMS about the mean and peak of what was commanded, cell means of 0.1 s."""
     dataset = simulated_with("sensors.attitude.source=direct")
@@ -65,6 +70,7 @@ def test_excitation_states_rms_of_inputs(simulated_with):
     assert said[1] == pytest.approx(abs(rudder).max(), rel=0.02)
 
 
+@pytest.mark.slow
 def test_drifting_gyroscope_shows_bias_instability(simulated_with):
     checks, _ = judged(simulated_with, "sensors.gyroscope.drift=0.05 deg/s/s^0.5")
     assert any(name.startswith("bias instability") for _, name in checks)

@@ -21,6 +21,7 @@ def cut(dataset, names, until):
     return replace(dataset, sensors=sensors, inputs=InputRecord(dataset.inputs.time[kept], dataset.inputs.values[kept]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("until", [0.005, 0.2, 3.0, 40.0])
 def test_any_two_short_records_give_finite_checks(until, sound_run):
     dataset = sound_run()

@@ -25,6 +25,7 @@ def scale_of(simulated_with, changed):
     return run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.98, 1.02])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_velocity_scale_is_noted_with_its_size(factor, seed, scale_of):

@@ -88,6 +88,7 @@ def found_by(folder, name, symbol):
     return estimate.mean[-1, at], estimate.standard_deviation[-1, at]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "count"), [(FIRST, 143), (RUN, 660)])
 def test_either_bag_is_read_by_the_stamps_of_its_messages(imported, bag, converted, name, count):
     dataset = read_dataset(imported(bag(name), "couguv"))
@@ -120,6 +121,7 @@ def test_signs_and_units_are_those_of_the_model(run, converted):
     assert off == pytest.approx(THRUST_OFF, abs=0.01)
 
 
+@pytest.mark.slow
 def test_inspection_finds_the_swings_of_the_compass_and_the_spike_of_the_dvl(inspected, run):
     found = inspected(run(), code=1)
     swings = found["attitude", "excursions of psi from heading"]
@@ -138,6 +140,7 @@ def test_inspection_finds_the_swings_of_the_compass_and_the_spike_of_the_dvl(ins
     assert failed == {("attitude", "excursions of psi from heading"), ("dvl", "spikes")}
 
 
+@pytest.mark.slow
 def test_the_time_of_the_recording_is_named(inspected, run):
     """Nothing but the stamps contradicts a clock that is six days late as a whole."""
     late = run("couguv", ("@header_stamp", "@log_time"))
@@ -157,6 +160,7 @@ def test_the_time_of_the_recording_is_named(inspected, run):
 BOTH = "{bag: [%s, %s]}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("clock", "said"), [("@log_time", True), ("@header_stamp", False)])
 def test_the_better_clock_is_named_where_it_matters(auvid, bag, tmp_path, clock, said, inspected):
     """The second bag was played back first, 276 s before the one that it continues; its own stamps tell."""
@@ -170,13 +174,14 @@ def test_the_better_clock_is_named_where_it_matters(auvid, bag, tmp_path, clock,
     clock = {subject for (subject, check), row in verdicts.items() if check == "import" and "drifts" in row["advice"]}
     assert ({"magnetometer", "dvl", "depth"} <= clock) == said
     # By the stamps the bags overlap, with the same messages: somebody else merged them.
-    overlap = "dvl: file 2 of the log overlaps those before it from 1743805387.413 to 1743805398.534 s"
+    overlap = "from 1743805387.413 to 1743805398.534 s"
     assert (overlap in output) != said
     if not said:
         # As many as in the converted log.
         assert read_dataset(tmp_path / "dataset.h5").sensors["dvl"].time.size == 697
 
 
+@pytest.mark.slow
 def test_inspection_finds_the_wrong_pitch_of_the_dvl(inspected, run):
     """It is wrong by the same until the turn, and by little afterwards; depth and pitch agree over seconds."""
     whole = inspected(run("couguv_dvl_attitude"), 1)
@@ -192,6 +197,7 @@ def test_inspection_finds_the_wrong_pitch_of_the_dvl(inspected, run):
     assert inspected(run(), 1)["attitude", "pitch offset"]["passed"] == "True"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILTERS)
 def test_drag_over_mass_is_that_of_the_coast_down(coasting, converted, name):
     """Against ``u = u0 / (1 + b u0 t)``, fitted to the converted log; with it b includes what little linear drag is."""
@@ -208,6 +214,7 @@ def test_drag_over_mass_is_that_of_the_coast_down(coasting, converted, name):
     assert estimate_of(coasting, name).completed
 
 
+@pytest.mark.slow
 def test_thrust_and_drag_balance_on_the_straight(identified):
     """The gain of a propeller whose force is a guess, from steady motion at 0.958 m/s and the coast-down after it."""
     settings = "--set", "identification.coefficients=[X_u|u|]", "--set", COAST_NOISE, "--set", PRIOR, "--set", THRUST
@@ -239,6 +246,7 @@ def nomoto(converted, begin=8.0, end=88.9, step=0.02):
     return least_squares(errors, [0.3, 1.0, 0.03, 0.0, seen[0]]).x[:2]
 
 
+@pytest.mark.slow
 def test_yaw_coefficients_are_those_of_a_first_order_fit(identified, converted):
     """In yaw ``K = N_uudr / N_url`` and ``T = (Izz - N_rdot) / (-N_url U)`` where sideslip turns nothing."""
     gain, constant = nomoto(converted)
@@ -251,6 +259,7 @@ def test_yaw_coefficients_are_those_of_a_first_order_fit(identified, converted):
         assert abs(damping + INERTIA / (constant * 0.95)) < 2.0 * deviation
 
 
+@pytest.mark.slow
 def test_identifiability_names_what_this_run_undetermined(auvid, run, rows, tmp_path):
     auvid("identifiability", run("couguv_yaw"), "-o", tmp_path, "--use", "3:84")
     verdicts = {row["coefficient"]: row["verdict"] for row in rows(tmp_path / "tables/identifiability.csv")}
@@ -262,6 +271,7 @@ def test_identifiability_names_what_this_run_undetermined(auvid, run, rows, tmp_
     assert any("N_url" in members and "N_uvl" in members for members in together)
 
 
+@pytest.mark.slow
 def test_all_22_need_a_narrow_prior_and_much_process_noise(identified):
     careless = identified("couguv_yaw", "--use", "3:84", code=1)
     for name in ("ckf", "tukf"):
@@ -272,6 +282,7 @@ def test_all_22_need_a_narrow_prior_and_much_process_noise(identified):
         assert estimate_of(careful, name).completed
 
 
+@pytest.mark.slow
 def test_the_turn_is_predicted_from_the_straight_parts(auvid, run, rows, straight, tmp_path):
     """A turn of half a circle with the rudder hard over, by the rudder's small movements before and after it."""
     estimate = straight / "estimates/ekf.h5"
@@ -284,9 +295,10 @@ def test_the_turn_is_predicted_from_the_straight_parts(auvid, run, rows, straigh
     assert float(free["rmse"]) < 0.5 * float(free["prior_rmse"])
     assert all(float(row["fit_percent"]) > 90.0 for row in psi if row["kind"] == "ahead")
     refusal = auvid("validate", estimate, run("couguv_yaw"), "--use", "30:61", "-o", tmp_path, code=2)
-    assert "data that it has not seen" in refusal
+    assert "new to the model" in refusal
 
 
+@pytest.mark.slow
 def test_the_end_of_the_coast_down_is_predicted_from_its_beginning(auvid, run, rows, coasting, tmp_path):
     """But for the swings of pitch and heading, which no model of this vehicle has and no band holds."""
     auvid("validate", coasting / "estimates/tukf.h5", run(), "--use", "92.2:115", "-o", tmp_path, code=1)

@@ -113,6 +113,7 @@ def test_nothing_is_wrong_with_the_data_themselves(training):
     assert not [check for check in inspect_dataset(training).checks if check.passed is False]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [FilterName.TUKF, FilterName.OUTPUT_ERROR])
 def test_the_mismatch_of_the_structure_is_noticed(name, training):
     estimate = identify(training, name)
@@ -149,6 +150,7 @@ def test_what_both_models_share_agrees_and_the_rest_does_not(loosely_identified)
     assert abs(found["Y_uudr"] + own["Y_uudr"]) > 10.0 * deviation[state.index("Y_uudr")]
 
 
+@pytest.mark.slow
 def test_it_predicts_a_zigzag_that_it_has_never_seen(loosely_identified, recorded, training):
     unseen = recorded("B_zigzag_10_10", 2)
     check_unseen(unseen, loosely_identified, training)
@@ -167,6 +169,7 @@ def test_it_predicts_a_zigzag_that_it_has_never_seen(loosely_identified, recorde
     assert held["p", 5.0] < 0.85
 
 
+@pytest.mark.slow
 def test_with_the_terms_that_are_found_in_run_e_it_predicts_the_zigzag_better_and_its_bands_hold(recorded):
     def ahead(*settings: str) -> list[Prediction]:
         run_e = recorded("E_combined_multisine", 1, *LOOSE, *settings)
@@ -185,6 +188,7 @@ def test_with_the_terms_that_are_found_in_run_e_it_predicts_the_zigzag_better_an
     assert all(np.mean(shares) > 0.85 and min(shares) > 0.75 for shares in held.values())
 
 
+@pytest.mark.slow
 def test_with_tuned_noise_and_a_second_look_its_bands_are_those_of_its_errors(recorded):
     """Those of surge apart: it has one error from all starts, which a band holds or does not."""
     run_e = recorded("E_combined_multisine", 1, *TUNED)

@@ -15,6 +15,7 @@ def dataset(recorded, imported):
     return imported(recorded / LOG, "iver2")
 
 
+@pytest.mark.slow
 def test_knots_counts_and_a_lost_hour_are_understood(recorded, dataset):
     found = read_dataset(dataset)
     # By hand from the text: minutes and seconds go over the hour, speed is in knots, a servo is centred at 128.
@@ -33,6 +34,7 @@ def test_knots_counts_and_a_lost_hour_are_understood(recorded, dataset):
     np.testing.assert_allclose(found.inputs.values[:, 0], rudder, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_inspection_says_why_it_is_unfit(inspected, dataset):
     found = inspected(dataset, code=1)
     failed = {key for key, row in found.items() if row["passed"] == "False"}

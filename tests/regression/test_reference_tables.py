@@ -45,6 +45,7 @@ def rows(folder: Path, name: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_coefficients_are_those_of_the_reference(tables):
     new, old = rows(tables, "coefficients.csv"), rows(REFERENCE, "coefficients.csv")
     assert len(new) == len(old) == 3 * N_COEFFICIENTS

@@ -42,6 +42,7 @@ def findings():
     return summarize(pd.concat(parts, ignore_index=True), COLUMNS)
 
 
+@pytest.mark.slow
 def test_files_hold_every_combination(findings, tmp_path):
     paths = write_findings(findings, tmp_path)
     assert {path.name for path in paths} == {"filters.csv", "coefficients.csv", "comparisons.csv", "campaign.md"}

@@ -94,6 +94,7 @@ def check(paths, folder, stems):
         assert 3_000 < path.stat().st_size < 1_000_000
 
 
+@pytest.mark.slow
 def test_the_whole_report(tmp_path, dataset, draw_figures):
     estimates = [make_estimate(name, FEW) for name in ("ckf", "tukf")]
     evaluation = evaluation_of(dataset, estimates)
@@ -101,6 +102,7 @@ def test_the_whole_report(tmp_path, dataset, draw_figures):
     check(draw_figures(dataset, estimates, evaluation, tmp_path / "figures"), tmp_path / "figures", ALL)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarsely")
 def test_a_single_filter_with_a_few_coefficients_and_no_truth(tmp_path, dataset, draw_figures):
     estimate = make_estimate("ukf", symbols=("X_u|u|", "Y_uvl", "N_uvl"))
@@ -109,6 +111,7 @@ def test_a_single_filter_with_a_few_coefficients_and_no_truth(tmp_path, dataset,
     assert {path.stem for path in paths} == {"path", "estimates", "convergence", "free_runs", "innovations"}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarsely")
 @pytest.mark.parametrize(("samples", "others"), [(1, []), (40, ["ckf"])])
 def test_diverged_filters_are_drawn_as_far_as_they_went(tmp_path, dataset, samples, others, draw_figures):
@@ -132,6 +135,7 @@ def test_a_coefficient_that_is_infinitely_uncertain_is_drawn_and_printed(tmp_pat
     assert "| 10.10 ± — † |" in (tmp_path / "tables.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarsely")
 def test_missing_sensors_and_no_filter(tmp_path, dataset, draw_figures):
     bare = replace(dataset, sensors={"gyroscope": dataset.sensors["gyroscope"]})
@@ -153,6 +157,7 @@ def test_a_figure_that_fails_leaves_no_half_file_and_the_earlier_one(tmp_path, m
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
+@pytest.mark.slow
 def test_each_format_is_what_it_is_called(tmp_path, dataset):
     png, svg, pdf = kinds.save(free_run_figure(dataset.sensors, {}), tmp_path, "free_runs", EVERY_FORMAT)
     assert png.read_bytes().startswith(b"\x89PNG")
@@ -175,6 +180,7 @@ def inches_beyond(figure):
     return max(-drawn.x0, -drawn.y0, drawn.x1 - width, drawn.y1 - height)
 
 
+@pytest.mark.slow
 def test_margins_have_room_for_what_stands_in_them(dataset):
     names = [name.value for name in FilterName]
     estimates = [make_estimate(name) for name in names]
@@ -241,6 +247,7 @@ def test_signs_of_correlations_are_told_without_colour(identifiability):
     assert [(text.get_text(), text.get_position()) for text in texts] == [("-0.08", (1, 0)), ("-0.08", (0, 1))]
 
 
+@pytest.mark.slow
 def test_limits_of_classes_are_named(identifiability):
     figure = bounds_figure(identifiability)
     bars = figure.axes[0]

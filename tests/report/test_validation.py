@@ -165,6 +165,7 @@ def test_each_panel_shows_errors_over_the_horizon_with_what_explains_them(valida
     assert labels == ["CKF", "unchanged", "vehicle file", "noise of the sensor", "explained by the stated uncertainty"]
 
 
+@pytest.mark.slow
 def test_what_the_prior_predicts_does_not_set_the_axis(validation):
     heights = []
     for prior in (None, 1e6):
@@ -189,6 +190,7 @@ def test_a_depth_that_is_predicted_has_a_panel_of_its_own(validation):
     assert [i for i, axes in enumerate(figure.axes) if axes.get_xlabel()] == [7, 8, 9]
 
 
+@pytest.mark.slow
 def test_a_signal_without_measurements_says_so(validation):
     rows = [row for row in validation.predictions if row.signal != "v"]
     axes = horizon_figure("ckf", rows).axes[1]

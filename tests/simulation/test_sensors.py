@@ -95,6 +95,7 @@ def test_bias_spread_is_drawn_per_seed(measurement):
     assert within_chance((np.array(biases) ** 2).sum() / 0.02**2, 180)
 
 
+@pytest.mark.slow
 def test_drift_grows_with_square_root_of_time(measurement):
     settings = "{rate: 4 Hz, noise: 0, drift: 0.001}"
     walks = np.array([measurement("gyroscope", settings, 64.0, seed).values for seed in range(60)])
@@ -132,6 +133,7 @@ def test_outliers_have_share_and_size_of_settings(measurement):
     assert within_chance((error**2).sum() / 3.0**2, error.size)
 
 
+@pytest.mark.slow
 def test_coloured_share_has_autocorrelation_and_keeps_variance(measurement):
     settings = "{rate: 10 Hz, noise: 0.02, coloured_share: 0.6, coloured_time_constant: 0.5 s}"
     rows = np.array([measurement("dvl", settings, 2.0, seed).values.T / 0.02 for seed in range(400)])

@@ -64,6 +64,7 @@ def test_copies_with_missing_and_held_values_are_found(rng):
     assert not have_run_in_common(without, rng.standard_normal((100, 3)))
 
 
+@pytest.mark.slow
 def test_held_coarse_depth_is_no_copy(rng):
     def held():
         drift = np.convolve(rng.standard_normal(2000), np.ones(40) / 40, "same")

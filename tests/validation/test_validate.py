@@ -46,6 +46,7 @@ def undisturbed(with_coefficients, zigzag, experiment_with):
     return replace(with_coefficients(zigzag.truth.coefficients), experiment=experiment_with(NO_NOISE))
 
 
+@pytest.mark.slow
 def test_true_coefficients_predict_to_within_the_noise(zigzag, undisturbed):
     validation = validate([zigzag], undisturbed)
     ahead = rows_of(validation, AHEAD)
@@ -71,6 +72,7 @@ def test_truth_is_ignored(zigzag, with_coefficients):
     assert validate([zigzag.without_truth()], estimate, starts=5).predictions == some.predictions
 
 
+@pytest.mark.slow
 def test_spiral_estimate_predicts_zigzag(zigzag, identified):
     validation = validate([zigzag], identified, starts=60)
     fits = free_fits(validation)
@@ -81,6 +83,7 @@ def test_spiral_estimate_predicts_zigzag(zigzag, identified):
     assert not validation.checks.failed()
 
 
+@pytest.mark.slow
 def test_wrong_rudder_sign_is_worse_than_mean(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     validation = validate([zigzag], with_coefficients(true, N_uudr=-true["N_uudr"]), starts=30)
@@ -94,6 +97,7 @@ def test_wrong_rudder_sign_is_worse_than_mean(zigzag, with_coefficients):
     assert known.rmse > 100.0 * known.noise
 
 
+@pytest.mark.slow
 def test_unstated_error_fails_uncertainty(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     off = {"X_u|u|": 1.1 * true["X_u|u|"]}
@@ -130,6 +134,7 @@ def test_diverging_free_run_is_unstable(zigzag, with_coefficients):
     assert free_fits(validation)["u"] is None
 
 
+@pytest.mark.slow
 def test_other_vehicle_is_remarked_and_estimate_used(zigzag, with_coefficients, with_settings):
     estimate = with_coefficients(zigzag.truth.coefficients)
     heavier = with_settings(zigzag, "vehicle.parameters.m=200")
@@ -138,6 +143,7 @@ def test_other_vehicle_is_remarked_and_estimate_used(zigzag, with_coefficients, 
     assert any("another vehicle (m differ)" in remark for remark in validation.remarks)
 
 
+@pytest.mark.slow
 def test_estimated_gyroscope_bias_is_in_predictions(simulated_with, with_coefficients, experiment_with):
     biased = simulated_with(ZIGZAG, WHITE, "seed=31", "sensors.gyroscope.bias=0.5 deg/s")
     plain = with_coefficients(biased.truth.coefficients)
@@ -148,6 +154,7 @@ def test_estimated_gyroscope_bias_is_in_predictions(simulated_with, with_coeffic
     assert min(row.rmse / row.noise for row in rows_of(before, FREE_RUN) if row.signal in "pqr") > 2.0
 
 
+@pytest.mark.slow
 def test_estimated_current_is_in_predictions(simulated_with):
     from auvid_cli.evaluation.free_run import free_run
     from auvid_cli.identification.run import identify
@@ -231,6 +238,7 @@ def test_turn_without_roll_is_level_and_remarked(simulated_with, with_coefficien
         assert number.predicted == pytest.approx(number.measured, rel=0.01, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_predictions_without_dvl_start_from_model_velocity(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "dvl"})
     validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=30)
@@ -259,6 +267,7 @@ def test_too_short_data_are_refused(zigzag, with_coefficients):
         validate([replace(zigzag, sensors=sensors)], with_coefficients(zigzag.truth.coefficients))
 
 
+@pytest.mark.slow
 def test_errors_on_own_data_widen_bands(zigzag, simulated_with, undisturbed, experiment_with):
     """A mass 5 % off: what comes of it is seen on a spiral, and expected of the zigzag in proportion."""
     own = simulated_with("manoeuvre.duration=100 s", WHITE, "seed=32")
@@ -290,6 +299,7 @@ def test_an_estimate_is_judged_by_the_smoother_of_its_own_data(zigzag, with_coef
     assert validate([zigzag], estimate, starts=5, reference=agreeing).judgement.grade is Grade.SOUND
 
 
+@pytest.mark.slow
 def test_segments_and_runs_are_combined(zigzag, simulated_with, undisturbed):
     circle = simulated_with(CIRCLE, WHITE, "seed=5")
     segments = [zigzag.sensors_between(2.0, 40.0), zigzag.sensors_between(45.0, 45.3), circle]
@@ -307,6 +317,7 @@ def test_segments_and_runs_are_combined(zigzag, simulated_with, undisturbed):
     assert [remark for remark in together.remarks if "too short" in remark]
 
 
+@pytest.mark.slow
 def test_yaw_rate_without_gyroscope_is_compared_with_attitude(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "gyroscope"})
     validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=30)

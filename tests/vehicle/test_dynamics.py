@@ -122,6 +122,7 @@ def symbolic_model():
     return sp.lambdify(arguments, [mass, force, rates], "numpy", cse=True)
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 def test_compiled_model_equals_the_symbolic_one(seed, core, random_vehicle, random_state):
     rng = np.random.default_rng(seed)

@@ -274,6 +274,7 @@ EXCEPTIONS = {
 PUBLISHED_K_UP = {"vt690": -0.4307, "lrauv": -5.71}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXCEPTIONS)
 def test_published_vehicles_are_within_three_standard_deviations(name, experiment_with):
     vehicle = experiment_with(f"vehicle=vehicles/{name}.yaml").vehicle

@@ -83,6 +83,7 @@ def jacobian_of(draw):
     return both
 
 
+@pytest.mark.slow
 @given(seed=seeds, product=st.lists(any_factor, min_size=1, max_size=6), row=st.sampled_from("XYZKMN"))
 def test_derivatives_of_a_term_are_those_of_its_formula(seed, product, row, random_vehicle, random_state):
     here = Draw(seed, [term(f"{row}_t", *product)], random_vehicle, random_state)

@@ -1,6 +1,6 @@
 """Figures over time: an inspected dataset and a designed mission."""
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -12,12 +12,15 @@ from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.design.mission import Band
 from auvid_cli.inspection.inspection import Inspection, Mark, MarkKind
 from auvid_cli.report.figures.style import BAND_SHADE, WIDTH, head, legend_above, new_figure, plain_log_ticks, tidy
 from auvid_cli.report.plot_data import scale_of, thin
 from auvid_cli.report.table import symbol_math
 from auvid_cli.vehicle.parameters import SENSORS
+
+if TYPE_CHECKING:
+    # It loads the compiled core.
+    from auvid_cli.design.mission import Band
 
 Array = NDArray[np.float64]
 _DESIGNED = "#0072B2"
@@ -35,7 +38,7 @@ _STRIP = 0.42  # inch, height of a sensor's strip
 
 
 def mission_figure(
-    time: Array, inputs: Array, band: Band, symbols: tuple[str, ...], percents: dict[str, Array]
+    time: Array, inputs: Array, band: "Band", symbols: tuple[str, ...], percents: dict[str, Array]
 ) -> Figure:
     """Draw inputs, depth, track and expected standard deviations of a designed run.
 
@@ -75,7 +78,7 @@ def _label(axes: Axes, text: str) -> None:
     axes.set_ylabel(text, fontsize=9)
 
 
-def _draw_track(axes: Axes, band: Band) -> None:
+def _draw_track(axes: Axes, band: "Band") -> None:
     """Draw the median track and the area of 5 to 95 % of the tracks."""
     north, east = band.position[:, 0], band.position[:, 1]
     for place in range(0, band.time.size, 2):

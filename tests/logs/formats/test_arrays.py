@@ -113,6 +113,7 @@ def test_matlab_7_3_file_reads_alike(tmp_path):
     assert_reads(log, "dvl", {"u": TIME[:3]})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["npz", "mat"])
 def test_truncated_file_raises_file_error(tmp_path, suffix):
     path = tmp_path / f"log.{suffix}"

@@ -94,6 +94,7 @@ def test_units_in_own_row_or_cells_are_read(opened, text):
     assert read(log, "time", "roll", "note") == [[0.5, 1.0], [1.0, -2.5], ["dive", "turn"]]
 
 
+@pytest.mark.slow
 def test_units_in_cells_continue_beyond_head(opened):
     rows = "".join(f"{k / 8} s,{k} %,{k / 4} m/s\n" for k in range(101_000))
     log = opened(f"t,share,u\n{rows}0 s,n/a,\n1 s,,nan m/s\n")
@@ -149,6 +150,7 @@ def test_a_log_without_rows_is_empty(opened):
     assert read(opened("t,u\n"), "t", "u") == [[], []]
 
 
+@pytest.mark.slow
 @given(
     arrays(np.float64, (7, 3), elements=st.floats(allow_nan=False)),
     st.sampled_from([",", ";", "\t", "|", " "]),
@@ -163,6 +165,7 @@ def test_numbers_come_back_to_the_last_digit(tmp_path_factory, values, delimiter
     np.testing.assert_array_equal(np.column_stack(list(found.values())), values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
@@ -218,6 +221,7 @@ def test_other_digits_are_text(opened):
     assert opened("t,u\n1,\u0665\n2,5_0\n").tables()[""][1] == LogColumn("u", is_text=True)
 
 
+@pytest.mark.slow
 def test_endless_line_raises_file_error(tmp_path):
     (tmp_path / "log.csv.gz").write_bytes(gzip.compress(b"t,u\n1,2\n" + b"5" * (1 << 27), compresslevel=1))
     with pytest.raises(FileError, match="a line of more than 64 MB"):

@@ -144,6 +144,7 @@ PAIRS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [*((name,) for name in MUTATIONS), *PAIRS], ids=" and ".join)
 def test_suggested_map_restores_motion(names, tmp_path):
     columns = TRUTH

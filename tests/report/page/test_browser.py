@@ -62,6 +62,7 @@ def inked(tab, selector):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("viewport", [NARROW, WIDE], ids=["narrow", "wide"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_page_is_drawn_and_fits_its_window(page, opened, viewport, scheme):
@@ -77,12 +78,14 @@ def test_a_page_is_drawn_and_fits_its_window(page, opened, viewport, scheme):
     assert darker == (paper if scheme == "dark" else ink)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_whoever_hears_the_page_or_sees_little_can_use_it(page, opened, scheme):
     broken = Axe().run(opened(page, scheme=scheme)).response["violations"]
     assert [(rule["id"], rule["nodes"][0]["html"]) for rule in broken] == []
 
 
+@pytest.mark.slow
 def test_paper_has_room_for_all_of_it(page, opened):
     tab = opened(page, scheme="dark")
     # What Letter leaves between its margins, CSS pixels.
@@ -101,6 +104,7 @@ def test_paper_has_room_for_all_of_it(page, opened):
     tab.evaluate("dispatchEvent(new Event('afterprint'))")
 
 
+@pytest.mark.slow
 def test_a_zoom_is_one_of_all_over_the_same_time(tab):
     whole = ranges(tab, "time")
     assert len(whole) > 20
@@ -150,6 +154,7 @@ def test_a_table_is_sorted_and_filtered_by_the_keyboard(tab):
     assert len(bounds()) == 12
 
 
+@pytest.mark.slow
 def test_numbers_are_sorted_as_numbers(tab):
     table = tab.locator("#coefficients table")
     heading = table.locator("th[aria-sort]", has_text="True").first
@@ -176,6 +181,7 @@ def test_the_lines_of_an_autocorrelation_are_named_below_it(tab):
     assert len(set(looks)) == 3
 
 
+@pytest.mark.slow
 def test_of_many_lines_the_one_nearest_to_the_pointer_is_read_out(opened, page):
     time = np.arange(20.0)
     lines = [PlotLine(f"line {k}", "input", time, np.full(20, float(k))) for k in range(12)]
@@ -188,6 +194,7 @@ def test_of_many_lines_the_one_nearest_to_the_pointer_is_read_out(opened, page):
     assert tab.locator(".readout").inner_text().endswith(": line 7 7")
 
 
+@pytest.mark.slow
 def test_what_a_matrix_says_is_not_cut_off_on_a_phone(opened, page):
     tab = opened(page, NARROW)
     note = tab.locator(".matrix .note").bounding_box()
@@ -222,6 +229,7 @@ def test_the_path_is_turned_by_pointer_and_keys(tab):
     assert canvas.evaluate(picture) != first
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["<script>document.title = 'owned'</script>", "</script><img src=x onerror=alert(1)>"])
 def test_hostile_names_stay_text(opened, text):
     tab = opened(page_of(text))
@@ -231,5 +239,6 @@ def test_hostile_names_stay_text(opened, text):
     assert tab.locator("#all-6-0-title").inner_text().startswith(text)
 
 
+@pytest.mark.slow
 def test_a_page_is_printed_whole(tab):
     assert tab.pdf().count(b"/Type /Page\n") > 3
