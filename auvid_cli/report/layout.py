@@ -43,7 +43,7 @@ _AVERAGE = "average error %"
 _WIDER = 1.02
 _RMSE_OF = (
     "RMSE: over the whole run, from the initial value of zero, in the coefficient's unit. "
-    "Relative: RMSE / |true value| over all coefficients, comparable between vehicles."
+    "Rel.: RMSE / |true value| over all coefficients, comparable between vehicles."
 )
 _ERROR_OF = "Steady-state error: distance of the mean over the last tenth of the run from the true value."
 NIS_MEANS = (
@@ -121,8 +121,8 @@ def accuracy(evaluation: Evaluation) -> list[Table]:
         return []
     rmse = Table("rmse", "RMSE of the coefficients (Table IV)", (), [], notes=(_RMSE_OF,))
     rmse_averages = (
-        ("relative mean", "", "mean_relative_rmse", ""),
-        ("relative median", "", "median_relative_rmse", ""),
+        ("rel. mean", "", "mean_relative_rmse", ""),
+        ("rel. median", "", "median_relative_rmse", ""),
         ("CPU time", "s", "cpu_time_s", "cpu_time_s"),
     )
     error = Table(_ERROR, "Steady-state error of the coefficients, % (Table IV)", (), [], notes=(_ERROR_OF,))

@@ -36,7 +36,7 @@ def test_table_iv_at_100_columns_has_the_paper_next_to_each_filter(evaluation):
 
 def test_averages_stand_below_table_iv(evaluation):
     text = printed(evaluation, 80)
-    for heading in ("relative mean", "relative median", "average", "below paper"):
+    for heading in ("rel. mean", "rel. median", "average", "below paper"):
         assert f" {heading} " in text
     assert "RMSE / |true value|" in " ".join(text.split())
 

@@ -66,9 +66,9 @@ def test_table_iv_averages_are_those_of_its_rows(evaluation):
     for name in ("ekf", "ckf", "tukf"):
         relative = own[f"rmse_{name}"].astype(float) / own["true"].astype(float).abs()
         summary = next(row for row in evaluation.summary if row.filter == name)
-        assert table.loc["relative mean", f"rmse_{name}"] == pytest.approx(relative.mean())
+        assert table.loc["rel. mean", f"rmse_{name}"] == pytest.approx(relative.mean())
         assert summary.mean_relative_rmse == pytest.approx(relative.mean())
-        assert table.loc["relative median", f"rmse_{name}"] == pytest.approx(relative.median())
+        assert table.loc["rel. median", f"rmse_{name}"] == pytest.approx(relative.median())
         for half in ("rmse", "steady_state_error_percent"):
             pair = own[[f"{half}_{name}", f"{half}_{name}_paper"]].astype(float).dropna()
             below = int((pair.iloc[:, 0] < pair.iloc[:, 1]).sum())
