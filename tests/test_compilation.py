@@ -127,8 +127,8 @@ def test_constants_of_compiled_functions_come_from_the_core():
 @pytest.mark.slow
 def test_code_for_few_data_is_not_compiled_for_all():
     code = (
-        "import sys, auvid_cli.api.evaluation, auvid_cli.filters.smoother, auvid_cli.identification.run;"
-        "print([m for m in ('filters.marginal',) if f'auvid_cli.{m}' in sys.modules])"
+        "import sys, auvid_cli.api.results, auvid_cli.filters.smoother, auvid_cli.identification.run;"
+        "print([m for m in ('filters.marginal', 'identification.sensors') if f'auvid_cli.{m}' in sys.modules])"
     )
     command = [sys.executable, "-c", code]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -12,6 +12,7 @@ from auvid_cli.config.extra_states import (
     ProcessNoise,
 )
 from auvid_cli.config.sensors import SensorSuite
+from auvid_cli.evaluation.free_run import VELOCITY_ERRORS
 from auvid_cli.export.formats import FORMATS
 from auvid_cli.identification import sensors
 from auvid_cli.identification.faults import DELAY_FAULTS
@@ -67,7 +68,7 @@ def test_errors_of_motion_sensors_are_additive_or_of_the_velocity():
     readable = {q.symbol for q in MOTION_AND_DEPTH}
     names = {name for name, measured in SENSORS.items() if {state_of(q) for q in measured} <= readable}
     others = {q.symbol for b in ERROR_BLOCKS if b.sensor in names and not b.additive for q in b.quantities}
-    assert others <= {*sensors.VELOCITY_ERRORS}
+    assert others <= {*VELOCITY_ERRORS}
 
 
 def test_each_delay_is_a_fault():

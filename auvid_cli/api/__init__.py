@@ -31,6 +31,11 @@ class Progress:
         """Receive a sentence about a result or a written file."""
 
     @contextmanager
+    def compiling(self) -> Iterator[object]:
+        """Enclose imports of compiled modules, which may have to be compiled first."""
+        yield
+
+    @contextmanager
     def stage(self, label: str) -> Iterator[Callable[[str], None]]:
         """Enclose a step of unknown duration; yields a callback that changes the label."""
         yield lambda text: None

@@ -7,7 +7,6 @@ from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
-import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while a filter runs
 from auvid_cli.api import Advance, Progress
 from auvid_cli.api.files import checked, read_dataset, refuse_to_replace
 from auvid_cli.config.enums import JUDGE, FilterName, named
@@ -137,6 +136,9 @@ def estimate_delays_and_noise(prepared: PreparedData, progress: Progress) -> Pre
     names = [name for name, is_wanted in wanted if is_wanted]
     if not names:
         return prepared
+    with progress.compiling():
+        # Few datasets need it, and nothing should be compiled while the noise is sought.
+        import auvid_cli.identification.sensors  # noqa: F401
     with progress.stage(f"estimate the {' and the '.join(names)}"):
         found = resolve_settings(prepared)
     if found.delays is not None:
@@ -192,7 +194,8 @@ def identify_into(
     names = list(dict.fromkeys(filters))
     others = other_estimates(folder, prepared.experiment, prepared.dataset.sha256, names)
     refuse_unless(overwrite, next(iter(others.values()), ""))
-    runs = ParallelFilters(prepared, names)
+    with progress.compiling():
+        runs = ParallelFilters(prepared, names)
     paths = [folder / "estimates" / f"{name.value}.h5" for name in names]
     with progress.bars(*(name.value for name in names), unit=" s of data") as bars:
         estimates = runs.record(paths, bars, on_estimate)

@@ -4,7 +4,6 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while a filter runs
 from auvid_cli.api import Progress, write_and_draw
 from auvid_cli.api.evaluation import Evaluator, check, identifiability, predict, prepare
 from auvid_cli.api.files import checked, read_dataset, read_estimate

@@ -7,18 +7,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.extra_states import ERROR_BLOCKS
+from auvid_cli.config.extra_states import CURRENT, DVL_ARM, DVL_SCALE, DVL_YAW, ERROR_BLOCKS
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.process import N_PREDICTED, move_freely
-from auvid_cli.identification.sensors import VELOCITY_ERRORS, measured_velocity, velocity_through_water
 from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet
 from auvid_cli.vehicle.equations import N_WORK, factors, vehicle_constants
+from auvid_cli.vehicle.kinematics import current_in_body_axes, dvl_axes
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, MOTION_SYMBOLS, N_MOTION, SENSORS, state_of
 
 Array = NDArray[np.float64]
@@ -29,6 +29,8 @@ _ADDED = {
     if block.additive and block.sensor is not None
     for quantity, measured in zip(block.quantities, SENSORS[block.sensor], strict=True)
 }
+# Symbols of the errors of a DVL that are not additive, and of the current.
+VELOCITY_ERRORS = tuple(quantity.symbol for quantity in (DVL_SCALE, DVL_YAW, *CURRENT, *DVL_ARM))
 # Samples of a free run that are kept to be drawn.
 _MOST_KEPT = 100_000
 
@@ -58,10 +60,32 @@ def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
     )
 
 
+def measured_velocity(motion: Array, errors: Array) -> Array:
+    """Return the velocities that a DVL measures, shape (..., 3), m/s.
+
+    Parameters
+    ----------
+    motion : ndarray, shape (..., 9)
+        With the velocity through the water, SI.
+    errors : ndarray, shape (7,)
+        In the order of `VELOCITY_ERRORS`, SI.
+    """
+    return (motion[..., :3] + _ground_velocity(motion, errors)) @ dvl_axes(*errors[:2]).T
+
+
+def velocity_through_water(motion: Array, errors: Array) -> Array:
+    """Return the velocity through the water of motions with measured velocities; the inverse of `measured_velocity`."""
+    return motion[..., :3] @ np.linalg.inv(dvl_axes(*errors[:2])).T - _ground_velocity(motion, errors)
+
+
+def _ground_velocity(motion: Array, errors: Array) -> Array:
+    """Return the velocity of the DVL over ground minus that of the origin through the water."""
+    _, _, north, east, *arm = errors
+    return current_in_body_axes(motion[..., 6:9], north, east) + np.cross(motion[..., 3:6], arm)
+
+
 def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
     """Return the noiseless measurements of a motion.
-
-    The velocity is that of a DVL, see `auvid_cli.identification.sensors`.
 
     Parameters
     ----------

@@ -11,7 +11,6 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.config.extra_states import CURRENT, DVL_ARM, DVL_SCALE, DVL_YAW
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
 from auvid_cli.identification.compiled_layout import (
     ACCELEROMETER,
@@ -39,7 +38,7 @@ from auvid_cli.vehicle.equations import (
     sine_cosine,
 )
 from auvid_cli.vehicle.jacobian import N_COLUMNS, N_JACOBIAN_WORK, motion_jacobian
-from auvid_cli.vehicle.kinematics import GRAVITY, current_in_body_axes, dvl_axes
+from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
@@ -51,8 +50,6 @@ _SLOPE = N_SLOPE
 _BLOCK = _SLOPE + N_BLOCK
 _FOR_JACOBIAN = _BLOCK + N_JACOBIAN_WORK
 _FORCE = _FOR_JACOBIAN + 3 * LANES
-# Symbols of the errors of a DVL that are not additive, and of the current.
-VELOCITY_ERRORS = tuple(quantity.symbol for quantity in (DVL_SCALE, DVL_YAW, *CURRENT, *DVL_ARM))
 _three = types.UniTuple(types.float64, 3)
 
 
@@ -281,30 +278,6 @@ def linearise_velocity(mean, constants, predicted, matrix):
     _put(matrix, scale_row, 1.0, yaw, (u, v, w))
     sine, cosine = sine_cosine(yaw)
     predicted[0], predicted[1], predicted[2] = gain * (cosine * u + sine * v), gain * (cosine * v - sine * u), gain * w
-
-
-def measured_velocity(motion: Array, errors: Array) -> Array:
-    """Return the velocities that a DVL measures, shape (..., 3), m/s.
-
-    Parameters
-    ----------
-    motion : ndarray, shape (..., 9)
-        With the velocity through the water, SI.
-    errors : ndarray, shape (7,)
-        In the order of `VELOCITY_ERRORS`, SI.
-    """
-    return (motion[..., :3] + _beyond(motion, errors)) @ dvl_axes(*errors[:2]).T
-
-
-def velocity_through_water(motion: Array, errors: Array) -> Array:
-    """Return the velocity through the water of motions with measured velocities; the inverse of `measured_velocity`."""
-    return motion[..., :3] @ np.linalg.inv(dvl_axes(*errors[:2])).T - _beyond(motion, errors)
-
-
-def _beyond(motion: Array, errors: Array) -> Array:
-    """Return the velocity of the DVL over ground minus that of the origin through the water."""
-    _, _, north, east, *arm = errors
-    return current_in_body_axes(motion[..., 6:9], north, east) + np.cross(motion[..., 3:6], arm)
 
 
 @compiled()

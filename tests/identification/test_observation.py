@@ -7,15 +7,10 @@ from scipy.spatial.transform import Rotation
 
 from auvid_cli.config.extra_states import AugmentedStates
 from auvid_cli.config.identification import Identification
+from auvid_cli.evaluation.free_run import VELOCITY_ERRORS, measured_velocity, velocity_through_water
 from auvid_cli.identification.compiled_layout import KnownSensor, KnownSensors
 from auvid_cli.identification.process import vehicle_process
-from auvid_cli.identification.sensors import (
-    VELOCITY_ERRORS,
-    linearise,
-    measured_velocity,
-    observe,
-    velocity_through_water,
-)
+from auvid_cli.identification.sensors import linearise, observe
 from auvid_cli.identification.states import state_layout
 from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.actuators import ActuatorErrors
