@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs
 
 from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import SensorRecord
@@ -218,4 +217,7 @@ def rate_noise(interval: float, half: int, averaged: int = 1) -> float:
 
 
 def _slope_weights(interval: float, half: int) -> Array:
+    # Imported here because scipy.signal is slow to load, and a simulated run needs no slopes.
+    from scipy.signal import savgol_coeffs
+
     return np.asarray(savgol_coeffs(2 * half + 1, 3, deriv=1, delta=interval), dtype=np.float64)
