@@ -8,25 +8,16 @@ from threading import Event
 from typing import NamedTuple
 
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while a filter runs
-from auvid_cli.api import Advance, Progress
-from auvid_cli.api.files import checked, read_dataset, refuse_to_replace
+from auvid_cli.api import Advance, Destination, Progress
+from auvid_cli.api.files import DataSource, RecordedData, checked, refuse_to_replace
 from auvid_cli.config.enums import JUDGE, FilterName, named
-from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.sanity import sanity_warnings
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate, EstimateChunk
 from auvid_cli.data.estimate_file import record_estimate
-from auvid_cli.data.files import (
-    check_no_overlap,
-    estimates_in,
-    folder_of_dataset,
-    folder_of_run,
-    locked,
-    products,
-    remove,
-)
+from auvid_cli.data.files import check_no_overlap, estimates_in, locked, products, remove
 from auvid_cli.data.results import other_estimates, put_copy, read_simulated, refuse_unless
 from auvid_cli.evaluation.judgement import Judgement, judge
 from auvid_cli.identification import run as filters
@@ -214,37 +205,24 @@ class IdentifiedData(NamedTuple):
     files: list[Path]
 
 
-def identify_data_into(
-    output: Path | None,
-    data: Path | tuple[Experiment, Sequence[Path]],
-    overrides: Sequence[str],
-    filters: Sequence[FilterName] | None,
-    overwrite: bool,
-    progress: Progress,
-) -> IdentifiedData:
+def identify_data_into(place: Destination, source: DataSource, filters: Sequence[FilterName] | None) -> IdentifiedData:
     """Run filters on a dataset, write the estimates into its results folder, and judge them.
 
     Parameters
     ----------
-    output : pathlib.Path or None
-        Results folder. None: the default one.
-    data : pathlib.Path, or Experiment and its files
-        A dataset file, or an experiment that has been simulated into the folder.
-    overrides : sequence of str
-        Overrides of the settings in a dataset file.
+    place : Destination
+    source : DataSource
+        An experiment must have been simulated into the folder.
     filters : sequence of FilterName or None
         None: ``identification.filters``. The smoother runs as well, because it judges the others.
     """
-    if isinstance(data, Path):
-        dataset, folder = read_dataset(data, *overrides), output or folder_of_dataset(data)
-    else:
-        folder = output or folder_of_run(data[0].name)
-        dataset = read_simulated(folder, data[0])
+    folder, progress = place.folder or source.folder, place.progress
+    is_recorded = isinstance(source, RecordedData)
+    dataset = source.dataset if is_recorded else read_simulated(folder, source.experiment)
     with locked(folder):
-        files = dataset.experiment.data_files() if isinstance(data, Path) else data[1]
-        check_no_overlap(products(folder), files)
-        if isinstance(data, Path):
-            put_copy(data, dataset, folder, files, overwrite)
+        check_no_overlap(products(folder), source.files)
+        if is_recorded:
+            put_copy(source.path, dataset, folder, source.files, place.overwrite)
         settings, vehicle = dataset.experiment.identification, dataset.experiment.vehicle
         chosen = settings.with_judge(filters or settings.default_filters())
         if filters and len(chosen) > len(set(filters)):
@@ -254,6 +232,6 @@ def identify_data_into(
         for warning in sanity_warnings(vehicle):
             progress.message(f"note: vehicle {vehicle.name}: {warning}")
         prepared = estimate_delays_and_noise(prepare(dataset), progress)
-        estimates = identify_into(folder, prepared, chosen, overwrite, progress)
+        estimates = identify_into(folder, prepared, chosen, place.overwrite, progress)
         paths = [folder / "estimates" / f"{name.value}.h5" for name in chosen]
         return IdentifiedData(estimates, judge(estimates), contradictions_of_unused(dataset), folder, paths)

@@ -10,8 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from auvid_cli.cli.command_help import Command
-from auvid_cli.cli.options import QuietOption, command
+from auvid_cli.cli.options import Command, QuietOption, command, optional
 from auvid_cli.cli.streams import hanging
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.errors import ConfigError
@@ -25,30 +24,26 @@ QUESTIONS = {
 }
 
 
-def _quantity(metavar: str, text: str) -> typer.models.OptionInfo:
-    return typer.Option(metavar=metavar, help=text, show_default=False)
-
-
 @dataclass(frozen=True)
 class OutlineOptions:
     """Outline of a vehicle: texts with units."""
 
-    length: Annotated[str | None, _quantity("LENGTH", "Length of the hull, e.g. 2 m.")] = None
-    diameter: Annotated[str | None, _quantity("LENGTH", "Diameter of the hull, e.g. 20 cm.")] = None
-    mass: Annotated[str | None, _quantity("MASS", "Mass with all water inside, e.g. 60 kg.")] = None
-    fin_span: Annotated[str | None, _quantity("LENGTH", "Span of one fin from root to tip, e.g. 10 cm.")] = None
-    fin_area: Annotated[str | None, _quantity("AREA", "Area of one fin, e.g. 80 cm^2.")] = None
+    length: Annotated[str | None, optional("LENGTH", "Length of the hull, e.g. 2 m.")] = None
+    diameter: Annotated[str | None, optional("LENGTH", "Diameter of the hull, e.g. 20 cm.")] = None
+    mass: Annotated[str | None, optional("MASS", "Mass with all water inside, e.g. 60 kg.")] = None
+    fin_span: Annotated[str | None, optional("LENGTH", "Span of one fin from root to tip, e.g. 10 cm.")] = None
+    fin_area: Annotated[str | None, optional("AREA", "Area of one fin, e.g. 80 cm^2.")] = None
     fin_position: Annotated[
-        str | None, _quantity("LENGTH", "Distance of the fin hinges from the nose. Default: 94 % of the length.")
+        str | None, optional("LENGTH", "Distance of the fin hinges from the nose. Default: 94 % of the length.")
     ] = None
-    fins: Annotated[int | None, _quantity("NUMBER", "Number of fins. Default: 4.")] = None
-    tail: Annotated[str | None, _quantity("+|x", "Arrangement of the fins. Default: +.")] = None
-    nose: Annotated[str | None, _quantity("LENGTH", "Length of the nose. Default: about a diameter.")] = None
-    tail_length: Annotated[
-        str | None, _quantity("LENGTH", "Length of the tail cone. Default: about 2.5 diameters.")
-    ] = None
-    speed: Annotated[str | None, _quantity("SPEED", "Cruise speed. Default: 1.5 m/s.")] = None
-    density: Annotated[str | None, _quantity("DENSITY", "Density of the water. Default: 1025 kg/m^3.")] = None
+    fins: Annotated[int | None, optional("NUMBER", "Number of fins. Default: 4.")] = None
+    tail: Annotated[str | None, optional("+|x", "Arrangement of the fins. Default: +.")] = None
+    nose: Annotated[str | None, optional("LENGTH", "Length of the nose. Default: about a diameter.")] = None
+    tail_length: Annotated[str | None, optional("LENGTH", "Length of the tail cone. Default: about 2.5 diameters.")] = (
+        None
+    )
+    speed: Annotated[str | None, optional("SPEED", "Cruise speed. Default: 1.5 m/s.")] = None
+    density: Annotated[str | None, optional("DENSITY", "Density of the water. Default: 1025 kg/m^3.")] = None
 
 
 @command
@@ -56,7 +51,7 @@ def init(
     *,
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New folder.", show_default=False)],
     outline: OutlineOptions,
-    like: Annotated[str | None, _quantity("NAME", "Start with a shipped vehicle instead, e.g. remus100.")] = None,
+    like: Annotated[str | None, optional("NAME", "Start with a shipped vehicle instead, e.g. remus100.")] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Make a first folder: a vehicle from a few dimensions, sensors, an experiment, a log map and a README.
