@@ -3,9 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import pandas as pd
 
-from auvid_cli.campaign.axes import ended
+from auvid_cli.campaign.axes import CellErrors, errors_by_cell
 from auvid_cli.campaign.summary import CampaignSummary
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.report.campaign_tables import comparison_table, filters_table
@@ -64,10 +63,9 @@ def campaign_page(
 
 def _spread(findings: CampaignSummary, filters: Mapping[str, str]) -> list[Part]:
     """Draw the error of every run that ended, a row for each combination of settings and filter."""
-    keys = [*findings.columns, "filter"]
-    cells = [(key, runs) for key, runs in findings.runs.groupby(keys, sort=False)]
-    errors = findings.runs["steady_state_error_percent"].to_numpy(np.float64)
-    known = errors[np.isfinite(errors) & (errors > 0.0)]
+    cells = errors_by_cell(findings.runs, findings.columns)
+    known = np.concatenate([cell.errors for cell in cells])
+    known = known[np.isfinite(known) & (known > 0.0)]
     if not known.size:
         return []
     low = float(np.floor(np.log10(known.min())))
@@ -76,9 +74,8 @@ def _spread(findings: CampaignSummary, filters: Mapping[str, str]) -> list[Part]
     drawn = cells[:_MAX_ROWS]
     bottom = _TOP + _ROW * len(drawn)
     shapes = decades(across, _TOP, bottom)
-    for place, (key, runs) in enumerate(drawn):
-        values = key if isinstance(key, tuple) else (key,)
-        shapes += _row(_TOP + _ROW * (place + 0.5), [setting_text(value) for value in values], runs, across, filters)
+    for place, cell in enumerate(drawn):
+        shapes += _row(_TOP + _ROW * (place + 0.5), cell, across, filters.get(cell.filter, "measured"))
     shapes.append(TextLabel(0.5 * (across.begin + across.end), bottom + 36.0, "mean steady-state error (%)", "middle"))
     says = "A mark for each completed run, a long stroke at their median; at the right the share of runs that failed."
     if len(cells) > len(drawn):
@@ -86,20 +83,17 @@ def _spread(findings: CampaignSummary, filters: Mapping[str, str]) -> list[Part]
     return [Picture("Errors", says, _WIDTH, bottom + 46.0, shapes)]
 
 
-def _row(y: float, words: list[str], runs: pd.DataFrame, across: Axis, filters: Mapping[str, str]) -> list[Shape]:
-    name = words[-1]
-    look = filters.get(name, "measured")
-    shapes: list[Shape] = [TextLabel(_LEFT - 8.0, y + 4.0, ", ".join(words)[-28:], "end")]
-    errors = runs["steady_state_error_percent"].dropna().to_numpy(np.float64)
-    decades = np.clip(np.log10(np.maximum(errors, 1e-12)), across.low, across.high)
+def _row(y: float, cell: CellErrors, across: Axis, look: str) -> list[Shape]:
+    words = ", ".join([*map(setting_text, cell.key), cell.filter])
+    shapes: list[Shape] = [TextLabel(_LEFT - 8.0, y + 4.0, words[-28:], "end")]
+    places = np.clip(np.log10(np.maximum(cell.errors, 1e-12)), across.low, across.high)
     shapes += [
-        Dot(across.at(float(decade)), y, look, f"{name}: {error:.3g} %")
-        for decade, error in zip(decades, errors, strict=True)
+        Dot(across.at(float(decade)), y, look, f"{cell.filter}: {error:.3g} %")
+        for decade, error in zip(places, cell.errors, strict=True)
     ]
-    if decades.size:
-        x = across.at(float(np.median(decades)))
+    if places.size:
+        x = across.at(float(np.median(places)))
         shapes.append(Rule(x, y - 9.0, x, y + 9.0, "axis"))
-    lost = 1.0 - float(ended(runs).mean())
-    if lost:
-        shapes.append(TextLabel(across.end + 8.0, y + 4.0, f"{lost:.0%} lost"))
+    if cell.lost:
+        shapes.append(TextLabel(across.end + 8.0, y + 4.0, f"{cell.lost:.0%} lost"))
     return shapes

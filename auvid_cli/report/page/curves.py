@@ -23,7 +23,8 @@ from auvid_cli.report.page.parts import (
     frame,
     stroke,
 )
-from auvid_cli.report.plot_data import broken, free_run_residual, scale_of, spaced, travelled, travelled_paths
+from auvid_cli.report.plot_data import component_innovations, free_run_residual, travelled, travelled_paths
+from auvid_cli.report.series import envelope, scale_of, spaced
 from auvid_cli.report.table import filter_label
 from auvid_cli.text import sentence
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
@@ -51,42 +52,6 @@ _BAND_PROBABILITY = 0.95  # of the band of the mean NIS
 _TWO_SIDED = 1.96  # standard deviations
 
 
-def envelope(time: Array, values: Array, spans: int) -> tuple[Array, Array]:
-    """Keep of each column the least and the greatest value in each of equal parts, in the order in which they come.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-    values : ndarray, shape (n, c)
-        Values that are not finite are gaps; a part without finite values and a jump of time stay gaps.
-    spans : int
-        How many parts, each of the same number of samples.
-
-    Returns
-    -------
-    time : ndarray, shape (m,)
-        Those of the samples if they are few; else beginning and middle of each part.
-    values : ndarray, shape (m, c)
-    """
-    time, values = broken(time, np.where(np.isfinite(values), values, np.nan))
-    n, columns = values.shape
-    if n <= 2 * spans:
-        return time, values
-    length = -(-n // spans)
-    parts = -(-n // length)
-    padded = np.full((parts * length, columns), np.nan)
-    padded[:n] = values
-    block = padded.reshape(parts, length, columns)
-    gap = np.isnan(block)
-    least = np.where(gap, np.inf, block).argmin(axis=1)
-    greatest = np.where(gap, -np.inf, block).argmax(axis=1)
-    order = np.stack([np.minimum(least, greatest), np.maximum(least, greatest)], axis=1)
-    kept = np.take_along_axis(block, order, axis=1).reshape(2 * parts, columns)
-    begin = np.arange(parts) * length
-    middle = np.minimum(begin + length // 2, n - 1)
-    return time[np.stack([begin, middle], axis=1).ravel()], kept
-
-
 def course_parts(dataset: Dataset, runs: Mapping[str, FreeRun]) -> list[Part]:
     """Return plots that are zoomed together: inputs, measurements, and residuals of the free runs."""
     plots = [*input_plots(dataset.inputs), *sensor_plots(dataset.sensors, runs)]
@@ -99,9 +64,9 @@ def input_plots(inputs: InputRecord) -> list[Plot]:
     plots = []
     for column, quantity in enumerate(inputs.quantities):
         scale = scale_of(quantity)
-        time, values = envelope(inputs.time, inputs.values[:, [column]] * scale.factor, _MOTION_PARTS)
+        time, values = envelope(inputs.time, inputs.values[:, column] * scale.factor, _MOTION_PARTS)
         says = sentence(f"{quantity.meaning}, {_range(values, scale.unit)}")
-        line = PlotLine(quantity.symbol, "input", time, values[:, 0], "steps")
+        line = PlotLine(quantity.symbol, "input", time, values, "steps")
         plots.append(Plot(f"input: {quantity.symbol.replace('_', ' ')}", says, scale.unit, [line]))
     return plots
 
@@ -118,9 +83,9 @@ def sensor_plots(
             if not np.isfinite(record.values[:, column]).any():
                 continue
             scale = scale_of(quantity)
-            time, values = envelope(record.time, record.values[:, [column]] * scale.factor, _MOTION_PARTS)
+            time, values = envelope(record.time, record.values[:, column] * scale.factor, _MOTION_PARTS)
             says = sentence(f"{quantity.meaning} by {name}, {_range(values, scale.unit)}")
-            line = PlotLine("measured", "measured", time, values[:, 0])
+            line = PlotLine("measured", "measured", time, values)
             shaded = () if marks is None else marks.get(name, ())
             plots.append(Plot(f"{name}: {quantity.symbol}", says, scale.unit, [line], marks=shaded))
             plots += _residual(name, quantity, record.time, record.values[:, column], runs)
@@ -145,9 +110,8 @@ def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, run
         residual *= scale.factor
         finite = residual[np.isfinite(residual)]
         if finite.size:
-            at, drawn = envelope(time, residual[:, None], _MOTION_PARTS)
             beyond |= height > 0.0 and bool((np.abs(finite) > height).any())
-            lines.append(PlotLine(filter_label(name), name, at, drawn[:, 0]))
+            lines.append(PlotLine(filter_label(name), name, *envelope(time, residual, _MOTION_PARTS)))
             words.append(f"{filter_label(name)} {_root_mean_square(finite):.3g} {scale.unit}")
     if not lines:
         return []
@@ -253,22 +217,20 @@ def _components(
     scale = scale_of(quantity)
     lines, shares, height, beyond = [], [], 0.0, 0
     for name, innovations in of_sensor:
-        known = innovations.used()[:, component] & np.isfinite(innovations.innovation[:, component])
-        if not known.any():
+        found = component_innovations(innovations, component)
+        if not found.time.size:
             continue
-        time = innovations.time[known]
-        values = innovations.innovation[known, component] * scale.factor
-        bound = 2.0 * np.sqrt(innovations.variance[known, component]) * scale.factor
-        shares.append(f"{filter_label(name)} {100.0 * float((np.abs(values) <= bound).mean()):.1f} %")
+        values, bound = found.values * scale.factor, 2.0 * found.deviation * scale.factor
+        shares.append(f"{filter_label(name)} {found.percent_within:.1f} %")
         # At the start the bounds are those of the prior.
         usual = _HALF_HEIGHT * float(np.median(bound))
         height = max(height, usual)
         beyond += int((np.abs(values) > usual).sum())
-        at, drawn = envelope(time, values[:, None], _RESIDUAL_PARTS)
-        lines.append(PlotLine(f"{filter_label(name)} innovation", "measured", at, drawn[:, 0], of=name))
-        some = spaced(time.size, _BOUND_POINTS)
+        drawn = envelope(found.time, values, _RESIDUAL_PARTS)
+        lines.append(PlotLine(f"{filter_label(name)} innovation", "measured", *drawn, of=name))
+        some = spaced(found.time.size, _BOUND_POINTS)
         for sign, word in ((1.0, "+2 sd"), (-1.0, "-2 sd")):
-            lines.append(PlotLine(f"{filter_label(name)} {word}", name, time[some], sign * bound[some], of=name))
+            lines.append(PlotLine(f"{filter_label(name)} {word}", name, found.time[some], sign * bound[some], of=name))
     if not lines:
         return []
     outside = f" Beyond the axis: {beyond}." if beyond else ""

@@ -1,30 +1,20 @@
 """Pages of a run, of an inspection, of a validation and of identifiability."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import shares_of_prior
-from auvid_cli.evaluation.estimate_checks import JUDGED
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.inspection.inspection import Inspection
-from auvid_cli.report.layout import NIS_MEANS, lay_out
+from auvid_cli.report.layout import lay_out
+from auvid_cli.report.page import curves, sections
 from auvid_cli.report.page.coefficients import coefficient_list, convergence, estimate_plots, forest
-from auvid_cli.report.page.curves import (
-    HOW_TO_LOOK,
-    course_parts,
-    innovation_parts,
-    input_plots,
-    path_parts,
-    sensor_plots,
-)
 from auvid_cli.report.page.parts import (
     Axis,
     Box,
@@ -44,25 +34,12 @@ from auvid_cli.report.page.parts import (
     decades,
 )
 from auvid_cli.report.page.render import symbol_parts
-from auvid_cli.report.page.sections import (
-    correlation_of,
-    correlation_parts,
-    provenance_section,
-    table_of_rows,
-    what_ran,
-)
-from auvid_cli.report.plot_data import Scale, scale_of
+from auvid_cli.report.plot_data import HorizonPlot, horizon_plots
 from auvid_cli.report.screen import assessment_sentences, bounds_table, holding_sentence
-from auvid_cli.report.shared_checks import Advice, advices, counts_in_words, shared_checks, whose
-from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Table, by_kind, filter_label, number
-from auvid_cli.text import sentence
-from auvid_cli.validation.results import AHEAD, Prediction, Validation
-from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH
+from auvid_cli.report.table import by_kind, filter_label, number
+from auvid_cli.validation.results import Validation
 
 INSEPARABLE = "Coefficients that cannot be separated"
-_VERDICTS = {True: "pass", False: "FAIL", None: "note"}
-# Advice next to the cards; the list of checks has all of it.
-_MAX_ADVICES = 6
 # The table of bounds is in the list of coefficients.
 _IN_THE_LIST = ("estimates", "bounds")
 # Errors of what is compared, by field, with label and look; the model's own is a line of its filter.
@@ -83,91 +60,6 @@ _WIDTH = 460.0
 _TOP = 24.0
 
 
-def judgement_parts(evaluation: Evaluation, checks: Sequence[Check]) -> list[Part]:
-    """Return a card with judgement and main numbers for each filter, and the advice of the checks.
-
-    A verdict is one sentence with what to do.
-    """
-    judgements = evaluation.judgements()
-    shared = shared_checks(check for check in checks if check.check != JUDGED)
-    cards = []
-    for row in evaluation.summary:
-        numbers: dict[str, str | None] = {}
-        if row.average_steady_state_error_percent is not None:
-            error = number(row.average_steady_state_error_percent, ERROR_DIGITS + 1)
-            numbers["average error"] = error and f"{error} %"
-        for each in evaluation.consistency:
-            if each.filter == row.filter:
-                numbers[f"NIS of {each.sensor}"] = number(each.mean_nis, ERROR_DIGITS)
-        numbers["processor time"] = f"{row.cpu_time_s:.2g} s"
-        own = [each.check.passed for each in shared if row.filter in each.filters]
-        shown = {name: text for name, text in numbers.items() if text}
-        cards.append(judgement_card(row.filter, judgements[row.filter], shown, own.count(False), own.count(None)))
-    names = [row.filter for row in evaluation.summary]
-    sentences = [_in_words(advice, names) for advice in advices(shared)]
-    if len(sentences) > _MAX_ADVICES:
-        sentences[_MAX_ADVICES:] = [f"{len(sentences) - _MAX_ADVICES} more are in the list of checks below."]
-    says: list[Part] = [Words(sentences, listed=True)] if sentences else []
-    return [Cards(cards), *says, Words([NIS_MEANS])]
-
-
-def judgement_card(
-    filter_name: str, judgement: Judgement, numbers: dict[str, str], failed: int = 0, noted: int = 0
-) -> Card:
-    """Return the verdict on one filter, given how many checks failed or are worth knowing."""
-    label = filter_label(filter_name)
-    if judgement.advice:
-        says = sentence(judgement.advice)
-    elif failed:
-        says = f"Judged sound, but {failed} check{'s' * (failed > 1)} failed: follow the advice below first."
-    elif noted:
-        says = f"Use the estimate, and read the {noted} note{'s' * (noted > 1)} of its checks below."
-    else:
-        says = "Use the estimate."
-    return Card(label, filter_name, str(judgement.grade), says, numbers)
-
-
-def _in_words(advice: Advice, names: Sequence[str]) -> str:
-    """Return a failed or noted check, its estimators and the advice in one sentence."""
-    found = f": {advice.shared[0].check.statistic}" if len(advice.shared) == 1 else ""
-    verb = "Failed" if advice.failed else "Note"
-    of = whose(advice.filters, names)
-    return f"{verb} for {'all filters' if of == 'all' else of}: {advice.what}{found}. {advice.text}"
-
-
-def check_parts(checks: Iterable[Check]) -> list[Part]:
-    """Return the checks as tables: those that did not pass with their advice, and those that passed."""
-    ordered = list(checks)
-    if not ordered:
-        return []
-    names = list(dict.fromkeys(check.filter for check in ordered))
-    filters = any(names)
-    headers = ("verdict", *(["estimator"] if filters else []), "of", "check", "found", "allowed", "what to do")
-
-    def row(check: Check, of: Sequence[str]) -> list[Cell]:
-        return [
-            _VERDICTS[check.passed],
-            *([whose(of, names)] if filters else []),
-            *(check.subject, check.check, check.statistic, check.threshold, check.advice),
-        ]
-
-    shared = [row(each.check, each.filters) for each in shared_checks(ordered)]
-    passed = [row(check, [check.filter])[:-1] for check in ordered if check.passed]
-    columns = tuple(Column(header, numeric=False) for header in headers)
-    parts: list[Part] = [Words([f"{counted}." for counted in counts_in_words(ordered)])]
-    if shared:
-        notes = (
-            ("Column found: value of the smoother, if it is in the row.",) if JUDGE in names and len(names) > 1 else ()
-        )
-        parts.append(
-            TablePart(Table("noteworthy", "Failed or worth knowing", columns, shared, notes=notes), sortable=True)
-        )
-    if passed:
-        table = Table("passed", f"Passed: {len(passed)}", columns[:-1], passed)
-        parts.append(TablePart(table, sortable=True, folded=True))
-    return parts
-
-
 def run_page(dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evaluation, checks: Sequence[Check]) -> Page:
     """Lay out all that is known of a run and its estimates.
 
@@ -183,19 +75,22 @@ def run_page(dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evalua
     if evaluation.coefficients:
         listed = [*forest(evaluation), TablePart(coefficient_list(evaluation, shares), sortable=True)]
     remarks = [Words(evaluation.remarks, listed=True)] if evaluation.remarks else []
-    sections = (
-        Section("verdict", "Verdict", [*judgement_parts(evaluation, checks), *remarks]),
+    content = (
+        Section("verdict", "Verdict", [*sections.judgement_parts(evaluation, checks), *remarks]),
         Section("coefficients", "Coefficients", listed),
         Section("convergence", "Convergence", _convergence(estimates, true)),
         Section("correlation", INSEPARABLE, _run_correlation(estimates)),
-        Section("innovations", "Innovations", innovation_parts(estimates)),
-        Section("course", "Inputs, sensors, residuals", course_parts(dataset, evaluation.free_runs)),
-        Section("path", "Path", path_parts(dataset.truth, estimates)),
+        Section("innovations", "Innovations", curves.innovation_parts(estimates)),
+        Section("course", "Inputs, sensors, residuals", curves.course_parts(dataset, evaluation.free_runs)),
+        Section("path", "Path", curves.path_parts(dataset.truth, estimates)),
         Section("tables", "Tables", [TablePart(table) for table in tables]),
-        Section("checks", "Checks", check_parts(checks)),
-        provenance_section(dataset),
+        Section("checks", "Checks", sections.check_parts(checks)),
+        sections.provenance_section(dataset),
     )
-    return Page(dataset.experiment.name, _subtitle(dataset), sections)
+    origin = "simulated, truth known" if dataset.truth is not None else "recorded, truth not known"
+    vehicle = dataset.experiment.vehicle.name
+    subtitle = f"{vehicle}, {sections.what_ran(dataset)}, sensors {', '.join(dataset.sensors)}; {origin}"
+    return Page(dataset.experiment.name, subtitle, content)
 
 
 def _convergence(estimates: Sequence[Estimate], true: dict[str, float]) -> list[Part]:
@@ -212,28 +107,21 @@ def _convergence(estimates: Sequence[Estimate], true: dict[str, float]) -> list[
 
 def _run_correlation(estimates: Sequence[Estimate]) -> list[Part]:
     """Return the correlations of the estimate by which others are judged, or else of the first."""
-    reference = next((e for e in estimates if e.in_one_batch and e.completed), None)
-    first = next((e for e in estimates if e.completed), None)
-    chosen = reference or first
-    return [] if chosen is None else correlation_of(chosen)
-
-
-def _subtitle(dataset: Dataset) -> str:
-    origin = "simulated, truth known" if dataset.truth is not None else "recorded, truth not known"
-    return f"{dataset.experiment.vehicle.name}, {what_ran(dataset)}, sensors {', '.join(dataset.sensors)}; {origin}"
+    completed = sorted((e for e in estimates if e.completed), key=lambda estimate: not estimate.in_one_batch)
+    return sections.correlation_of(completed[0]) if completed else []
 
 
 def inspection_page(dataset: Dataset, inspection: Inspection) -> Page:
     """Lay out the verdicts on data, and the data themselves, shaded where something is the matter."""
     begin, end = inspection.span
-    sections = (
+    content = (
         Section("verdict", "Verdict", [_inspection_verdict(inspection)]),
-        Section("checks", "Checks", check_parts(inspection.checks)),
+        Section("checks", "Checks", sections.check_parts(inspection.checks)),
         Section("course", "Recorded data", _recorded(dataset, inspection)),
-        provenance_section(dataset),
+        sections.provenance_section(dataset),
     )
     subtitle = f"{dataset.experiment.vehicle.name}, {begin:.6g} to {end:.6g} s, sensors {', '.join(dataset.sensors)}"
-    return Page(f"Inspection: {dataset.experiment.name}", subtitle, sections)
+    return Page(f"Inspection: {dataset.experiment.name}", subtitle, content)
 
 
 def _inspection_verdict(inspection: Inspection) -> Cards:
@@ -252,8 +140,8 @@ def _recorded(dataset: Dataset, inspection: Inspection) -> list[Part]:
     marks: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for mark in inspection.marks:
         marks[mark.sensor].append((mark.start, mark.end))
-    words = f"{HOW_TO_LOOK} Shaded: spikes, jumps, stuck values, gaps and clocks that jump."
-    plots = [*input_plots(dataset.inputs), *sensor_plots(dataset.sensors, {}, marks)]
+    words = f"{curves.HOW_TO_LOOK} Shaded: spikes, jumps, stuck values, gaps and clocks that jump."
+    plots = [*curves.input_plots(dataset.inputs), *curves.sensor_plots(dataset.sensors, {}, marks)]
     return [Words([words]), Plots(plots, linked="time", wide=True)]
 
 
@@ -262,23 +150,25 @@ def validation_page(validation: Validation) -> Page:
     tables = validation.tables()
     listed = {"validation": "Predictions", "manoeuvres": "Numbers of manoeuvres"}
     grids = [
-        TablePart(table_of_rows(key, title, tables[key]), sortable=True)
+        TablePart(sections.table_of_rows(key, title, tables[key]), sortable=True)
         for key, title in listed.items()
         if tables[key].rows
     ]
     shown = validation.shown
     remarks = [Words(validation.remarks, listed=True)] if validation.remarks else []
-    sections = (
+    content = (
         Section("verdict", "Verdict", [_validation_verdict(validation), *remarks]),
-        Section("checks", "Checks", check_parts(validation.checks)),
+        Section("checks", "Checks", sections.check_parts(validation.checks)),
         Section("horizons", "Errors by horizon", _horizons(validation)),
-        Section("course", "Inputs, sensors, residuals", course_parts(shown, {validation.filter: validation.run})),
+        Section(
+            "course", "Inputs, sensors, residuals", curves.course_parts(shown, {validation.filter: validation.run})
+        ),
         Section("tables", "Tables", grids),
-        provenance_section(shown),
+        sections.provenance_section(shown),
     )
     title = f"Validation: {filter_label(validation.filter)} on {shown.experiment.name}"
-    subtitle = f"{shown.experiment.vehicle.name}, {what_ran(shown)}, data that the estimate has not seen"
-    return Page(title, subtitle, sections)
+    subtitle = f"{shown.experiment.vehicle.name}, {sections.what_ran(shown)}, data that the estimate has not seen"
+    return Page(title, subtitle, content)
 
 
 def _validation_verdict(validation: Validation) -> Cards:
@@ -290,18 +180,14 @@ def _validation_verdict(validation: Validation) -> Cards:
     return Cards(
         [
             Card("Predictions", validation.filter, "fails" if failed else "passes", says, counts),
-            judgement_card(validation.filter, validation.judgement, {}),
+            sections.judgement_card(validation.filter, validation.judgement, {}),
         ]
     )
 
 
 def _horizons(validation: Validation) -> list[Part]:
     """Plot the error of each signal over the horizon, on logarithmic scales."""
-    plots = []
-    for quantity in MOTION_AND_DEPTH:
-        rows = [row for row in validation.predictions if row.kind == AHEAD and row.signal == quantity.symbol]
-        if rows:
-            plots.append(_horizon(validation.filter, quantity.symbol, rows, scale_of(quantity)))
+    plots = [_horizon(validation.filter, plot) for plot in horizon_plots(validation.predictions) if plot.horizons.size]
     words = (
         "Root mean square error of predictions from many starts, over the time that they look ahead, for the model and "
         "for what was known before. Errors below the noise of the sensor mean that its stated noise is too large, "
@@ -310,21 +196,16 @@ def _horizons(validation: Validation) -> list[Part]:
     return [Words([words]), Plots(plots)] if plots else []
 
 
-def _horizon(filter_name: str, symbol: str, rows: Sequence[Prediction], scale: Scale) -> Plot:
-    horizons = np.array([row.horizon_s for row in rows])
-
-    def line(field: str, label: str, look: str) -> PlotLine:
-        values = [getattr(row, field) for row in rows]
-        errors = np.array([np.nan if value is None else scale.factor * value for value in values])
-        return PlotLine(label, look, horizons, np.where(errors > 0.0, errors, np.nan))
-
-    lines = [line(field, label, look) for field, (label, look) in _OTHERS.items()]
+def _horizon(filter_name: str, plot: HorizonPlot) -> Plot:
     # The model's own is drawn above the others.
-    lines.append(line("rmse", filter_label(filter_name), filter_name))
-    known = [one for one in lines if np.isfinite(one.values).any()]
+    looks = _OTHERS | {"rmse": (filter_label(filter_name), filter_name)}
+    errors = {field: np.where(plot.errors[field] > 0.0, plot.errors[field], np.nan) for field in looks}
+    known = [
+        PlotLine(*looks[field], plot.horizons, values) for field, values in errors.items() if np.isfinite(values).any()
+    ]
     last = ", ".join(f"{one.label} {number(one.values[-1], 3)}" for one in known if np.isfinite(one.values[-1]))
-    says = f"Errors of {symbol} after {horizons[-1]:g} s, {scale.unit}: {last}."
-    return Plot(symbol, says, scale.unit, known, "horizon (s)", True, True)
+    says = f"Errors of {plot.quantity.symbol} after {plot.horizons[-1]:g} s, {plot.scale.unit}: {last}."
+    return Plot(plot.quantity.symbol, says, plot.scale.unit, known, "horizon (s)", True, True)
 
 
 def identifiability_page(dataset: Dataset, identifiability: Identifiability, where: str) -> Page:
@@ -336,20 +217,21 @@ def identifiability_page(dataset: Dataset, identifiability: Identifiability, whe
         Name of the coefficients at which the bounds hold.
     """
     symbols = [bound.coefficient for bound in identifiability.bounds]
-    sections = (
-        Section("verdict", "Verdict", [_verdict(identifiability), *_words(identifiability)]),
+    holding = [] if identifiability.holding is None else [holding_sentence(identifiability.holding)]
+    words = Words([*assessment_sentences(identifiability), *holding], listed=True)
+    correlation = []
+    if np.isfinite(identifiability.correlation).any():
+        title = "Correlations of the errors at the bound"
+        correlation = sections.correlation_parts(title, symbols, identifiability.correlation)
+    content = (
+        Section("verdict", "Verdict", [_verdict(identifiability), words]),
         Section("bounds", "Bounds", [*_bars(identifiability), TablePart(bounds_table(identifiability), sortable=True)]),
         Section("duration", "Bounds over the duration", _growth(identifiability)),
-        Section(
-            "correlation",
-            "Coefficients that cannot be separated",
-            _identifiability_correlation(symbols, identifiability),
-        ),
-        provenance_section(dataset),
+        Section("correlation", INSEPARABLE, correlation),
+        sections.provenance_section(dataset),
     )
-    return Page(
-        f"Identifiability: {dataset.experiment.name}", f"{dataset.experiment.vehicle.name}, at {where}", sections
-    )
+    subtitle = f"{dataset.experiment.vehicle.name}, at {where}"
+    return Page(f"Identifiability: {dataset.experiment.name}", subtitle, content)
 
 
 def _verdict(identifiability: Identifiability) -> Cards:
@@ -364,17 +246,6 @@ def _verdict(identifiability: Identifiability) -> Cards:
     grade = "fails" if len(lost) == len(classes) else "doubtful" if lost else "passes"
     counts = {label: str(classes.count(label)) for _, label in CLASSES if label in classes}
     return Cards([Card("These data", "input", grade, says, counts)])
-
-
-def _words(identifiability: Identifiability) -> list[Part]:
-    holding = [] if identifiability.holding is None else [holding_sentence(identifiability.holding)]
-    return [Words([*assessment_sentences(identifiability), *holding], listed=True)]
-
-
-def _identifiability_correlation(symbols: list[str], identifiability: Identifiability) -> list[Part]:
-    if not np.isfinite(identifiability.correlation).any():
-        return []
-    return correlation_parts("Correlations of the errors at the bound", symbols, identifiability.correlation)
 
 
 def _bars(identifiability: Identifiability) -> list[Picture]:

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.report.plot_data import spaced
+from auvid_cli.report.series import spaced
 from auvid_cli.report.table import Table
 
 Array = NDArray[np.float64]
