@@ -213,10 +213,12 @@ def _print_settings(experiment: "RunSettings") -> int:
 
 def _print_result(result: "RunResult", terminal: Terminal, show: bool) -> int:
     """Print the summary of a results folder; return 1 if an estimate is inconsistent or diverged."""
-    from auvid_cli.report.screen import print_check_counts, print_files, print_summary
+    from auvid_cli.report.screen import print_files, print_summary
+    from auvid_cli.report.screen_table import print_texts
+    from auvid_cli.report.shared_checks import counts_in_words
 
     print_summary(terminal.out, result.evaluation)
-    print_check_counts(terminal.out, result.checks)
+    print_texts(terminal.out, counts_in_words(result.checks))
     if any(not check.passed for check in result.checks):
         terminal.print(f"failed checks and advice: auvid check {shlex.quote(str(result.folder))}")
     print_files(terminal.out, result.files)

@@ -1,7 +1,7 @@
 """Screens of designs, missing terms, imports and comparisons."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import isnan
 from typing import TYPE_CHECKING
 
@@ -13,13 +13,20 @@ from auvid_cli.config.settings import Spans
 from auvid_cli.data.findings import ScoredTerm, TermFindings
 from auvid_cli.evaluation.differences import ComparedValue, Comparison
 from auvid_cli.logs.measurements import ImportSummary
-from auvid_cli.report.screen_table import MISSING, narrowed, printed, screen_table
-from auvid_cli.report.table import Cell, Column, Table
+from auvid_cli.report.screen_table import MISSING, narrowed, print_texts, printed, screen_table
+from auvid_cli.report.table import Cell, Column, Table, tabulated, text_column
 
 if TYPE_CHECKING:
     from auvid_cli.design.search import Design
     from auvid_cli.design.trials import Trial
 
+_MAX_DIFFERENCES = 20  # without --verbose
+_DIGITS = 6
+_DIFFERENCE_DIGITS = 2
+# Heading of the column that tells what differs among all.
+_MARK = ""
+# Columns left out on a narrow terminal, in this order.
+_DROPPED_OF_COMPARISON = "table", "allowed"
 _DESIGN_DIGITS = 3
 _TERM_DIGITS = 3
 
@@ -27,11 +34,8 @@ _TERM_DIGITS = 3
 def print_design(console: Console, design: "Design") -> None:
     """Print the manoeuvres side by side, on trial vehicles that the search has not seen, and the conclusions."""
     spiral = design.trials["spiral"]
-    columns = (
-        Column("manoeuvre", numeric=False),
-        *(Column(header) for header in ("mean sd (%)", "worst sd (%)", "gain", "least", "largest")),
-        *(Column(header) for header in ("outside", "box (m)", "depth (m)")),
-    )
+    headers = "mean sd (%)", "worst sd (%)", "gain", "least", "largest", "outside", "box (m)", "depth (m)"
+    columns = text_column("manoeuvre"), *map(Column, headers)
     rows = [_design_row(name, trial, spiral) for name, trial in design.trials.items()]
     console.print(
         screen_table(console, Table("design", "Design", columns, rows), _DESIGN_DIGITS, unbroken=["manoeuvre"])
@@ -91,13 +95,18 @@ def sentences(design: "Design") -> list[str]:
 
 def print_terms(console: Console, findings: TermFindings) -> None:
     """Print the candidate terms and the result of the search."""
-    columns = (
-        *(Column(header, numeric=False) for header in ("look", "term")),
-        *(Column(header) for header in ("size", "+-", "gain", "made up %", "held-out gain", "gain of all")),
-        Column("verdict", numeric=False),
-    )
-    rows = [_term_row(term) for term in findings.scored]
-    console.print(screen_table(console, Table("terms", "Terms", columns, rows), _TERM_DIGITS))
+    cells: dict[Column, Callable[[ScoredTerm], Cell]] = {
+        text_column("look"): lambda term: str(term.look),
+        text_column("term"): lambda term: term.term,
+        Column("size"): lambda term: term.size,
+        Column("+-"): lambda term: term.standard_deviation,
+        Column("gain"): lambda term: term.gain,
+        Column("made up %"): lambda term: 100.0 * term.made_up_share,
+        Column("held-out gain"): lambda term: term.held_out_gain,
+        Column("gain of all"): lambda term: term.evidence_gain,
+        text_column("verdict"): _verdict,
+    }
+    console.print(screen_table(console, tabulated("terms", "Terms", findings.scored, cells), _TERM_DIGITS))
     console.print(
         Text(
             f"{findings.n_candidates} candidates, fitted to {_of(findings.fitted)}, held out {_of(findings.held_out)}. "
@@ -106,15 +115,8 @@ def print_terms(console: Console, findings: TermFindings) -> None:
             "needless. No better held out: the term does not improve the fit of the held-out data."
         )
     )
-    for term in findings.found:
-        if term.like:
-            console.print(Text(f"These data cannot separate {term.term} from {term.like}."))
-    console.print(Text(_conclusion(findings)))
-
-
-def _term_row(term: ScoredTerm) -> list[Cell]:
-    sizes: list[Cell] = [term.size, term.standard_deviation, term.gain, 100.0 * term.made_up_share]
-    return [str(term.look), term.term, *sizes, term.held_out_gain, term.evidence_gain, _verdict(term)]
+    alike = [f"These data cannot separate {term.term} from {term.like}." for term in findings.found if term.like]
+    print_texts(console, [*alike, _conclusion(findings)])
 
 
 def _verdict(term: ScoredTerm) -> str:
@@ -140,35 +142,22 @@ def _conclusion(findings: TermFindings) -> str:
 
 def print_import_report(console: Console, summaries: Sequence[ImportSummary], remarks: Sequence[str]) -> None:
     """Print rate, span and losses of each sensor and input, and the remarks of the import."""
-    headers = "rate Hz", "samples", "from s", "to s", "missing", "duplicates"
-    rows: list[list[Cell]] = [
-        [
-            summary.name,
-            f"{summary.rate:.4g}",
-            str(summary.samples),
-            *(f"{time:.7g}" for time in summary.span),
-            str(summary.missing),
-            str(summary.duplicates),
-        ]
-        for summary in summaries
-    ]
-    columns = (Column("", numeric=False), *(Column(header) for header in headers))
-    console.print(screen_table(console, Table("import", "Imported records", columns, rows), unbroken=("",)))
+    cells: dict[Column, Callable[[ImportSummary], Cell]] = {
+        text_column(""): lambda summary: summary.name,
+        Column("rate Hz"): lambda summary: f"{summary.rate:.4g}",
+        Column("samples"): lambda summary: str(summary.samples),
+        Column("from s"): lambda summary: f"{summary.span[0]:.7g}",
+        Column("to s"): lambda summary: f"{summary.span[1]:.7g}",
+        Column("missing"): lambda summary: str(summary.missing),
+        Column("duplicates"): lambda summary: str(summary.duplicates),
+    }
+    table = tabulated("import", "Imported records", summaries, cells)
+    console.print(screen_table(console, table, unbroken=("",)))
     of_remark: dict[str, list[str]] = {}
     for summary in summaries:
         for remark in summary.remarks:
             of_remark.setdefault(remark, []).append(summary.name)
-    for remark in (*(f"{', '.join(names)}: {remark}" for remark, names in of_remark.items()), *remarks):
-        console.print(Text(remark))
-
-
-_MAX_DIFFERENCES = 20  # without --verbose
-_DIGITS = 6
-_DIFFERENCE_DIGITS = 2
-# Heading of the column that tells what differs among all.
-_MARK = ""
-# Columns left out on a narrow terminal, in this order.
-_DROPPED_OF_COMPARISON = "table", "allowed"
+    print_texts(console, [*(f"{', '.join(names)}: {remark}" for remark, names in of_remark.items()), *remarks])
 
 
 def print_comparison(console: Console, comparison: Comparison, everything: bool) -> None:
@@ -182,7 +171,7 @@ def print_comparison(console: Console, comparison: Comparison, everything: bool)
     differing = comparison.differing()
     shown = comparison.values if everything else differing[:_MAX_DIFFERENCES]
     if shown:
-        table = _beside_each_other(shown)
+        table = tabulated("comparison", "Two results", shown, _COMPARED)
         console.print(narrowed(console, table if everything else table.without(_MARK), _DROPPED_OF_COMPARISON))
     if len(differing) > _MAX_DIFFERENCES and not everything:
         console.print(Text(f"and {len(differing) - _MAX_DIFFERENCES} more that differ; --verbose prints all values"))
@@ -196,29 +185,24 @@ def print_comparison(console: Console, comparison: Comparison, everything: bool)
         console.print(Text(f"only the first has {', '.join(comparison.only_first)}"))
 
 
-def _beside_each_other(values: list[ComparedValue]) -> Table:
-    columns = (
-        *(Column(header, numeric=False) for header in (_MARK, "table", "of", "value")),
-        *(Column(header) for header in ("first", "second", "difference", "allowed")),
-    )
-    rows: list[list[Cell]] = [
-        [
-            "" if value.agrees else "DIFFERS",
-            value.table,
-            value.row,
-            value.column,
-            _cell(value.first),
-            _cell(value.second),
-            MISSING if isnan(value.difference) else printed(value.difference, _DIFFERENCE_DIGITS),
-            MISSING if isnan(value.allowed) else printed(value.allowed, _DIFFERENCE_DIGITS),
-        ]
-        for value in values
-    ]
-    return Table("comparison", "Two results", columns, rows)
-
-
 def _cell(text: str) -> str:
     try:
         return printed(float(text), _DIGITS)
     except ValueError:
         return text or MISSING
+
+
+def _difference(value: float) -> str:
+    return MISSING if isnan(value) else printed(value, _DIFFERENCE_DIGITS)
+
+
+_COMPARED: dict[Column, Callable[[ComparedValue], Cell]] = {
+    text_column(_MARK): lambda value: "" if value.agrees else "DIFFERS",
+    text_column("table"): lambda value: value.table,
+    text_column("of"): lambda value: value.row,
+    text_column("value"): lambda value: value.column,
+    Column("first"): lambda value: _cell(value.first),
+    Column("second"): lambda value: _cell(value.second),
+    Column("difference"): lambda value: _difference(value.difference),
+    Column("allowed"): lambda value: _difference(value.allowed),
+}

@@ -1,10 +1,10 @@
 """Tables independent of their output, and the notation of symbols and units."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import compress
 from math import floor, isfinite, log10
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, TypeVar
 
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, is_name_of_term
 
@@ -114,6 +114,7 @@ class Unidentified(NamedTuple):
     cell: float | PlusMinus
 
 
+Row = TypeVar("Row")
 # None and a number that is not finite are missing values.
 Cell: TypeAlias = str | float | Symbol | UnitCell | PlusMinus | Unidentified | None
 
@@ -151,6 +152,22 @@ class Table(NamedTuple):
         kept = [column.header not in headers for column in self.columns]
         rows, totals = ([list(compress(row, kept)) for row in body] for body in (self.rows, self.totals))
         return self._replace(columns=tuple(compress(self.columns, kept)), rows=rows, totals=totals)
+
+
+def text_column(header: str) -> Column:
+    """Return the heading of a column of text."""
+    return Column(header, numeric=False)
+
+
+def tabulated(
+    key: str,
+    title: str,
+    rows: Iterable[Row],
+    cells: Mapping[Column, Callable[[Row], Cell]],
+    notes: tuple[str, ...] = (),
+) -> Table:
+    """Return a table with a function for each column, which makes its cells from the rows."""
+    return Table(key, title, tuple(cells), [[cell(row) for cell in cells.values()] for row in rows], notes=tuple(notes))
 
 
 def capitalised(header: str) -> str:
