@@ -1,7 +1,7 @@
 """Identification with one filter, or with several in parallel."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from threading import Event
@@ -68,57 +68,45 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     return record_estimate(Path(file), run.header, run.run)
 
 
-class ParallelFilters:
-    """Filters on the same data, one thread per filter; if one fails, all end."""
-
-    def __init__(self, prepared: PreparedData, filters: Sequence[FilterName]) -> None:
-        self._stopping = Event()
-        self._runs = set_up_filters(prepared, filters, self._raise_if_cancelled)
-
-    def record(
-        self, paths: Sequence[Path], bars: Sequence[Advance], on_estimate: Callable[[Estimate], None]
-    ) -> list[Estimate]:
-        """Run all filters, and write the estimates into files.
-
-        Parameters
-        ----------
-        paths : sequence of pathlib.Path
-            One file per filter.
-        bars : sequence of Advance
-            One callback per filter, called with the processed and the total duration of the data, s.
-        on_estimate : callable
-            Called with each finished estimate.
-        """
-        with ThreadPoolExecutor(os.cpu_count()) as threads:
-            try:
-                jobs = zip(self._runs, paths, bars, strict=True)
-                # Batch estimators take longest, so they start first.
-                by_length = sorted(jobs, key=lambda job: not job[0].estimator.in_one_batch)
-                futures = {job[1]: threads.submit(_record, *job) for job in by_length}
-                for future in as_completed(futures.values()):
-                    on_estimate(future.result())
-            finally:
-                # After an error or an interrupt the other filters stop at their next chunk.
-                self._stopping.set()
-        return [futures[path].result() for path in paths]
-
-    def _raise_if_cancelled(self) -> None:
-        if self._stopping.is_set():
-            raise _StoppedError
-
-
 class _StoppedError(Exception):
     """A filter was stopped because another one failed, or the user interrupted."""
 
 
-def _record(filter_run: FilterRun, path: Path, advance: Advance) -> Estimate:
-    begin, end = filter_run.span
+def _record_in_parallel(
+    prepared: PreparedData,
+    paths: Mapping[FilterName, Path],
+    bars: Sequence[Advance],
+    on_estimate: Callable[[Estimate], None],
+) -> list[Estimate]:
+    """Run filters, one thread per filter, and write their estimates into files; if one fails, all end."""
+    stopping = Event()
 
-    def update_bar(chunk: EstimateChunk) -> None:
-        if chunk.time.size:
-            advance(chunk.time[-1] - begin, end - begin)
+    def raise_if_stopping() -> None:
+        if stopping.is_set():
+            raise _StoppedError
 
-    return record_estimate(path, filter_run.header, filter_run.run, update_bar)
+    def record(filter_run: FilterRun, path: Path, advance: Advance) -> Estimate:
+        begin, end = filter_run.span
+
+        def update_bar(chunk: EstimateChunk) -> None:
+            if chunk.time.size:
+                advance(chunk.time[-1] - begin, end - begin)
+
+        return record_estimate(path, filter_run.header, filter_run.run, update_bar)
+
+    runs = set_up_filters(prepared, [*paths], raise_if_stopping)
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        try:
+            jobs = zip(runs, paths.values(), bars, strict=True)
+            # Batch estimators take longest, so they start first.
+            by_length = sorted(jobs, key=lambda job: not job[0].estimator.in_one_batch)
+            futures = {job[1]: threads.submit(record, *job) for job in by_length}
+            for future in as_completed(futures.values()):
+                on_estimate(future.result())
+        finally:
+            # After an error or an interrupt the other filters stop at their next chunk.
+            stopping.set()
+    return [futures[path].result() for path in paths.values()]
 
 
 def estimate_delays_and_noise(prepared: PreparedData, progress: Progress) -> PreparedData:
@@ -183,14 +171,13 @@ def identify_into(
     names = list(dict.fromkeys(filters))
     others = other_estimates(folder, prepared.experiment, prepared.dataset.sha256, names)
     refuse_unless(overwrite, next(iter(others.values()), ""))
-    runs = ParallelFilters(prepared, names)
-    paths = [folder / "estimates" / f"{name.value}.h5" for name in names]
+    paths = {name: folder / "estimates" / f"{name.value}.h5" for name in names}
     with progress.bars(*(name.value for name in names), unit=" s of data") as bars:
-        estimates = runs.record(paths, bars, on_estimate)
+        estimates = _record_in_parallel(prepared, paths, bars, on_estimate)
     if others:
-        kept = {*paths, *(path for path in estimates_in(folder).values() if path not in others)}
+        kept = {*paths.values(), *(path for path in estimates_in(folder).values() if path not in others)}
         remove(path for path in products(folder) if path not in kept)
-    for path, estimate in zip(paths, estimates, strict=True):
+    for path, estimate in zip(paths.values(), estimates, strict=True):
         progress.message(f"{path}: {estimate.status}; {estimate.cpu_time:.2f} s of processor time")
     return estimates
 

@@ -161,7 +161,7 @@ def tune(
     changes, terminal = settings.overrides(), console.terminal()
     with terminal.compiling():
         from auvid_cli.api.analysis import tune_into
-        from auvid_cli.report.screen import choice_text, print_tuning
+        from auvid_cli.report.screens import choice_text, print_tuning
 
     result = tune_into(output.destination(terminal), dataset, changes, sensors, disturbance)
     print_tuning(terminal.out, result.tuning, *result.fits)

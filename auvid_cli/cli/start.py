@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -14,14 +14,6 @@ from auvid_cli.cli.options import Command, QuietOption, command, optional
 from auvid_cli.cli.streams import hanging
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.errors import ConfigError
-
-QUESTIONS = {
-    "length": "Length of the hull, e.g. 2 m",
-    "diameter": "Diameter of the hull, e.g. 20 cm",
-    "mass": "Mass with all water inside, e.g. 60 kg",
-    "fin_span": "Span of one fin from root to tip, e.g. 10 cm",
-    "fin_area": "Area of one fin, e.g. 80 cm^2",
-}
 
 
 @dataclass(frozen=True)
@@ -95,7 +87,9 @@ def _answers(given: Mapping[str, str | int]) -> dict[str, str]:
             f"missing {', '.join(map(option, missing))}; add them, start with a shipped vehicle (--like remus100), "
             "or run this in a terminal, which asks for them"
         )
-    return {key: _answer(QUESTIONS[key], units()[key]) for key in missing}
+    hints = get_type_hints(OutlineOptions, include_extras=True)
+    helps = {key: hints[key].__metadata__[0].help for key in missing}
+    return {key: _answer(text.removesuffix("."), units()[key]) for key, text in helps.items()}
 
 
 def is_interactive() -> bool:

@@ -1,8 +1,7 @@
-"""Tables on the terminal: checks, judgements, identifiability, tuned noise and validation."""
+"""Tables on the terminal: checks, judgements, identifiability and validation."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +11,7 @@ from rich.text import Text
 
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.checks import Check
-from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.findings import DisturbanceChoice, TunedNoise, Tuning
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.evaluation.judgement import Judgement, whiteness
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FixSuggestion, Identifiability
 from auvid_cli.report.layout import NIS_MEANS, consistency, estimates, rejections, runs, unobserved
 from auvid_cli.report.screen_table import encodable, fits, narrowed, print_texts, printed, screen_table
@@ -58,14 +54,6 @@ _NOTES = (
 _DROPPED_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
 _STYLES = {"FAIL": "bold red", "note": "yellow"}
-_TUNING_DIGITS = 3
-_LESS = "any smaller value fits as well"
-_WHITE = "white process noise fits as well"
-_LONGER = "any larger value fits as well"
-_ANY = "any value fits"
-_PREFIX = "identification."
-# An estimate of the smoother and its judgement.
-Judged = tuple[Estimate, Judgement]
 _VALIDATION_DIGITS = 3
 # Columns left out on a narrow terminal, in this order.
 _DROPPED_OF_MODELS = "vehicle file", "prior", "unchanged"
@@ -223,72 +211,6 @@ def _estimate_tables(console: Console, evaluation: Evaluation, filters: list[str
     if chosen is not None:
         return [chosen]
     return [choice for name in filters for choice in _estimate_tables(console, evaluation, [name])]
-
-
-def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged) -> None:
-    """Print the tuned noise, and the innovations of the smoother before and after."""
-    console.print(screen_table(console, tabulated("noise", "Noise", tuning.noises, _NOISE_CELLS), _TUNING_DIGITS))
-    for finding, applies, consequence in _FINDINGS:
-        if names := [noise.setting.removeprefix(_PREFIX) for noise in tuning.noises if applies(noise)]:
-            console.print(Text(f"The data {finding} {', '.join(names)}: {consequence}."))
-    console.print(screen_table(console, _estimates(before, after), _TUNING_DIGITS))
-    if not tuning.converged:
-        console.print(Text("The search has not converged: start `auvid tune` again from these values."))
-
-
-def choice_text(choice: DisturbanceChoice) -> str:
-    """Return whether a disturbance is estimated, and why."""
-    criterion = f"{choice.n_parameters} more parameters need {choice.needed:.3g} (Bayesian information criterion)"
-    what = "kept" if choice.is_kept else "left out"
-    gain = f"it changes the log-likelihood by {choice.gain:+.4g}"
-    return f"a disturbance that is correlated in time is {what}: {gain}; {criterion}"
-
-
-def _is_flat(noise: TunedNoise) -> bool:
-    return noise.low == 0.0 and not isfinite(noise.high)
-
-
-def _is_bounded(noise: TunedNoise) -> bool:
-    return noise.low == 0.0 and isfinite(noise.high)
-
-
-# Result, condition and consequence for noise that the data determine only in part.
-_FINDINGS: tuple[tuple[str, Callable[[TunedNoise], bool], str], ...] = (
-    ("only give an upper limit of", lambda noise: _is_bounded(noise) and not noise.is_time_constant, _LESS),
-    ("do not determine", lambda noise: _is_flat(noise) and not noise.is_time_constant, _LESS),
-    ("only give an upper limit of", lambda noise: _is_bounded(noise) and noise.is_time_constant, _WHITE),
-    ("only give a lower limit of", lambda noise: noise.low > 0.0 and not isfinite(noise.high), _LONGER),
-    ("do not determine", lambda noise: _is_flat(noise) and noise.is_time_constant, _ANY),
-)
-
-
-def _most_likely(noise: TunedNoise) -> Cell:
-    # Without a lower limit, the most likely value is the smallest that the search allows.
-    is_none = noise.low == 0.0 and noise.tuned < 1e-3 * noise.high and not noise.is_time_constant
-    return "none" if is_none else noise.tuned
-
-
-_NOISE_CELLS: dict[Column, Callable[[TunedNoise], Cell]] = {
-    text_column("noise"): lambda noise: noise.setting.removeprefix(_PREFIX),
-    text_column("unit"): lambda noise: UnitCell(noise.unit),
-    Column("stated"): lambda noise: noise.stated,
-    Column("most likely"): _most_likely,
-    Column("95 % from"): lambda noise: noise.low,
-    Column("to"): lambda noise: noise.high if isfinite(noise.high) else "no limit",
-}
-
-
-def _estimates(before: Judged, after: Judged) -> Table:
-    """Return mean NIS and autocorrelation of the innovations of each sensor, and the judgement."""
-    rows: list[list[Cell]] = []
-    for sensor in before[0].innovations:
-        nis: list[Cell] = [estimate.innovations[sensor].sums().mean_nis for estimate, _ in (before, after)]
-        rows.append([f"mean NIS of {sensor}", *nis])
-        memory: list[Cell] = [whiteness(estimate.innovations[sensor]).portmanteau for estimate, _ in (before, after)]
-        rows.append([f"errors of {sensor} correlated in time (Ljung-Box)", *memory])
-    grades: list[Cell] = [judgement.grade for _, judgement in (before, after)]
-    columns = Column("smoother", numeric=False), Column("as stated"), Column("tuned")
-    return Table("tuned", "Before and after", columns, [*rows, ["judgement", *grades]])
 
 
 def print_validation(console: Console, validation: Validation, passed: bool) -> None:

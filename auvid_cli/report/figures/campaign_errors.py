@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from auvid_cli.campaign.axes import CellErrors, errors_by_cell
-from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure, plain, plain_log_ticks
+from auvid_cli.report.figures import style
 from auvid_cli.report.table import setting_text
 
 if TYPE_CHECKING:
@@ -44,21 +44,24 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
     cells = errors_by_cell(runs, columns)
     keys = list(dict.fromkeys(cell.key[:-1] for cell in cells))
     shown = keys[:_MAX_PANELS]
-    figure = new_figure(11.0, 2.6 * len(shown) + 0.9)
+    figure = style.new_figure(11.0, 2.6 * len(shown) + 0.9)
     panels = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True, sharey=True))
     levels, looks = list(dict.fromkeys(cell.key[-1:] for cell in cells)), _looks(filters)
     for axes, key in zip(panels, shown, strict=True):
         for k, (name, look) in enumerate(looks.items()):
-            width, marker = 0.85 * _WIDTH / len(looks), FILTER_STYLES[filters[name]].marker
+            width, marker = 0.85 * _WIDTH / len(looks), style.FILTER_STYLES[filters[name]].marker
             of_panel = {cell.key[-1:]: cell for cell in cells if cell.filter == name and cell.key[:-1] == key}
             places = np.arange(len(levels), dtype=np.float64) + _WIDTH * ((k + 0.5) / len(looks) - 0.5)
             drawn = [(place, of_panel[level]) for place, level in zip(places, levels, strict=True) if level in of_panel]
             _draw_runs(axes, drawn, width, look, marker)
-        _tidy_errors(axes)
+        axes.set_yscale("log")
+        style.plain_log_ticks(axes.yaxis)
+        style.plain_frame(axes, "y")
+        axes.set_ylabel("error (%)", fontsize=9)
         names = zip(columns, key, strict=False)
-        head(axes, plain(", ".join(f"{column} {setting_text(value)}" for column, value in names)))
-    panels[-1].set_xticks(range(len(levels)), [plain("".join(map(setting_text, level))) for level in levels])
-    panels[-1].set_xlabel(plain(columns[-1] if columns else ""), fontsize=9)
+        style.head(axes, style.plain(", ".join(f"{column} {setting_text(value)}" for column, value in names)))
+    panels[-1].set_xticks(range(len(levels)), [style.plain("".join(map(setting_text, level))) for level in levels])
+    panels[-1].set_xlabel(style.plain(columns[-1] if columns else ""), fontsize=9)
     low, high = panels[0].get_ylim()
     if 0.0 < low < high < _MIN_SPAN * low:
         # Errors that hardly differ look alike.
@@ -68,21 +71,21 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
     words = ["a mark for each run" if most < _MIN_RUNS else "box: quartiles, mark: median, whiskers: 5 to 95 %"]
     words += ["upright numbers: share of runs that failed"] * any(cell.lost for cell in cells)
     words += [f"{len(keys) - len(shown)} more combinations: see the tables"] * (len(keys) > len(shown))
-    handles: list[Artist] = [Patch(label=plain(name), **look) for name, look in looks.items()]
+    handles: list[Artist] = [Patch(label=style.plain(name), **look) for name, look in looks.items()]
     if most < _MIN_RUNS:
         handles = [
             Line2D(
                 [],
                 [],
-                marker=FILTER_STYLES[filters[name]].marker,
+                marker=style.FILTER_STYLES[filters[name]].marker,
                 color=look["facecolor"],
                 linestyle="",
-                label=plain(name),
+                label=style.plain(name),
                 markeredgecolor="black",
             )
             for name, look in looks.items()
         ]
-    legend_above(figure, [*handles, *(Patch(label=text, color="none") for text in words)])
+    style.legend_above(figure, [*handles, *(Patch(label=text, color="none") for text in words)])
     return figure
 
 
@@ -120,16 +123,6 @@ def _draw_runs(
     axes.plot(places, medians, marker, color="white", markeredgecolor="black", markersize=6.0, zorder=4.0)
 
 
-def _tidy_errors(axes: Axes) -> None:
-    axes.set_yscale("log")
-    plain_log_ticks(axes.yaxis)
-    axes.grid(axis="y", color="0.9", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(labelsize=8)
-    axes.set_ylabel("error (%)", fontsize=9)
-
-
 def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
     """Draw the median error over two settings, a panel for each filter, with the share of runs that were lost.
 
@@ -144,7 +137,7 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     rows, cols = list(dict.fromkeys(table[down])), list(dict.fromkeys(table[across]))
     n = len(filters)
     wide = min(n, 3)
-    figure = new_figure(1.0 + wide * (0.62 * len(cols) + 0.9), -(-n // wide) * (0.42 * len(rows) + 1.0) + 0.5)
+    figure = style.new_figure(1.0 + wide * (0.62 * len(cols) + 0.9), -(-n // wide) * (0.42 * len(rows) + 1.0) + 0.5)
     panels = np.atleast_1d(figure.subplots(-(-n // wide), wide, sharex=True, sharey=True, squeeze=False)).ravel()
     errors = table["steady_state_error_percent"].clip(upper=_MAX_ERROR).dropna().to_numpy(dtype=np.float64)
     # In decades; of a run that was lost there is none.
@@ -172,13 +165,13 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
             text += f"\n{inconsistent[i, j]:.0%} incons." if inconsistent[i, j] > 0.0 else ""
             is_dark = decades[i, j] > 0.5 * (lowest + highest)
             axes.text(j, i, text, ha="center", va="center", fontsize=6, color="white" if is_dark else "black")
-        axes.set_xticks(range(len(cols)), [plain(setting_text(value)) for value in cols], fontsize=8)
-        axes.set_yticks(range(len(rows)), [plain(setting_text(value)) for value in rows], fontsize=8)
-        head(axes, plain(name))
+        axes.set_xticks(range(len(cols)), [style.plain(setting_text(value)) for value in cols], fontsize=8)
+        axes.set_yticks(range(len(rows)), [style.plain(setting_text(value)) for value in rows], fontsize=8)
+        style.head(axes, style.plain(name))
     for axes in panels[n:]:
         axes.set_visible(False)
-    figure.supxlabel(plain(across), fontsize=9)
-    figure.supylabel(plain(down), fontsize=9)
+    figure.supxlabel(style.plain(across), fontsize=9)
+    figure.supylabel(style.plain(down), fontsize=9)
     if image is not None:
         bar = figure.colorbar(image, ax=panels.tolist(), shrink=0.8)
         bar.set_label("median error (%),\ndarker is larger", fontsize=8)
@@ -194,6 +187,6 @@ def _rounded(percent: float) -> str:
 def _looks(filters: dict[str, str]) -> dict[str, dict[str, Any]]:
     """Fill each variant: the colour of its filter, hatched differently from all others."""
     return {
-        name: {"facecolor": FILTER_STYLES[kind].color, "hatch": _HATCHES[place % len(_HATCHES)]}
+        name: {"facecolor": style.FILTER_STYLES[kind].color, "hatch": _HATCHES[place % len(_HATCHES)]}
         for place, (name, kind) in enumerate(filters.items())
     }

@@ -183,10 +183,7 @@ def correlation_figure(identifiability: Identifiability) -> Figure:
 
 def _tidy_log(axes: Axes) -> None:
     """Set small type and a faint grid on logarithmic axes."""
-    axes.grid(color="0.9", linewidth=0.6, which="major")
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8)
+    style.plain_frame(axes)
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
             style.plain_decades(axis)
-    axes.spines[["top", "right"]].set_visible(False)

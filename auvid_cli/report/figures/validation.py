@@ -278,10 +278,7 @@ def _draw_errors(axes: Axes, filter_name: str, plot: HorizonPlot) -> None:
     axes.set_xticks(horizons, [f"{horizon:g}" for horizon in horizons])
     style.plain_decades(axes.yaxis)
     axes.minorticks_off()
-    axes.grid(color="0.9", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
+    style.plain_frame(axes)
 
 
 def _handles(filter_name: str, predictions: Sequence[Prediction]) -> list[Artist]:

@@ -13,26 +13,8 @@ from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.inspection.inspection import Inspection
 from auvid_cli.report.layout import lay_out
-from auvid_cli.report.page import curves, sections
+from auvid_cli.report.page import curves, parts, sections
 from auvid_cli.report.page.coefficients import coefficient_list, convergence, estimate_plots, forest
-from auvid_cli.report.page.parts import (
-    Axis,
-    Box,
-    Card,
-    Cards,
-    Page,
-    Part,
-    Picture,
-    Plot,
-    PlotLine,
-    Plots,
-    Rule,
-    Section,
-    TablePart,
-    TextLabel,
-    Words,
-    decades,
-)
 from auvid_cli.report.page.render import symbol_parts
 from auvid_cli.report.plot_data import HorizonPlot, horizon_plots
 from auvid_cli.report.screen import assessment_sentences, bounds_table, holding_sentence
@@ -60,7 +42,9 @@ _WIDTH = 460.0
 _TOP = 24.0
 
 
-def run_page(dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evaluation, checks: Sequence[Check]) -> Page:
+def run_page(
+    dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evaluation, checks: Sequence[Check]
+) -> parts.Page:
     """Lay out all that is known of a run and its estimates.
 
     Parameters
@@ -71,60 +55,66 @@ def run_page(dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evalua
     true = dataset.truth.coefficients if dataset.truth is not None else {}
     shares = {estimate.filter: shares_of_prior(estimate) for estimate in estimates}
     tables = [table for table in lay_out(evaluation) if table.key not in _IN_THE_LIST]
-    listed: list[Part] = []
+    listed: list[parts.Part] = []
     if evaluation.coefficients:
-        listed = [*forest(evaluation), TablePart(coefficient_list(evaluation, shares), sortable=True)]
-    remarks = [Words(evaluation.remarks, listed=True)] if evaluation.remarks else []
+        listed = [*forest(evaluation), parts.TablePart(coefficient_list(evaluation, shares), sortable=True)]
+    remarks = [parts.Words(evaluation.remarks, listed=True)] if evaluation.remarks else []
     content = (
-        Section("verdict", "Verdict", [*sections.judgement_parts(evaluation, checks), *remarks]),
-        Section("coefficients", "Coefficients", listed),
-        Section("convergence", "Convergence", _convergence(estimates, true)),
-        Section("correlation", INSEPARABLE, _run_correlation(estimates)),
-        Section("innovations", "Innovations", curves.innovation_parts(estimates)),
-        Section("course", "Inputs, sensors, residuals", curves.course_parts(dataset, evaluation.free_runs)),
-        Section("path", "Path", curves.path_parts(dataset.truth, estimates)),
-        Section("tables", "Tables", [TablePart(table) for table in tables]),
-        Section("checks", "Checks", sections.check_parts(checks)),
+        parts.Section("verdict", "Verdict", [*sections.judgement_parts(evaluation, checks), *remarks]),
+        parts.Section("coefficients", "Coefficients", listed),
+        parts.Section("convergence", "Convergence", _convergence(estimates, true)),
+        parts.Section("correlation", INSEPARABLE, _run_correlation(estimates)),
+        parts.Section("innovations", "Innovations", curves.innovation_parts(estimates)),
+        parts.Section("course", "Inputs, sensors, residuals", curves.course_parts(dataset, evaluation.free_runs)),
+        parts.Section("path", "Path", curves.path_parts(dataset.truth, estimates)),
+        parts.Section("tables", "Tables", [parts.TablePart(table) for table in tables]),
+        parts.Section("checks", "Checks", sections.check_parts(checks)),
         sections.provenance_section(dataset),
     )
     origin = "simulated, truth known" if dataset.truth is not None else "recorded, truth not known"
     vehicle = dataset.experiment.vehicle.name
     subtitle = f"{vehicle}, {sections.what_ran(dataset)}, sensors {', '.join(dataset.sensors)}; {origin}"
-    return Page(dataset.experiment.name, subtitle, content)
+    return parts.Page(dataset.experiment.name, subtitle, content)
 
 
-def _convergence(estimates: Sequence[Estimate], true: dict[str, float]) -> list[Part]:
+def _convergence(estimates: Sequence[Estimate], true: dict[str, float]) -> list[parts.Part]:
     over_time, distances = estimate_plots(estimates, true), convergence(estimates, true)
     reference = "true" if true else "final"
-    parts: list[Part] = []
+    content: list[parts.Part] = []
     if over_time.plots:
         line = "; the line is the true value" if true else ""
-        parts += [Words([f"Estimate of each coefficient over time{line}. A batch estimate is constant."]), over_time]
+        content += [
+            parts.Words([f"Estimate of each coefficient over time{line}. A batch estimate is constant."]),
+            over_time,
+        ]
     if distances.plots:
-        parts += [Words([f"Distance of each estimate from the {reference} value, in per cent of it."]), distances]
-    return parts
+        content += [
+            parts.Words([f"Distance of each estimate from the {reference} value, in per cent of it."]),
+            distances,
+        ]
+    return content
 
 
-def _run_correlation(estimates: Sequence[Estimate]) -> list[Part]:
+def _run_correlation(estimates: Sequence[Estimate]) -> list[parts.Part]:
     """Return the correlations of the estimate by which others are judged, or else of the first."""
     completed = sorted((e for e in estimates if e.completed), key=lambda estimate: not estimate.in_one_batch)
     return sections.correlation_of(completed[0]) if completed else []
 
 
-def inspection_page(dataset: Dataset, inspection: Inspection) -> Page:
+def inspection_page(dataset: Dataset, inspection: Inspection) -> parts.Page:
     """Lay out the verdicts on data, and the data themselves, shaded where something is the matter."""
     begin, end = inspection.span
     content = (
-        Section("verdict", "Verdict", [_inspection_verdict(inspection)]),
-        Section("checks", "Checks", sections.check_parts(inspection.checks)),
-        Section("course", "Recorded data", _recorded(dataset, inspection)),
+        parts.Section("verdict", "Verdict", [_inspection_verdict(inspection)]),
+        parts.Section("checks", "Checks", sections.check_parts(inspection.checks)),
+        parts.Section("course", "Recorded data", _recorded(dataset, inspection)),
         sections.provenance_section(dataset),
     )
     subtitle = f"{dataset.experiment.vehicle.name}, {begin:.6g} to {end:.6g} s, sensors {', '.join(dataset.sensors)}"
-    return Page(f"Inspection: {dataset.experiment.name}", subtitle, content)
+    return parts.Page(f"Inspection: {dataset.experiment.name}", subtitle, content)
 
 
-def _inspection_verdict(inspection: Inspection) -> Cards:
+def _inspection_verdict(inspection: Inspection) -> parts.Cards:
     failed = inspection.checks.failed()
     noted = sum(check.passed is None for check in inspection.checks)
     says = "No check fails: these data can be used"
@@ -133,59 +123,59 @@ def _inspection_verdict(inspection: Inspection) -> Cards:
         names = ", ".join(f"{check.check} of {check.subject}" for check in failed)
         says = f"Fix these first, or leave out bad times with --use BEGIN:END: {names}."
     counts = {"failed": str(len(failed)), "worth knowing": str(noted), "checks": str(len(inspection.checks))}
-    return Cards([Card("These data", "input", "fails" if failed else "passes", says, counts)])
+    return parts.Cards([parts.Card("These data", "input", "fails" if failed else "passes", says, counts)])
 
 
-def _recorded(dataset: Dataset, inspection: Inspection) -> list[Part]:
+def _recorded(dataset: Dataset, inspection: Inspection) -> list[parts.Part]:
     marks: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for mark in inspection.marks:
         marks[mark.sensor].append((mark.start, mark.end))
     words = f"{curves.HOW_TO_LOOK} Shaded: spikes, jumps, stuck values, gaps and clocks that jump."
     plots = [*curves.input_plots(dataset.inputs), *curves.sensor_plots(dataset.sensors, {}, marks)]
-    return [Words([words]), Plots(plots, linked="time", wide=True)]
+    return [parts.Words([words]), parts.Plots(plots, linked="time", wide=True)]
 
 
-def validation_page(validation: Validation) -> Page:
+def validation_page(validation: Validation) -> parts.Page:
     """Lay out the predictions of a model next to those of the prior, and next to its own uncertainty."""
     tables = validation.tables()
     listed = {"validation": "Predictions", "manoeuvres": "Numbers of manoeuvres"}
     grids = [
-        TablePart(sections.table_of_rows(key, title, tables[key]), sortable=True)
+        parts.TablePart(sections.table_of_rows(key, title, tables[key]), sortable=True)
         for key, title in listed.items()
         if tables[key].rows
     ]
     shown = validation.shown
-    remarks = [Words(validation.remarks, listed=True)] if validation.remarks else []
+    remarks = [parts.Words(validation.remarks, listed=True)] if validation.remarks else []
     content = (
-        Section("verdict", "Verdict", [_validation_verdict(validation), *remarks]),
-        Section("checks", "Checks", sections.check_parts(validation.checks)),
-        Section("horizons", "Errors by horizon", _horizons(validation)),
-        Section(
+        parts.Section("verdict", "Verdict", [_validation_verdict(validation), *remarks]),
+        parts.Section("checks", "Checks", sections.check_parts(validation.checks)),
+        parts.Section("horizons", "Errors by horizon", _horizons(validation)),
+        parts.Section(
             "course", "Inputs, sensors, residuals", curves.course_parts(shown, {validation.filter: validation.run})
         ),
-        Section("tables", "Tables", grids),
+        parts.Section("tables", "Tables", grids),
         sections.provenance_section(shown),
     )
     title = f"Validation: {filter_label(validation.filter)} on {shown.experiment.name}"
     subtitle = f"{shown.experiment.vehicle.name}, {sections.what_ran(shown)}, data that the estimate has not seen"
-    return Page(title, subtitle, content)
+    return parts.Page(title, subtitle, content)
 
 
-def _validation_verdict(validation: Validation) -> Cards:
+def _validation_verdict(validation: Validation) -> parts.Cards:
     failed = validation.checks.failed()
     says = "The model predicts these data as well as it says."
     if failed:
         says = " ".join(check.advice for check in failed)
     counts = {"checks": str(len(validation.checks)), "failed": str(len(failed))}
-    return Cards(
+    return parts.Cards(
         [
-            Card("Predictions", validation.filter, "fails" if failed else "passes", says, counts),
+            parts.Card("Predictions", validation.filter, "fails" if failed else "passes", says, counts),
             sections.judgement_card(validation.filter, validation.judgement, {}),
         ]
     )
 
 
-def _horizons(validation: Validation) -> list[Part]:
+def _horizons(validation: Validation) -> list[parts.Part]:
     """Plot the error of each signal over the horizon, on logarithmic scales."""
     plots = [_horizon(validation.filter, plot) for plot in horizon_plots(validation.predictions) if plot.horizons.size]
     words = (
@@ -193,22 +183,24 @@ def _horizons(validation: Validation) -> list[Part]:
         "for what was known before. Errors below the noise of the sensor mean that its stated noise is too large, "
         "which is intended for an AHRS."
     )
-    return [Words([words]), Plots(plots)] if plots else []
+    return [parts.Words([words]), parts.Plots(plots)] if plots else []
 
 
-def _horizon(filter_name: str, plot: HorizonPlot) -> Plot:
+def _horizon(filter_name: str, plot: HorizonPlot) -> parts.Plot:
     # The model's own is drawn above the others.
     looks = _OTHERS | {"rmse": (filter_label(filter_name), filter_name)}
     errors = {field: np.where(plot.errors[field] > 0.0, plot.errors[field], np.nan) for field in looks}
     known = [
-        PlotLine(*looks[field], plot.horizons, values) for field, values in errors.items() if np.isfinite(values).any()
+        parts.PlotLine(*looks[field], plot.horizons, values)
+        for field, values in errors.items()
+        if np.isfinite(values).any()
     ]
     last = ", ".join(f"{one.label} {number(one.values[-1], 3)}" for one in known if np.isfinite(one.values[-1]))
     says = f"Errors of {plot.quantity.symbol} after {plot.horizons[-1]:g} s, {plot.scale.unit}: {last}."
-    return Plot(plot.quantity.symbol, says, plot.scale.unit, known, "horizon (s)", True, True)
+    return parts.Plot(plot.quantity.symbol, says, plot.scale.unit, known, "horizon (s)", True, True)
 
 
-def identifiability_page(dataset: Dataset, identifiability: Identifiability, where: str) -> Page:
+def identifiability_page(dataset: Dataset, identifiability: Identifiability, where: str) -> parts.Page:
     """Return the page of the bounds: by coefficient, over time, and inseparable coefficients.
 
     Parameters
@@ -218,23 +210,25 @@ def identifiability_page(dataset: Dataset, identifiability: Identifiability, whe
     """
     symbols = [bound.coefficient for bound in identifiability.bounds]
     holding = [] if identifiability.holding is None else [holding_sentence(identifiability.holding)]
-    words = Words([*assessment_sentences(identifiability), *holding], listed=True)
+    words = parts.Words([*assessment_sentences(identifiability), *holding], listed=True)
     correlation = []
     if np.isfinite(identifiability.correlation).any():
         title = "Correlations of the errors at the bound"
         correlation = sections.correlation_parts(title, symbols, identifiability.correlation)
     content = (
-        Section("verdict", "Verdict", [_verdict(identifiability), words]),
-        Section("bounds", "Bounds", [*_bars(identifiability), TablePart(bounds_table(identifiability), sortable=True)]),
-        Section("duration", "Bounds over the duration", _growth(identifiability)),
-        Section("correlation", INSEPARABLE, correlation),
+        parts.Section("verdict", "Verdict", [_verdict(identifiability), words]),
+        parts.Section(
+            "bounds", "Bounds", [*_bars(identifiability), parts.TablePart(bounds_table(identifiability), sortable=True)]
+        ),
+        parts.Section("duration", "Bounds over the duration", _growth(identifiability)),
+        parts.Section("correlation", INSEPARABLE, correlation),
         sections.provenance_section(dataset),
     )
     subtitle = f"{dataset.experiment.vehicle.name}, at {where}"
-    return Page(f"Identifiability: {dataset.experiment.name}", subtitle, content)
+    return parts.Page(f"Identifiability: {dataset.experiment.name}", subtitle, content)
 
 
-def _verdict(identifiability: Identifiability) -> Cards:
+def _verdict(identifiability: Identifiability) -> parts.Cards:
     """Count the coefficients by class, with advice on those that are not identified."""
     classes = [bound.label for bound in identifiability.bounds]
     lost = [bound.coefficient for bound in identifiability.bounds if bound.label == CLASSES[-1][1]]
@@ -245,15 +239,15 @@ def _verdict(identifiability: Identifiability) -> Cards:
     )
     grade = "fails" if len(lost) == len(classes) else "doubtful" if lost else "passes"
     counts = {label: str(classes.count(label)) for _, label in CLASSES if label in classes}
-    return Cards([Card("These data", "input", grade, says, counts)])
+    return parts.Cards([parts.Card("These data", "input", grade, says, counts)])
 
 
-def _bars(identifiability: Identifiability) -> list[Picture]:
+def _bars(identifiability: Identifiability) -> list[parts.Picture]:
     """Draw bounds in percent of the value, by class, on a logarithmic scale; many in two pictures of the same scale."""
     percents = [min(bound.percent, _MAX_PERCENT) for bound in identifiability.bounds]
     low = np.floor(np.log10(max(min(percents), 1e-4)))
     high = np.ceil(np.log10(max(max(percents), 2.0 * CLASSES[-2][0])))
-    across = Axis(float(low), float(high), _LEFT, _WIDTH - 56.0)
+    across = parts.Axis(float(low), float(high), _LEFT, _WIDTH - 56.0)
     of = {bound.coefficient: bound for bound in identifiability.bounds}
     kinds = by_kind([*of])
     return [
@@ -261,38 +255,38 @@ def _bars(identifiability: Identifiability) -> list[Picture]:
     ]
 
 
-def _bars_of(title: str, bounds: Sequence[CoefficientBound], across: Axis) -> Picture:
+def _bars_of(title: str, bounds: Sequence[CoefficientBound], across: parts.Axis) -> parts.Picture:
     bottom = _TOP + _ROW * len(bounds)
-    shapes = decades(across, _TOP, bottom)
+    shapes = parts.decades(across, _TOP, bottom)
     for place, bound in enumerate(bounds):
         percent = min(bound.percent, _MAX_PERCENT)
         y = _TOP + _ROW * place
         letter, below = symbol_parts(bound.coefficient)
         end = across.at(float(np.log10(max(percent, 1e-4))))
-        shapes.append(TextLabel(_LEFT - 8.0, y + 14.0, letter, "end", below))
-        shapes.append(Box(_LEFT, y + 4.0, max(end - _LEFT, 1.0), _ROW - 8.0, _LOOKS[bound.label]))
-        shapes.append(TextLabel(end + 4.0, y + 14.0, f"{number(bound.percent, 2) or 'none'}"))
+        shapes.append(parts.TextLabel(_LEFT - 8.0, y + 14.0, letter, "end", below))
+        shapes.append(parts.Box(_LEFT, y + 4.0, max(end - _LEFT, 1.0), _ROW - 8.0, _LOOKS[bound.label]))
+        shapes.append(parts.TextLabel(end + 4.0, y + 14.0, f"{number(bound.percent, 2) or 'none'}"))
     for limit, _ in CLASSES[:-1]:
         x = across.at(float(np.log10(limit)))
-        shapes.append(Rule(x, _TOP, x, bottom, "axis"))
-        shapes.append(TextLabel(x, _TOP - 8.0, f"{limit:g} %", "middle"))
-    shapes.append(TextLabel(0.5 * (_LEFT + _WIDTH), bottom + 36.0, "bound, % of the value", "middle"))
+        shapes.append(parts.Rule(x, _TOP, x, bottom, "axis"))
+        shapes.append(parts.TextLabel(x, _TOP - 8.0, f"{limit:g} %", "middle"))
+    shapes.append(parts.TextLabel(0.5 * (_LEFT + _WIDTH), bottom + 36.0, "bound, % of the value", "middle"))
     worst = max(bounds, key=lambda bound: bound.percent)
     says = f"Least standard deviation that the data allow, in percent of the value. Worst: {worst.coefficient}."
     legend = [(look, label) for label, look in _LOOKS.items() if any(b.label == label for b in bounds)]
-    return Picture(title, says, _WIDTH, bottom + 46.0, shapes, legend)
+    return parts.Picture(title, says, _WIDTH, bottom + 46.0, shapes, legend)
 
 
-def _growth(identifiability: Identifiability) -> list[Part]:
+def _growth(identifiability: Identifiability) -> list[parts.Part]:
     """Plot how the bounds fall with the duration."""
     times = np.array([time for time, _ in identifiability.growth])
     percents = np.array([percent for _, percent in identifiability.growth])
     percents = np.where((percents > 0.0) & (percents < _MAX_PERCENT), percents, np.nan)
     lines = [
-        PlotLine(bound.coefficient, _LOOKS[bound.label], times, percents[:, k])
+        parts.PlotLine(bound.coefficient, _LOOKS[bound.label], times, percents[:, k])
         for k, bound in enumerate(identifiability.bounds)
     ]
     if not np.isfinite(percents).any():
         return []
     says = f"Bounds of all coefficients after {times[0]:.3g} to {times[-1]:.3g} s of these data."
-    return [Plots([Plot("bounds", says, "% of the value", lines, "duration (s)", True, True)], wide=True)]
+    return [parts.Plots([parts.Plot("bounds", says, "% of the value", lines, "duration (s)", True, True)], wide=True)]
