@@ -8,7 +8,12 @@ import numpy as np
 from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, normalised_estimation_error
+from auvid_cli.evaluation.accuracy import (
+    CoefficientResult,
+    average_steady_state_error,
+    coefficient_results,
+    normalised_estimation_error,
+)
 from auvid_cli.evaluation.innovations import status_of
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.vehicle.parameters import MOTION
@@ -76,6 +81,10 @@ class Measure(NamedTuple):
     corrected_standard_deviation: float | None = None
 
 
+# Fields that a measure of a coefficient takes from its result.
+_OF_COEFFICIENT = {*Measure._fields} & {*CoefficientResult._fields} - {"filter", "unit"}
+
+
 def measures(
     run: str,
     filter_name: str,
@@ -103,17 +112,7 @@ def measures(
         )
     ]
     rows += [
-        row("coefficient", result.coefficient, result.unit)._replace(
-            true=result.true,
-            estimate=result.estimate,
-            standard_deviation=result.standard_deviation,
-            corrected_standard_deviation=result.corrected_standard_deviation,
-            rmse=result.rmse,
-            steady_state_error_percent=result.steady_state_error_percent,
-            cramer_rao_bound=result.cramer_rao_bound,
-            times_bound=result.times_bound,
-            identified=result.identified,
-        )
+        row("coefficient", result.coefficient, result.unit)._replace(**{f: getattr(result, f) for f in _OF_COEFFICIENT})
         for result in results
     ]
     rows += [

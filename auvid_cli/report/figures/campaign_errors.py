@@ -74,19 +74,15 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
     handles: list[Artist] = [Patch(label=style.plain(name), **look) for name, look in looks.items()]
     if most < _MIN_RUNS:
         handles = [
-            Line2D(
-                [],
-                [],
-                marker=style.FILTER_STYLES[filters[name]].marker,
-                color=look["facecolor"],
-                linestyle="",
-                label=style.plain(name),
-                markeredgecolor="black",
-            )
-            for name, look in looks.items()
+            Line2D([], [], linestyle="", label=style.plain(name), **_mark(style.FILTER_STYLES[filters[name]]))
+            for name in looks
         ]
     style.legend_above(figure, [*handles, *(Patch(label=text, color="none") for text in words)])
     return figure
+
+
+def _mark(look: style.FilterStyle) -> dict[str, Any]:
+    return {"marker": look.marker, "color": look.color, "markeredgecolor": "black"}
 
 
 def _draw_runs(

@@ -170,7 +170,11 @@ def _order(value: float) -> float | str:
 
 def heading_rows(table: Table) -> list[list[Heading]]:
     """Return one row of headings, or two if columns belong to groups."""
-    names = [_Name(column) for column in table.columns]
+    # Plain text, without the asterisks of Markdown.
+    names = [
+        Column(one_line(capitalised(column.header)), one_line(column.group).replace("*", ""), column.numeric)
+        for column in table.columns
+    ]
     if not any(name.group for name in names):
         return [[Heading(name.header, 1, 1, name.numeric) for name in names]]
     upper: list[Heading] = []
@@ -182,15 +186,6 @@ def heading_rows(table: Table) -> list[list[Heading]]:
             upper.append(Heading(name.group or name.header, 1, 1 if name.group else 2, name.numeric))
         previous = name.group
     return [upper, [Heading(name.header, 1, 1, name.numeric) for name in names if name.group]]
-
-
-class _Name:
-    """Names of a column in plain text, without the asterisks of Markdown."""
-
-    def __init__(self, column: Column) -> None:
-        self.header = one_line(capitalised(column.header))
-        self.group = one_line(column.group).replace("*", "")
-        self.numeric = column.numeric
 
 
 class _Block(NamedTuple):
@@ -205,7 +200,7 @@ def render_page(page: Page) -> str:
     """Render a page; every text that it is handed stays text."""
     sections = [section for section in page.sections if section.parts]
     blocks = {section.key: _blocks(section) for section in sections}
-    styles, scripts = _assets(_STYLES), _assets(_SCRIPTS)
+    styles, scripts = ([_asset(name) for name in names] for names in (_STYLES, _SCRIPTS))
     return (
         _environment()
         .get_template("page.html.j2")
@@ -237,10 +232,6 @@ def _policy(styles: Sequence[str], scripts: Sequence[str]) -> str:
 
 def _hash(text: str) -> str:
     return f"'sha256-{base64.b64encode(sha256(text.encode()).digest()).decode('ascii')}'"
-
-
-def _assets(names: Sequence[str]) -> list[str]:
-    return [_asset(name) for name in names]
 
 
 @cache
