@@ -50,8 +50,6 @@ class Destination(NamedTuple):
         Results folder. None: the default one of the step.
     overwrite : bool
         Whether results of other data or settings are replaced, with all files derived from them.
-    progress : Progress
-    figure_formats : tuple of FigureFormat
     """
 
     folder: Path | None

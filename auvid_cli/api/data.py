@@ -168,7 +168,6 @@ def compare_results(
 
     Parameters
     ----------
-    first, second : pathlib.Path
     relative : float or None
         Largest relative difference. None: 0.01; estimates are compared by `deviations` instead.
     by_column : mapping of float

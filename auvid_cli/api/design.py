@@ -119,8 +119,6 @@ def designing(
 
     Parameters
     ----------
-    experiment : Experiment
-    wish : Requirement
     estimate : Estimate, optional
         Estimate that trial vehicles are drawn from.
     given : mapping of Dataset, optional
@@ -197,8 +195,6 @@ def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[floa
 
     Parameters
     ----------
-    task : DesignProblem
-    design : Design
     remark : str
         Source of the manoeuvre; a comment in the settings file.
     origin : tuple of float
@@ -243,9 +239,6 @@ def design_into(
     ----------
     place : Destination
         Default folder: ``mission``.
-    sources : DesignSources
-    wish : Requirement
-    limits : SearchLimits
     scheduler : str or None
         Address of a Dask scheduler. None: the cores of this machine.
     origin : tuple of float

@@ -197,12 +197,10 @@ def export_into(
         None: ``export/VEHICLE_FILTER.*`` in the results folder.
     path : pathlib.Path
         Estimate file.
-    target : FormatName
     dataset : pathlib.Path or None
         Dataset file of the estimate. None: dataset.h5 in its results folder.
     overwrite : bool
         Whether to replace a file that was not exported from the same data.
-    progress : Progress
     """
     folder = folder_of_estimate(path)
     dataset_file = dataset or folder / "dataset.h5"

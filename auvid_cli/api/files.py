@@ -236,8 +236,6 @@ def results_folder(
 
     Parameters
     ----------
-    place : Destination
-    source : RecordedData
     others : iterable of pathlib.Path
         Further files that must not be overwritten.
     new : sequence of str

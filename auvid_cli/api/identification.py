@@ -160,11 +160,8 @@ def identify_into(
     ----------
     folder : pathlib.Path
         Results folder.
-    prepared : PreparedData
-    filters : iterable of FilterName
     overwrite : bool
         Whether estimates of other data or settings are replaced, with all files derived from them.
-    progress : Progress
     on_estimate : callable
         Called with each written estimate.
     """
@@ -197,7 +194,6 @@ def identify_data_into(place: Destination, source: DataSource, filters: Sequence
 
     Parameters
     ----------
-    place : Destination
     source : DataSource
         An experiment must have been simulated into the folder.
     filters : sequence of FilterName or None

@@ -190,7 +190,6 @@ def identifiability_into(place: Destination, source: DataSource, at: Path | None
 
     Parameters
     ----------
-    place : Destination
     source : DataSource
         An experiment is simulated into the folder.
     at : pathlib.Path or None

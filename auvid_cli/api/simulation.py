@@ -64,11 +64,8 @@ def simulate_into(
 
     Parameters
     ----------
-    folder : pathlib.Path
-    source : SimulatedData
     overwrite : bool
         Whether results of another run may be replaced.
-    progress : Progress
     filters : collection of FilterName
         Filters that will run on the data.
     """

@@ -92,7 +92,6 @@ def axis_options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any
 
     Parameters
     ----------
-    axis : CampaignAxis
     written : Tree
         The axis in the campaign file, with positions.
     experiment : mapping

@@ -30,7 +30,6 @@ class Measure(NamedTuple):
         Identity of the run.
     filter : str
         Name of the filter variant.
-    seed : int
     kind : str
         "run", "coefficient", "motion" (a state) or "sensor".
     name, unit : str

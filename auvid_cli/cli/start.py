@@ -130,7 +130,6 @@ def joined(words: Iterable[str], units: Mapping[str, str]) -> list[str]:
 
     Parameters
     ----------
-    words : iterable of str
     units : mapping
         SI unit of each option that takes a quantity.
     """

@@ -79,7 +79,6 @@ class TermSize(NamedTuple):
 
     Attributes
     ----------
-    symbol : str
     row : str
         "X", "Y", "Z", "K", "M" or "N".
     unit : str
@@ -105,7 +104,6 @@ def term_histories(
 
     Parameters
     ----------
-    coefficient_set : CoefficientSet
     coefficients : mapping
         Values by symbol, SI.
     motion : ndarray, shape (n, 9)
@@ -193,7 +191,6 @@ def actuation(estimate: Estimate, inputs: InputRecord, coefficients: Mapping[str
 
     Parameters
     ----------
-    estimate : Estimate
     inputs : InputRecord
         Recorded inputs.
     coefficients : mapping

@@ -54,7 +54,6 @@ class Topic(NamedTuple):
     ----------
     name : str
         Begins with a slash.
-    kind : TopicKind
     frame : str
         Of the estimated or true vehicle.
     fields : tuple of str
@@ -173,8 +172,6 @@ def write_mcap(path: Path, topics: list[Topic], origin: Mapping[str, str]) -> No
 
     Parameters
     ----------
-    path : pathlib.Path
-    topics : list of Topic
     origin : mapping
         Origin of the run, written at the beginning of the file.
 

@@ -244,7 +244,6 @@ class HorizonPlot(NamedTuple):
 
     Attributes
     ----------
-    quantity : Quantity
     scale : Scale
         Unit of the errors.
     horizons : ndarray, shape (n,)
