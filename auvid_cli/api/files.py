@@ -239,7 +239,7 @@ def results_folder(
     others : iterable of pathlib.Path
         Further files that must not be overwritten.
     new : sequence of str
-        Names of files that will be written, besides tables and figures.
+        Names of files that will be written in addition to tables and figures.
     page : str
         Name of the page that will be written; refused if the file is not a page of auvid.
 

@@ -33,27 +33,27 @@ class Measure(NamedTuple):
     kind : str
         "run", "coefficient", "motion" (a state) or "sensor".
     name, unit : str
-        Of a coefficient or motion state, SI, or of a sensor.
+        Name and unit of a coefficient or motion state, SI, or of a sensor.
     status : str
-        Of the run, see `auvid_cli.evaluation.innovations.status_of`.
+        Status of the run, see `auvid_cli.evaluation.innovations.status_of`.
     grade, reason : str
-        Of the estimate, see `auvid_cli.evaluation.judgement`.
+        Judgement of the estimate, see `auvid_cli.evaluation.judgement`.
     true, estimate, standard_deviation : float or None
-        Of a coefficient, at the last time; nominal.
+        Values of a coefficient at the last time, with the nominal standard deviation.
     rmse : float or None
-        Of a coefficient or motion state over the whole run.
+        RMSE of a coefficient or motion state over the whole run.
     steady_state_error_percent : float or None
-        Of a coefficient; of a run, the mean over its coefficients.
+        Error of a coefficient; for a run, the mean over its coefficients.
     cramer_rao_bound, times_bound : float or None
-        Of a coefficient, and the standard deviation as a multiple of it.
+        Bound of a coefficient, and the standard deviation as a multiple of it.
     identified : bool or None
         Whether the estimate of a coefficient is sound and certain enough.
     squares, components : float, int or None
         Sum of the normalised innovations squared of a sensor, or NEES of a run, and its number of components.
     processor_time, wall_time : float or None
-        Of the filter alone, s.
+        Times of the filter alone, s.
     corrected_standard_deviation : float or None
-        Of a coefficient, by a batch estimator.
+        Corrected standard deviation of a coefficient, by a batch estimator.
     """
 
     run: str

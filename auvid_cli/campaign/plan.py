@@ -67,7 +67,7 @@ class RunGroup(NamedTuple):
     assumed : list of str
         Experiment that the filter of each run assumes, as JSON; its identification has only that filter.
     version : str
-        Of auvid; workers must have the same.
+        Version of auvid; workers must have the same.
     """
 
     simulated: str
@@ -107,7 +107,7 @@ class CampaignPlan:
     tree : Tree
         The campaign file, with positions.
     path : pathlib.Path
-        Of the campaign file.
+        Path of the campaign file.
 
     Raises
     ------

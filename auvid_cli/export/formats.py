@@ -146,7 +146,7 @@ class Format(NamedTuple):
     Attributes
     ----------
     suffix : str
-        Of its files, unique.
+        Suffix of its files, unique.
     losses : callable
         Returns the parts of a model that it cannot hold.
     text : callable

@@ -68,7 +68,7 @@ class Origin(NamedTuple):
     Attributes
     ----------
     dataset_sha256, estimate_sha256 : str
-        Of the files, in hexadecimal; empty if in memory.
+        SHA-256 of the files, in hexadecimal; empty if in memory.
     created : str
         Time of the export, UTC.
     """
@@ -102,9 +102,9 @@ class IdentifiedModel:
     states : tuple of EstimatedState
         In the order of the estimate.
     covariance : ndarray, shape (k, k)
-        Of the estimated coefficients, then of `states`, SI.
+        Covariance of the estimated coefficients, then of `states`, SI.
     term_sizes : tuple of TermSize
-        Of all terms along the estimated motion.
+        Sizes of all terms along the estimated motion.
     surface_changes : dict of float
         Change along that motion if the fins were lifting surfaces, RMS by row, N or N m.
     """
@@ -156,7 +156,7 @@ def identified_model(
     Parameters
     ----------
     dataset : Dataset
-        Of the estimate; its inputs are needed for the sizes of the terms.
+        Dataset of the estimate; its inputs are needed for the sizes of the terms.
     bounds : mapping
         Known Cramer-Rao bounds by symbol.
     reference : Estimate, optional

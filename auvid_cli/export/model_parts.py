@@ -84,10 +84,10 @@ class TermSize(NamedTuple):
     unit : str
         "N" or "N*m".
     rms : float
-        Of the force or moment.
+        RMS of the force or moment.
     percent : float
-        Of the root of the sum of the mean squares of all terms of the row. The sum of the terms would be small where
-        they balance.
+        RMS in percent of the root of the sum of the mean squares of all terms of the row. The sum of the terms would be
+        small where they balance.
     """
 
     symbol: str

@@ -55,9 +55,9 @@ class Topic(NamedTuple):
     name : str
         Begins with a slash.
     frame : str
-        Of the estimated or true vehicle.
+        Frame of the estimated or true vehicle.
     fields : tuple of str
-        Of a table: lower case letters, digits and single underscores, as required by ROS.
+        Columns of a table: lower case letters, digits and single underscores, as required by ROS.
     time : ndarray, shape (n,)
         s.
     values : ndarray, shape (n, k)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _MAX_DIFFERENCES = 20  # without --verbose
 _DIGITS = 6
 _DIFFERENCE_DIGITS = 2
-# Heading of the column that tells what differs among all.
+# Heading of the column that marks values that differ.
 _MARK = ""
 # Columns left out on a narrow terminal, in this order.
 _DROPPED_OF_COMPARISON = "table", "allowed"

@@ -66,13 +66,7 @@ def unit_latex(unit: str) -> str:
 
 
 def by_kind(symbols: Sequence[str]) -> dict[str, list[str]]:
-    """Put coefficients that are many for one picture in two groups, those of forces and those of moments.
-
-    Returns
-    -------
-    dict
-        Symbols by what they are, in the order in which they came; all by ``""`` where they are few.
-    """
+    """Return coefficients by "forces" and "moments" if they are too many for one picture, otherwise all by ``""``."""
     if len(symbols) <= _MAX_COEFFICIENTS:
         return {"": list(symbols)}
     groups = {"forces": [s for s in symbols if s[0] in "XYZ"], "moments": [s for s in symbols if s[0] not in "XYZ"]}
@@ -171,7 +165,7 @@ def tabulated(
 
 
 def capitalised(header: str) -> str:
-    """Return a heading as documents write it; on the terminal it begins small."""
+    """Return a heading with a capital first letter, for documents."""
     return header[:1].upper() + header[1:] if header[:1].isascii() else header
 
 
@@ -203,11 +197,11 @@ class CellStyle(NamedTuple):
     Attributes
     ----------
     missing : str
-        Stands for an unknown value.
+        Text of an unknown value.
     symbol, unit, text : callable
-        Write the name of a symbol, the name of a unit, and plain text.
+        Return the text of a symbol, of a unit, and of plain text.
     number : callable
-        Writes a number that already has its digits.
+        Returns the text of a number that already has its digits.
     plus_minus, mark : str
         Sign before a standard deviation, and the mark of an unidentified value.
     digits : int

@@ -30,7 +30,7 @@ _MIN_SPAN = 4.0  # ratio of the limits of the axis
 
 
 def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
-    """Draw box plots of the mean steady-state error over the runs that ended; below, how many did not.
+    """Draw box plots of the mean steady-state errors of the runs that ended, and the share of runs that failed.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     Parameters
     ----------
     table : DataFrame
-        As of `auvid_cli.campaign.summary.by_filter`; over further axes the median is taken, of shares the mean.
+        Result of `auvid_cli.campaign.summary.by_filter`. Over further axes, errors are medians and shares are means.
     columns, filters
         As of `spread_figure`; the last two axes are the map's.
     """
@@ -136,7 +136,7 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     figure = style.new_figure(1.0 + wide * (0.62 * len(cols) + 0.9), -(-n // wide) * (0.42 * len(rows) + 1.0) + 0.5)
     panels = np.atleast_1d(figure.subplots(-(-n // wide), wide, sharex=True, sharey=True, squeeze=False)).ravel()
     errors = table["steady_state_error_percent"].clip(upper=_MAX_ERROR).dropna().to_numpy(dtype=np.float64)
-    # In decades; of a run that was lost there is none.
+    # Decades; NaN without a completed run.
     lowest, highest = np.log10([errors.min(), errors.max()]) if errors.size else (0.0, 0.0)
     image = None
     for axes, name in zip(panels, filters, strict=False):
@@ -181,7 +181,7 @@ def _rounded(percent: float) -> str:
 
 
 def _looks(filters: dict[str, str]) -> dict[str, dict[str, Any]]:
-    """Fill each variant: the colour of its filter, hatched differently from all others."""
+    """Return the fill of each variant: the colour of its filter, and a hatching of its own."""
     return {
         name: {"facecolor": style.FILTER_STYLES[kind].color, "hatch": _HATCHES[place % len(_HATCHES)]}
         for place, (name, kind) in enumerate(filters.items())

@@ -152,7 +152,7 @@ def _stroked(label: str) -> dict[str, Any]:
 
 
 def _tick_durations(axes: Axes, times: list[float]) -> None:
-    """Put numbers at an axis of durations, s: of their order no more than have room."""
+    """Label an axis of durations, s, with as many of them as there is room for."""
     kept: list[float] = []
     for time in sorted(times, reverse=True):
         if time > 0.0 and (not kept or time < _APART * kept[-1]):

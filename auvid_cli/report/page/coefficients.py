@@ -53,9 +53,9 @@ def deviations_from(origin: float | None, row: CoefficientResult, deviation: flo
 
 
 def forest(evaluation: Evaluation) -> list[Picture]:
-    """Draw how far all estimates are from the truth or, without one, from those of the first filter; none if alone.
+    """Draw the distances of estimates from the truth or, without one, from those of the first filter, if there are any.
 
-    Many coefficients take two pictures side by side, of forces and of moments.
+    Many coefficients are in two pictures, forces and moments.
     """
     filters = [row.filter for row in evaluation.summary]
     has_truth = any(row.true is not None for row in evaluation.coefficients)
@@ -150,7 +150,7 @@ def coefficient_list(evaluation: Evaluation, shares_of_prior: Mapping[str, Mappi
     Parameters
     ----------
     shares_of_prior : mapping of mapping
-        By filter and symbol, which share of the prior's standard deviation is left.
+        Final standard deviation divided by that of the prior, by filter and symbol.
     """
     has_truth = any(row.true is not None for row in evaluation.coefficients)
     cells: dict[Column, Callable[[CoefficientResult], Cell]] = {
@@ -185,7 +185,7 @@ def coefficient_list(evaluation: Evaluation, shares_of_prior: Mapping[str, Mappi
 
 
 def _rounded(value: float | None, digits: int) -> Cell:
-    """Return a number with the digits shown, by which the column is then sorted as well."""
+    """Return a number with the digits that are shown; the column is sorted by them."""
     return None if value is None else number(value, digits)
 
 

@@ -123,7 +123,7 @@ def _range(values: Array, unit: str) -> str:
 
 
 def path_parts(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list[parts.Part]:
-    """Draw the true path, where it is known, and those that follow from the estimated motion alone."""
+    """Draw the true path, if it is known, and dead reckoning from the estimated motion."""
     tracks = _tracks(truth, estimates)
     if not tracks:
         return []
@@ -231,7 +231,7 @@ def _components(
 
 
 def _nis(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[parts.Plot]:
-    """Plot the mean NIS per component of equal windows, with the band that chance leaves it in."""
+    """Plot the mean NIS per component in equal windows, with the 95 % band of a consistent filter."""
     lines: list[parts.PlotLine] = []
     words, band = [], None
     for name, innovations in of_sensor:
@@ -259,7 +259,7 @@ def _nis(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[part
 
 
 def _memory(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[parts.Plot]:
-    """Plot how innovations correlate with those before, of each component."""
+    """Plot the autocorrelation of the innovations of each component."""
     lines: list[parts.PlotLine] = []
     largest = []
     lags = np.arange(1.0, N_LAGS + 1.0)

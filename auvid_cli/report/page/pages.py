@@ -24,7 +24,7 @@ from auvid_cli.validation.results import Validation
 INSEPARABLE = "Coefficients that cannot be separated"
 # The table of bounds is in the list of coefficients.
 _IN_THE_LIST = ("estimates", "bounds")
-# Errors of what is compared, by field, with label and look; the model's own is a line of its filter.
+# Label and look of the errors that the model's own errors are compared with, by field.
 _OTHERS = {
     "prior_rmse": ("prior", "prior"),
     "vehicle_file_rmse": ("vehicle file", "file"),
@@ -34,8 +34,7 @@ _OTHERS = {
 }
 # Looks of the classes, from sure to unknown.
 _LOOKS = dict(zip((label for _, label in CLASSES), ("sure", "known", "rough", "lost"), strict=True))
-# Percent: a bar without bound, or beyond it, is so long, and says what it is.
-_MAX_PERCENT = 1e4
+_MAX_PERCENT = 1e4  # of a bar, also without a bound
 _ROW = 20.0
 _LEFT = 64.0
 _WIDTH = 460.0
@@ -102,7 +101,7 @@ def _run_correlation(estimates: Sequence[Estimate]) -> list[parts.Part]:
 
 
 def inspection_page(dataset: Dataset, inspection: Inspection) -> parts.Page:
-    """Lay out the verdicts on data, and the data themselves, shaded where something is the matter."""
+    """Lay out the verdicts on data, and the data with their faults shaded."""
     begin, end = inspection.span
     content = (
         parts.Section("verdict", "Verdict", [_inspection_verdict(inspection)]),
