@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from auvid_cli.report.layout import published
 from auvid_cli.report.table import filter_label
+from auvid_cli.report.table_iv import published
 from docs.campaign_rows import campaign_rows
 from docs.section import replace_section
 

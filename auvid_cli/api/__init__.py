@@ -3,10 +3,10 @@
 `auvid_cli` offers the public names of these modules, and loads each when it is first used.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.data.checks import NamedRows
@@ -46,22 +46,37 @@ class Progress:
         yield [lambda done, total, note="": None for _ in labels]
 
 
+class Destination(NamedTuple):
+    """Where and how a step writes its results.
+
+    Attributes
+    ----------
+    folder : pathlib.Path or None
+        Results folder. None: the default one of the step.
+    overwrite : bool
+        Whether results of other data or settings are replaced, with all files derived from them.
+    """
+
+    folder: Path | None
+    overwrite: bool
+    progress: Progress
+    figure_formats: tuple[FigureFormat, ...] = ()
+
+
 def write_and_draw(
-    folder: Path,
+    page: Path,
+    place: Destination,
     tables: Mapping[str, NamedRows],
     add_figures: Callable[["FigureQueue"], None],
-    page: Path,
     lay_out: Callable[[], "Page"],
-    figure_formats: Collection[FigureFormat],
-    progress: Progress,
 ) -> list[Path]:
-    """Write CSV tables, figures and a page into a results folder, and return all files."""
+    """Write CSV tables, figures and a page into the results folder of the page, and return all files."""
     from auvid_cli.report.figures.draw import drawing
     from auvid_cli.report.page.render import write_page
     from auvid_cli.report.text_tables import write_csv_tables
 
-    paths = write_csv_tables(tables, folder / "tables")
-    with drawing(folder, figure_formats) as figures, progress.bars("figures") as (advance,):
+    paths = write_csv_tables(tables, page.parent / "tables")
+    with drawing(page.parent, place.figure_formats) as figures, place.progress.bars("figures") as (advance,):
         add_figures(figures)
         # The page is made while other processes draw.
         paths.append(write_page(lay_out(), page))

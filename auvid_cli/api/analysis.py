@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while the smoother runs
-from auvid_cli.api import Progress
-from auvid_cli.api.files import checked, read_dataset
+from auvid_cli.api import Destination
+from auvid_cli.api.files import RecordedData, checked, read_dataset, results_folder
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.files import check_no_overlap, folder_of_dataset, locked, tables_and_figures, write_text
+from auvid_cli.data.files import write_text
 from auvid_cli.data.findings import TermFindings, Tuning
-from auvid_cli.data.results import put_copy
 from auvid_cli.evaluation.judgement import Judgement, judge_one
 from auvid_cli.identification.delays import estimate_delays
 from auvid_cli.identification.noise import choose_disturbance, tune_noise
@@ -126,20 +125,12 @@ class FoundTerms(NamedTuple):
 
 
 def tune_into(
-    output: Path | None,
-    path: Path,
-    overrides: Sequence[str],
-    overwrite: bool,
-    progress: Progress,
-    sensors: bool,
-    disturbance: bool,
+    place: Destination, path: Path, overrides: Sequence[str], sensors: bool, disturbance: bool
 ) -> TunedResults:
     """Tune the noise of a dataset file, and write tuned.yaml and a table into its results folder."""
-    changes = (*overrides, "identification.noise=stated")
-    dataset, folder = read_dataset(path, *changes), output or folder_of_dataset(path)
-    with locked(folder):
-        _prepare(folder, path, dataset, overwrite, "tuned.yaml")
-        with progress.stage("fit with the noise of the settings") as label:
+    dataset = read_dataset(path, *overrides, "identification.noise=stated")
+    with results_folder(place, RecordedData(path, dataset), new=["tuned.yaml"]) as folder:
+        with place.progress.stage("fit with the noise of the settings") as label:
             before, passes = identify(dataset, JUDGE), 0
 
             def count() -> None:
@@ -157,29 +148,15 @@ def tune_into(
 
 
 def find_terms_into(
-    output: Path | None,
-    path: Path,
-    overrides: Sequence[str],
-    overwrite: bool,
-    progress: Progress,
-    any_symmetry: bool,
-    most: int,
+    place: Destination, path: Path, overrides: Sequence[str], any_symmetry: bool, most: int
 ) -> FoundTerms:
     """Find terms missing in the model of a dataset file, and write terms.yaml and a table into its results folder."""
-    dataset, folder = read_dataset(path, *overrides), output or folder_of_dataset(path)
-    with locked(folder):
-        _prepare(folder, path, dataset, overwrite, "terms.yaml")
-        with progress.stage("fit of the present model") as label:
+    dataset = read_dataset(path, *overrides)
+    with results_folder(place, RecordedData(path, dataset), new=["terms.yaml"]) as folder:
+        with place.progress.stage("fit of the present model") as label:
             findings = find_terms(dataset, any_symmetry, most, label)
         files = write_csv_tables({"terms": findings.rows()}, folder / "tables")
         if not findings.found:
             return FoundTerms(findings, files, None)
         write_text(folder / "terms.yaml", findings.settings())
         return FoundTerms(findings, files, folder / "terms.yaml")
-
-
-def _prepare(folder: Path, path: Path, dataset: Dataset, overwrite: bool, name: str) -> None:
-    """Copy a dataset into its results folder; check that a result of that name replaces no input."""
-    files = [path, *dataset.experiment.data_files()]
-    put_copy(path, dataset, folder, files, overwrite)
-    check_no_overlap([folder / name, *tables_and_figures(folder)], files)

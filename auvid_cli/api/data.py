@@ -1,25 +1,16 @@
 """Steps that need no compiled code: import of logs, inspection, comparison of results."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
-from auvid_cli.api import Progress, write_and_draw
-from auvid_cli.api.files import checked, read_dataset
-from auvid_cli.config.enums import FigureFormat
+from auvid_cli.api import Destination, Progress, write_and_draw
+from auvid_cli.api.files import RecordedData, checked, read_dataset, results_folder
 from auvid_cli.config.log_map import load_map
 from auvid_cli.data.checks import read_result_tables
 from auvid_cli.data.dataset import Dataset, cut
-from auvid_cli.data.files import (
-    check_no_overlap,
-    dataset_in,
-    folder_of_dataset,
-    folder_of_run,
-    locked,
-    tables_and_figures,
-    write_text,
-)
-from auvid_cli.data.results import other_run, put_copy, put_dataset, refuse_other_page
+from auvid_cli.data.files import check_no_overlap, dataset_in, folder_of_run, locked, write_text
+from auvid_cli.data.results import other_run, put_dataset
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.evaluation.differences import DEVIATIONS, Comparison, Tolerance, compare_tables
 from auvid_cli.inspection.inspect import inspect_dataset
@@ -140,12 +131,7 @@ def inspect(dataset: Dataset, use: tuple[float, float] | None = None) -> Inspect
 
 
 def inspect_into(
-    output: Path | None,
-    path: Path,
-    overrides: Sequence[str],
-    overwrite: bool,
-    figure_formats: Collection[FigureFormat],
-    progress: Progress,
+    place: Destination, path: Path, overrides: Sequence[str]
 ) -> tuple[Dataset, Inspection, list[Path], Path]:
     """Inspect a dataset file, and write the verdicts into its results folder.
 
@@ -154,30 +140,23 @@ def inspect_into(
     """
     from auvid_cli.report.page.pages import inspection_page
 
-    folder = output or folder_of_dataset(path)
-    page = folder / "inspection.html"
-    with progress.stage("read the dataset"):
+    with place.progress.stage("read the dataset"):
         dataset = read_dataset(path, *overrides)
     if overrides:
         spans = dataset.experiment.identification.use.spans
         if len(spans) != 1:
             raise ConfigError(f"--use: {len(spans)} parts given; expected one")
         dataset = cut(dataset, *spans[0])
-    files = [path, *dataset.experiment.data_files()]
-    with locked(folder):
-        refuse_other_page(page)
-        put_copy(path, dataset, folder, files, overwrite)
-        check_no_overlap(tables_and_figures(folder), files)
-        with progress.stage("inspect"):
+    with results_folder(place, RecordedData(path, dataset), page="inspection.html") as folder:
+        with place.progress.stage("inspect"):
             inspection = inspect_dataset(dataset)
+        page = folder / "inspection.html"
         paths = write_and_draw(
-            folder,
+            page,
+            place,
             {"inspection": inspection.rows()},
             lambda figures: figures.add_timeline(dataset, inspection),
-            page,
             lambda: inspection_page(dataset, inspection),
-            figure_formats,
-            progress,
         )
         return dataset, inspection, paths, page
 
@@ -189,7 +168,6 @@ def compare_results(
 
     Parameters
     ----------
-    first, second : pathlib.Path
     relative : float or None
         Largest relative difference. None: 0.01; estimates are compared by `deviations` instead.
     by_column : mapping of float

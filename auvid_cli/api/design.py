@@ -1,7 +1,7 @@
 """Design of the next run, and the mission files for the crew."""
 
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from hashlib import sha256
@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while a design is searched for
 from auvid_cli._version import __version__
-from auvid_cli.api import Progress
-from auvid_cli.api.files import read_dataset, read_estimate
+from auvid_cli.api import Destination
+from auvid_cli.api.files import SimulatedData, read_dataset, read_estimate
 from auvid_cli.campaign.cluster import cluster_client
-from auvid_cli.config.enums import FigureFormat
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import dump_experiment
 from auvid_cli.data.dataset import Dataset
@@ -51,18 +50,11 @@ MISSION_FILES = ("manoeuvre.yaml", "inputs.csv", "track.geojson", "timeline.md",
 SEARCH_FILE = "search.json"
 
 
-def information_in_hand(experiment: Experiment, named: Mapping[str, Dataset]) -> EarlierInformation | None:
-    """Return a function that computes the Fisher information of existing datasets; None without datasets.
+def _information_in_hand(experiment: Experiment, named: Mapping[str, Dataset]) -> EarlierInformation | None:
+    """Return a function that computes the Fisher information of existing datasets, by file name; None without any.
 
-    The information is that about the coefficients of the experiment, with process noise, linearised along the estimated
+    The information is about the coefficients of the experiment, with process noise, linearised along the estimated
     trajectory. Sensor errors that are estimated as well have only their priors.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        Experiment of the designed run.
-    named : mapping
-        Datasets, by the names of their files.
     """
     if not named:
         return None
@@ -127,8 +119,6 @@ def designing(
 
     Parameters
     ----------
-    experiment : Experiment
-    wish : Requirement
     estimate : Estimate, optional
         Estimate that trial vehicles are drawn from.
     given : mapping of Dataset, optional
@@ -136,7 +126,7 @@ def designing(
     spread : callable, optional
         Parallel `map`. Default: threads on all cores.
     """
-    in_hand = information_in_hand(experiment, given or {})
+    in_hand = _information_in_hand(experiment, given or {})
     if spread is not None:
         yield make_problem(experiment, wish, estimate, in_hand, spread)
         return
@@ -151,26 +141,17 @@ class SearchLimits(NamedTuple):
     time: float | None
 
 
-def search_until(
-    task: DesignProblem, limits: SearchLimits, file: Path, key: str, overwrite: bool, progress: Progress
+def _search_until(
+    task: DesignProblem, limits: SearchLimits, file: Path, key: str, place: Destination
 ) -> SearchProgress:
     """Search for better manoeuvres until the limits are reached, or the user interrupts.
 
-    Parameters
-    ----------
-    task : DesignProblem
-    limits : SearchLimits
-        Limits of this search together with an earlier one that it continues.
-    file : pathlib.Path
-        State of the search, written after each generation; the search continues from an existing one.
-    key : str
-        Result of `search_key`; a state with another key is refused unless `overwrite`.
-    overwrite : bool
-    progress : Progress
+    The state is written to `file` after each generation, and the search continues from an existing one, whose
+    generations and time count as well. A state with another key than `key` is refused unless it may be overwritten.
     """
-    earlier = read_search(file)
+    progress, earlier = place.progress, read_search(file)
     if earlier is not None and earlier.key != key:
-        refuse_unless(overwrite, f"{file}: belongs to a search with other settings")
+        refuse_unless(place.overwrite, f"{file}: belongs to a search with other settings")
         earlier = None
     before, spent = ((), 0.0) if earlier is None else (earlier.costs, earlier.elapsed)
     if before:
@@ -203,7 +184,7 @@ def searching(task: DesignProblem, before: tuple[tuple[float, ...], ...] = ()) -
     return search(task.space, task.search_set, task.experiment.seed, before)
 
 
-def search_key(experiment: Experiment, wish: Requirement, files: Iterable[Path]) -> str:
+def _search_key(experiment: Experiment, wish: Requirement, files: Iterable[Path]) -> str:
     """Return a digest of all that determines a search: version, settings, requirement, contents of files."""
     parts = [__version__, dump_experiment(experiment), repr(wish), *map(digest, files)]
     return sha256("\n".join(parts).encode()).hexdigest()
@@ -214,8 +195,6 @@ def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[floa
 
     Parameters
     ----------
-    task : DesignProblem
-    design : Design
     remark : str
         Source of the manoeuvre; a comment in the settings file.
     origin : tuple of float
@@ -239,44 +218,37 @@ def mission(task: DesignProblem, design: Design, remark: str, origin: tuple[floa
 
 
 class DesignSources(NamedTuple):
-    """Sources of a design: an experiment, the files it was read from, an estimate file, and dataset files."""
+    """Sources of a design: an experiment, an estimate file, and dataset files."""
 
-    experiment: Experiment
-    files: list[Path]
+    base: SimulatedData
     at: Path | None
     given: list[Path]
 
 
 def design_into(
-    folder: Path,
+    place: Destination,
     sources: DesignSources,
     wish: Requirement,
     limits: SearchLimits,
     scheduler: str | None,
     origin: tuple[float, float],
-    overwrite: bool,
-    figure_formats: Collection[FigureFormat],
-    progress: Progress,
 ) -> tuple[Design, list[Path]]:
     """Design a run, and write the mission files into a folder; returns the design and the files.
 
     Parameters
     ----------
-    folder : pathlib.Path
-    sources : DesignSources
-    wish : Requirement
-    limits : SearchLimits
+    place : Destination
+        Default folder: ``mission``.
     scheduler : str or None
         Address of a Dask scheduler. None: the cores of this machine.
     origin : tuple of float
         Latitude and longitude of the start, degrees.
-    overwrite, figure_formats, progress
-        As for `auvid_cli.run`.
     """
-    experiment, paths = sources.experiment, [folder / name for name in MISSION_FILES]
-    refuse_unless(overwrite, next((f"{path}: exists already" for path in paths if path.exists()), ""))
+    folder, progress, experiment = place.folder or Path("mission"), place.progress, sources.base.experiment
+    paths = [folder / name for name in MISSION_FILES]
+    refuse_unless(place.overwrite, next((f"{path}: exists already" for path in paths if path.exists()), ""))
     read = [*([] if sources.at is None else [sources.at]), *sources.given]
-    check_no_overlap([*paths, folder / SEARCH_FILE], [*sources.files, *read])
+    check_no_overlap([*paths, folder / SEARCH_FILE], [*sources.base.files, *read])
     with ExitStack() as stack:
         spread = None if scheduler is None else stack.enter_context(_spread_over(scheduler))
         estimate = None if sources.at is None else read_estimate(sources.at)
@@ -289,8 +261,8 @@ def design_into(
             progress.message(f"note: not included in the design: {name}")
         for path in data:
             progress.message(f"information already available: {path}")
-        key = search_key(experiment, wish, read)
-        reached = search_until(task, limits, folder / SEARCH_FILE, key, overwrite, progress)
+        key = _search_key(experiment, wish, read)
+        reached = _search_until(task, limits, folder / SEARCH_FILE, key, place)
         with progress.stage("compare"):
             design = conclude(task, reached)
             gain = (
@@ -301,7 +273,7 @@ def design_into(
     texts = found.texts | {"result.md": "\n".join(f"- {line}" for line in sentences(design)) + "\n"}
     for name, text in texts.items():
         write_text(folder / name, text)
-    with drawing(folder, figure_formats) as figures, progress.stage("figure"):
+    with drawing(folder, place.figure_formats) as figures, progress.stage("figure"):
         figures.add_mission(design, found.band)
         drawn = figures.finish()
     return design, [*(folder / name for name in texts), *drawn]

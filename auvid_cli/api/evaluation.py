@@ -20,12 +20,6 @@ from auvid_cli.validation.results import Validation
 from auvid_cli.validation.validate import validate as predict
 
 
-def prepare_checked(dataset: Dataset, *estimates: Estimate) -> PreparedData:
-    """Prepare a dataset for the evaluation of its estimates; refuse estimates of another dataset."""
-    check_same_dataset(dataset, estimates)
-    return prepare(dataset)
-
-
 class Evaluator:
     """Evaluates estimates of the same data, and computes the bounds of each only once."""
 
@@ -80,7 +74,8 @@ def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
     >>> list(tables)
     ['coefficients', 'summary', 'velocity_error', 'consistency', 'sensor_errors', 'faults']
     """
-    return Evaluator(prepare_checked(dataset, *estimates)).evaluate(estimates)
+    check_same_dataset(dataset, estimates)
+    return Evaluator(prepare(dataset)).evaluate(estimates)
 
 
 @checked
@@ -109,8 +104,8 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
     >>> [verdict.check for verdict in auvid.check(dataset, estimate) if verdict.passed is False]
     []
     """
-    prepared = prepare_checked(dataset, *estimates)
-    return check_estimates(prepared, estimates, BoundsOf(prepared))
+    check_same_dataset(dataset, estimates)
+    return Evaluator(prepare(dataset)).check(estimates)
 
 
 def judge(*estimates: Estimate) -> dict[str, Judgement]:

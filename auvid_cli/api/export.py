@@ -1,6 +1,8 @@
 """Export of identified models and runs to other programs."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from auvid_cli._version import __version__
 from auvid_cli.api import Progress
@@ -29,44 +31,68 @@ from auvid_cli.export.model import model_found_by
 from auvid_cli.export.recording import RECORDING_LOSSES, topics_of, write_mcap
 
 
-class Export:
-    """An identified model in one format.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Dataset of the estimate.
-    estimate : Estimate
-    target : FormatName
-    source : pathlib.Path or None
-        File of the estimate; ``smoother.h5`` in the same folder judges it. None: the estimate is only in memory.
+class Export(NamedTuple):
+    """A model or a run in one format.
 
     Attributes
     ----------
     file_name : str
         Default name of the file.
     remarks : list of str
-        Caveats about the model, and features that the format does not support.
+        Caveats, and features that the format does not support.
+    write : callable
+        Writes a file; an existing one is replaced.
     """
 
-    def __init__(self, dataset: Dataset, estimate: Estimate, target: FormatName, source: Path | None) -> None:
-        sha256, reference = ("", None) if source is None else (digest(source), read_reference(source, estimate))
-        if target.is_of_a_run:
-            raise ConfigError(f"{target}: is a format of runs; expected a format of models. Use export_run")
-        self._target, self._form = target, FORMATS[target]
-        self._model = model_found_by(estimate, dataset, sha256, reference)
-        self._losses = self._form.losses(self._model)
-        self.file_name = f"{file_stem(self._model.experiment.vehicle.name, self._model.filter)}{self._form.suffix}"
-        self.remarks = [*caveats(self._model), *unsupported_lines(self._losses)]
+    file_name: str
+    remarks: list[str]
+    write: Callable[[Path], None]
 
-    def write(self, file: Path) -> None:
-        """Write the file; an existing one is replaced."""
-        write_text(file, self.text(file))
 
-    def text(self, file: Path) -> str:
-        """Return the text of the file; its name becomes the name of the function or model."""
-        check_stem(self._target, file.stem)
-        return self._form.file_text(self._model, self._losses, file.stem)
+def _model_export(
+    dataset: Dataset, estimate: Estimate, target: FormatName, source: Path | None
+) -> tuple[Export, Callable[[Path], str]]:
+    """Return a model, and a function that makes its text: the file name becomes that of the function or model.
+
+    The file of the estimate is `source`; ``smoother.h5`` in the same folder judges it. None: it is only in memory.
+    """
+    sha256, reference = ("", None) if source is None else (digest(source), read_reference(source, estimate))
+    if target.is_of_a_run:
+        raise ConfigError(f"{target}: is a format of runs; expected a format of models. Use export_run")
+    form, model = FORMATS[target], model_found_by(estimate, dataset, sha256, reference)
+    losses = form.losses(model)
+
+    def text(file: Path) -> str:
+        check_stem(target, file.stem)
+        return form.file_text(model, losses, file.stem)
+
+    name = f"{file_stem(model.experiment.vehicle.name, model.filter)}{form.suffix}"
+    remarks = [*caveats(model), *unsupported_lines(losses)]
+    return Export(name, remarks, lambda file: write_text(file, text(file))), text
+
+
+def _run_export(dataset: Dataset, estimate: Estimate, source: Path | None) -> Export:
+    """Return a run as an MCAP file; see `_model_export` for `source`."""
+    topics = topics_of(dataset, estimate)
+    origin = {
+        "made from": f"the dataset with SHA-256 {dataset.sha256}" if dataset.sha256 else "a dataset in memory",
+        "auvid": __version__,
+        "filter": estimate.filter,
+        "status": estimate.status,
+        "settings": dump_experiment(estimate.experiment),
+    }
+    reference = None if source is None else read_reference(source, estimate)
+    return Export(
+        f"{file_stem(estimate.experiment.vehicle.name, estimate.filter)}.mcap",
+        [*caveats_of(judge_one(estimate, reference)), *RECORDING_LOSSES],
+        lambda file: write_mcap(file, topics, origin),
+    )
+
+
+def _refuse_inputs(file: Path, dataset: Dataset, source: Path | None) -> None:
+    """Raise a FileError if a file to be written is the estimate or the dataset."""
+    check_no_overlap([file], [] if source is None else [source])
+    refuse_to_replace(dataset, file)
 
 
 @checked
@@ -109,35 +135,12 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     form = named(FormatName, target, "form of a model")
     found, source = estimate_and_file(estimate)
     check_same_dataset(dataset, [found])
-    export = Export(dataset, found, form, source)
-    text = export.text(Path(export.file_name if file is None else file))
+    export, text_of = _model_export(dataset, found, form, source)
+    text = text_of(Path(export.file_name if file is None else file))
     if file is not None:
-        check_no_overlap([Path(file)], [] if source is None else [source])
-        refuse_to_replace(dataset, Path(file))
+        _refuse_inputs(Path(file), dataset, source)
         write_text(Path(file), text)
     return text
-
-
-class RunExport:
-    """A run as an MCAP file; parameters and attributes as for `Export`."""
-
-    def __init__(self, dataset: Dataset, estimate: Estimate, source: Path | None) -> None:
-        experiment = estimate.experiment
-        self._topics = topics_of(dataset, estimate)
-        self._origin = {
-            "made from": f"the dataset with SHA-256 {dataset.sha256}" if dataset.sha256 else "a dataset in memory",
-            "auvid": __version__,
-            "filter": estimate.filter,
-            "status": estimate.status,
-            "settings": dump_experiment(experiment),
-        }
-        self.file_name = f"{file_stem(experiment.vehicle.name, estimate.filter)}.mcap"
-        reference = None if source is None else read_reference(source, estimate)
-        self.remarks = [*caveats_of(judge_one(estimate, reference)), *RECORDING_LOSSES]
-
-    def write(self, file: Path) -> None:
-        """Write the file; an existing one is replaced."""
-        write_mcap(file, self._topics, self._origin)
 
 
 @checked
@@ -177,9 +180,8 @@ def export_run(dataset: Dataset, estimate: Estimate | str | Path, file: str | Pa
     """
     found, source = estimate_and_file(estimate)
     check_same_dataset(dataset, [found])
-    export = RunExport(dataset, found, source)
-    check_no_overlap([Path(file)], [] if source is None else [source])
-    refuse_to_replace(dataset, Path(file))
+    export = _run_export(dataset, found, source)
+    _refuse_inputs(Path(file), dataset, source)
     export.write(Path(file))
     return Path(file)
 
@@ -195,12 +197,10 @@ def export_into(
         None: ``export/VEHICLE_FILTER.*`` in the results folder.
     path : pathlib.Path
         Estimate file.
-    target : FormatName
     dataset : pathlib.Path or None
         Dataset file of the estimate. None: dataset.h5 in its results folder.
     overwrite : bool
         Whether to replace a file that was not exported from the same data.
-    progress : Progress
     """
     folder = folder_of_estimate(path)
     dataset_file = dataset or folder / "dataset.h5"
@@ -212,7 +212,10 @@ def export_into(
     if data.sha256 != estimate.dataset_sha256:
         raise FileError(f"{dataset_file}: is not the dataset of {path}; choose that dataset with --dataset")
     with progress.stage("bounds"):
-        export = RunExport(data, estimate, path) if target.is_of_a_run else Export(data, estimate, target, path)
+        if target.is_of_a_run:
+            export = _run_export(data, estimate, path)
+        else:
+            export, _ = _model_export(data, estimate, target, path)
     found = file or folder / "export" / export.file_name
     check_no_overlap([found], [path, dataset_file])
     if found.exists() and exported_from(found) != data.sha256:

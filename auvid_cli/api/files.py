@@ -1,22 +1,26 @@
-"""Experiments, datasets and estimates from files, and the check of arguments by type."""
+"""Experiments, datasets and estimates from files, sources of data, and the check of arguments by type."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import wraps
 from inspect import signature
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 from pydantic import ConfigDict, ValidationError, validate_call
 from pydantic_core import ErrorDetails
 
+from auvid_cli.api import Destination
 from auvid_cli.config import loading
-from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.experiment import Experiment, RunSettings
 from auvid_cli.config.loading import Override, find_experiment
 from auvid_cli.data import dataset_file, estimate_file
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.files import check_no_overlap, folder_of_dataset, folder_of_run, locked, tables_and_figures
 from auvid_cli.data.netcdf import digest
+from auvid_cli.data.results import put_copy, refuse_other_page
 from auvid_cli.errors import ConfigError, DataError, FileError
 
 Parameters = ParamSpec("Parameters")
@@ -185,6 +189,72 @@ def read_estimate(path: str | Path) -> Estimate:
     ('tukf', True)
     """
     return estimate_file.read_estimate(Path(path))
+
+
+class RecordedData(NamedTuple):
+    """A dataset file, and the dataset with overrides of its settings."""
+
+    path: Path
+    dataset: Dataset
+
+    @property
+    def experiment(self) -> RunSettings:
+        """Return the settings."""
+        return self.dataset.experiment
+
+    @property
+    def folder(self) -> Path:
+        """Return the default results folder."""
+        return folder_of_dataset(self.path)
+
+    @property
+    def files(self) -> list[Path]:
+        """Return the files that must not be overwritten."""
+        return [self.path, *self.experiment.data_files()]
+
+
+class SimulatedData(NamedTuple):
+    """An experiment, and the files that it was read from."""
+
+    experiment: Experiment
+    files: Sequence[Path]
+
+    @property
+    def folder(self) -> Path:
+        """Return the default results folder."""
+        return folder_of_run(self.experiment.name)
+
+
+DataSource: TypeAlias = RecordedData | SimulatedData
+
+
+@contextmanager
+def results_folder(
+    place: Destination, source: RecordedData, others: Iterable[Path] = (), new: Sequence[str] = (), page: str = ""
+) -> Iterator[Path]:
+    """Lock a results folder, copy a dataset into it, and yield the folder.
+
+    Parameters
+    ----------
+    others : iterable of pathlib.Path
+        Further files that must not be overwritten.
+    new : sequence of str
+        Names of files that will be written in addition to tables and figures.
+    page : str
+        Name of the page that will be written; refused if the file is not a page of auvid.
+
+    Raises
+    ------
+    FileError
+        If the folder has results of other data and may not be overwritten, or a file of the user would be lost.
+    """
+    folder, inputs = place.folder or source.folder, [*source.files, *others]
+    with locked(folder):
+        if page:
+            refuse_other_page(folder / page)
+        put_copy(source.path, source.dataset, folder, inputs, place.overwrite)
+        check_no_overlap([*(folder / name for name in new), *tables_and_figures(folder)], inputs)
+        yield folder
 
 
 def estimate_and_file(estimate: Estimate | str | Path) -> tuple[Estimate, Path | None]:

@@ -1,31 +1,22 @@
 """Identification with one filter, or with several in parallel."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
-from auvid_cli.api import Advance, Progress
-from auvid_cli.api.files import checked, read_dataset, refuse_to_replace
+from auvid_cli.api import Advance, Destination, Progress
+from auvid_cli.api.files import DataSource, RecordedData, checked, refuse_to_replace
 from auvid_cli.config.enums import JUDGE, FilterName, named
-from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.sanity import sanity_warnings
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate, EstimateChunk
 from auvid_cli.data.estimate_file import record_estimate
-from auvid_cli.data.files import (
-    check_no_overlap,
-    estimates_in,
-    folder_of_dataset,
-    folder_of_run,
-    locked,
-    products,
-    remove,
-)
+from auvid_cli.data.files import check_no_overlap, estimates_in, locked, products, remove
 from auvid_cli.data.results import other_estimates, put_copy, read_simulated, refuse_unless
 from auvid_cli.evaluation.judgement import Judgement, judge
 from auvid_cli.identification import run as filters
@@ -76,57 +67,47 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     return record_estimate(Path(file), run.header, run.run)
 
 
-class ParallelFilters:
-    """Filters on the same data, one thread per filter; if one fails, all end."""
-
-    def __init__(self, prepared: PreparedData, filters: Sequence[FilterName]) -> None:
-        self._stopping = Event()
-        self._runs = set_up_filters(prepared, filters, self._raise_if_cancelled)
-
-    def record(
-        self, paths: Sequence[Path], bars: Sequence[Advance], on_estimate: Callable[[Estimate], None]
-    ) -> list[Estimate]:
-        """Run all filters, and write the estimates into files.
-
-        Parameters
-        ----------
-        paths : sequence of pathlib.Path
-            One file per filter.
-        bars : sequence of Advance
-            One callback per filter, called with the processed and the total duration of the data, s.
-        on_estimate : callable
-            Called with each finished estimate.
-        """
-        with ThreadPoolExecutor(os.cpu_count()) as threads:
-            try:
-                jobs = zip(self._runs, paths, bars, strict=True)
-                # Batch estimators take longest, so they start first.
-                by_length = sorted(jobs, key=lambda job: not job[0].estimator.in_one_batch)
-                futures = {job[1]: threads.submit(_record, *job) for job in by_length}
-                for future in as_completed(futures.values()):
-                    on_estimate(future.result())
-            finally:
-                # After an error or an interrupt the other filters stop at their next chunk.
-                self._stopping.set()
-        return [futures[path].result() for path in paths]
-
-    def _raise_if_cancelled(self) -> None:
-        if self._stopping.is_set():
-            raise _StoppedError
-
-
 class _StoppedError(Exception):
     """A filter was stopped because another one failed, or the user interrupted."""
 
 
-def _record(filter_run: FilterRun, path: Path, advance: Advance) -> Estimate:
-    begin, end = filter_run.span
+def _record_in_parallel(
+    prepared: PreparedData,
+    paths: Mapping[FilterName, Path],
+    progress: Progress,
+    on_estimate: Callable[[Estimate], None],
+) -> list[Estimate]:
+    """Run filters, one thread per filter, and write their estimates into files; if one fails, all end."""
+    stopping = Event()
 
-    def update_bar(chunk: EstimateChunk) -> None:
-        if chunk.time.size:
-            advance(chunk.time[-1] - begin, end - begin)
+    def raise_if_stopping() -> None:
+        if stopping.is_set():
+            raise _StoppedError
 
-    return record_estimate(path, filter_run.header, filter_run.run, update_bar)
+    def record(filter_run: FilterRun, path: Path, advance: Advance) -> Estimate:
+        begin, end = filter_run.span
+
+        def update_bar(chunk: EstimateChunk) -> None:
+            if chunk.time.size:
+                advance(chunk.time[-1] - begin, end - begin)
+
+        return record_estimate(path, filter_run.header, filter_run.run, update_bar)
+
+    with progress.compiling():
+        runs = set_up_filters(prepared, [*paths], raise_if_stopping)
+    labels = (name.value for name in paths)
+    with progress.bars(*labels, unit=" s of data") as bars, ThreadPoolExecutor(os.cpu_count()) as threads:
+        try:
+            jobs = zip(runs, paths.values(), bars, strict=True)
+            # Batch estimators take longest, so they start first.
+            by_length = sorted(jobs, key=lambda job: not job[0].estimator.in_one_batch)
+            futures = {job[1]: threads.submit(record, *job) for job in by_length}
+            for future in as_completed(futures.values()):
+                on_estimate(future.result())
+        finally:
+            # After an error or an interrupt the other filters stop at their next chunk.
+            stopping.set()
+    return [futures[path].result() for path in paths.values()]
 
 
 def estimate_delays_and_noise(prepared: PreparedData, progress: Progress) -> PreparedData:
@@ -183,26 +164,20 @@ def identify_into(
     ----------
     folder : pathlib.Path
         Results folder.
-    prepared : PreparedData
-    filters : iterable of FilterName
     overwrite : bool
         Whether estimates of other data or settings are replaced, with all files derived from them.
-    progress : Progress
     on_estimate : callable
         Called with each written estimate.
     """
     names = list(dict.fromkeys(filters))
     others = other_estimates(folder, prepared.experiment, prepared.dataset.sha256, names)
     refuse_unless(overwrite, next(iter(others.values()), ""))
-    with progress.compiling():
-        runs = ParallelFilters(prepared, names)
-    paths = [folder / "estimates" / f"{name.value}.h5" for name in names]
-    with progress.bars(*(name.value for name in names), unit=" s of data") as bars:
-        estimates = runs.record(paths, bars, on_estimate)
+    paths = {name: folder / "estimates" / f"{name.value}.h5" for name in names}
+    estimates = _record_in_parallel(prepared, paths, progress, on_estimate)
     if others:
-        kept = {*paths, *(path for path in estimates_in(folder).values() if path not in others)}
+        kept = {*paths.values(), *(path for path in estimates_in(folder).values() if path not in others)}
         remove(path for path in products(folder) if path not in kept)
-    for path, estimate in zip(paths, estimates, strict=True):
+    for path, estimate in zip(paths.values(), estimates, strict=True):
         progress.message(f"{path}: {estimate.status}; {estimate.cpu_time:.2f} s of processor time")
     return estimates
 
@@ -217,37 +192,23 @@ class IdentifiedData(NamedTuple):
     files: list[Path]
 
 
-def identify_data_into(
-    output: Path | None,
-    data: Path | tuple[Experiment, Sequence[Path]],
-    overrides: Sequence[str],
-    filters: Sequence[FilterName] | None,
-    overwrite: bool,
-    progress: Progress,
-) -> IdentifiedData:
+def identify_data_into(place: Destination, source: DataSource, filters: Sequence[FilterName] | None) -> IdentifiedData:
     """Run filters on a dataset, write the estimates into its results folder, and judge them.
 
     Parameters
     ----------
-    output : pathlib.Path or None
-        Results folder. None: the default one.
-    data : pathlib.Path, or Experiment and its files
-        A dataset file, or an experiment that has been simulated into the folder.
-    overrides : sequence of str
-        Overrides of the settings in a dataset file.
+    source : DataSource
+        An experiment must have been simulated into the folder.
     filters : sequence of FilterName or None
         None: ``identification.filters``. The smoother runs as well, because it judges the others.
     """
-    if isinstance(data, Path):
-        dataset, folder = read_dataset(data, *overrides), output or folder_of_dataset(data)
-    else:
-        folder = output or folder_of_run(data[0].name)
-        dataset = read_simulated(folder, data[0])
+    folder, progress = place.folder or source.folder, place.progress
+    is_recorded = isinstance(source, RecordedData)
+    dataset = source.dataset if is_recorded else read_simulated(folder, source.experiment)
     with locked(folder):
-        files = dataset.experiment.data_files() if isinstance(data, Path) else data[1]
-        check_no_overlap(products(folder), files)
-        if isinstance(data, Path):
-            put_copy(data, dataset, folder, files, overwrite)
+        check_no_overlap(products(folder), source.files)
+        if is_recorded:
+            put_copy(source.path, dataset, folder, source.files, place.overwrite)
         settings, vehicle = dataset.experiment.identification, dataset.experiment.vehicle
         chosen = settings.with_judge(filters or settings.default_filters())
         if filters and len(chosen) > len(set(filters)):
@@ -257,6 +218,6 @@ def identify_data_into(
         for warning in sanity_warnings(vehicle):
             progress.message(f"note: vehicle {vehicle.name}: {warning}")
         prepared = estimate_delays_and_noise(prepare(dataset), progress)
-        estimates = identify_into(folder, prepared, chosen, overwrite, progress)
+        estimates = identify_into(folder, prepared, chosen, place.overwrite, progress)
         paths = [folder / "estimates" / f"{name.value}.h5" for name in chosen]
         return IdentifiedData(estimates, judge(estimates), contradictions_of_unused(dataset), folder, paths)

@@ -4,9 +4,17 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from auvid_cli.api import Progress, write_and_draw
+from auvid_cli.api import Destination, Progress, write_and_draw
 from auvid_cli.api.evaluation import Evaluator, check, identifiability, predict, prepare
-from auvid_cli.api.files import checked, read_dataset, read_estimate
+from auvid_cli.api.files import (
+    DataSource,
+    RecordedData,
+    SimulatedData,
+    checked,
+    read_dataset,
+    read_estimate,
+    results_folder,
+)
 from auvid_cli.api.identification import estimate_delays_and_noise, identify_into
 from auvid_cli.api.simulation import simulate_into
 from auvid_cli.config.enums import FigureFormat, FilterName, named
@@ -18,8 +26,6 @@ from auvid_cli.data.estimate_file import read_reference
 from auvid_cli.data.files import (
     check_no_overlap,
     dataset_in,
-    folder_of_dataset,
-    folder_of_run,
     locked,
     page_in,
     products,
@@ -28,7 +34,7 @@ from auvid_cli.data.files import (
 )
 from auvid_cli.data.hdf5 import scan
 from auvid_cli.data.netcdf import digest
-from auvid_cli.data.results import put_copy, read_results, refuse_other_page
+from auvid_cli.data.results import read_results, refuse_other_page
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.results import Identifiability
 from auvid_cli.report.figures.draw import FigureQueue, drawing
@@ -38,6 +44,8 @@ from auvid_cli.report.page.render import write_page
 from auvid_cli.report.text_tables import write_csv_tables
 from auvid_cli.validation.data_leakage import unseen_segments
 from auvid_cli.validation.results import Validation
+
+_BOUNDS_PAGE = "identifiability.html"
 
 
 class RunResult(NamedTuple):
@@ -112,12 +120,13 @@ def run(
     formats = [named(FigureFormat, name, "format of a figure") for name in figure_formats]
     chosen = settings.with_judge(names)
     settings.check_filters(chosen)
-    folder = folder_of_run(experiment.name) if output is None else Path(output)
+    source = SimulatedData(experiment, inputs)
+    folder = source.folder if output is None else Path(output)
     with locked(folder):
         refuse_other_page(page_in(folder))
         check_no_overlap(products(folder), inputs)
         with drawing(folder, formats) as figures:
-            dataset = simulate_into(folder, experiment, inputs, overwrite, progress, chosen)
+            dataset = simulate_into(folder, source, overwrite, progress, chosen)
             prepared = estimate_delays_and_noise(prepare(dataset), progress)
             evaluator = Evaluator(prepared)
             # Compute the bounds of the first estimates while the slowest filter is still running.
@@ -175,55 +184,41 @@ class BoundsResult(NamedTuple):
     page: Path
 
 
-def identifiability_into(
-    output: Path | None,
-    data: Path | tuple[Experiment, Sequence[Path]],
-    overrides: Sequence[str],
-    at: Path | None,
-    overwrite: bool,
-    figure_formats: Collection[FigureFormat],
-    progress: Progress,
-) -> BoundsResult:
+def identifiability_into(place: Destination, source: DataSource, at: Path | None) -> BoundsResult:
     """Compute the best possible accuracy of each coefficient, and write it into a results folder.
 
     Parameters
     ----------
-    output : pathlib.Path or None
-        Results folder. None: the default one.
-    data : pathlib.Path, or Experiment and its files
-        A dataset file, or an experiment that is simulated into the folder.
-    overrides : sequence of str
-        Overrides of the settings in a dataset file.
+    source : DataSource
+        An experiment is simulated into the folder.
     at : pathlib.Path or None
         Estimate file with the coefficients that the bounds hold at. None: true coefficients, or the vehicle file.
     """
     earlier = [] if at is None else [at]
-    read = read_dataset(data, *overrides) if isinstance(data, Path) else None
-    folder = output or (folder_of_dataset(data) if isinstance(data, Path) else folder_of_run(data[0].name))
-    page = folder / "identifiability.html"
+    if isinstance(source, RecordedData):
+        with results_folder(place, source, earlier, page=_BOUNDS_PAGE) as folder:
+            return _bounds_into(folder / _BOUNDS_PAGE, place, source.dataset, at)
+    folder = place.folder or source.folder
     with locked(folder):
-        refuse_other_page(page)
-        if isinstance(data, tuple):
-            files = [*data[1], *earlier]
-            dataset = simulate_into(folder, data[0], files, overwrite, progress)
-        else:
-            assert read is not None
-            dataset, files = read, [data, *read.experiment.data_files(), *earlier]
-            put_copy(data, dataset, folder, files, overwrite)
-        check_no_overlap(tables_and_figures(folder), files)
-        coefficients, where = _coefficients(dataset, at)
-        with progress.stage("sensitivities"):
-            bounds = identifiability(dataset, coefficients)
-        paths = write_and_draw(
-            folder,
-            bounds.tables(),
-            lambda figures: figures.add_identifiability(bounds),
-            page,
-            lambda: identifiability_page(dataset, bounds, where),
-            figure_formats,
-            progress,
-        )
-        return BoundsResult(dataset, bounds, where, paths, page)
+        refuse_other_page(folder / _BOUNDS_PAGE)
+        all_files = source._replace(files=[*source.files, *earlier])
+        dataset = simulate_into(folder, all_files, place.overwrite, place.progress)
+        check_no_overlap(tables_and_figures(folder), all_files.files)
+        return _bounds_into(folder / _BOUNDS_PAGE, place, dataset, at)
+
+
+def _bounds_into(page: Path, place: Destination, dataset: Dataset, at: Path | None) -> BoundsResult:
+    coefficients, where = _coefficients(dataset, at)
+    with place.progress.stage("sensitivities"):
+        bounds = identifiability(dataset, coefficients)
+    paths = write_and_draw(
+        page,
+        place,
+        bounds.tables(),
+        lambda figures: figures.add_identifiability(bounds),
+        lambda: identifiability_page(dataset, bounds, where),
+    )
+    return BoundsResult(dataset, bounds, where, paths, page)
 
 
 def _coefficients(dataset: Dataset, estimate: Path | None) -> tuple[dict[str, float] | None, str]:
@@ -238,14 +233,7 @@ def _coefficients(dataset: Dataset, estimate: Path | None) -> tuple[dict[str, fl
 
 
 def validate_into(
-    output: Path | None,
-    estimate_file: Path,
-    dataset_files: Sequence[Path],
-    overrides: Sequence[str],
-    anew: bool,
-    overwrite: bool,
-    figure_formats: Collection[FigureFormat],
-    progress: Progress,
+    place: Destination, estimate_file: Path, dataset_files: Sequence[Path], overrides: Sequence[str], anew: bool
 ) -> tuple[Validation, list[Path], Path]:
     """Validate an estimate with other datasets, and write the results into a folder (default: of the first dataset).
 
@@ -254,26 +242,21 @@ def validate_into(
     scan([estimate_file, *dataset_files])
     estimate = read_estimate(estimate_file)
     datasets = [read_dataset(path, *overrides) for path in dataset_files]
-    with progress.stage("compare with the data of the estimate"):
+    with place.progress.stage("compare with the data of the estimate"):
         training = _training_dataset(estimate_file, estimate)
         segments = [part for dataset in datasets for part in unseen_segments(dataset, estimate, training)]
-    folder, inputs = output or folder_of_dataset(dataset_files[0]), [estimate_file, *dataset_files]
-    page = folder / "validation.html"
-    with locked(folder):
-        refuse_other_page(page)
-        put_copy(dataset_files[0], datasets[0], folder, inputs, overwrite)
-        check_no_overlap(tables_and_figures(folder), inputs)
-        with progress.stage("predict"):
+    first = RecordedData(dataset_files[0], datasets[0])
+    with results_folder(place, first, [estimate_file, *dataset_files], page="validation.html") as folder:
+        page = folder / "validation.html"
+        with place.progress.stage("predict"):
             reference = read_reference(estimate_file, estimate)
             validation = predict(segments, estimate, training, anew=anew, reference=reference)
         paths = write_and_draw(
-            folder,
+            page,
+            place,
             validation.tables(),
             lambda figures: figures.add_validation(validation),
-            page,
             lambda: validation_page(validation),
-            figure_formats,
-            progress,
         )
         return validation, paths, page
 

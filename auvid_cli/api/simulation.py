@@ -1,11 +1,11 @@
 """Simulation of an experiment, first folders, and vehicles from their geometry."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 from auvid_cli.api import Progress
-from auvid_cli.api.files import checked
+from auvid_cli.api.files import SimulatedData, checked
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import parse_drawing
@@ -56,12 +56,7 @@ def simulate(experiment: Experiment) -> Dataset:
 
 
 def simulate_into(
-    folder: Path,
-    experiment: Experiment,
-    inputs: Sequence[Path],
-    overwrite: bool,
-    progress: Progress,
-    filters: Collection[FilterName] = (),
+    folder: Path, source: SimulatedData, overwrite: bool, progress: Progress, filters: Collection[FilterName] = ()
 ) -> Dataset:
     """Simulate an experiment, write ``folder/dataset.h5``, and read it back.
 
@@ -69,17 +64,12 @@ def simulate_into(
 
     Parameters
     ----------
-    folder : pathlib.Path
-    experiment : Experiment
-    inputs : sequence of pathlib.Path
-        Files that the experiment was read from.
     overwrite : bool
         Whether results of another run may be replaced.
-    progress : Progress
     filters : collection of FilterName
         Filters that will run on the data.
     """
-    path = dataset_in(folder)
+    path, experiment = dataset_in(folder), source.experiment
     # Check the existing files in a second process meanwhile.
     begin_scan([path, *estimates_in(folder).values()])
     objection = other_run(path, experiment)
@@ -88,7 +78,7 @@ def simulate_into(
     refuse_unless(overwrite, objection)
     with progress.stage("simulate"):
         simulated = simulation.simulate(experiment)
-    put_dataset(path, simulated, inputs, overwrite, objection)
+    put_dataset(path, simulated, source.files, overwrite, objection)
     # Free the memory before the data are read again.
     del simulated
     with progress.stage("read the dataset"):
@@ -98,20 +88,14 @@ def simulate_into(
     return dataset
 
 
-def simulate_log(experiment: Experiment) -> dict[str, str]:
-    """Simulate an experiment, and return the texts of CSV logs like those of a real vehicle, by file name."""
-    return field_log(simulation.simulate(experiment))
-
-
-def simulate_log_into(
-    folder: Path, experiment: Experiment, inputs: Sequence[Path], overwrite: bool, progress: Progress
-) -> list[Path]:
-    """Write the files of `simulate_log` into a folder, and return their paths."""
+def simulate_log_into(folder: Path, source: SimulatedData, overwrite: bool, progress: Progress) -> list[Path]:
+    """Simulate an experiment, and write CSV logs like those of a real vehicle into a folder; returns their paths."""
     with locked(folder):
         with progress.stage("simulate"):
-            texts = {folder / name: text for name, text in simulate_log(experiment).items()}
+            logs = field_log(simulation.simulate(source.experiment))
+        texts = {folder / name: text for name, text in logs.items()}
         refuse_unless(overwrite, next((f"{path}: exists already" for path in texts if path.exists()), ""))
-        check_no_overlap(texts, inputs)
+        check_no_overlap(texts, source.files)
         for path, text in texts.items():
             write_text(path, text)
         return [*texts]

@@ -1,10 +1,11 @@
 """Axes of a campaign as settings of each run, and the outcomes of runs."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.config.campaign import CampaignAxis, Distribution
 from auvid_cli.config.loading import Change
@@ -14,6 +15,7 @@ from auvid_cli.errors import ConfigError
 if TYPE_CHECKING:
     import pandas as pd
 
+Array = NDArray[np.float64]
 Label: TypeAlias = str | float | int | bool
 
 
@@ -32,6 +34,51 @@ def diverged(rows: "pd.DataFrame") -> "pd.Series":
     return ~ended(rows) & ~failed(rows)
 
 
+class CellErrors(NamedTuple):
+    """Errors of the runs of a campaign with the same settings and filter.
+
+    Attributes
+    ----------
+    key : tuple
+        Value of each axis.
+    filter : str
+        Name of the filter variant.
+    errors : ndarray, shape (n,)
+        Mean steady-state errors of runs that ended and have one, %.
+    ended, runs : int
+        Number of runs that ended, and of all.
+    """
+
+    key: tuple[Any, ...]
+    filter: str
+    errors: Array
+    ended: int
+    runs: int
+
+    @property
+    def lost(self) -> float:
+        """Return the share of runs that failed."""
+        return 1.0 - self.ended / self.runs
+
+
+def errors_by_cell(runs: "pd.DataFrame", columns: Sequence[str]) -> list[CellErrors]:
+    """Return the errors of each combination of settings and filter, in the order of the runs.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        A row for each run: axes, filter, status, steady_state_error_percent.
+    columns : sequence of str
+        Axes.
+    """
+    cells = []
+    for key, rows in runs.groupby([*columns, "filter"], sort=False):
+        *settings, name = key if isinstance(key, tuple) else (key,)
+        errors = rows["steady_state_error_percent"].dropna().to_numpy(np.float64)
+        cells.append(CellErrors(tuple(settings), str(name), errors, int(ended(rows).sum()), len(rows)))
+    return cells
+
+
 class Option(NamedTuple):
     """Choice on one axis for a run: its label in the results, its settings, and whether filters know them."""
 
@@ -45,7 +92,6 @@ def axis_options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any
 
     Parameters
     ----------
-    axis : CampaignAxis
     written : Tree
         The axis in the campaign file, with positions.
     experiment : mapping

@@ -8,7 +8,12 @@ import numpy as np
 from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, normalised_estimation_error
+from auvid_cli.evaluation.accuracy import (
+    CoefficientResult,
+    average_steady_state_error,
+    coefficient_results,
+    normalised_estimation_error,
+)
 from auvid_cli.evaluation.innovations import status_of
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.vehicle.parameters import MOTION
@@ -25,31 +30,30 @@ class Measure(NamedTuple):
         Identity of the run.
     filter : str
         Name of the filter variant.
-    seed : int
     kind : str
         "run", "coefficient", "motion" (a state) or "sensor".
     name, unit : str
-        Of a coefficient or motion state, SI, or of a sensor.
+        Name and unit of a coefficient or motion state, SI, or of a sensor.
     status : str
-        Of the run, see `auvid_cli.evaluation.innovations.status_of`.
+        Status of the run, see `auvid_cli.evaluation.innovations.status_of`.
     grade, reason : str
-        Of the estimate, see `auvid_cli.evaluation.judgement`.
+        Judgement of the estimate, see `auvid_cli.evaluation.judgement`.
     true, estimate, standard_deviation : float or None
-        Of a coefficient, at the last time; nominal.
+        Values of a coefficient at the last time, with the nominal standard deviation.
     rmse : float or None
-        Of a coefficient or motion state over the whole run.
+        RMSE of a coefficient or motion state over the whole run.
     steady_state_error_percent : float or None
-        Of a coefficient; of a run, the mean over its coefficients.
+        Error of a coefficient; for a run, the mean over its coefficients.
     cramer_rao_bound, times_bound : float or None
-        Of a coefficient, and the standard deviation as a multiple of it.
+        Bound of a coefficient, and the standard deviation as a multiple of it.
     identified : bool or None
         Whether the estimate of a coefficient is sound and certain enough.
     squares, components : float, int or None
         Sum of the normalised innovations squared of a sensor, or NEES of a run, and its number of components.
     processor_time, wall_time : float or None
-        Of the filter alone, s.
+        Times of the filter alone, s.
     corrected_standard_deviation : float or None
-        Of a coefficient, by a batch estimator.
+        Corrected standard deviation of a coefficient, by a batch estimator.
     """
 
     run: str
@@ -74,6 +78,10 @@ class Measure(NamedTuple):
     processor_time: float | None = None
     wall_time: float | None = None
     corrected_standard_deviation: float | None = None
+
+
+# Fields that a measure of a coefficient takes from its result.
+_OF_COEFFICIENT = {*Measure._fields} & {*CoefficientResult._fields} - {"filter", "unit"}
 
 
 def measures(
@@ -103,17 +111,7 @@ def measures(
         )
     ]
     rows += [
-        row("coefficient", result.coefficient, result.unit)._replace(
-            true=result.true,
-            estimate=result.estimate,
-            standard_deviation=result.standard_deviation,
-            corrected_standard_deviation=result.corrected_standard_deviation,
-            rmse=result.rmse,
-            steady_state_error_percent=result.steady_state_error_percent,
-            cramer_rao_bound=result.cramer_rao_bound,
-            times_bound=result.times_bound,
-            identified=result.identified,
-        )
+        row("coefficient", result.coefficient, result.unit)._replace(**{f: getattr(result, f) for f in _OF_COEFFICIENT})
         for result in results
     ]
     rows += [

@@ -45,7 +45,6 @@ class CampaignRun(NamedTuple):
         Values of the axes of the campaign, by column.
     filter : str
         Name of the variant.
-    seed : int
     """
 
     identity: str
@@ -65,11 +64,10 @@ class RunGroup(NamedTuple):
     ----------
     simulated : str
         Experiment of the data, as JSON.
-    runs : list of CampaignRun
     assumed : list of str
         Experiment that the filter of each run assumes, as JSON; its identification has only that filter.
     version : str
-        Of auvid; workers must have the same.
+        Version of auvid; workers must have the same.
     """
 
     simulated: str
@@ -83,7 +81,6 @@ class _Resolved(NamedTuple):
 
     Attributes
     ----------
-    labels : dict
     simulated : dict
         Settings of the data.
     data : str
@@ -107,11 +104,10 @@ class CampaignPlan:
 
     Parameters
     ----------
-    campaign : Campaign
     tree : Tree
         The campaign file, with positions.
     path : pathlib.Path
-        Of the campaign file.
+        Path of the campaign file.
 
     Raises
     ------

@@ -47,7 +47,6 @@ class Store:
 
     Parameters
     ----------
-    folder : pathlib.Path
     columns : mapping
         Columns of the axes in order, and whether their values are numbers.
 

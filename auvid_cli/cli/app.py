@@ -6,14 +6,8 @@ from typing import Annotated, NamedTuple
 import typer
 
 from auvid_cli._version import __version__
-from auvid_cli.cli.campaign import campaign
-from auvid_cli.cli.command_help import BOTH_HELPS, Command, Group, examples_text, paragraphs
-from auvid_cli.cli.data import export, import_log, inspect
-from auvid_cli.cli.design import design
-from auvid_cli.cli.experiment import identify, report, run, simulate
-from auvid_cli.cli.judge import check, compare, identifiability, validate
-from auvid_cli.cli.start import OutlineCommand, init, list_shipped
-from auvid_cli.cli.tuning import terms, tune
+from auvid_cli.cli import data, design, experiment, judge, start
+from auvid_cli.cli.options import BOTH_HELPS, Command, Group, examples_text, paragraphs
 
 
 class Entry(NamedTuple):
@@ -25,95 +19,79 @@ class Entry(NamedTuple):
     cls: type[Command] = Command
 
 
+def _entry(name: str, function: Callable[..., None], *examples: str, cls: type[Command] = Command) -> Entry:
+    return Entry(name, function, examples, cls)
+
+
 GROUPS: dict[str, tuple[Entry, ...]] = {
     "Start with your own data": (
-        Entry(
-            "import",
-            import_log,
-            ("auvid import --suggest dive.csv -o map.yaml", "auvid import --map map.yaml"),
-        ),
-        Entry(
+        _entry("import", data.import_log, "auvid import --suggest dive.csv -o map.yaml", "auvid import --map map.yaml"),
+        _entry(
             "inspect",
-            inspect,
-            ("auvid inspect results/dive/dataset.h5", "auvid inspect results/dive/dataset.h5 --use 0:80"),
+            data.inspect,
+            "auvid inspect results/dive/dataset.h5",
+            "auvid inspect results/dive/dataset.h5 --use 0:80",
         ),
     ),
     "Start with a simulation": (
-        Entry("list", list_shipped, ("auvid list", "auvid list vehicles")),
-        Entry(
-            "init",
-            init,
-            (
-                "auvid init mine --like remus100",
-                "auvid init mine",
-            ),
-            OutlineCommand,
-        ),
-        Entry(
+        _entry("list", start.list_shipped, "auvid list", "auvid list vehicles"),
+        _entry("init", start.init, "auvid init mine --like remus100", "auvid init mine", cls=start.OutlineCommand),
+        _entry(
             "run",
-            run,
-            (
-                "auvid run",
-                "auvid run remus100 --seed 7 --output results/seed7",
-                'auvid run --set sensors.dvl.rate="5 Hz" --output results/slow_dvl',
-            ),
+            experiment.run,
+            "auvid run",
+            "auvid run remus100 --seed 7 --output results/seed7",
+            'auvid run --set sensors.dvl.rate="5 Hz" --output results/slow_dvl',
         ),
-        Entry(
+        _entry(
             "simulate",
-            simulate,
-            (
-                "auvid simulate",
-                "auvid simulate --set manoeuvre=manoeuvres/zigzag_20_20.yaml -o results/zigzag",
-            ),
+            experiment.simulate,
+            "auvid simulate",
+            "auvid simulate --set manoeuvre=manoeuvres/zigzag_20_20.yaml -o results/zigzag",
         ),
     ),
     "Plan the next run": (
-        Entry(
+        _entry(
             "design",
-            design,
-            (
-                "auvid design remus100 --box '150 m' --depth '20 m' --fins '14 deg'",
-                "auvid design --at results/spiral/estimates/ckf.h5 --for N_uvl",
-            ),
+            design.design,
+            "auvid design remus100 --box '150 m' --depth '20 m' --fins '14 deg'",
+            "auvid design --at results/spiral/estimates/ckf.h5 --for N_uvl",
         ),
     ),
     "Identify": (
-        Entry(
+        _entry(
             "identifiability",
-            identifiability,
-            ("auvid identifiability", "auvid identifiability results/dive/dataset.h5 --use 0:80"),
+            judge.identifiability,
+            "auvid identifiability",
+            "auvid identifiability results/dive/dataset.h5 --use 0:80",
         ),
-        Entry(
+        _entry(
             "identify",
-            identify,
-            ("auvid identify results/dive/dataset.h5 --use 0:80", "auvid identify spiral --filter tukf"),
+            experiment.identify,
+            "auvid identify results/dive/dataset.h5 --use 0:80",
+            "auvid identify spiral --filter tukf",
         ),
-        Entry("tune", tune, ("auvid tune results/dive/dataset.h5 --sensors",)),
-        Entry("terms", terms, ("auvid terms results/dive/dataset.h5 --use 0:120",)),
+        _entry("tune", experiment.tune, "auvid tune results/dive/dataset.h5 --sensors"),
+        _entry("terms", experiment.terms, "auvid terms results/dive/dataset.h5 --use 0:120"),
     ),
     "Judge the results": (
-        Entry("report", report, ("auvid report results/dive",)),
-        Entry("check", check, ("auvid check results/dive", "auvid check results/dive --verbose")),
-        Entry(
-            "validate",
-            validate,
-            ("auvid validate results/spiral/estimates/ckf.h5 results/zigzag/dataset.h5",),
-        ),
+        _entry("report", experiment.report, "auvid report results/dive"),
+        _entry("check", judge.check, "auvid check results/dive", "auvid check results/dive --verbose"),
+        _entry("validate", judge.validate, "auvid validate results/spiral/estimates/ckf.h5 results/zigzag/dataset.h5"),
     ),
     "Use the results": (
-        Entry(
+        _entry(
             "compare",
-            compare,
-            (
-                "auvid compare results/spiral results/reference",
-                "auvid compare results/spiral results/old --relative rmse=0.05",
-            ),
+            judge.compare,
+            "auvid compare results/spiral results/reference",
+            "auvid compare results/spiral results/old --relative rmse=0.05",
         ),
-        Entry("export", export, ("auvid export results/spiral/estimates/tukf.h5 --to python",)),
-        Entry(
+        _entry("export", data.export, "auvid export results/spiral/estimates/tukf.h5 --to python"),
+        _entry(
             "campaign",
-            campaign,
-            ("auvid campaign regimes --set seeds=2 --dry-run", "auvid campaign regimes --set seeds=2"),
+            design.campaign,
+            "auvid campaign regimes --set seeds=2 --dry-run",
+            "auvid campaign regimes --set seeds=2",
         ),
     ),
 }

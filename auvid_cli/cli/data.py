@@ -5,17 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from auvid_cli.cli.options import (
-    DatasetArgument,
-    FigureOptions,
-    OutputOptions,
-    OverwriteOption,
-    TerminalOptions,
-    VerdictTerminalOptions,
-    command,
-    overrides,
-    refuse_log,
-)
+from auvid_cli.cli import options
 from auvid_cli.cli.streams import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import interrupts_deferred
 from auvid_cli.config.enums import FormatName
@@ -25,7 +15,13 @@ if TYPE_CHECKING:
     from auvid_cli.data.dataset import Dataset
 
 
-@command
+_IMPORTED = "Dataset, or with --suggest the map. Default: results/NAME/dataset.h5; a map is printed."
+_EXPORTED = "Output file. Default: export/VEHICLE_FILTER.* in the results folder."
+_MODELS = ", ".join(form.value for form in FormatName if not form.is_of_a_run)
+_FORM = f"Format of the model: {_MODELS}; or mcap for the whole run."
+
+
+@options.command
 def import_log(
     *,
     logs: Annotated[
@@ -37,30 +33,14 @@ def import_log(
         ),
     ] = None,
     map_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--map",
-            "-m",
-            metavar="MAP",
-            help="YAML file that assigns columns of the logs to signals.",
-            show_default=False,
-        ),
+        Path | None, options.optional("MAP", "YAML file that assigns columns of the logs to signals.", "--map", "-m")
     ] = None,
     suggest: Annotated[
         bool, typer.Option("--suggest", help="Write a first map from the logs; check and complete it by hand.")
     ] = False,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            help="Dataset, or with --suggest the map. Default: results/NAME/dataset.h5; a map is printed.",
-            show_default=False,
-        ),
-    ] = None,
-    overwrite: OverwriteOption = False,
-    console: TerminalOptions,
+    output: Annotated[Path | None, options.optional("FILE", _IMPORTED, "--output", "-o")] = None,
+    overwrite: options.OverwriteOption = False,
+    console: options.TerminalOptions,
 ) -> None:
     """Convert logs of a vehicle to a dataset, or suggest the map that this needs."""
     with interrupts_deferred():
@@ -90,22 +70,17 @@ def import_log(
     terminal.print(f"next: auvid inspect {path}")
 
 
-@command
+@options.command
 def inspect(
     *,
-    dataset: DatasetArgument,
+    dataset: options.DatasetArgument,
     use: Annotated[
         list[str] | None,
-        typer.Option(
-            "--use",
-            metavar="BEGIN:END",
-            help="Inspect only this part of the data, s, such as 0:80. Default: all.",
-            show_default=False,
-        ),
+        options.optional("BEGIN:END", "Inspect only this part of the data, s, such as 0:80. Default: all."),
     ] = None,
-    output: OutputOptions,
-    figures: FigureOptions,
-    console: VerdictTerminalOptions,
+    output: options.OutputOptions,
+    figures: options.FigureOptions,
+    console: options.VerdictTerminalOptions,
 ) -> int:
     """Check recorded data before identification: signs, units, axes, clocks, gaps, spikes, excitation.
 
@@ -116,11 +91,10 @@ def inspect(
     from auvid_cli.api.data import inspect_into
     from auvid_cli.report.screen import print_checks
 
-    refuse_log(dataset)
+    options.refuse_log(dataset)
     terminal = console.terminal()
-    inspected, inspection, files, page = inspect_into(
-        output.output, dataset, overrides(None, use=use), output.overwrite, figures.formats, terminal
-    )
+    place = output.destination(terminal, figures)
+    inspected, inspection, files, page = inspect_into(place, dataset, options.overrides(None, use=use))
     print_checks(terminal.out, inspection.checks, passed=console.verbose)
     terminal.print_lines(files)
     part = "".join(f" --use {span}" for span in use or ())
@@ -157,46 +131,23 @@ def _next(dataset: "Dataset", name: str) -> str:
     )
 
 
-@command
+@options.command
 def export(
     *,
     path: Annotated[Path, typer.Argument(metavar="ESTIMATE", help="Estimate file, results/NAME/estimates/FILTER.h5.")],
-    target: Annotated[
-        FormatName,
-        typer.Option(
-            "--to",
-            metavar="FORM",
-            help=f"Format of the model: {', '.join(form.value for form in FormatName if not form.is_of_a_run)}; "
-            "or mcap for the whole run.",
-        ),
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            help="Output file. Default: export/VEHICLE_FILTER.* in the results folder.",
-            show_default=False,
-        ),
-    ] = None,
+    target: Annotated[FormatName, options.optional("FORM", _FORM, "--to")],
+    output: Annotated[Path | None, options.optional("FILE", _EXPORTED, "--output", "-o")] = None,
     dataset: Annotated[
-        Path | None,
-        typer.Option(
-            "--dataset",
-            metavar="DATASET",
-            help="Dataset of the estimate. Default: dataset.h5 in the results folder.",
-            show_default=False,
-        ),
+        Path | None, options.optional("DATASET", "Dataset of the estimate. Default: dataset.h5 in the results folder.")
     ] = None,
-    overwrite: OverwriteOption = False,
-    console: TerminalOptions,
+    overwrite: options.OverwriteOption = False,
+    console: options.TerminalOptions,
 ) -> None:
     """Write an identified model, or a whole run (`--to mcap`), in the format of another program.
 
     Prints the features that the format does not support.
     """
-    refuse_log(dataset)
+    options.refuse_log(dataset)
     terminal = console.terminal()
     with terminal.compiling():
         from auvid_cli.api.export import export_into

@@ -1,19 +1,15 @@
-"""auvid design: plan the next run."""
+"""auvid design and campaign: plan the next run, and repeat an experiment many times."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from auvid_cli.cli.options import (
-    ExperimentOptions,
-    FigureFormatOption,
-    OverwriteOption,
-    TerminalOptions,
-    command,
-    refuse_log,
-)
+from auvid_cli.api import Destination
+from auvid_cli.cli import options
+from auvid_cli.cli.streams import DONE, VERDICT_FAILED
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.errors import ConfigError
 
@@ -23,23 +19,23 @@ if TYPE_CHECKING:
     from auvid_cli.config.manoeuvre import Envelope
 
 
-def _limit(name: str, text: str) -> typer.models.OptionInfo:
-    return typer.Option(f"--{name}", metavar="QUANTITY", help=text, show_default=False)
+def _limit(text: str) -> Any:
+    return options.optional("QUANTITY", text)
 
 
 @dataclass(frozen=True)
 class EnvelopeOptions:
     """Limits of the run: texts with units."""
 
-    duration: Annotated[str, _limit("duration", "Duration of the run. Default: 120 s.")] = "120 s"
-    box: Annotated[str | None, _limit("box", "Largest horizontal extent of the track. Default: 200 m.")] = None
-    depth: Annotated[str | None, _limit("depth", "Largest range of depth. Default: 40 m.")] = None
-    pitch: Annotated[str | None, _limit("pitch", "Largest pitch angle. Default: 40 deg.")] = None
-    roll: Annotated[str | None, _limit("roll", "Largest roll angle. Default: 40 deg.")] = None
-    speed: Annotated[str | None, _limit("speed", "Lowest speed. Default: 0.4 of the cruise speed.")] = None
-    energy: Annotated[str | None, _limit("energy", "Largest work of the thrust, without losses. Default: none.")] = None
-    fins: Annotated[str | None, _limit("fins", "Largest fin angle. Default: limit of the manoeuvre.")] = None
-    fin_rate: Annotated[str | None, _limit("fin-rate", "Largest fin rate. Default: limit of the manoeuvre.")] = None
+    duration: Annotated[str, _limit("Duration of the run. Default: 120 s.")] = "120 s"
+    box: Annotated[str | None, _limit("Largest horizontal extent of the track. Default: 200 m.")] = None
+    depth: Annotated[str | None, _limit("Largest range of depth. Default: 40 m.")] = None
+    pitch: Annotated[str | None, _limit("Largest pitch angle. Default: 40 deg.")] = None
+    roll: Annotated[str | None, _limit("Largest roll angle. Default: 40 deg.")] = None
+    speed: Annotated[str | None, _limit("Lowest speed. Default: 0.4 of the cruise speed.")] = None
+    energy: Annotated[str | None, _limit("Largest work of the thrust, without losses. Default: none.")] = None
+    fins: Annotated[str | None, _limit("Largest fin angle. Default: limit of the manoeuvre.")] = None
+    fin_rate: Annotated[str | None, _limit("Largest fin rate. Default: limit of the manoeuvre.")] = None
 
 
 @dataclass(frozen=True)
@@ -47,67 +43,37 @@ class AimOptions:
     """Aim of the design, and prior knowledge of the vehicle."""
 
     chosen: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--for", metavar="COEFFICIENT", help="Design for this coefficient only; repeatable.", show_default=False
-        ),
+        list[str] | None, options.optional("COEFFICIENT", "Design for this coefficient only; repeatable.", "--for")
     ] = None
     criterion: Annotated[
-        str,
-        typer.Option(
-            "--criterion",
-            metavar="D|worst",
-            help="Minimise the mean log standard deviation (D) or the largest.",
-        ),
+        str, typer.Option(metavar="D|worst", help="Minimise the mean log standard deviation (D) or the largest.")
     ] = "D"
-    at: Annotated[
-        Path | None,
-        typer.Option(
-            "--at", metavar="ESTIMATE", help="Draw trial vehicles from this estimate (.h5).", show_default=False
-        ),
-    ] = None
+    at: Annotated[Path | None, options.optional("ESTIMATE", "Draw trial vehicles from this estimate (.h5).")] = None
     given: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--given",
-            metavar="DATASET",
-            help="Dataset (.h5) whose information is already available; repeatable.",
-            show_default=False,
-        ),
+        options.optional("DATASET", "Dataset (.h5) whose information is already available; repeatable."),
     ] = None
     spread: Annotated[
-        str | None,
-        _limit("spread", "Spread of trial vehicles around the vehicle file. Default: its uncertainties, or 30 %."),
+        str | None, _limit("Spread of trial vehicles around the vehicle file. Default: its uncertainties, or 30 %.")
     ] = None
-    draws: Annotated[int, typer.Option("--draws", metavar="N", min=1, max=1000, help="Number of trial vehicles.")] = 8
+    draws: Annotated[int, typer.Option(metavar="N", min=1, max=1000, help="Number of trial vehicles.")] = 8
 
 
 @dataclass(frozen=True)
 class SearchOptions:
     """Limits and workers of the search."""
 
-    budget: Annotated[str, _limit("budget", "Duration of the search. Default: 3 min.")] = "3 min"
-    generations: Annotated[
-        int | None,
-        typer.Option(
-            "--generations", metavar="N", min=1, help="Number of generations, instead of --budget.", show_default=False
-        ),
-    ] = None
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler",
-            metavar="ADDRESS",
-            help="Dask scheduler, such as tcp://10.0.0.1:8786. Default: this machine only.",
-            show_default=False,
-        ),
-    ] = None
+    budget: Annotated[str, _limit("Duration of the search. Default: 3 min.")] = "3 min"
+    generations: Annotated[int | None, options.optional("N", "Number of generations, instead of --budget.", min=1)] = (
+        None
+    )
+    scheduler: options.SchedulerOption = None
 
 
-@command
+@options.command
 def design(
     *,
-    experiment: ExperimentOptions,
+    experiment: options.ExperimentOptions,
     limits: EnvelopeOptions,
     aim: AimOptions,
     search: SearchOptions,
@@ -117,9 +83,9 @@ def design(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the mission files.")] = Path(
         "mission"
     ),
-    overwrite: OverwriteOption = False,
-    figure_format: FigureFormatOption = None,
-    console: TerminalOptions,
+    overwrite: options.OverwriteOption = False,
+    figure_format: options.FigureFormatOption = None,
+    console: options.TerminalOptions,
 ) -> None:
     """Search for the most informative manoeuvre, and write the mission files for the crew.
 
@@ -129,9 +95,9 @@ def design(
     A search that was killed continues with the same command.
     """
     terminal = console.terminal()
-    loaded, files = experiment.load()
+    source = experiment.load()
     for path in aim.given or ():
-        refuse_log(path)
+        options.refuse_log(path)
     envelope = _envelope(limits)
     time = None if search.generations else _quantity("budget", search.budget, "s")
     duration = _quantity("duration", limits.duration, "s")
@@ -145,25 +111,23 @@ def design(
         from auvid_cli.api.design import DesignSources, Requirement, SearchLimits, design_into
         from auvid_cli.report.screens import print_design
 
+    requirement = Requirement(
+        duration,
+        envelope,
+        fin_angle,
+        fin_rate,
+        tuple(aim.chosen or ()),
+        "D" if aim.criterion == "D" else "worst",
+        aim.draws,
+        spread,
+    )
     result, written = design_into(
-        output,
-        DesignSources(loaded, files, aim.at, aim.given or []),
-        Requirement(
-            duration,
-            envelope,
-            fin_angle,
-            fin_rate,
-            tuple(aim.chosen or ()),
-            "D" if aim.criterion == "D" else "worst",
-            aim.draws,
-            spread,
-        ),
+        Destination(output, overwrite, terminal, tuple(figure_format or (FigureFormat.PNG,))),
+        DesignSources(source, aim.at, aim.given or []),
+        requirement,
         SearchLimits(search.generations, time),
         search.scheduler,
         place,
-        overwrite,
-        figure_format or (FigureFormat.PNG,),
-        terminal,
     )
     print_design(terminal.out, result)
     terminal.print_lines(written)
@@ -218,3 +182,65 @@ def _origin(text: str) -> tuple[float, float]:
     if not (abs(latitude) < 89.0 and abs(longitude) <= 180.0):
         raise ConfigError(f"--origin {text}: expected latitude and longitude in degrees, such as 41.18,-8.70")
     return latitude, longitude
+
+
+@options.command
+def campaign(
+    *,
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="CAMPAIGN",
+            help="Campaign file, or the name of a shipped campaign (`auvid list campaigns`).",
+            autocompletion=options.complete_campaign,
+        ),
+    ],
+    scheduler: options.SchedulerOption = None,
+    workers: Annotated[
+        int | None, options.optional("N", "Number of processes on this machine. Default: one per core.", min=1)
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        options.optional("KEY=VALUE", "Override a key of the campaign file, e.g. --set seeds=5.", "--set"),
+    ] = None,
+    output: Annotated[
+        Path | None, options.optional("DIR", "Results folder. Default: results/campaigns/NAME.", "--output", "-o")
+    ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Repeat the runs that failed.")] = False,
+    again: Annotated[bool, typer.Option("--again", help="Repeat all runs, also the finished ones.")] = False,
+    keep_estimates: Annotated[
+        bool, typer.Option("--keep-estimates", help="Also write the complete estimate of each new run (20 MB each).")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Print the number of runs and their approximate duration, and exit.")
+    ] = False,
+    figures: options.FigureOptions,
+    console: options.TerminalOptions,
+) -> int:
+    """Repeat an experiment with many seeds, filters and settings, and report statistics.
+
+    The runs use all cores, or a cluster. Finished runs are not repeated: the same command continues an interrupted
+    campaign.
+    """
+    if scheduler is not None and workers is not None:
+        raise ConfigError("--workers and --scheduler: expected one of them; a scheduler has its own workers")
+    terminal = console.terminal()
+    # Compile before the workers start: they load the core from the cache.
+    with terminal.compiling():
+        from auvid_cli.api.campaign import CampaignOptions, Workers, forecast, plan_campaign, run_campaign
+        from auvid_cli.report.campaign_tables import print_findings
+
+    plan, folder = plan_campaign(file, settings or (), output)
+    where = Workers(scheduler, workers or os.cpu_count() or 1)
+    chosen = CampaignOptions(where, retry, again, keep_estimates, figures.formats)
+    if dry_run:
+        forecast(plan, folder, chosen, terminal)
+        return DONE
+    result = run_campaign(plan, folder, chosen, terminal)
+    if result.findings is not None:
+        print_findings(terminal.out, result.findings, result.files)
+        if figures.show:
+            terminal.open_page(result.page)
+    for remark in result.remarks:
+        terminal.print_wrapped(remark)
+    return DONE if result.is_complete else VERDICT_FAILED

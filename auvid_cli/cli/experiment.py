@@ -1,4 +1,4 @@
-"""auvid run, simulate, identify and report: from an experiment to a page of results."""
+"""auvid run, simulate, identify, report, tune and terms: from an experiment to estimates and a page of results."""
 
 import shlex
 from collections.abc import Mapping
@@ -7,19 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from auvid_cli.cli.options import (
-    DataArgument,
-    DryRunOption,
-    ExperimentOptions,
-    FigureOptions,
-    FilterOption,
-    OutputOptions,
-    ResultsArgument,
-    SettingOptions,
-    TerminalOptions,
-    command,
-    dataset_or_experiment,
-)
+from auvid_cli.cli import options
 from auvid_cli.cli.streams import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
 
@@ -29,104 +17,97 @@ if TYPE_CHECKING:
     from auvid_cli.config.experiment import RunSettings
 
 
-@command
+_AS_LOG = "Write CSV logs like those of a real vehicle instead of a dataset, and a vehicle file with errors of 30 %."
+
+
+@options.command
 def run(
     *,
-    filters: FilterOption = None,
-    experiment: ExperimentOptions,
-    output: OutputOptions,
-    figures: FigureOptions,
-    console: TerminalOptions,
-    dry_run: DryRunOption = False,
+    filters: options.FilterOption = None,
+    experiment: options.ExperimentOptions,
+    output: options.OutputOptions,
+    figures: options.FigureOptions,
+    console: options.TerminalOptions,
+    dry_run: options.DryRunOption = False,
 ) -> int:
     """Simulate an experiment, run its filters, and write a report (report.html), tables and figures."""
     if not dry_run:
         from auvid_cli.report.figures.workers import load_ahead
 
         load_ahead()
-    loaded, files = experiment.load()
+    source = experiment.load()
     if dry_run:
-        return _print_settings(loaded)
+        return _print_settings(source.experiment)
     terminal = console.terminal()
     terminal.load_core()
     with terminal.compiling():
         from auvid_cli.api.results import run as run_into
 
-    terminal.print_sanity_warnings(loaded.vehicle)
+    terminal.print_sanity_warnings(source.experiment.vehicle)
     result = run_into(
-        loaded,
+        source.experiment,
         output.output,
         filters,
         overwrite=output.overwrite,
         figure_formats=figures.formats,
-        inputs=files,
+        inputs=source.files,
         progress=terminal,
     )
     return _print_result(result, terminal, figures.show)
 
 
-@command
+@options.command
 def simulate(
     *,
-    experiment: ExperimentOptions,
-    as_log: Annotated[
-        bool,
-        typer.Option(
-            "--as-log",
-            help="Write CSV logs like those of a real vehicle instead of a dataset, and a vehicle file with errors "
-            "of 30 %.",
-        ),
-    ] = False,
-    output: OutputOptions,
-    console: TerminalOptions,
-    dry_run: DryRunOption = False,
+    experiment: options.ExperimentOptions,
+    as_log: Annotated[bool, typer.Option("--as-log", help=_AS_LOG)] = False,
+    output: options.OutputOptions,
+    console: options.TerminalOptions,
+    dry_run: options.DryRunOption = False,
 ) -> int:
     """Simulate the vehicle and sensors of an experiment, and write results/NAME/dataset.h5."""
-    from auvid_cli.data.files import dataset_in, folder_of_run, locked
+    from auvid_cli.data.files import dataset_in, locked
 
-    loaded, files = experiment.load()
+    source = experiment.load()
     if dry_run:
-        return _print_settings(loaded)
-    folder, terminal = output.output or folder_of_run(loaded.name), console.terminal()
+        return _print_settings(source.experiment)
+    folder, terminal = output.output or source.folder, console.terminal()
     with terminal.compiling():
         from auvid_cli.api.simulation import simulate_into, simulate_log_into
 
     if not as_log:
-        terminal.print_sanity_warnings(loaded.vehicle)
+        terminal.print_sanity_warnings(source.experiment.vehicle)
         with locked(folder):
-            simulate_into(folder, loaded, files, output.overwrite, terminal)
+            simulate_into(folder, source, output.overwrite, terminal)
         terminal.print(f"next: auvid identify {shlex.quote(str(dataset_in(folder)))}")
         return DONE
-    written = simulate_log_into(folder, loaded, files, output.overwrite, terminal)
+    written = simulate_log_into(folder, source, output.overwrite, terminal)
     terminal.print_lines(written)
     logs = shlex.join(str(path) for path in written if path.suffix == ".csv")
     terminal.print(f"next: auvid import --suggest {logs} -o {shlex.quote(str(folder / 'map.yaml'))}")
     return DONE
 
 
-@command
+@options.command
 def identify(
     *,
-    source: DataArgument = None,
-    filters: FilterOption = None,
-    settings: SettingOptions,
-    output: OutputOptions,
-    console: TerminalOptions,
-    dry_run: DryRunOption = False,
+    data: options.DataArgument = None,
+    filters: options.FilterOption = None,
+    settings: options.SettingOptions,
+    output: options.OutputOptions,
+    console: options.TerminalOptions,
+    dry_run: options.DryRunOption = False,
 ) -> int:
     """Estimate coefficients from a dataset, and write results/NAME/estimates/FILTER.h5."""
-    changes = settings.overrides()
-    data = dataset_or_experiment(source, changes)
+    source = options.data_source(data, settings.overrides())
     if dry_run:
-        from auvid_cli.api.files import read_dataset
-
-        return _print_settings(read_dataset(data, *changes).experiment if isinstance(data, Path) else data[0])
+        return _print_settings(source.experiment)
     terminal = console.terminal()
     with terminal.compiling():
         from auvid_cli.api.identification import identify_data_into
         from auvid_cli.report.shared_checks import contradiction_sentences, judgement_sentences
 
-    result = identify_data_into(output.output, data, changes, filters, output.overwrite, terminal)
+    result = identify_data_into(output.destination(terminal), source, filters)
     terminal.print_lines(judgement_sentences(result.judgements, with_sound=True))
     terminal.print_lines(contradiction_sentences(result.contradictions))
     code = _exit_code(result.judgements)
@@ -138,9 +119,12 @@ def identify(
     return code
 
 
-@command
+@options.command
 def report(
-    *, results: ResultsArgument = Path("results/spiral"), figures: FigureOptions, console: TerminalOptions
+    *,
+    results: options.ResultsArgument = Path("results/spiral"),
+    figures: options.FigureOptions,
+    console: options.TerminalOptions,
 ) -> int:
     """Write the report (report.html), tables and figures of a results folder, and print a summary."""
     from auvid_cli.report.figures.workers import load_ahead
@@ -153,6 +137,73 @@ def report(
     return _print_result(report_into(results, figures.formats, terminal), terminal, figures.show)
 
 
+@options.command
+def tune(
+    *,
+    dataset: options.DatasetArgument,
+    sensors: Annotated[bool, typer.Option("--sensors", help="Estimate the noise of the sensors as well.")] = False,
+    disturbance: Annotated[
+        bool,
+        typer.Option(
+            "--disturbance", help="Also try a slowly varying force and moment; keep them if the data support them."
+        ),
+    ] = False,
+    settings: options.SettingOptions,
+    output: options.OutputOptions,
+    console: options.TerminalOptions,
+) -> None:
+    """Estimate the process noise, and with --sensors the sensor noise, by maximum likelihood.
+
+    Process noise describes the errors of the model. The smoother runs many times with different noise levels. The
+    result is written to tuned.yaml; use it with `auvid identify --set tuned.yaml`.
+    """
+    options.refuse_log(dataset)
+    changes, terminal = settings.overrides(), console.terminal()
+    with terminal.compiling():
+        from auvid_cli.api.analysis import tune_into
+        from auvid_cli.report.screens import choice_text, print_tuning
+
+    result = tune_into(output.destination(terminal), dataset, changes, sensors, disturbance)
+    print_tuning(terminal.out, result.tuning, *result.fits)
+    terminal.print(f"log-likelihood: {result.tuning.gain:.4g} higher than with the noise of the settings")
+    if result.tuning.choice is not None:
+        terminal.print(choice_text(result.tuning.choice))
+    terminal.print_lines(result.files)
+    _print_next(terminal, dataset, settings, result.settings)
+
+
+@options.command
+def terms(
+    *,
+    dataset: options.DatasetArgument,
+    any_symmetry: Annotated[
+        bool,
+        typer.Option("--any-symmetry", help="Also try terms that break the symmetry of port and starboard."),
+    ] = False,
+    most: Annotated[int, typer.Option(min=1, max=20, metavar="NUMBER", help="Largest number of terms to add.")] = 4,
+    settings: options.SettingOptions,
+    output: options.OutputOptions,
+    console: options.TerminalOptions,
+) -> None:
+    """Find terms that are missing in the model: products of velocities and fin angles that explain the residuals.
+
+    The smoother is fitted to the first two thirds of the data. The most promising of about 200 candidates are added
+    and fitted one at a time. The best one is kept only if it raises the likelihood of the last third; then the search
+    is repeated. The result is written to terms.yaml; use it with `auvid identify --set terms.yaml`.
+    """
+    options.refuse_log(dataset)
+    changes, terminal = settings.overrides(), console.terminal()
+    with terminal.compiling():
+        from auvid_cli.api.analysis import find_terms_into
+        from auvid_cli.report.screens import print_terms
+
+    result = find_terms_into(output.destination(terminal), dataset, changes, any_symmetry, most)
+    print_terms(terminal.out, result.findings)
+    terminal.print_lines(result.files)
+    if result.settings is not None:
+        _print_next(terminal, dataset, settings, result.settings)
+
+
 def _print_settings(experiment: "RunSettings") -> int:
     from auvid_cli.config.loading import dump_experiment
 
@@ -162,10 +213,12 @@ def _print_settings(experiment: "RunSettings") -> int:
 
 def _print_result(result: "RunResult", terminal: Terminal, show: bool) -> int:
     """Print the summary of a results folder; return 1 if an estimate is inconsistent or diverged."""
-    from auvid_cli.report.screen import print_check_counts, print_files, print_summary
+    from auvid_cli.report.screen import print_files, print_summary
+    from auvid_cli.report.screen_table import print_texts
+    from auvid_cli.report.shared_checks import counts_in_words
 
     print_summary(terminal.out, result.evaluation)
-    print_check_counts(terminal.out, result.checks)
+    print_texts(terminal.out, counts_in_words(result.checks))
     if any(not check.passed for check in result.checks):
         terminal.print(f"failed checks and advice: auvid check {shlex.quote(str(result.folder))}")
     print_files(terminal.out, result.files)
@@ -177,3 +230,9 @@ def _print_result(result: "RunResult", terminal: Terminal, show: bool) -> int:
 
 def _exit_code(judgements: "Mapping[str, Judgement]") -> int:
     return VERDICT_FAILED if any(judgement.is_against for judgement in judgements.values()) else DONE
+
+
+def _print_next(terminal: Terminal, dataset: Path, settings: options.SettingOptions, found: Path) -> None:
+    """Print the command that identifies with the new settings and all other overrides."""
+    words = ["auvid", "identify", str(dataset), *settings.words(), "--set", str(found)]
+    terminal.print(f"next: {shlex.join(words)}")

@@ -5,29 +5,19 @@ from typing import Annotated
 
 import typer
 
-from auvid_cli.cli.options import (
-    DataArgument,
-    FigureOptions,
-    OutputOptions,
-    QuietOption,
-    ResultsArgument,
-    SeedOption,
-    SettingOptions,
-    TerminalOptions,
-    UseOption,
-    VerdictTerminalOptions,
-    command,
-    dataset_or_experiment,
-    overrides,
-    refuse_log,
-)
+from auvid_cli.cli import options
 from auvid_cli.cli.streams import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.errors import ConfigError
 
+_RELATIVE = (
+    "Largest relative difference of all columns, or of one (inf: not compared); repeatable. Default: 0.01; estimates "
+    "are compared by --deviations."
+)
 
-@command
-def check(*, results: ResultsArgument = Path("results/spiral"), console: VerdictTerminalOptions) -> int:
+
+@options.command
+def check(*, results: options.ResultsArgument = Path("results/spiral"), console: options.VerdictTerminalOptions) -> int:
     """Check every estimate of a results folder; exit code 1 if a check fails.
 
     Prints each check that did not pass, with advice. FAIL: do not trust the estimate; note: for information. Writes all
@@ -44,47 +34,43 @@ def check(*, results: ResultsArgument = Path("results/spiral"), console: Verdict
     return VERDICT_FAILED if verdicts.failed() else DONE
 
 
-@command
+@options.command
 def identifiability(
     *,
-    data: DataArgument = None,
-    settings: SettingOptions,
-    seed: SeedOption = None,
+    data: options.DataArgument = None,
+    settings: options.SettingOptions,
+    seed: options.SeedOption = None,
     at: Annotated[
         Path | None,
-        typer.Option(
-            "--at",
-            metavar="ESTIMATE",
-            help="Estimate file (.h5) with coefficients, if the vehicle file has none.",
-            show_default=False,
-        ),
+        options.optional("ESTIMATE", "Estimate file (.h5) with coefficients, if the vehicle file has none."),
     ] = None,
-    output: OutputOptions,
-    figures: FigureOptions,
-    console: TerminalOptions,
+    output: options.OutputOptions,
+    figures: options.FigureOptions,
+    console: options.TerminalOptions,
 ) -> None:
     """Compute the best possible accuracy of each coefficient (Cramér-Rao bound), before any filter runs.
 
     Takes a dataset file, or an experiment, which is simulated first. The bounds are computed at the true coefficients
     of a simulation, or at the coefficients of the vehicle file.
     """
-    changes = overrides(settings.settings, seed, settings.use)
-    source, terminal = dataset_or_experiment(data, changes), console.terminal()
+    source = options.data_source(data, options.overrides(settings.settings, seed, settings.use))
+    terminal = console.terminal()
     with terminal.compiling():
+        from auvid_cli.api.files import SimulatedData
         from auvid_cli.api.results import identifiability_into
         from auvid_cli.report.screen import print_identifiability
 
-    if not isinstance(source, Path):
-        terminal.print_sanity_warnings(source[0].vehicle)
-    result = identifiability_into(output.output, source, changes, at, output.overwrite, figures.formats, terminal)
-    terminal.print(f"{result.dataset.experiment.vehicle.name}, at {result.where}:")
+    if isinstance(source, SimulatedData):
+        terminal.print_sanity_warnings(source.experiment.vehicle)
+    result = identifiability_into(output.destination(terminal, figures), source, at)
+    terminal.print(f"{source.experiment.vehicle.name}, at {result.where}:")
     print_identifiability(terminal.out, result.bounds)
     terminal.print_lines(result.files)
     if figures.show:
         terminal.open_page(result.page)
 
 
-@command
+@options.command
 def validate(
     *,
     estimate_file: Annotated[
@@ -94,14 +80,13 @@ def validate(
         list[Path],
         typer.Argument(metavar="DATASET", help="Dataset files (.h5) of other runs, which the estimate has not seen."),
     ],
-    use: UseOption = None,
+    use: options.UseOption = None,
     anew: Annotated[
-        bool,
-        typer.Option("--anew", help="Estimate thrust, fin trims and ballast again in each run."),
+        bool, typer.Option("--anew", help="Estimate thrust, fin trims and ballast again in each run.")
     ] = False,
-    output: OutputOptions,
-    figures: FigureOptions,
-    console: VerdictTerminalOptions,
+    output: options.OutputOptions,
+    figures: options.FigureOptions,
+    console: options.VerdictTerminalOptions,
 ) -> int:
     """Test how well an identified model predicts another run; exit code 1 if it fails.
 
@@ -111,15 +96,14 @@ def validate(
     results are written next to the first dataset.
     """
     for path in dataset_files:
-        refuse_log(path)
-    changes, terminal = overrides(None, use=use), console.terminal()
+        options.refuse_log(path)
+    changes, terminal = options.overrides(None, use=use), console.terminal()
     with terminal.compiling():
         from auvid_cli.api.results import validate_into
         from auvid_cli.report.screen import print_validation
 
-    validation, files, page = validate_into(
-        output.output, estimate_file, dataset_files, changes, anew, output.overwrite, figures.formats, terminal
-    )
+    place = output.destination(terminal, figures)
+    validation, files, page = validate_into(place, estimate_file, dataset_files, changes, anew)
     print_validation(terminal.out, validation, passed=console.verbose)
     terminal.print_lines(files)
     if figures.show:
@@ -127,35 +111,19 @@ def validate(
     return VERDICT_FAILED if validation.checks.failed() else DONE
 
 
-@command
+@options.command
 def compare(
     *,
     first: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder.")],
     second: Annotated[
         Path, typer.Argument(metavar="REFERENCE", help="Results folder of the reference, or a copy of its tables.")
     ],
-    relative: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--relative",
-            "-r",
-            metavar="SHARE|COLUMN=SHARE",
-            help="Largest relative difference of all columns, or of one (inf: not compared); repeatable. Default: "
-            "0.01; estimates are compared by --deviations.",
-            show_default=False,
-        ),
-    ] = None,
+    relative: Annotated[list[str] | None, options.optional("SHARE|COLUMN=SHARE", _RELATIVE, "--relative", "-r")] = None,
     deviations: Annotated[
         float | None,
-        typer.Option(
-            "--deviations",
-            metavar="N",
-            min=0.0,
-            help="Largest difference of an estimate, in its standard deviations. Default: 0.01.",
-            show_default=False,
-        ),
+        options.optional("N", "Largest difference of an estimate, in its standard deviations. Default: 0.01.", min=0.0),
     ] = None,
-    quiet: QuietOption = False,
+    quiet: options.QuietOption = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print all values, not only those that differ.")] = (
         False
     ),

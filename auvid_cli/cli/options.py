@@ -1,14 +1,17 @@
-"""Options that several commands share, and their completion."""
+"""Options that several commands share, their completion, and the help of commands."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import wraps
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, Signature, cleandoc, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
+from rich.markup import escape
+from typer.core import TyperCommand, TyperGroup
 
+from auvid_cli.api import Destination
 from auvid_cli.cli.streams import DONE
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.config.enums import FigureFormat, FilterName
@@ -16,131 +19,38 @@ from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.errors import ConfigError
 
 if TYPE_CHECKING:
-    from auvid_cli.config.experiment import Experiment
+    from auvid_cli.api.files import DataSource, SimulatedData
 
+BOTH_HELPS = {"help_option_names": ["-h", "--help"]}  # context settings of each command
 _SETTINGS = (".yaml", ".yml")
 _DATASETS = (".h5", ".hdf5")
 _LOGS = (".csv", ".csv.gz", ".npz", ".mat", ".bag", ".mcap", ".db3", ".bin", ".tlog", ".ulg", ".lsf", ".alog")
 _KEYS = Path(__file__).with_name("setting_keys.txt")
-DatasetArgument = Annotated[
-    Path,
-    typer.Argument(metavar="DATASET", help="Dataset file (.h5): results/NAME/dataset.h5 after `auvid import`."),
-]
-ResultsArgument = Annotated[
-    Path,
-    typer.Argument(metavar="RESULTS", help="Results folder with dataset.h5 and estimates/."),
-]
-FilterOption = Annotated[
-    list[FilterName] | None,
-    typer.Option(
-        "--filter",
-        "-f",
-        metavar="FILTER",
-        help=f"Filter to run: {', '.join(name.value for name in FilterName)}; repeatable. Default: "
-        "identification.filters. The smoother runs as well, because it judges the others; "
-        "identification.judge=false omits it.",
-        show_default=False,
-    ),
-]
-SeedOption = Annotated[
-    int | None,
-    typer.Option(
-        "--seed", metavar="N", min=0, help="Seed of all noise. Default: seed of the experiment.", show_default=False
-    ),
-]
-UseOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--use",
-        metavar="BEGIN:END",
-        help="Use only this part of the data, s; BEGIN or END may be left out. Repeatable; each part has its own "
-        "initial state.",
-        show_default=False,
-    ),
-]
-OverwriteOption = Annotated[
-    bool,
-    typer.Option("--overwrite", help="Replace existing results, and all files derived from them."),
-]
-OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in a browser at the end.")]
-FigureFormatOption = Annotated[
-    list[FigureFormat] | None,
-    typer.Option(
-        "--figure-format",
-        metavar="FORMAT",
-        help=f"Format of figures: {', '.join(FigureFormat)}; repeatable. Default: png.",
-        show_default=False,
-    ),
-]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors.")]
-DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and exit.")]
 
 
-def complete_experiment(incomplete: str) -> list[str]:
-    """Return matching shipped experiments, and settings files of this folder."""
-    return _beginning(incomplete, _shipped("."), _files_here(_SETTINGS))
+def optional(metavar: str, text: str, *names: str, **more: Any) -> Any:
+    """Return an option whose help shows no default value."""
+    return typer.Option(*names, metavar=metavar, help=text, show_default=False, **more)
 
 
-def complete_data(incomplete: str) -> list[str]:
-    """Return matching shipped experiments, and settings files and datasets of this folder."""
-    return _beginning(incomplete, _shipped("."), _files_here((*_SETTINGS, *_DATASETS)))
+def _offering(names: Callable[[], Iterable[str]], suffixes: tuple[str, ...]) -> Callable[[str], list[str]]:
+    """Return a completion by names, then by files of this folder with one of the suffixes."""
+
+    def complete(incomplete: str) -> list[str]:
+        files = sorted(path.name for path in Path().iterdir() if path.suffix in suffixes)
+        return [name for name in (*names(), *files) if name.startswith(incomplete)]
+
+    return complete
 
 
-def complete_campaign(incomplete: str) -> list[str]:
-    """Return matching shipped campaigns, and settings files of this folder."""
-    return _beginning(incomplete, _shipped("campaigns"), _files_here(_SETTINGS))
+def _shipped(folder: str) -> Callable[[], list[str]]:
+    return lambda: sorted(path.stem for path in (shipped_configs() / folder).glob("*.yaml"))
 
 
-def complete_setting(incomplete: str) -> list[str]:
-    """Return matching keys of an experiment, and settings files of this folder."""
-    keys = _KEYS.read_text(encoding="utf-8").split()
-    return _beginning(incomplete, (f"{key}=" for key in keys), _files_here(_SETTINGS))
-
-
-def _beginning(incomplete: str, *offers: Iterable[str]) -> list[str]:
-    return [name for names in offers for name in names if name.startswith(incomplete)]
-
-
-def _shipped(folder: str) -> list[str]:
-    return sorted(path.stem for path in (shipped_configs() / folder).glob("*.yaml"))
-
-
-def _files_here(suffixes: tuple[str, ...]) -> list[str]:
-    return sorted(path.name for path in Path().iterdir() if path.suffix in suffixes)
-
-
-ExperimentArgument = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="EXPERIMENT",
-        help="Experiment file, folder with an experiment.yaml, or name of a shipped experiment. Default: spiral.",
-        autocompletion=complete_experiment,
-        show_default=False,
-    ),
-]
-
-
-DataArgument = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="EXPERIMENT|DATASET",
-        help="Dataset file (.h5), or a simulated experiment. Default: spiral.",
-        autocompletion=complete_data,
-        show_default=False,
-    ),
-]
-
-
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE|FILE",
-        help='Override a setting, e.g. --set sensors.dvl.rate="5 Hz", or all settings of a YAML file; repeatable.',
-        autocompletion=complete_setting,
-        show_default=False,
-    ),
-]
+complete_campaign = _offering(_shipped("campaigns"), _SETTINGS)
+_complete_experiment = _offering(_shipped("."), _SETTINGS)
+_complete_data = _offering(_shipped("."), (*_SETTINGS, *_DATASETS))
+_complete_setting = _offering(lambda: (f"{key}=" for key in _KEYS.read_text(encoding="utf-8").split()), _SETTINGS)
 
 
 def _as_folder(path: Path | None) -> Path | None:
@@ -150,17 +60,86 @@ def _as_folder(path: Path | None) -> Path | None:
     return path
 
 
-OutputOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--output",
-        "-o",
-        callback=_as_folder,
-        metavar="DIR",
-        help="Results folder. Default: results/NAME, or the folder of the dataset.",
+DatasetArgument = Annotated[
+    Path, typer.Argument(metavar="DATASET", help="Dataset file (.h5): results/NAME/dataset.h5 after `auvid import`.")
+]
+ResultsArgument = Annotated[
+    Path, typer.Argument(metavar="RESULTS", help="Results folder with dataset.h5 and estimates/.")
+]
+DataArgument = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="EXPERIMENT|DATASET",
+        help="Dataset file (.h5), or a simulated experiment. Default: spiral.",
+        autocompletion=_complete_data,
         show_default=False,
     ),
 ]
+_FILTERS = (
+    f"Filter to run: {', '.join(name.value for name in FilterName)}; repeatable. Default: identification.filters. The "
+    "smoother runs as well, because it judges the others; identification.judge=false omits it."
+)
+FilterOption = Annotated[list[FilterName] | None, optional("FILTER", _FILTERS, "--filter", "-f")]
+SeedOption = Annotated[int | None, optional("N", "Seed of all noise. Default: seed of the experiment.", min=0)]
+_USE = (
+    "Use only this part of the data, s; BEGIN or END may be left out. Repeatable; each part has its own initial state."
+)
+UseOption = Annotated[list[str] | None, optional("BEGIN:END", _USE)]
+_SET = 'Override a setting, e.g. --set sensors.dvl.rate="5 Hz", or all settings of a YAML file; repeatable.'
+SetOption = Annotated[list[str] | None, optional("KEY=VALUE|FILE", _SET, "--set", autocompletion=_complete_setting)]
+_OUTPUT = "Results folder. Default: results/NAME, or the folder of the dataset."
+OverwriteOption = Annotated[
+    bool, typer.Option("--overwrite", help="Replace existing results, and all files derived from them.")
+]
+_FORMATS = f"Format of figures: {', '.join(FigureFormat)}; repeatable. Default: png."
+FigureFormatOption = Annotated[list[FigureFormat] | None, optional("FORMAT", _FORMATS)]
+_SCHEDULER = "Dask scheduler, such as tcp://HOST:8786. Default: this machine only."
+SchedulerOption = Annotated[str | None, optional("ADDRESS", _SCHEDULER)]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors.")]
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and exit.")]
+
+
+class Command(TyperCommand):
+    """Command whose help shows no Python types of flags and arguments."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters, without the types of flags and arguments."""
+        return _without_types(super().get_params(ctx))
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the command line; remove the prefix of pydantic from error messages."""
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            error.message = error.message.removeprefix("Value error, ")
+            raise
+
+
+class Group(TyperGroup):
+    """Group of commands whose help shows no Python types."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters, without the types of flags and arguments."""
+        return _without_types(super().get_params(ctx))
+
+
+def paragraphs(function: Callable[..., None]) -> str:
+    """Return the docstring of a command, one line per paragraph."""
+    return "\n\n".join(" ".join(part.split()) for part in cleandoc(function.__doc__ or "").split("\n\n"))
+
+
+def examples_text(examples: Sequence[str]) -> str:
+    """Return the examples below the help of a command."""
+    return "\n".join(["Example:" if len(examples) == 1 else "Examples:", *map(escape, examples)])
+
+
+def _without_types(params: list[Any]) -> list[Any]:
+    for param in params:
+        if param.param_type_name == "argument":
+            param.display_type_rich = lambda ctx: None
+        elif param.is_flag:
+            param.metavar = ""
+    return params
 
 
 def command(function: Callable[..., int | None]) -> Callable[..., None]:
@@ -206,23 +185,39 @@ def _options_of(kind: Any) -> list[Parameter]:
 class ExperimentOptions:
     """An experiment and overrides of its settings."""
 
-    experiment: ExperimentArgument = None
+    experiment: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="EXPERIMENT",
+            help="Experiment file, folder with an experiment.yaml, or name of a shipped experiment. Default: spiral.",
+            autocompletion=_complete_experiment,
+            show_default=False,
+        ),
+    ] = None
     settings: SetOption = None
     seed: SeedOption = None
 
-    def load(self) -> "tuple[Experiment, list[Path]]":
+    def load(self) -> "SimulatedData":
         """Return the experiment, and the files that it was read from."""
-        from auvid_cli.config.loading import find_experiment, load_with_files
-
         refuse_log(self.experiment)
-        return load_with_files(find_experiment(self.experiment), overrides(self.settings, self.seed))
+        return _experiment(self.experiment, overrides(self.settings, self.seed))
 
 
-def dataset_or_experiment(source: str | None, changes: tuple[str, ...]) -> "Path | tuple[Experiment, list[Path]]":
-    """Return the path of a dataset file, or an experiment with the files that it was read from."""
+def _experiment(name: str | None, changes: tuple[str, ...]) -> "SimulatedData":
+    from auvid_cli.api.files import SimulatedData
     from auvid_cli.config.loading import find_experiment, load_with_files
 
-    return dataset_path(source) or load_with_files(find_experiment(source), changes)
+    return SimulatedData(*load_with_files(find_experiment(name), changes))
+
+
+def data_source(name: str | None, changes: tuple[str, ...]) -> "DataSource":
+    """Return a dataset file, read with overrides of its settings, or an experiment."""
+    path = dataset_path(name)
+    if path is None:
+        return _experiment(name, changes)
+    from auvid_cli.api.files import RecordedData, read_dataset
+
+    return RecordedData(path, read_dataset(path, *changes))
 
 
 @dataclass(frozen=True)
@@ -245,8 +240,12 @@ class SettingOptions:
 class OutputOptions:
     """Results folder, and whether its results may be replaced."""
 
-    output: OutputOption = None
+    output: Annotated[Path | None, optional("DIR", _OUTPUT, "--output", "-o", callback=_as_folder)] = None
     overwrite: OverwriteOption = False
+
+    def destination(self, progress: Terminal, figures: "FigureOptions | None" = None) -> Destination:
+        """Return where and how a command writes its results."""
+        return Destination(self.output, self.overwrite, progress, figures.formats if figures else ())
 
 
 @dataclass(frozen=True)
@@ -254,7 +253,7 @@ class FigureOptions:
     """Formats of figures, and whether the page is opened."""
 
     figure_format: FigureFormatOption = None
-    show: OpenOption = False
+    show: Annotated[bool, typer.Option("--open", help="Open the page in a browser at the end.")] = False
 
     @property
     def formats(self) -> tuple[FigureFormat, ...]:

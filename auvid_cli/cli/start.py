@@ -6,49 +6,36 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from auvid_cli.cli.command_help import Command
-from auvid_cli.cli.options import QuietOption, command
+from auvid_cli.cli.options import Command, QuietOption, command, optional
 from auvid_cli.cli.streams import hanging
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.errors import ConfigError
-
-QUESTIONS = {
-    "length": "Length of the hull, e.g. 2 m",
-    "diameter": "Diameter of the hull, e.g. 20 cm",
-    "mass": "Mass with all water inside, e.g. 60 kg",
-    "fin_span": "Span of one fin from root to tip, e.g. 10 cm",
-    "fin_area": "Area of one fin, e.g. 80 cm^2",
-}
-
-
-def _quantity(metavar: str, text: str) -> typer.models.OptionInfo:
-    return typer.Option(metavar=metavar, help=text, show_default=False)
 
 
 @dataclass(frozen=True)
 class OutlineOptions:
     """Outline of a vehicle: texts with units."""
 
-    length: Annotated[str | None, _quantity("LENGTH", "Length of the hull, e.g. 2 m.")] = None
-    diameter: Annotated[str | None, _quantity("LENGTH", "Diameter of the hull, e.g. 20 cm.")] = None
-    mass: Annotated[str | None, _quantity("MASS", "Mass with all water inside, e.g. 60 kg.")] = None
-    fin_span: Annotated[str | None, _quantity("LENGTH", "Span of one fin from root to tip, e.g. 10 cm.")] = None
-    fin_area: Annotated[str | None, _quantity("AREA", "Area of one fin, e.g. 80 cm^2.")] = None
+    length: Annotated[str | None, optional("LENGTH", "Length of the hull, e.g. 2 m.")] = None
+    diameter: Annotated[str | None, optional("LENGTH", "Diameter of the hull, e.g. 20 cm.")] = None
+    mass: Annotated[str | None, optional("MASS", "Mass with all water inside, e.g. 60 kg.")] = None
+    fin_span: Annotated[str | None, optional("LENGTH", "Span of one fin from root to tip, e.g. 10 cm.")] = None
+    fin_area: Annotated[str | None, optional("AREA", "Area of one fin, e.g. 80 cm^2.")] = None
     fin_position: Annotated[
-        str | None, _quantity("LENGTH", "Distance of the fin hinges from the nose. Default: 94 % of the length.")
+        str | None, optional("LENGTH", "Distance of the fin hinges from the nose. Default: 94 % of the length.")
     ] = None
-    fins: Annotated[int | None, _quantity("NUMBER", "Number of fins. Default: 4.")] = None
-    tail: Annotated[str | None, _quantity("+|x", "Arrangement of the fins. Default: +.")] = None
-    nose: Annotated[str | None, _quantity("LENGTH", "Length of the nose. Default: about a diameter.")] = None
-    tail_length: Annotated[
-        str | None, _quantity("LENGTH", "Length of the tail cone. Default: about 2.5 diameters.")
-    ] = None
-    speed: Annotated[str | None, _quantity("SPEED", "Cruise speed. Default: 1.5 m/s.")] = None
-    density: Annotated[str | None, _quantity("DENSITY", "Density of the water. Default: 1025 kg/m^3.")] = None
+    fins: Annotated[int | None, optional("NUMBER", "Number of fins. Default: 4.")] = None
+    tail: Annotated[str | None, optional("+|x", "Arrangement of the fins. Default: +.")] = None
+    nose: Annotated[str | None, optional("LENGTH", "Length of the nose. Default: about a diameter.")] = None
+    tail_length: Annotated[str | None, optional("LENGTH", "Length of the tail cone. Default: about 2.5 diameters.")] = (
+        None
+    )
+    speed: Annotated[str | None, optional("SPEED", "Cruise speed. Default: 1.5 m/s.")] = None
+    density: Annotated[str | None, optional("DENSITY", "Density of the water. Default: 1025 kg/m^3.")] = None
 
 
 @command
@@ -56,7 +43,7 @@ def init(
     *,
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New folder.", show_default=False)],
     outline: OutlineOptions,
-    like: Annotated[str | None, _quantity("NAME", "Start with a shipped vehicle instead, e.g. remus100.")] = None,
+    like: Annotated[str | None, optional("NAME", "Start with a shipped vehicle instead, e.g. remus100.")] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Make a first folder: a vehicle from a few dimensions, sensors, an experiment, a log map and a README.
@@ -100,7 +87,9 @@ def _answers(given: Mapping[str, str | int]) -> dict[str, str]:
             f"missing {', '.join(map(option, missing))}; add them, start with a shipped vehicle (--like remus100), "
             "or run this in a terminal, which asks for them"
         )
-    return {key: _answer(QUESTIONS[key], units()[key]) for key in missing}
+    hints = get_type_hints(OutlineOptions, include_extras=True)
+    helps = {key: hints[key].__metadata__[0].help for key in missing}
+    return {key: _answer(text.removesuffix("."), units()[key]) for key, text in helps.items()}
 
 
 def is_interactive() -> bool:
@@ -141,7 +130,6 @@ def joined(words: Iterable[str], units: Mapping[str, str]) -> list[str]:
 
     Parameters
     ----------
-    words : iterable of str
     units : mapping
         SI unit of each option that takes a quantity.
     """

@@ -1,1 +1,1 @@
-"""Manoeuvres that tell most: what a run will say of a vehicle before anybody makes it, and the search for the best."""
+"""Search for the most informative manoeuvre, by the accuracy of the coefficients that is expected after a run."""

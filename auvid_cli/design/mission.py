@@ -163,7 +163,6 @@ def track_geojson(band: Band, origin: tuple[float, float]) -> str:
 
     Parameters
     ----------
-    band : Band
     origin : tuple of float
         Latitude and longitude of the start, deg.
     """
@@ -199,8 +198,6 @@ def timeline_markdown(band: Band, envelope: Envelope, slowest: float, begun: flo
 
     Parameters
     ----------
-    band : Band
-    envelope : Envelope
     slowest : float
         Least speed, m/s.
     begun : float

@@ -71,7 +71,6 @@ def filter_assumptions(experiment: Experiment, earlier_information: Array | None
 
     Parameters
     ----------
-    experiment : Experiment
     earlier_information : ndarray, shape (m, m), optional
         Fisher information of earlier data about the coefficients, SI.
     """
@@ -229,7 +228,6 @@ def predict_posterior(truth: Truth, assumptions: FilterAssumptions) -> Posterior
     truth : Truth
         Each interval is one step with one measurement; its noise keeps the density of the sensor, so the interval
         hardly matters. 20 Hz are enough for a torpedo.
-    assumptions : FilterAssumptions
     """
     m = assumptions.prior_std.size
     terms = m - N_COEFFICIENTS

@@ -33,7 +33,6 @@ class ParameterDistribution(NamedTuple):
 
     Attributes
     ----------
-    symbols : tuple of str
     mean : ndarray, shape (m,)
         Mean of a normal coefficient, median of a lognormal one, SI.
     covariance : ndarray, shape (m, m)
@@ -86,7 +85,6 @@ def distribution_from_vehicle(vehicle: VehicleSettings, spread: float | None) ->
 
     Parameters
     ----------
-    vehicle : VehicleSettings
     spread : float or None
         Standard deviation as a share of each value of the file. None: the one that the file states.
 
@@ -137,7 +135,6 @@ class Requirement(NamedTuple):
     ----------
     duration : float
         s.
-    envelope : Envelope
     fin_angle, fin_rate : float or None
         Limits of the fins, rad and rad/s. None: those of the experiment.
     chosen : tuple of str
@@ -164,15 +161,10 @@ class DesignProblem(NamedTuple):
 
     Attributes
     ----------
-    experiment : Experiment
-    requirement : Requirement
-    distribution : ParameterDistribution
-    assumptions : FilterAssumptions
     chosen : tuple of str
         Coefficients that count.
     nominal : VehicleSettings
         The vehicle with the mean coefficients.
-    space : SearchSpace
     slowest : float
         Least speed, m/s.
     search_set, held_out_set : TrialSet
@@ -214,8 +206,6 @@ def make_problem(
 
     Parameters
     ----------
-    experiment : Experiment
-    requirement : Requirement
     estimate : Estimate, optional
         Estimate of an earlier run, from which vehicles are drawn.
     earlier_information : callable, optional

@@ -38,7 +38,6 @@ class SearchProgress(NamedTuple):
         Counted from 1.
     evaluations : int
         Number of manoeuvres that were tried.
-    best : Trial
     costs : tuple of tuple of float
         Costs of all manoeuvres, by generation; a search continues from them.
     """
@@ -59,9 +58,6 @@ def search(
 
     Parameters
     ----------
-    space : SearchSpace
-    trial_set : TrialSet
-    seed : int
     before : tuple of tuple of float
         `SearchProgress.costs` of the same search before an interruption; its last state is yielded first.
     """
@@ -121,7 +117,6 @@ class Design(NamedTuple):
         mean over vehicles that the search has not seen.
     trials : dict of Trial
         ``designed``, ``spiral``, ``doublets`` and ``zigzag`` on these vehicles.
-    weak_coefficients : tuple of WeakCoefficient
     truth : Truth
         Motion of the nominal vehicle in the recommended manoeuvre.
     posterior : Posterior
@@ -131,7 +126,6 @@ class Design(NamedTuple):
     accuracy_over_time : tuple of (float, float)
         Time, s, and geometric mean of the standard deviations, %: along the run, then for runs of twice and four times
         its duration if the vehicle can do them.
-    progress : SearchProgress
     symbols : tuple of str
         Coefficients.
     """

@@ -134,8 +134,6 @@ class Trial(NamedTuple):
 
     Attributes
     ----------
-    manoeuvre : AnyManoeuvre
-    runs : list of TrialRun
     measure : ndarray, shape (n,)
         Logarithm of the standard deviation by the criterion, for each vehicle; infinite if it is lost.
     excess : list of dict
@@ -193,13 +191,10 @@ class TrialSet:
 
     Parameters
     ----------
-    vehicles : sequence of VehicleSettings
-    assumptions : FilterAssumptions
     chosen : sequence of str
         Coefficients that count in the criterion.
     criterion : {"D", "worst"}
         Mean of the logarithms of their standard deviations, or the largest.
-    envelope : Envelope
     slowest : float
         Least speed, m/s.
     map_function : callable
@@ -245,8 +240,6 @@ def run_trial(
     ----------
     drawn : tuple of VehicleSettings and ndarray
         The vehicle and the sizes of its coefficients, see `sizes_of`.
-    manoeuvre : AnyManoeuvre
-    assumptions : FilterAssumptions
 
     Raises
     ------

@@ -33,7 +33,6 @@ class Variable(NamedTuple):
     ----------
     name : str
         Path in the manoeuvre's settings.
-    low, high : float
     logarithmic : bool
         Whether equal steps are equal ratios.
     """
@@ -70,7 +69,6 @@ class SearchSpace(NamedTuple):
     ----------
     base : Spiral
         The experiment's own, with the duration and the fin limits of the design.
-    variables : tuple of Variable
     """
 
     base: Spiral
@@ -144,12 +142,10 @@ def search_space(own: Spiral, length: float, drag: float, envelope: Envelope) ->
 
     Parameters
     ----------
-    own : Spiral
     length : float
         Length of the hull, m.
     drag : float
         Drag divided by the square of the speed, kg/m, for the thrust at cruise.
-    envelope : Envelope
     """
     pace, thrust = own.speed / length, drag * own.speed**2
     pitch = _MAX_PITCH_RATIO * envelope.pitch

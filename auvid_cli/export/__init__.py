@@ -1,1 +1,1 @@
-"""An identified model in the forms that other programs read."""
+"""An identified model in the formats of other programs."""

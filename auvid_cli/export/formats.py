@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import yaml
@@ -10,7 +11,7 @@ import yaml
 from auvid_cli.config.enums import FormatName
 from auvid_cli.config.loading import dump_experiment
 from auvid_cli.errors import ConfigError
-from auvid_cli.export.functions import matlab_text, mss_losses, mss_text, python_text
+from auvid_cli.export.functions import MSS_NOTES, matlab_text, mss_text, python_text
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
 from auvid_cli.export.losses import (
     UnsupportedFeatures,
@@ -20,7 +21,7 @@ from auvid_cli.export.losses import (
     unsupported_features,
 )
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
-from auvid_cli.export.simulators import holoocean_losses, holoocean_text, simulator_losses, simulator_text
+from auvid_cli.export.simulators import HOLOOCEAN_NOTES, SIMULATOR_NOTES, holoocean_text, simulator_text
 from auvid_cli.text import printable
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import PARAMETERS
@@ -30,11 +31,6 @@ SCHEMA_VERSION = 2
 _MAX_VEHICLE_NAME = 32
 # Python imports and MATLAB calls these files by name.
 _CALLED_BY_NAME = {FormatName.PYTHON, FormatName.MATLAB, FormatName.HOLOOCEAN, FormatName.SIMULATOR, FormatName.MSS}
-
-
-def json_losses(model: IdentifiedModel) -> UnsupportedFeatures:
-    """Return no losses."""
-    return UnsupportedFeatures((), ())
 
 
 def json_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
@@ -90,11 +86,6 @@ def json_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) ->
         "provenance": model.origin._asdict() | {"settings": yaml.safe_load(dump_experiment(model.experiment))},
     }
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def yaml_losses(model: IdentifiedModel) -> UnsupportedFeatures:
-    """Return the losses of a vehicle file."""
-    return unsupported_features(model, holds_actuators=True)
 
 
 def yaml_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
@@ -155,7 +146,7 @@ class Format(NamedTuple):
     Attributes
     ----------
     suffix : str
-        Of its files, unique.
+        Suffix of its files, unique.
     losses : callable
         Returns the parts of a model that it cannot hold.
     text : callable
@@ -172,14 +163,18 @@ class Format(NamedTuple):
 
 
 FORMATS = {
-    FormatName.YAML: Format(".yaml", yaml_losses, yaml_text),
-    FormatName.JSON: Format(".json", json_losses, json_text),
+    FormatName.YAML: Format(".yaml", partial(unsupported_features, holds_actuators=True), yaml_text),
+    FormatName.JSON: Format(".json", lambda model: UnsupportedFeatures((), ()), json_text),
     FormatName.PYTHON: Format(".py", unsupported_features, python_text),
     FormatName.MATLAB: Format(".m", unsupported_features, matlab_text),
     FormatName.SDF: Format(".sdf", gazebo_losses, gazebo_text),
-    FormatName.HOLOOCEAN: Format("_holoocean.py", holoocean_losses, holoocean_text),
-    FormatName.SIMULATOR: Format("_simulator.py", simulator_losses, simulator_text),
-    FormatName.MSS: Format("_mss.m", mss_losses, mss_text),
+    FormatName.HOLOOCEAN: Format("_holoocean.py", partial(unsupported_features, notes=HOLOOCEAN_NOTES), holoocean_text),
+    FormatName.SIMULATOR: Format(
+        "_simulator.py",
+        partial(unsupported_features, notes=SIMULATOR_NOTES, holds_gain=True, holds_actuators=True),
+        simulator_text,
+    ),
+    FormatName.MSS: Format("_mss.m", partial(unsupported_features, notes=MSS_NOTES), mss_text),
 }
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from auvid_cli.export.losses import UnsupportedFeatures, certainty, heading_lines, line_comments, unsupported_features
+from auvid_cli.export.losses import UnsupportedFeatures, certainty, heading_lines, line_comments
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.export.model_parts import FACTOR_INPUTS
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient, CoefficientSet
@@ -54,7 +54,8 @@ _MSS_HELP = """Compatible with MATLAB and GNU Octave, in the form of the vessels
   xdot: derivative of x; U: speed over ground, m/s; M: rigid-body and added mass.
 For example: x = rk4(@{name}, 0.02, x, ui)
 """
-_NOTES = (
+# Differences from the vessels of MSS itself.
+MSS_NOTES = (
     "Inputs are fin angles and the thrust in newtons, without limits and rates; MSS's thrust curves are not used.",
     "The state has Euler angles, not quaternions.",
 )
@@ -205,11 +206,6 @@ def python_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) 
         "    return np.array([*acceleration, phi_rate, theta_rate, psi_rate])\n",
     ]
     return "".join(lines)
-
-
-def mss_losses(model: IdentifiedModel) -> UnsupportedFeatures:
-    """Return the losses of a function with the equations of motion, and features of MSS's own vessels."""
-    return unsupported_features(model, notes=_NOTES)
 
 
 def mss_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:

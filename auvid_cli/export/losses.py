@@ -48,7 +48,6 @@ def unsupported_features(
 
     Parameters
     ----------
-    model : IdentifiedModel
     symbols : collection of str
         Coefficients that it loses.
     notes : tuple of str

@@ -38,7 +38,6 @@ class IdentifiedCoefficient(NamedTuple):
 
     Attributes
     ----------
-    symbol, unit : str
     value : float
         SI.
     standard_deviation : float or None
@@ -69,8 +68,7 @@ class Origin(NamedTuple):
     Attributes
     ----------
     dataset_sha256, estimate_sha256 : str
-        Of the files, in hexadecimal; empty if in memory.
-    auvid_version : str
+        SHA-256 of the files, in hexadecimal; empty if in memory.
     created : str
         Time of the export, UTC.
     """
@@ -99,20 +97,16 @@ class IdentifiedModel:
     ----------
     experiment : RunSettings
         Settings of the estimate; its vehicle has the known parameters.
-    filter : str
-    judgement : Judgement
     coefficients : tuple of IdentifiedCoefficient
         All, in the order of the coefficient set.
     states : tuple of EstimatedState
         In the order of the estimate.
     covariance : ndarray, shape (k, k)
-        Of the estimated coefficients, then of `states`, SI.
-    actuation : Actuation
+        Covariance of the estimated coefficients, then of `states`, SI.
     term_sizes : tuple of TermSize
-        Of all terms along the estimated motion.
+        Sizes of all terms along the estimated motion.
     surface_changes : dict of float
         Change along that motion if the fins were lifting surfaces, RMS by row, N or N m.
-    origin : Origin
     """
 
     experiment: RunSettings
@@ -161,12 +155,10 @@ def identified_model(
 
     Parameters
     ----------
-    estimate : Estimate
     dataset : Dataset
-        Of the estimate; its inputs are needed for the sizes of the terms.
+        Dataset of the estimate; its inputs are needed for the sizes of the terms.
     bounds : mapping
         Known Cramer-Rao bounds by symbol.
-    origin : Origin
     reference : Estimate, optional
         Smoother's estimate of the same data, for the judgement.
 

@@ -79,16 +79,15 @@ class TermSize(NamedTuple):
 
     Attributes
     ----------
-    symbol : str
     row : str
         "X", "Y", "Z", "K", "M" or "N".
     unit : str
         "N" or "N*m".
     rms : float
-        Of the force or moment.
+        RMS of the force or moment.
     percent : float
-        Of the root of the sum of the mean squares of all terms of the row. The sum of the terms would be small where
-        they balance.
+        RMS in percent of the root of the sum of the mean squares of all terms of the row. The sum of the terms would be
+        small where they balance.
     """
 
     symbol: str
@@ -105,7 +104,6 @@ def term_histories(
 
     Parameters
     ----------
-    coefficient_set : CoefficientSet
     coefficients : mapping
         Values by symbol, SI.
     motion : ndarray, shape (n, 9)
@@ -193,7 +191,6 @@ def actuation(estimate: Estimate, inputs: InputRecord, coefficients: Mapping[str
 
     Parameters
     ----------
-    estimate : Estimate
     inputs : InputRecord
         Recorded inputs.
     coefficients : mapping

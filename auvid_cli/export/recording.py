@@ -54,11 +54,10 @@ class Topic(NamedTuple):
     ----------
     name : str
         Begins with a slash.
-    kind : TopicKind
     frame : str
-        Of the estimated or true vehicle.
+        Frame of the estimated or true vehicle.
     fields : tuple of str
-        Of a table: lower case letters, digits and single underscores, as required by ROS.
+        Columns of a table: lower case letters, digits and single underscores, as required by ROS.
     time : ndarray, shape (n,)
         s.
     values : ndarray, shape (n, k)
@@ -173,8 +172,6 @@ def write_mcap(path: Path, topics: list[Topic], origin: Mapping[str, str]) -> No
 
     Parameters
     ----------
-    path : pathlib.Path
-    topics : list of Topic
     origin : mapping
         Origin of the run, written at the beginning of the file.
 

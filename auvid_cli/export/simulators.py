@@ -1,10 +1,10 @@
 """Vehicles for PythonVehicleSimulator and HoloOcean."""
 
 from auvid_cli.export.functions import inputs_of, python_text
-from auvid_cli.export.losses import UnsupportedFeatures, unsupported_features
+from auvid_cli.export.losses import UnsupportedFeatures
 from auvid_cli.export.model import IdentifiedModel
 
-_SIMULATOR_NOTES = (
+SIMULATOR_NOTES = (
     "Integration is by Euler's method, like in the simulator.",
     "There is no autopilot: write your commands in stepInput. ACTUATORS are the only limits of fins and thrust.",
 )
@@ -99,7 +99,7 @@ class Vehicle:
         """Commands at a time (s): fins at zero, and the thrust of the reference speed."""
         return np.array([0.0, 0.0, {thrust!r}, {torque!r}, *np.zeros(self.dimU - 4)])
 '''
-_HOLOOCEAN_NOTES = (
+HOLOOCEAN_NOTES = (
     "HoloOcean holds an acceleration for a whole tick, so that the length of the tick is the step of the integration.",
     "HoloOcean's own ocean current has no effect, because its sensor gives the velocity over ground.",
 )
@@ -154,11 +154,6 @@ def accelerations(state, inputs):
 '''
 
 
-def simulator_losses(model: IdentifiedModel) -> UnsupportedFeatures:
-    """Return the losses of a vehicle for PythonVehicleSimulator."""
-    return unsupported_features(model, notes=_SIMULATOR_NOTES, holds_gain=True, holds_actuators=True)
-
-
 def _number(value: float) -> str:
     return "np.inf" if value == float("inf") else repr(value)
 
@@ -185,11 +180,6 @@ def simulator_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: st
     propulsion = {"thrust": parameters["X_prop"], "torque": parameters["K_prop"]}
     body = _CLASS.format(name=name, length=vehicle.size.length, controls=controls, **propulsion)
     return python_text(model, losses, name) + "\n".join(lines) + _ACTUATORS + body
-
-
-def holoocean_losses(model: IdentifiedModel) -> UnsupportedFeatures:
-    """Return the losses of a vehicle for HoloOcean."""
-    return unsupported_features(model, notes=_HOLOOCEAN_NOTES)
 
 
 def holoocean_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:

@@ -1,6 +1,6 @@
 """Results of a campaign as files and on the screen."""
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,8 @@ from auvid_cli.campaign.summary import CampaignSummary
 from auvid_cli.data.checks import csv_cell
 from auvid_cli.data.files import write_text
 from auvid_cli.report.screen import print_files
-from auvid_cli.report.screen_table import narrowed
-from auvid_cli.report.table import Cell, Column, Table, number, setting_text
+from auvid_cli.report.screen_table import narrowed, print_texts
+from auvid_cli.report.table import Cell, Column, Table, number, setting_text, tabulated, text_column
 from auvid_cli.report.text_tables import render_markdown
 
 _MAX_ROWS = 40  # on the screen; the files have all
@@ -53,8 +53,7 @@ def print_findings(console: Console, findings: CampaignSummary, files: Sequence[
         console.print(narrowed(console, table, _DROPPED_COLUMNS, _SCREEN_DIGITS))
     else:
         console.print(Text(f"{len(findings.filters)} combinations of settings and filter: see the tables"))
-    for sentence in comparison_sentences(findings):
-        console.print(Text(sentence))
+    print_texts(console, comparison_sentences(findings))
     print_files(console, files)
 
 
@@ -72,38 +71,20 @@ def comparison_sentences(findings: CampaignSummary) -> list[str]:
 
 def filters_table(findings: CampaignSummary) -> Table:
     """Lay out the statistics of each combination of settings and filter."""
-    columns = [Column(_heading(column), numeric=False) for column in [*findings.columns, "filter"]]
-    headers = (
-        "runs",
-        "failed %",
-        "diverged %",
-        "inconsistent %",
-        "sound %",
-        "error %",
-        "5 - 95 %",
-        "in 2 sd %",
-        "sd / bound",
-        "error / bound",
-    )
-    columns += [Column(header) for header in (*headers, "NEES", "by chance")]
-    rows: list[list[Cell]] = [
-        [
-            *(setting_text(row[column]) for column in [*findings.columns, "filter"]),
-            int(row["runs"]),
-            100.0 * row["failed"],
-            100.0 * row["diverged"],
-            100.0 * row["inconsistent"],
-            100.0 * row["sound"],
-            row["steady_state_error_percent"],
-            _interval(row, "steady_state_error_percent"),
-            100.0 * row["within_two_sigma"],
-            row["times_bound"],
-            row["error_times_bound"],
-            row["nees"],
-            _interval(row, "nees"),
-        ]
-        for row in findings.filters.to_dict("records")
-    ]
+    cells = _settings([*findings.columns, "filter"]) | {
+        Column("runs"): lambda row: int(row["runs"]),
+        Column("failed %"): lambda row: 100.0 * row["failed"],
+        Column("diverged %"): lambda row: 100.0 * row["diverged"],
+        Column("inconsistent %"): lambda row: 100.0 * row["inconsistent"],
+        Column("sound %"): lambda row: 100.0 * row["sound"],
+        Column("error %"): lambda row: row["steady_state_error_percent"],
+        Column("5 - 95 %"): lambda row: _interval(row, "steady_state_error_percent"),
+        Column("in 2 sd %"): lambda row: 100.0 * row["within_two_sigma"],
+        Column("sd / bound"): lambda row: row["times_bound"],
+        Column("error / bound"): lambda row: row["error_times_bound"],
+        Column("NEES"): lambda row: row["nees"],
+        Column("by chance"): lambda row: _interval(row, "nees"),
+    }
     notes = (
         "Sound: share of the runs whose estimate may be used. Error: mean steady-state error of the coefficients, "
         "median over the runs; 90 % of the runs are within 5 - 95 %. In 2 sd: share of coefficients whose true value "
@@ -113,45 +94,45 @@ def filters_table(findings: CampaignSummary) -> Table:
         "NEES: per coefficient, 1 if the covariance is right, and then within the last interval in 95 % of all cases. "
         "Runs that failed or diverged count only as such; those that are inconsistent count.",
     )
-    return Table("campaign", "Filters", tuple(columns), rows, notes=notes)
+    return tabulated("campaign", "Filters", findings.filters.to_dict("records"), cells, notes)
 
 
 def comparison_table(findings: CampaignSummary) -> list[Table]:
     """Compare the filters in a table; in none if there is but one filter."""
     if not len(findings.comparisons):
         return []
-    kept = [*findings.columns, "first", "second"]
-    headers = ("measure", "of first %", "of second %", "difference", "95 %", "p, adjusted", "seeds", "conclusion")
-    columns = [Column(_heading(name), numeric=False) for name in kept]
-    columns += [Column(header, numeric=header not in ("measure", "conclusion")) for header in headers]
-    rows: list[list[Cell]] = [
-        [
-            *(setting_text(row[name]) for name in kept),
-            _WHAT[row["measure"]],
-            row["median_first"],
-            row["median_second"],
-            row["difference"],
-            _interval(row, "difference"),
-            row["p_value_adjusted"],
-            int(row["seeds"]),
-            row["conclusion"],
-        ]
-        for row in findings.comparisons.to_dict("records")
-    ]
+    cells = _settings([*findings.columns, "first", "second"]) | {
+        text_column("measure"): lambda row: _WHAT[row["measure"]],
+        Column("of first %"): lambda row: row["median_first"],
+        Column("of second %"): lambda row: row["median_second"],
+        Column("difference"): lambda row: row["difference"],
+        Column("95 %"): lambda row: _interval(row, "difference"),
+        Column("p, adjusted"): lambda row: row["p_value_adjusted"],
+        Column("seeds"): lambda row: int(row["seeds"]),
+        text_column("conclusion"): lambda row: row["conclusion"],
+    }
     notes = (
         *comparison_sentences(findings),
         "On the same data, seed by seed: median of the difference, first minus second, with its 95 % interval; "
         "Wilcoxon's p-value, adjusted for the number of comparisons (Benjamini and Hochberg). A tie: the whole "
         "interval lies within 1 % of the error itself.",
     )
-    return [Table("comparisons", "Filters against each other", tuple(columns), rows, notes=notes)]
+    return [
+        tabulated("comparisons", "Filters against each other", findings.comparisons.to_dict("records"), cells, notes)
+    ]
 
 
-def _heading(column: str) -> str:
-    """Shorten a setting to its last two keys."""
-    return ".".join(column.split(".")[-2:])
+_Record = Mapping[Hashable, Any]
 
 
-def _interval(row: Mapping[Hashable, Any], name: str) -> str | None:
+def _settings(columns: Sequence[str]) -> dict[Column, Callable[[_Record], Cell]]:
+    """Return columns of settings; their headings are the last two keys."""
+    return {
+        text_column(".".join(column.split(".")[-2:])): lambda row, column=column: setting_text(row[column])
+        for column in columns
+    }
+
+
+def _interval(row: _Record, name: str) -> str | None:
     low, high = row[f"{name}_low"], row[f"{name}_high"]
     return f"{number(low, 3)} to {number(high, 3)}" if isfinite(low) and isfinite(high) else None

@@ -1,51 +1,48 @@
-"""Contents of the tables of a run, and the files that they are written to."""
+"""All tables of a run, and the files that they are written to."""
 
-import csv
-from collections.abc import Sequence
-from functools import cache
-from importlib.resources import files
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from auvid_cli.config.enums import JUDGE, FilterName
-from auvid_cli.data.checks import NamedRows
+from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.files import write_text
 from auvid_cli.evaluation.accuracy import CoefficientResult
-from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.report.shared_checks import judgement_sentences
 from auvid_cli.report.table import (
     DEVIATION_DIGITS,
-    UNIDENTIFIED,
     Cell,
     Column,
     PlusMinus,
     Symbol,
     Table,
-    Unidentified,
     UnitCell,
     filter_label,
     number,
+    tabulated,
+    text_column,
+)
+from auvid_cli.report.table_iv import (
+    NOTE,
+    accuracy,
+    filters_of,
+    mark_explained,
+    marked,
+    published,
+    published_filters,
+    results_by_coefficient,
+    table_iv,
 )
 from auvid_cli.report.text_tables import render_latex, render_markdown, write_csv_tables
 from auvid_cli.text import sentence
 
-NOTE = (
-    "Paper: Sabet et al. (2018). Its vehicle, noise, priors, length of the run and step are not published, so these "
-    "values are for orientation."
-)
-PAPER = "paper"
-_ERROR = "steady_state_error_percent"
 _VELOCITY = "Mean absolute error"
 _BOUND = "Cramér-Rao bound"
 _AVERAGE = "average error %"
 # A corrected standard deviation is shown from this ratio to the nominal one.
 _WIDER = 1.02
-_RMSE_OF = (
-    "RMSE: over the whole run, from the initial value of zero, in the coefficient's unit. "
-    "Rel.: RMSE / |true value| over all coefficients, comparable between vehicles."
-)
-_ERROR_OF = "Steady-state error: distance of the mean over the last tenth of the run from the true value."
 NIS_MEANS = (
     "NIS: squared prediction error / expected variance, mean over the components. 1 is right. Larger: data and model "
     "disagree. Smaller: the stated noise is too large, which is intended for an AHRS."
@@ -56,40 +53,11 @@ _CORRECTED = (
 )
 
 
-@cache
-def published(table: str) -> dict[str, dict[str, str]]:
-    """Read a published table.
-
-    Parameters
-    ----------
-    table : str
-        "table_iv" (accuracy of the coefficients) or "table_v" (error of the velocities).
-
-    Returns
-    -------
-    dict of dict
-        Numbers by row (coefficient or velocity) and column (for example ``rmse_ekf``), with the digits that
-        were printed; empty cells are left out.
-    """
-    text = files("auvid_cli.report").joinpath("published", f"{table}.csv").read_text(encoding="utf-8")
-    return {
-        name: {column: cell for column, cell in row.items() if cell and column != "unit"}
-        for row in csv.DictReader(text.splitlines())
-        for name in [row.pop("coefficient", None) or row.pop("signal")]
-    }
-
-
-def published_filters(table: str, column: str, filters: list[str]) -> list[str]:
-    """Return the filters for which the paper has `column`."""
-    columns = {name for row in published(table).values() for name in row}
-    return [name for name in filters if f"{column}_{name}" in columns]
-
-
 def lay_out(evaluation: Evaluation) -> list[Table]:
     """Return all printed tables, with the published values next to ours."""
     return [
         *accuracy(evaluation),
-        estimates(evaluation, _filters(evaluation)),
+        estimates(evaluation, filters_of(evaluation)),
         _bounds(evaluation),
         _velocities(evaluation),
         consistency(evaluation),
@@ -99,142 +67,14 @@ def lay_out(evaluation: Evaluation) -> list[Table]:
     ]
 
 
-def _filters(evaluation: Evaluation) -> list[str]:
-    return [row.filter for row in evaluation.summary]
-
-
 def _columns(group: str, filters: list[str]) -> list[Column]:
     return [Column(filter_label(name), group) for name in filters]
-
-
-def results_by_coefficient(evaluation: Evaluation) -> dict[str, dict[str, CoefficientResult]]:
-    """Return the results by coefficient and filter."""
-    results: dict[str, dict[str, CoefficientResult]] = {}
-    for row in evaluation.coefficients:
-        results.setdefault(row.coefficient, {})[row.filter] = row
-    return results
-
-
-def accuracy(evaluation: Evaluation) -> list[Table]:
-    """Return the two halves of the paper's Table IV, RMSE and steady-state error; no table without a truth."""
-    if all(row.true is None for row in evaluation.coefficients):
-        return []
-    rmse = Table("rmse", "RMSE of the coefficients (Table IV)", (), [], notes=(_RMSE_OF,))
-    rmse_averages = (
-        ("rel. mean", "", "mean_relative_rmse", ""),
-        ("rel. median", "", "median_relative_rmse", ""),
-        ("CPU time", "s", "cpu_time_s", "cpu_time_s"),
-    )
-    error = Table(_ERROR, "Steady-state error of the coefficients, % (Table IV)", (), [], notes=(_ERROR_OF,))
-    error_averages = (("average", "", "average_steady_state_error_percent", "average"),)
-    return [
-        _half(evaluation, rmse, "rmse", rmse_averages),
-        _half(evaluation, error, "sse_percent", error_averages),
-    ]
-
-
-def _half(
-    evaluation: Evaluation, table: Table, published_key: str, averages: Sequence[tuple[str, str, str, str]]
-) -> Table:
-    """Return one half of Table IV.
-
-    Parameters
-    ----------
-    table : Table
-        Key, which is the field of `CoefficientResult`, title and note.
-    published_key : str
-        Prefix of the published columns.
-    averages : sequence of (heading, unit, field of `FilterSummary`, published row)
-        Rows below the coefficients.
-    """
-    filters = _filters(evaluation)
-    in_paper = published_filters("table_iv", published_key, filters)
-    counted = {name: [0, 0] for name in in_paper}
-
-    def published_value(row: str, name: str) -> str:
-        return published("table_iv").get(row, {}).get(f"{published_key}_{name}", "")
-
-    def side_by_side(values: Sequence[Cell], row: str) -> list[Cell]:
-        pairs = zip(filters, values, strict=True)
-        return [cell for name, value in pairs for cell in (value, *[published_value(row, name)] * (name in in_paper))]
-
-    rows: list[list[Cell]] = []
-    for symbol, by_filter in results_by_coefficient(evaluation).items():
-        any_row = next(iter(by_filter.values()))
-        results = [by_filter.get(name) for name in filters]
-        cells = [None if row is None else marked(row, getattr(row, table.key)) for row in results]
-        rows.append([Symbol(symbol), UnitCell(any_row.unit), any_row.true, *side_by_side(cells, symbol)])
-        for name, row in by_filter.items():
-            ours, theirs = getattr(row, table.key), published_value(symbol, name)
-            if ours is not None and theirs:
-                counted[name][0] += ours < float(theirs)
-                counted[name][1] += 1
-    totals: list[list[Cell]] = [
-        [heading, unit, "", *side_by_side([getattr(row, field) for row in evaluation.summary], published_row)]
-        for heading, unit, field, published_row in averages
-    ]
-    if in_paper:
-        counts = ["{} of {}".format(*counted[name]) if name in counted else "" for name in filters]
-        totals.append(["below paper", "", "", *side_by_side(counts, "")])
-    headings = [Column(header) for name in filters for header in (filter_label(name), *[PAPER] * (name in in_paper))]
-    return table._replace(
-        columns=(Column("coefficient", numeric=False), Column("unit", numeric=False), Column("true"), *headings),
-        rows=rows,
-        totals=totals,
-        notes=(*table.notes, *([NOTE] if in_paper else []), *mark_explained(evaluation)),
-    )
-
-
-def table_iv(evaluation: Evaluation) -> dict[str, NamedRows]:
-    """Return Table IV as the rows of ``table_iv.csv``, both halves side by side; empty without a truth.
-
-    The last rows are the averages, the number of rows below the paper's values and the CPU time.
-    """
-    halves = accuracy(evaluation)
-    if not halves:
-        return {}
-    headings = ["coefficient", "unit", "true"]
-    for table in halves:
-        name = ""
-        for column in table.columns[3:]:
-            name = f"{name}_paper" if column.header == PAPER else f"{table.key}_{column.header.lower()}"
-            headings.append(name)
-    rmse, errors = halves
-    n_rmse, n_errors = (len(table.columns) - 3 for table in halves)
-    rows = [
-        *([*left, *right[3:]] for left, right in zip(rmse.rows, errors.rows, strict=True)),
-        *([*row, *[None] * n_errors] for row in rmse.totals),
-        *([*row[:3], *[None] * n_rmse, *row[3:]] for row in errors.totals),
-    ]
-    return {"table_iv": NamedRows(tuple(headings), [[_plain(cell) for cell in row] for row in rows])}
-
-
-def _plain(cell: Cell) -> str | float | None:
-    """Return the value of a cell for a CSV file, without marks and standard deviations."""
-    match cell:
-        case Unidentified(inner):
-            return _plain(inner)
-        case PlusMinus(value, _):
-            return value
-        case Symbol(name) | UnitCell(name):
-            return name
-    return cell if isinstance(cell, float) else cell or None
-
-
-def marked(row: CoefficientResult, cell: float | PlusMinus | None) -> Cell:
-    """Return the cell with a mark if the data do not determine the coefficient."""
-    return cell if row.identified or cell is None else Unidentified(cell)
-
-
-def mark_explained(evaluation: Evaluation) -> list[str]:
-    """Return the explanation of the mark if any coefficient is marked."""
-    return [] if all(row.identified for row in evaluation.coefficients) else [UNIDENTIFIED]
 
 
 def estimates(evaluation: Evaluation, filters: Sequence[str], with_deviations: bool = True) -> Table:
     """Return the estimates at the end, for terminal and files, with or without their standard deviations."""
     wider = {row.filter for row in evaluation.coefficients if with_deviations and _is_wider(row)}
-    columns = [Column("symbol", numeric=False), Column("unit", numeric=False)]
+    columns = [text_column("symbol"), text_column("unit")]
     for name in filters:
         header = f"{filter_label(name)}{' ± sd' * with_deviations}"
         columns += [Column(header), *[Column("corrected sd")] * (name in wider)]
@@ -266,7 +106,7 @@ def _corrected(row: CoefficientResult) -> list[Cell]:
 
 def _bounds(evaluation: Evaluation) -> Table:
     """Return the bounds: one column at the true values, or one for each filter at its estimate."""
-    filters = _filters(evaluation)
+    filters = filters_of(evaluation)
     rows: list[list[Cell]] = []
     results_of = results_by_coefficient(evaluation)
     has_noise = any(row.bound_with_process_noise is not None for row in evaluation.coefficients)
@@ -282,8 +122,8 @@ def _bounds(evaluation: Evaluation) -> Table:
         "bounds",
         "Smallest standard deviations that the data allow, and those of the estimates relative to them",
         (
-            Column("Coefficient", numeric=False),
-            Column("Unit", numeric=False),
+            text_column("Coefficient"),
+            text_column("Unit"),
             *(_columns(_BOUND, filters) if differ else [Column(_BOUND)]),
             *([Column("With process noise")] if has_noise else []),
             *_columns("Times bound", filters),
@@ -294,7 +134,7 @@ def _bounds(evaluation: Evaluation) -> Table:
 
 
 def _velocities(evaluation: Evaluation) -> Table:
-    filters = _filters(evaluation)
+    filters = filters_of(evaluation)
     in_paper = published_filters("table_v", "mae", filters)
     paper = published("table_v")
     errors = {(row.component, row.filter): row.mean_absolute_error for row in evaluation.velocity_errors}
@@ -312,7 +152,7 @@ def _velocities(evaluation: Evaluation) -> Table:
         "velocities",
         "Velocities of the free-running model against the measured ones (as Table V)",
         (
-            *(Column("Component", numeric=False), Column("Unit", numeric=False)),
+            *(text_column("Component"), text_column("Unit")),
             *_columns(_VELOCITY, filters),
             *_columns(f"{_VELOCITY}, *paper*", in_paper),
         ),
@@ -323,7 +163,7 @@ def _velocities(evaluation: Evaluation) -> Table:
 
 def consistency(evaluation: Evaluation) -> Table:
     """Return the mean NIS by sensor and filter."""
-    filters = _filters(evaluation)
+    filters = filters_of(evaluation)
     nis = {(row.sensor, row.filter): row.mean_nis for row in evaluation.consistency}
     expected = {
         row.sensor: "" if np.isnan(row.expected_low) else f"{row.expected_low:.3f} to {row.expected_high:.3f}"
@@ -335,43 +175,33 @@ def consistency(evaluation: Evaluation) -> Table:
     return Table(
         "consistency",
         "Consistency: mean normalised innovation squared per component",
-        (Column("sensor", numeric=False), Column("normal range (99 %)"), *_columns("Mean NIS", filters)),
+        (text_column("sensor"), Column("normal range (99 %)"), *_columns("Mean NIS", filters)),
         rows,
         notes=(NIS_MEANS, *rejections(evaluation)),
     )
 
 
 def _faults(evaluation: Evaluation) -> Table:
-    rows: list[list[Cell]] = [
-        [
-            str(fault.fault) if name == JUDGE else f"{filter_label(name)}: {fault.fault}",
-            UnitCell(fault.unit),
-            PlusMinus(fault.size, fault.standard_deviation),
-            fault.z,
-            Symbol(fault.coefficient),
-            fault.susceptibility,
-        ]
-        for name, fault in sorted(evaluation.faults, key=lambda row: -abs(row[1].z))
-    ]
-    return Table(
-        "faults",
-        "Possible faults and their size",
-        (
-            *(Column("Fault", numeric=False), Column("Unit", numeric=False), Column("Size ± standard deviation")),
-            *(Column("Size / standard deviation"), Column("Moves most", numeric=False), Column("Susceptibility")),
-        ),
-        rows,
-        notes=(
-            "Size: estimated from these data, as if this were the only fault. Susceptibility: how far an undetectable "
-            "fault (one of its standard deviations) shifts the coefficient, in standard deviations of the coefficient.",
-        ),
+    cells: dict[Column, Callable[[tuple[str, FaultTest]], Cell]] = {
+        text_column("Fault"): lambda row: f"{'' if row[0] == JUDGE else f'{filter_label(row[0])}: '}{row[1].fault}",
+        text_column("Unit"): lambda row: UnitCell(row[1].unit),
+        Column("Size ± standard deviation"): lambda row: PlusMinus(row[1].size, row[1].standard_deviation),
+        Column("Size / standard deviation"): lambda row: row[1].z,
+        text_column("Moves most"): lambda row: Symbol(row[1].coefficient),
+        Column("Susceptibility"): lambda row: row[1].susceptibility,
+    }
+    notes = (
+        "Size: estimated from these data, as if this were the only fault. Susceptibility: how far an undetectable "
+        "fault (one of its standard deviations) shifts the coefficient, in standard deviations of the coefficient.",
     )
+    rows = sorted(evaluation.faults, key=lambda row: -abs(row[1].z))
+    return tabulated("faults", "Possible faults and their size", rows, cells, notes)
 
 
 def rejections(evaluation: Evaluation) -> list[str]:
     """Return a sentence for each filter that rejected measurements or reduced their weight."""
     sentences = []
-    for name in _filters(evaluation):
+    for name in filters_of(evaluation):
         counts = [
             f"{row.rejected} of {row.sensor}" for row in evaluation.consistency if row.filter == name and row.rejected
         ]
@@ -382,7 +212,7 @@ def rejections(evaluation: Evaluation) -> list[str]:
 
 
 def _sensor_errors(evaluation: Evaluation) -> Table:
-    filters = _filters(evaluation)
+    filters = filters_of(evaluation)
     by_state = {(row.state, row.segment, row.filter): row for row in evaluation.sensor_errors}
     in_segments = any(row.segment is not None for row in evaluation.sensor_errors)
     rows: list[list[Cell]] = []
@@ -395,9 +225,9 @@ def _sensor_errors(evaluation: Evaluation) -> Table:
         "sensor-errors",
         "Errors of the sensors",
         (
-            Column("State", numeric=False),
+            text_column("State"),
             *([Column("Segment")] if in_segments else []),
-            *(Column("Unit", numeric=False), Column("Prior standard deviation")),
+            *(text_column("Unit"), Column("Prior standard deviation")),
             *_columns("Estimate ± standard deviation", filters),
         ),
         rows,
@@ -408,7 +238,7 @@ def _sensor_errors(evaluation: Evaluation) -> Table:
 def unobserved(evaluation: Evaluation) -> list[str]:
     """Return a sentence for each filter with sensor errors that the data do not determine."""
     sentences = []
-    for name in _filters(evaluation):
+    for name in filters_of(evaluation):
         states = dict.fromkeys(row.state for row in evaluation.sensor_errors if row.filter == name and not row.observed)
         if states:
             sentences.append(
@@ -419,21 +249,16 @@ def unobserved(evaluation: Evaluation) -> list[str]:
 
 def runs(evaluation: Evaluation) -> Table:
     """Return error, cost and judgement of each filter."""
-    headers = _AVERAGE, "CPU time s", "steps", "µs/step"
-    columns = Column("filter", numeric=False), *map(Column, headers), Column("judgement", numeric=False)
-    rows: list[list[Cell]] = [
-        [
-            filter_label(row.filter),
-            row.average_steady_state_error_percent,
-            row.cpu_time_s,
-            row.steps,
-            row.microseconds_per_step,
-            row.grade,
-        ]
-        for row in evaluation.summary
-    ]
+    cells: dict[Column, Callable[[FilterSummary], Cell]] = {
+        text_column("filter"): lambda row: filter_label(row.filter),
+        Column(_AVERAGE): lambda row: row.average_steady_state_error_percent,
+        Column("CPU time s"): lambda row: row.cpu_time_s,
+        Column("steps"): lambda row: row.steps,
+        Column("µs/step"): lambda row: row.microseconds_per_step,
+        text_column("judgement"): lambda row: row.grade,
+    }
     notes = tuple(judgement_sentences(evaluation.judgements(), with_sound=False))
-    table = Table("runs", "Error, cost and judgement", columns, rows, notes=notes)
+    table = tabulated("runs", "Error, cost and judgement", evaluation.summary, cells, notes)
     has_average = any(row.average_steady_state_error_percent is not None for row in evaluation.summary)
     return table if has_average else table.without(_AVERAGE)
 

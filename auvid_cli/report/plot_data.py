@@ -1,4 +1,4 @@
-"""Numbers that figures and pages draw: convergence, paths, residuals of free runs, series and scales."""
+"""Plots as data, which figures and pages draw: coefficients, innovations, free runs, horizons, paths."""
 
 from collections.abc import Iterable, Sequence
 from math import isfinite
@@ -9,17 +9,21 @@ from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import TruthRecord
-from auvid_cli.data.estimate import EstimateHistory
+from auvid_cli.data.estimate import EstimateHistory, Innovations
 from auvid_cli.evaluation.results import FreeRun
-from auvid_cli.report.table import unit_text
+from auvid_cli.report.series import Scale, finite, log_spaced, scale_of, spaced, value_range, with_margin
+from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.vehicle.kinematics import dead_reckoned
-from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, Quantity, state_of
+from auvid_cli.vehicle.parameters import (
+    DEPTH,
+    MOTION,
+    MOTION_AND_DEPTH,
+    MOTION_AND_DEPTH_SYMBOLS,
+    Quantity,
+    state_of,
+)
 
-_DEGREES = float(np.rad2deg(1.0))
 Array = NDArray[np.float64]
-# A line is broken where time advances by more than both of these.
-_JUMP = 20.0  # median intervals
-_MIN_JUMP = 1.0  # s
 # Share of a run's estimates inside the limits of an axis; brief excursions beyond are cut off.
 SHOWN_PERCENT = 98.0  # %
 # Start of a logarithmic time axis.
@@ -31,114 +35,6 @@ _HIGHEST = 1e3  # %, unless lines end higher
 _ABOVE = 3.0  # times the largest end of a line
 _BELOW = 0.03  # times the smallest band
 _SPAN = 1e9  # largest ratio of the limits
-_MARGIN = 0.08  # of the range of the values
-
-
-class Scale(NamedTuple):
-    """A unit, and how many of it an SI unit is."""
-
-    unit: str
-    factor: float
-
-
-_READABLE = {"rad": Scale("°", _DEGREES), "rad/s": Scale("°/s", _DEGREES), "T": Scale("µT", 1e6)}
-
-
-def scale_of(quantity: Quantity) -> Scale:
-    """Return the unit in which a quantity is shown: angles and rates in degrees."""
-    return _READABLE.get(quantity.unit, Scale(unit_text(quantity.unit), 1.0))
-
-
-def finite(values: Array) -> Array:
-    """Return values with NaN for infinity, which breaks a line."""
-    return np.where(np.isfinite(values), values, np.nan)
-
-
-def thin(time: Array, values: Array, points: int = 2000) -> tuple[Array, Array]:
-    """Keep the least and the greatest value of each bucket, so that noise keeps its width.
-
-    Parameters
-    ----------
-    time, values : ndarray, shape (n,)
-        Values that are not finite are gaps; a gap that fills a bucket remains one.
-    points : int
-        About how many to keep.
-
-    Returns
-    -------
-    time, values : ndarray
-        A subset in order, or all of them if they are few.
-    """
-    time, values = broken(time, finite(values))
-    n = values.size
-    if n <= points:
-        return time, values
-    length = -(-n // (points // 2))
-    buckets = -(-n // length)
-    padded = np.full(buckets * length, np.nan)
-    padded[:n] = values
-    block = padded.reshape(buckets, length)
-    gap = np.isnan(block)
-    begin = np.arange(buckets) * length
-    least = begin + np.where(gap, np.inf, block).argmin(axis=1)
-    greatest = begin + np.where(gap, -np.inf, block).argmax(axis=1)
-    kept = np.unique(np.concatenate([[0], least, greatest, [n - 1]]))
-    return time[kept], values[kept]
-
-
-def broken(time: Array, values: Array) -> tuple[Array, Array]:
-    """Insert a gap, a row of NaN, wherever time jumps."""
-    steps = np.diff(time)
-    if not steps.size:
-        return time, values
-    jumps = np.flatnonzero(steps > max(_JUMP * float(np.median(steps)), _MIN_JUMP)) + 1
-    return np.insert(time, jumps, time[jumps]), np.insert(values, jumps, np.nan, axis=0)
-
-
-def spaced(n: int, points: int) -> NDArray[np.int64]:
-    """Return indices of at most `points` samples evenly spaced, with the first and the last; for smooth series."""
-    return np.unique(np.linspace(0, max(n - 1, 0), min(n, points)).astype(np.int64))
-
-
-def log_spaced(time: Array, first: float, points: int) -> NDArray[np.int64]:
-    """Return indices of at most `points` samples evenly spaced in the logarithm of time from `first`, s, to the end."""
-    last = float(time[-1])
-    wanted = np.geomspace(min(first, last), last, points) if last > 0.0 else np.zeros(1)
-    return np.unique(np.clip(np.searchsorted(time, wanted), 0, time.size - 1))
-
-
-def unwrapped(angle: Array) -> Array:
-    """Return an angle, rad, without jumps of a turn; gaps stay gaps."""
-    result = finite(angle)
-    is_known = ~np.isnan(result)
-    result[is_known] = np.unwrap(result[is_known])
-    return result
-
-
-def value_range(*series: Array) -> tuple[float, float] | None:
-    """Return least and greatest finite value, None if there is none."""
-    finite = [values[np.isfinite(values)] for values in series]
-    present = [values for values in finite if values.size]
-    if not present:
-        return None
-    return min(float(values.min()) for values in present), max(float(values.max()) for values in present)
-
-
-def with_margin(low: float, high: float) -> tuple[float, float]:
-    """Return limits with a margin on both sides, also around a single value."""
-    room = _MARGIN * (high - low) or 0.05 * abs(high) or 1.0
-    return low - room, high + room
-
-
-def around(reference: tuple[float, float] | None, others: tuple[float, float] | None) -> tuple[float, float]:
-    """Return limits around a reference range, extended to other ranges by at most its own height."""
-    if reference is None:
-        return with_margin(*others) if others is not None else (-1.0, 1.0)
-    low, high = reference
-    if others is not None:
-        height = high - low
-        low, high = max(min(low, others[0]), low - height), min(max(high, others[1]), high + height)
-    return with_margin(low, high)
 
 
 class CoefficientLine(NamedTuple):
@@ -305,6 +201,79 @@ def interpolated(time: Array, run: FreeRun, column: int) -> Array:
     return np.where(np.interp(time, run.time, finite.astype(np.float64)) == 1.0, result, np.nan)
 
 
+class ComponentInnovations(NamedTuple):
+    """Finite innovations of a component of a sensor that the filter used.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        s.
+    values, deviation : ndarray, shape (n,)
+        Innovations and their standard deviations, SI.
+    normalised : ndarray, shape (n,)
+        Ratio of both.
+    """
+
+    time: Array
+    values: Array
+    deviation: Array
+    normalised: Array
+
+    @property
+    def percent_within(self) -> float:
+        """Return the share within two standard deviations, %."""
+        return 100.0 * float((np.abs(self.normalised) <= 2.0).mean())
+
+
+def component_innovations(innovations: Innovations, component: int) -> ComponentInnovations:
+    """Return the innovations of one component."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        deviation = np.sqrt(innovations.variance[:, component])
+        normalised = innovations.innovation[:, component] / deviation
+    known = np.isfinite(normalised)
+    values = innovations.innovation[known, component]
+    return ComponentInnovations(innovations.time[known], values, deviation[known], normalised[known])
+
+
+# Errors that are compared in the plot of a signal; fields of `Prediction`.
+HORIZON_ERRORS = ("rmse", "prior_rmse", "vehicle_file_rmse", "constant_velocity_rmse", "expected_rmse", "noise")
+
+
+class HorizonPlot(NamedTuple):
+    """Errors of predictions of one signal over the horizon.
+
+    Attributes
+    ----------
+    scale : Scale
+        Unit of the errors.
+    horizons : ndarray, shape (n,)
+        s; empty if the signal was not measured ahead.
+    errors : dict of ndarray, shape (n,)
+        By field of `HORIZON_ERRORS`; NaN where unknown.
+    """
+
+    quantity: Quantity
+    scale: Scale
+    horizons: Array
+    errors: dict[str, Array]
+
+
+def horizon_plots(predictions: Sequence[Prediction]) -> list[HorizonPlot]:
+    """Return a plot for each motion state, and for the depth if it is predicted."""
+    has_depth = any(row.signal == DEPTH.symbol for row in predictions)
+    plots = []
+    for quantity in MOTION_AND_DEPTH if has_depth else MOTION:
+        rows = [row for row in predictions if row.kind == AHEAD and row.signal == quantity.symbol]
+        scale = scale_of(quantity)
+        columns = {field: [getattr(row, field) for row in rows] for field in HORIZON_ERRORS}
+        errors = {
+            field: np.array([np.nan if value is None else scale.factor * value for value in values])
+            for field, values in columns.items()
+        }
+        plots.append(HorizonPlot(quantity, scale, np.array([row.horizon_s for row in rows]), errors))
+    return plots
+
+
 class TravelledPath(NamedTuple):
     """A path.
 
@@ -328,7 +297,7 @@ def travelled_paths(truth: TruthRecord | None, motions: Iterable[EstimateHistory
 
     Parameters
     ----------
-    motions : iterable of Course
+    motions : iterable of EstimateHistory
         Histories of the nine motion states; one that is not finite from its second time has no path.
     """
     paths, start = list[TravelledPath](), np.zeros(3)

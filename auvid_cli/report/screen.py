@@ -1,8 +1,7 @@
-"""Tables on the terminal: checks, judgements, identifiability, tuned noise and validation."""
+"""Tables on the terminal: checks, judgements, identifiability and validation."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -12,23 +11,10 @@ from rich.text import Text
 
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.checks import Check
-from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.findings import DisturbanceChoice, TunedNoise, Tuning
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.evaluation.judgement import Judgement, whiteness
-from auvid_cli.evaluation.results import CLASSES, FixSuggestion, Identifiability
-from auvid_cli.report.layout import (
-    NIS_MEANS,
-    PAPER,
-    accuracy,
-    consistency,
-    estimates,
-    mark_explained,
-    rejections,
-    runs,
-    unobserved,
-)
-from auvid_cli.report.screen_table import encodable, fits, narrowed, printed, screen_table
+from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FixSuggestion, Identifiability
+from auvid_cli.report.layout import NIS_MEANS, consistency, estimates, rejections, runs, unobserved
+from auvid_cli.report.screen_table import encodable, fits, narrowed, print_texts, printed, screen_table
 from auvid_cli.report.shared_checks import (
     SharedCheck,
     advices,
@@ -37,7 +23,18 @@ from auvid_cli.report.shared_checks import (
     shared_checks,
     whose,
 )
-from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Symbol, Table, UnitCell, filter_label
+from auvid_cli.report.table import (
+    ERROR_DIGITS,
+    Cell,
+    Column,
+    Symbol,
+    Table,
+    UnitCell,
+    filter_label,
+    tabulated,
+    text_column,
+)
+from auvid_cli.report.table_iv import PAPER, accuracy, mark_explained
 from auvid_cli.text import sentence
 from auvid_cli.validation.results import (
     AHEAD,
@@ -57,14 +54,6 @@ _NOTES = (
 _DROPPED_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
 _STYLES = {"FAIL": "bold red", "note": "yellow"}
-_TUNING_DIGITS = 3
-_LESS = "any smaller value fits as well"
-_WHITE = "white process noise fits as well"
-_LONGER = "any larger value fits as well"
-_ANY = "any value fits"
-_PREFIX = "identification."
-# An estimate of the smoother and its judgement.
-Judged = tuple[Estimate, Judgement]
 _VALIDATION_DIGITS = 3
 # Columns left out on a narrow terminal, in this order.
 _DROPPED_OF_MODELS = "vehicle file", "prior", "unchanged"
@@ -106,26 +95,19 @@ def holding_sentence(holding: FixSuggestion) -> str:
 def bounds_table(identifiability: Identifiability) -> Table:
     """Return the bounds by class, with the sensor that contributes most."""
     ranks = {label: rank for rank, (_, label) in enumerate(CLASSES)}
-    columns = (
-        *(Column(header, numeric=False) for header in ("symbol", "unit")),
-        *(Column(header) for header in ("value", "bound", "bound %", "with noise %")),
-        *(Column(header, numeric=False) for header in ("class", "mostly from", "goes with")),
-    )
-    rows: list[list[Cell]] = [
-        [
-            Symbol(bound.coefficient),
-            UnitCell(bound.unit),
-            bound.value,
-            printed(bound.cramer_rao_bound, 2),
-            printed(bound.percent, 2),
-            printed(bound.percent_with_noise, 2),
-            bound.label,
-            f"{bound.best_sensor} {bound.best_share:.0%}",
-            bound.group,
-        ]
-        for bound in sorted(identifiability.bounds, key=lambda bound: ranks[bound.label])
-    ]
-    table = Table("bounds", "Smallest standard deviations that the data allow", columns, rows, notes=_NOTES)
+    bounds = sorted(identifiability.bounds, key=lambda bound: ranks[bound.label])
+    cells: dict[Column, Callable[[CoefficientBound], Cell]] = {
+        text_column("symbol"): lambda bound: Symbol(bound.coefficient),
+        text_column("unit"): lambda bound: UnitCell(bound.unit),
+        Column("value"): lambda bound: bound.value,
+        Column("bound"): lambda bound: printed(bound.cramer_rao_bound, 2),
+        Column("bound %"): lambda bound: printed(bound.percent, 2),
+        Column("with noise %"): lambda bound: printed(bound.percent_with_noise, 2),
+        text_column("class"): lambda bound: bound.label,
+        text_column("mostly from"): lambda bound: f"{bound.best_sensor} {bound.best_share:.0%}",
+        text_column("goes with"): lambda bound: bound.group,
+    }
+    table = tabulated("bounds", "Smallest standard deviations that the data allow", bounds, cells, _NOTES)
     return table if identifiability.groups else table.without("goes with")
 
 
@@ -151,13 +133,11 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
             console.print(screen)
         notes |= dict.fromkeys(estimates(evaluation, filters).notes)
     console.print(screen_table(console, runs(evaluation), unbroken=("filter", "judgement")))
-    for text in judgement_sentences(evaluation.judgements(), with_sound=False):
-        console.print(Text(text))
+    print_texts(console, judgement_sentences(evaluation.judgements(), with_sound=False))
     console.print(screen_table(console, consistency(evaluation), ERROR_DIGITS + 1, unbroken=("sensor",)))
     console.print(Text(NIS_MEANS))
     explained = [encodable(console, text) for text in notes]
-    for text in [*explained, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
-        console.print(Text(text))
+    print_texts(console, [*explained, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)])
 
 
 def print_files(console: Console, files: Sequence[Path]) -> None:
@@ -177,7 +157,7 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool) -> Non
     """
     names = list(dict.fromkeys(check.filter for check in checks))
     shared = shared_checks(checks)
-    print_check_counts(console, checks)
+    print_texts(console, counts_in_words(checks))
     if passed:
         for name in names:
             console.print(Text(f"{whose([name])}:"))
@@ -197,22 +177,16 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool) -> Non
         console.print()
 
 
-def print_check_counts(console: Console, checks: Sequence[Check]) -> None:
-    """Print how many checks passed, failed, or are notes."""
-    for line in counts_in_words(checks):
-        console.print(Text(line))
-
-
 def _checks(shared: Sequence[SharedCheck], names: Sequence[str]) -> Table:
-    columns = tuple(Column(header, numeric=False) for header in ("", "estimator", "of", "check", "found", "allowed"))
-    rows: list[list[Cell]] = [
-        [
-            *(_VERDICTS[check.passed], whose(filters, names)),
-            *(check.subject, check.check, check.statistic, check.threshold),
-        ]
-        for check, filters in shared
-    ]
-    table = Table("checks", "Checks", columns, rows)
+    cells: dict[Column, Callable[[SharedCheck], Cell]] = {
+        text_column(""): lambda row: _VERDICTS[row.check.passed],
+        text_column("estimator"): lambda row: whose(row.filters, names),
+        text_column("of"): lambda row: row.check.subject,
+        text_column("check"): lambda row: row.check.check,
+        text_column("found"): lambda row: row.check.statistic,
+        text_column("allowed"): lambda row: row.check.threshold,
+    }
+    table = tabulated("checks", "Checks", shared, cells)
     return table if any(len(each.filters) < len(names) for each in shared) else table.without("estimator")
 
 
@@ -220,10 +194,7 @@ def print_identifiability(console: Console, identifiability: Identifiability) ->
     """Print bounds by class and over time, inseparable coefficients and unobservable errors."""
     table = bounds_table(identifiability)
     console.print(narrowed(console, table, _DROPPED_OF_BOUNDS))
-    for note in table.notes:
-        console.print(Text(encodable(console, note)))
-    for text in assessment_sentences(identifiability):
-        console.print(Text(text))
+    print_texts(console, [*(encodable(console, note) for note in table.notes), *assessment_sentences(identifiability)])
     if identifiability.holding is not None:
         console.print(Text(holding_sentence(identifiability.holding)), soft_wrap=True)
 
@@ -242,72 +213,6 @@ def _estimate_tables(console: Console, evaluation: Evaluation, filters: list[str
     return [choice for name in filters for choice in _estimate_tables(console, evaluation, [name])]
 
 
-def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged) -> None:
-    """Print the tuned noise, and the innovations of the smoother before and after."""
-    console.print(screen_table(console, _noises(tuning), _TUNING_DIGITS))
-    for finding, applies, consequence in _FINDINGS:
-        if names := [noise.setting.removeprefix(_PREFIX) for noise in tuning.noises if applies(noise)]:
-            console.print(Text(f"The data {finding} {', '.join(names)}: {consequence}."))
-    console.print(screen_table(console, _estimates(before, after), _TUNING_DIGITS))
-    if not tuning.converged:
-        console.print(Text("The search has not converged: start `auvid tune` again from these values."))
-
-
-def _noises(tuning: Tuning) -> Table:
-    columns = (
-        *(Column(header, numeric=False) for header in ("noise", "unit")),
-        *(Column(header) for header in ("stated", "most likely", "95 % from", "to")),
-    )
-    return Table("noise", "Noise", columns, [_row(noise) for noise in tuning.noises])
-
-
-def choice_text(choice: DisturbanceChoice) -> str:
-    """Return whether a disturbance is estimated, and why."""
-    criterion = f"{choice.n_parameters} more parameters need {choice.needed:.3g} (Bayesian information criterion)"
-    what = "kept" if choice.is_kept else "left out"
-    gain = f"it changes the log-likelihood by {choice.gain:+.4g}"
-    return f"a disturbance that is correlated in time is {what}: {gain}; {criterion}"
-
-
-def _is_flat(noise: TunedNoise) -> bool:
-    return noise.low == 0.0 and not isfinite(noise.high)
-
-
-def _is_bounded(noise: TunedNoise) -> bool:
-    return noise.low == 0.0 and isfinite(noise.high)
-
-
-# Result, condition and consequence for noise that the data determine only in part.
-_FINDINGS: tuple[tuple[str, Callable[[TunedNoise], bool], str], ...] = (
-    ("only give an upper limit of", lambda noise: _is_bounded(noise) and not noise.is_time_constant, _LESS),
-    ("do not determine", lambda noise: _is_flat(noise) and not noise.is_time_constant, _LESS),
-    ("only give an upper limit of", lambda noise: _is_bounded(noise) and noise.is_time_constant, _WHITE),
-    ("only give a lower limit of", lambda noise: noise.low > 0.0 and not isfinite(noise.high), _LONGER),
-    ("do not determine", lambda noise: _is_flat(noise) and noise.is_time_constant, _ANY),
-)
-
-
-def _row(noise: TunedNoise) -> list[Cell]:
-    # Without a lower limit, the most likely value is the smallest that the search allows.
-    is_none = noise.low == 0.0 and noise.tuned < 1e-3 * noise.high and not noise.is_time_constant
-    likeliest = "none" if is_none else noise.tuned
-    high = noise.high if isfinite(noise.high) else "no limit"
-    return [noise.setting.removeprefix(_PREFIX), UnitCell(noise.unit), noise.stated, likeliest, noise.low, high]
-
-
-def _estimates(before: Judged, after: Judged) -> Table:
-    """Return mean NIS and autocorrelation of the innovations of each sensor, and the judgement."""
-    rows: list[list[Cell]] = []
-    for sensor in before[0].innovations:
-        nis: list[Cell] = [estimate.innovations[sensor].sums().mean_nis for estimate, _ in (before, after)]
-        rows.append([f"mean NIS of {sensor}", *nis])
-        memory: list[Cell] = [whiteness(estimate.innovations[sensor]).portmanteau for estimate, _ in (before, after)]
-        rows.append([f"errors of {sensor} correlated in time (Ljung-Box)", *memory])
-    grades: list[Cell] = [judgement.grade for _, judgement in (before, after)]
-    columns = Column("smoother", numeric=False), Column("as stated"), Column("tuned")
-    return Table("tuned", "Before and after", columns, [*rows, ["judgement", *grades]])
-
-
 def print_validation(console: Console, validation: Validation, passed: bool) -> None:
     """Print judgement, errors of the free run, fits by horizon, manoeuvres and checks.
 
@@ -317,8 +222,7 @@ def print_validation(console: Console, validation: Validation, passed: bool) -> 
         Whether checks that passed are printed as well.
     """
     if validation.judgement.is_against:
-        for line in judgement_sentences({validation.filter: validation.judgement}, with_sound=False):
-            console.print(Text(line))
+        print_texts(console, judgement_sentences({validation.filter: validation.judgement}, with_sound=False))
     ahead = [row for row in validation.predictions if row.kind == AHEAD]
     free = [row for row in validation.predictions if row.kind == FREE_RUN]
     console.print(narrowed(console, _free_run(free), _DROPPED_OF_MODELS, _VALIDATION_DIGITS))
@@ -329,10 +233,7 @@ def print_validation(console: Console, validation: Validation, passed: bool) -> 
         console.print(screen_table(console, _fits_ahead(ahead), _VALIDATION_DIGITS))
         if any(row.share_within_band is not None for row in ahead):
             console.print(Text(_BAND))
-    for line in _manoeuvres(validation.manoeuvres):
-        console.print(Text(line))
-    for remark in validation.remarks:
-        console.print(Text(sentence(remark)))
+    print_texts(console, [*_manoeuvres(validation.manoeuvres), *map(sentence, validation.remarks)])
     print_checks(console, validation.checks, passed)
     console.print(Text(_conclusion(validation)))
 
@@ -361,16 +262,17 @@ def _conclusion(validation: Validation) -> str:
 
 
 def _free_run(rows: Sequence[Prediction]) -> Table:
-    columns = (
-        *(Column(header, numeric=False) for header in ("free run", "unit")),
-        *(Column(header) for header in ("noise", "fit %", "RMSE", "unchanged", "prior", "vehicle file")),
-    )
-    body: list[list[Cell]] = []
-    for row in rows:
-        values = row.noise, row.rmse, row.constant_velocity_rmse, row.prior_rmse, row.vehicle_file_rmse
-        noise, *errors = (_in_degrees(value, row.unit) for value in values)
-        body.append([row.signal, _degrees(row.unit), noise, row.fit_percent, *errors])
-    return Table("free-run", "Errors of the free run", columns, body)
+    cells: dict[Column, Callable[[Prediction], Cell]] = {
+        text_column("free run"): lambda row: row.signal,
+        text_column("unit"): lambda row: _degrees(row.unit),
+        Column("noise"): lambda row: _in_degrees(row.noise, row.unit),
+        Column("fit %"): lambda row: row.fit_percent,
+        Column("RMSE"): lambda row: _in_degrees(row.rmse, row.unit),
+        Column("unchanged"): lambda row: _in_degrees(row.constant_velocity_rmse, row.unit),
+        Column("prior"): lambda row: _in_degrees(row.prior_rmse, row.unit),
+        Column("vehicle file"): lambda row: _in_degrees(row.vehicle_file_rmse, row.unit),
+    }
+    return tabulated("free-run", "Errors of the free run", rows, cells)
 
 
 def _fits_ahead(rows: Sequence[Prediction]) -> Table:
@@ -380,14 +282,12 @@ def _fits_ahead(rows: Sequence[Prediction]) -> Table:
     fits = {(row.signal, row.horizon_s): row.fit_percent for row in rows}
     signals = dict.fromkeys(row.signal for row in rows)
     body: list[list[Cell]] = [[signal, *(fits.get((signal, horizon)) for horizon in horizons)] for signal in signals]
-    within: list[Cell] = ["% within band", *(_share_within(rows, horizon) for horizon in horizons)]
+    within: list[Cell] = ["% within band"]
+    for horizon in horizons:
+        # Mean over all signals.
+        shares = [r.share_within_band for r in rows if r.horizon_s == horizon and r.share_within_band is not None]
+        within.append(100.0 * sum(shares) / len(shares) if shares else None)
     return Table("fits-ahead", "Fits ahead", columns, [*body, within])
-
-
-def _share_within(rows: Sequence[Prediction], horizon: float) -> float | None:
-    """Return the mean share over all signals at a horizon, percent."""
-    shares = [row.share_within_band for row in rows if row.horizon_s == horizon and row.share_within_band is not None]
-    return 100.0 * sum(shares) / len(shares) if shares else None
 
 
 def _manoeuvres(numbers: Sequence[ManoeuvreNumber]) -> list[str]:

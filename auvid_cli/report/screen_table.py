@@ -78,10 +78,12 @@ def narrowed(console: Console, table: Table, dropped: Sequence[str], digits: int
     """Render a table, without the first columns of `dropped` that do not fit."""
     headers = [column.header for column in table.columns]
     dropped = [header for header in dropped if header in headers]
-    ever_narrower = enumerate(accumulate(dropped, Table.without, initial=table))
-    return first_that_fits(
-        console, (screen_table(console, each, digits, left_out=dropped[:count]) for count, each in ever_narrower)
-    )
+    screen = ScreenTable()
+    for count, narrower in enumerate(accumulate(dropped, Table.without, initial=table)):
+        screen = screen_table(console, narrower, digits, left_out=dropped[:count])
+        if fits(console, screen):
+            break
+    return screen
 
 
 def fits(console: Console, table: ScreenTable) -> bool:
@@ -89,18 +91,15 @@ def fits(console: Console, table: ScreenTable) -> bool:
     return console.measure(table, options=console.options.update(max_width=_UNLIMITED)).maximum <= console.width
 
 
-def first_that_fits(console: Console, tables: Iterable[ScreenTable]) -> ScreenTable:
-    """Return the first of ever narrower tables, at least one, for which there is room, or else the last."""
-    table = ScreenTable()
-    for table in tables:
-        if fits(console, table):
-            break
-    return table
-
-
 def printed(value: float | None, digits: int = DIGITS) -> str:
     """Write a number for the terminal, a dash where there is none."""
     return MISSING if value is None else number(value, digits) or MISSING
+
+
+def print_texts(console: Console, texts: Iterable[str]) -> None:
+    """Print texts without markup, each on lines of its own."""
+    for text in texts:
+        console.print(Text(text))
 
 
 def encodable(console: Console, text: str) -> str:

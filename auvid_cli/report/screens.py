@@ -1,8 +1,8 @@
-"""Screens of designs, missing terms, imports and comparisons."""
+"""Screens of designs, missing terms, tuned noise, imports and comparisons."""
 
 from collections import Counter
-from collections.abc import Sequence
-from math import isnan
+from collections.abc import Callable, Sequence
+from math import isfinite, isnan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,28 +10,38 @@ from rich.console import Console
 from rich.text import Text
 
 from auvid_cli.config.settings import Spans
-from auvid_cli.data.findings import ScoredTerm, TermFindings
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.findings import DisturbanceChoice, ScoredTerm, TermFindings, TunedNoise, Tuning
 from auvid_cli.evaluation.differences import ComparedValue, Comparison
+from auvid_cli.evaluation.judgement import Judgement, whiteness
 from auvid_cli.logs.measurements import ImportSummary
-from auvid_cli.report.screen_table import MISSING, narrowed, printed, screen_table
-from auvid_cli.report.table import Cell, Column, Table
+from auvid_cli.report.screen_table import MISSING, narrowed, print_texts, printed, screen_table
+from auvid_cli.report.table import Cell, Column, Table, UnitCell, tabulated, text_column
 
 if TYPE_CHECKING:
     from auvid_cli.design.search import Design
     from auvid_cli.design.trials import Trial
 
+_MAX_DIFFERENCES = 20  # without --verbose
+_DIGITS = 6
+_DIFFERENCE_DIGITS = 2
+# Heading of the column that marks values that differ.
+_MARK = ""
+# Columns left out on a narrow terminal, in this order.
+_DROPPED_OF_COMPARISON = "table", "allowed"
 _DESIGN_DIGITS = 3
 _TERM_DIGITS = 3
+_TUNING_DIGITS = 3
+_PREFIX = "identification."
+# An estimate of the smoother and its judgement.
+Judged = tuple[Estimate, Judgement]
 
 
 def print_design(console: Console, design: "Design") -> None:
     """Print the manoeuvres side by side, on trial vehicles that the search has not seen, and the conclusions."""
     spiral = design.trials["spiral"]
-    columns = (
-        Column("manoeuvre", numeric=False),
-        *(Column(header) for header in ("mean sd (%)", "worst sd (%)", "gain", "least", "largest")),
-        *(Column(header) for header in ("outside", "box (m)", "depth (m)")),
-    )
+    headers = "mean sd (%)", "worst sd (%)", "gain", "least", "largest", "outside", "box (m)", "depth (m)"
+    columns = text_column("manoeuvre"), *map(Column, headers)
     rows = [_design_row(name, trial, spiral) for name, trial in design.trials.items()]
     console.print(
         screen_table(console, Table("design", "Design", columns, rows), _DESIGN_DIGITS, unbroken=["manoeuvre"])
@@ -91,13 +101,18 @@ def sentences(design: "Design") -> list[str]:
 
 def print_terms(console: Console, findings: TermFindings) -> None:
     """Print the candidate terms and the result of the search."""
-    columns = (
-        *(Column(header, numeric=False) for header in ("look", "term")),
-        *(Column(header) for header in ("size", "+-", "gain", "made up %", "held-out gain", "gain of all")),
-        Column("verdict", numeric=False),
-    )
-    rows = [_term_row(term) for term in findings.scored]
-    console.print(screen_table(console, Table("terms", "Terms", columns, rows), _TERM_DIGITS))
+    cells: dict[Column, Callable[[ScoredTerm], Cell]] = {
+        text_column("look"): lambda term: str(term.look),
+        text_column("term"): lambda term: term.term,
+        Column("size"): lambda term: term.size,
+        Column("+-"): lambda term: term.standard_deviation,
+        Column("gain"): lambda term: term.gain,
+        Column("made up %"): lambda term: 100.0 * term.made_up_share,
+        Column("held-out gain"): lambda term: term.held_out_gain,
+        Column("gain of all"): lambda term: term.evidence_gain,
+        text_column("verdict"): _verdict,
+    }
+    console.print(screen_table(console, tabulated("terms", "Terms", findings.scored, cells), _TERM_DIGITS))
     console.print(
         Text(
             f"{findings.n_candidates} candidates, fitted to {_of(findings.fitted)}, held out {_of(findings.held_out)}. "
@@ -106,15 +121,8 @@ def print_terms(console: Console, findings: TermFindings) -> None:
             "needless. No better held out: the term does not improve the fit of the held-out data."
         )
     )
-    for term in findings.found:
-        if term.like:
-            console.print(Text(f"These data cannot separate {term.term} from {term.like}."))
-    console.print(Text(_conclusion(findings)))
-
-
-def _term_row(term: ScoredTerm) -> list[Cell]:
-    sizes: list[Cell] = [term.size, term.standard_deviation, term.gain, 100.0 * term.made_up_share]
-    return [str(term.look), term.term, *sizes, term.held_out_gain, term.evidence_gain, _verdict(term)]
+    alike = [f"These data cannot separate {term.term} from {term.like}." for term in findings.found if term.like]
+    print_texts(console, [*alike, _conclusion(findings)])
 
 
 def _verdict(term: ScoredTerm) -> str:
@@ -138,37 +146,106 @@ def _conclusion(findings: TermFindings) -> str:
     return "No term is proposed: no candidate improves the fit."
 
 
+def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged) -> None:
+    """Print the tuned noise, and the innovations of the smoother before and after."""
+    console.print(screen_table(console, tabulated("noise", "Noise", tuning.noises, _NOISE_CELLS), _TUNING_DIGITS))
+    for finding, applies, consequence in _FINDINGS:
+        if names := [noise.setting.removeprefix(_PREFIX) for noise in tuning.noises if applies(noise)]:
+            console.print(Text(f"The data {finding} {', '.join(names)}: {consequence}."))
+    console.print(screen_table(console, _estimates(before, after), _TUNING_DIGITS))
+    if not tuning.converged:
+        console.print(Text("The search has not converged: start `auvid tune` again from these values."))
+
+
+def choice_text(choice: DisturbanceChoice) -> str:
+    """Return whether a disturbance is estimated, and why."""
+    criterion = f"{choice.n_parameters} more parameters need {choice.needed:.3g} (Bayesian information criterion)"
+    what = "kept" if choice.is_kept else "left out"
+    gain = f"it changes the log-likelihood by {choice.gain:+.4g}"
+    return f"a disturbance that is correlated in time is {what}: {gain}; {criterion}"
+
+
+def _is_flat(noise: TunedNoise) -> bool:
+    return noise.low == 0.0 and not isfinite(noise.high)
+
+
+def _is_bounded(noise: TunedNoise) -> bool:
+    return noise.low == 0.0 and isfinite(noise.high)
+
+
+# Result, condition and consequence for noise that the data determine only in part.
+_FINDINGS: tuple[tuple[str, Callable[[TunedNoise], bool], str], ...] = (
+    (
+        "only give an upper limit of",
+        lambda noise: _is_bounded(noise) and not noise.is_time_constant,
+        "any smaller value fits as well",
+    ),
+    (
+        "do not determine",
+        lambda noise: _is_flat(noise) and not noise.is_time_constant,
+        "any smaller value fits as well",
+    ),
+    (
+        "only give an upper limit of",
+        lambda noise: _is_bounded(noise) and noise.is_time_constant,
+        "white process noise fits as well",
+    ),
+    (
+        "only give a lower limit of",
+        lambda noise: noise.low > 0.0 and not isfinite(noise.high),
+        "any larger value fits as well",
+    ),
+    ("do not determine", lambda noise: _is_flat(noise) and noise.is_time_constant, "any value fits"),
+)
+
+
+def _most_likely(noise: TunedNoise) -> Cell:
+    # Without a lower limit, the most likely value is the smallest that the search allows.
+    is_none = noise.low == 0.0 and noise.tuned < 1e-3 * noise.high and not noise.is_time_constant
+    return "none" if is_none else noise.tuned
+
+
+_NOISE_CELLS: dict[Column, Callable[[TunedNoise], Cell]] = {
+    text_column("noise"): lambda noise: noise.setting.removeprefix(_PREFIX),
+    text_column("unit"): lambda noise: UnitCell(noise.unit),
+    Column("stated"): lambda noise: noise.stated,
+    Column("most likely"): _most_likely,
+    Column("95 % from"): lambda noise: noise.low,
+    Column("to"): lambda noise: noise.high if isfinite(noise.high) else "no limit",
+}
+
+
+def _estimates(before: Judged, after: Judged) -> Table:
+    """Return mean NIS and autocorrelation of the innovations of each sensor, and the judgement."""
+    rows: list[list[Cell]] = []
+    for sensor in before[0].innovations:
+        nis: list[Cell] = [estimate.innovations[sensor].sums().mean_nis for estimate, _ in (before, after)]
+        rows.append([f"mean NIS of {sensor}", *nis])
+        memory: list[Cell] = [whiteness(estimate.innovations[sensor]).portmanteau for estimate, _ in (before, after)]
+        rows.append([f"errors of {sensor} correlated in time (Ljung-Box)", *memory])
+    grades: list[Cell] = [judgement.grade for _, judgement in (before, after)]
+    columns = Column("smoother", numeric=False), Column("as stated"), Column("tuned")
+    return Table("tuned", "Before and after", columns, [*rows, ["judgement", *grades]])
+
+
 def print_import_report(console: Console, summaries: Sequence[ImportSummary], remarks: Sequence[str]) -> None:
     """Print rate, span and losses of each sensor and input, and the remarks of the import."""
-    headers = "rate Hz", "samples", "from s", "to s", "missing", "duplicates"
-    rows: list[list[Cell]] = [
-        [
-            summary.name,
-            f"{summary.rate:.4g}",
-            str(summary.samples),
-            *(f"{time:.7g}" for time in summary.span),
-            str(summary.missing),
-            str(summary.duplicates),
-        ]
-        for summary in summaries
-    ]
-    columns = (Column("", numeric=False), *(Column(header) for header in headers))
-    console.print(screen_table(console, Table("import", "Imported records", columns, rows), unbroken=("",)))
+    cells: dict[Column, Callable[[ImportSummary], Cell]] = {
+        text_column(""): lambda summary: summary.name,
+        Column("rate Hz"): lambda summary: f"{summary.rate:.4g}",
+        Column("samples"): lambda summary: str(summary.samples),
+        Column("from s"): lambda summary: f"{summary.span[0]:.7g}",
+        Column("to s"): lambda summary: f"{summary.span[1]:.7g}",
+        Column("missing"): lambda summary: str(summary.missing),
+        Column("duplicates"): lambda summary: str(summary.duplicates),
+    }
+    table = tabulated("import", "Imported records", summaries, cells)
+    console.print(screen_table(console, table, unbroken=("",)))
     of_remark: dict[str, list[str]] = {}
     for summary in summaries:
         for remark in summary.remarks:
             of_remark.setdefault(remark, []).append(summary.name)
-    for remark in (*(f"{', '.join(names)}: {remark}" for remark, names in of_remark.items()), *remarks):
-        console.print(Text(remark))
-
-
-_MAX_DIFFERENCES = 20  # without --verbose
-_DIGITS = 6
-_DIFFERENCE_DIGITS = 2
-# Heading of the column that tells what differs among all.
-_MARK = ""
-# Columns left out on a narrow terminal, in this order.
-_DROPPED_OF_COMPARISON = "table", "allowed"
+    print_texts(console, [*(f"{', '.join(names)}: {remark}" for remark, names in of_remark.items()), *remarks])
 
 
 def print_comparison(console: Console, comparison: Comparison, everything: bool) -> None:
@@ -182,7 +259,7 @@ def print_comparison(console: Console, comparison: Comparison, everything: bool)
     differing = comparison.differing()
     shown = comparison.values if everything else differing[:_MAX_DIFFERENCES]
     if shown:
-        table = _beside_each_other(shown)
+        table = tabulated("comparison", "Two results", shown, _COMPARED)
         console.print(narrowed(console, table if everything else table.without(_MARK), _DROPPED_OF_COMPARISON))
     if len(differing) > _MAX_DIFFERENCES and not everything:
         console.print(Text(f"and {len(differing) - _MAX_DIFFERENCES} more that differ; --verbose prints all values"))
@@ -196,29 +273,24 @@ def print_comparison(console: Console, comparison: Comparison, everything: bool)
         console.print(Text(f"only the first has {', '.join(comparison.only_first)}"))
 
 
-def _beside_each_other(values: list[ComparedValue]) -> Table:
-    columns = (
-        *(Column(header, numeric=False) for header in (_MARK, "table", "of", "value")),
-        *(Column(header) for header in ("first", "second", "difference", "allowed")),
-    )
-    rows: list[list[Cell]] = [
-        [
-            "" if value.agrees else "DIFFERS",
-            value.table,
-            value.row,
-            value.column,
-            _cell(value.first),
-            _cell(value.second),
-            MISSING if isnan(value.difference) else printed(value.difference, _DIFFERENCE_DIGITS),
-            MISSING if isnan(value.allowed) else printed(value.allowed, _DIFFERENCE_DIGITS),
-        ]
-        for value in values
-    ]
-    return Table("comparison", "Two results", columns, rows)
-
-
 def _cell(text: str) -> str:
     try:
         return printed(float(text), _DIGITS)
     except ValueError:
         return text or MISSING
+
+
+def _difference(value: float) -> str:
+    return MISSING if isnan(value) else printed(value, _DIFFERENCE_DIGITS)
+
+
+_COMPARED: dict[Column, Callable[[ComparedValue], Cell]] = {
+    text_column(_MARK): lambda value: "" if value.agrees else "DIFFERS",
+    text_column("table"): lambda value: value.table,
+    text_column("of"): lambda value: value.row,
+    text_column("value"): lambda value: value.column,
+    Column("first"): lambda value: _cell(value.first),
+    Column("second"): lambda value: _cell(value.second),
+    Column("difference"): lambda value: _difference(value.difference),
+    Column("allowed"): lambda value: _difference(value.allowed),
+}

@@ -1,10 +1,10 @@
 """Tables independent of their output, and the notation of symbols and units."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import compress
 from math import floor, isfinite, log10
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, TypeVar
 
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, is_name_of_term
 
@@ -66,13 +66,7 @@ def unit_latex(unit: str) -> str:
 
 
 def by_kind(symbols: Sequence[str]) -> dict[str, list[str]]:
-    """Put coefficients that are many for one picture in two groups, those of forces and those of moments.
-
-    Returns
-    -------
-    dict
-        Symbols by what they are, in the order in which they came; all by ``""`` where they are few.
-    """
+    """Return coefficients by "forces" and "moments" if they are too many for one picture, otherwise all by ``""``."""
     if len(symbols) <= _MAX_COEFFICIENTS:
         return {"": list(symbols)}
     groups = {"forces": [s for s in symbols if s[0] in "XYZ"], "moments": [s for s in symbols if s[0] not in "XYZ"]}
@@ -114,6 +108,7 @@ class Unidentified(NamedTuple):
     cell: float | PlusMinus
 
 
+Row = TypeVar("Row")
 # None and a number that is not finite are missing values.
 Cell: TypeAlias = str | float | Symbol | UnitCell | PlusMinus | Unidentified | None
 
@@ -153,8 +148,24 @@ class Table(NamedTuple):
         return self._replace(columns=tuple(compress(self.columns, kept)), rows=rows, totals=totals)
 
 
+def text_column(header: str) -> Column:
+    """Return the heading of a column of text."""
+    return Column(header, numeric=False)
+
+
+def tabulated(
+    key: str,
+    title: str,
+    rows: Iterable[Row],
+    cells: Mapping[Column, Callable[[Row], Cell]],
+    notes: tuple[str, ...] = (),
+) -> Table:
+    """Return a table with a function for each column, which makes its cells from the rows."""
+    return Table(key, title, tuple(cells), [[cell(row) for cell in cells.values()] for row in rows], notes=tuple(notes))
+
+
 def capitalised(header: str) -> str:
-    """Return a heading as documents write it; on the terminal it begins small."""
+    """Return a heading with a capital first letter, for documents."""
     return header[:1].upper() + header[1:] if header[:1].isascii() else header
 
 
@@ -186,11 +197,11 @@ class CellStyle(NamedTuple):
     Attributes
     ----------
     missing : str
-        Stands for an unknown value.
+        Text of an unknown value.
     symbol, unit, text : callable
-        Write the name of a symbol, the name of a unit, and plain text.
+        Return the text of a symbol, of a unit, and of plain text.
     number : callable
-        Writes a number that already has its digits.
+        Returns the text of a number that already has its digits.
     plus_minus, mark : str
         Sign before a standard deviation, and the mark of an unidentified value.
     digits : int

@@ -120,7 +120,6 @@ def folder_like(folder: Path, like: str, speed: float | None) -> FirstFolder:
 
     Parameters
     ----------
-    folder : pathlib.Path
     like : str
         Name of the vehicle, such as ``remus100``.
     speed : float or None

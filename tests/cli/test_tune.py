@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from auvid_cli.api.files import read_dataset
 from auvid_cli.api.identification import identify
 from auvid_cli.cli.app import app
-from auvid_cli.cli.tuning import tune
+from auvid_cli.cli.experiment import tune
 from auvid_cli.config.extra_states import ProcessNoise
 from auvid_cli.data.dataset_file import write_dataset
 from auvid_cli.data.estimate_file import read_estimate

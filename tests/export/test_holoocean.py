@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.export.simulators import holoocean_losses, holoocean_text
+from auvid_cli.config.enums import FormatName
+from auvid_cli.export.formats import FORMATS
+from auvid_cli.export.simulators import holoocean_text
 from auvid_cli.vehicle.kinematics import rotation_matrix
 
 HALF_TURN = np.diag([1.0, -1.0, -1.0])
@@ -21,7 +23,7 @@ HALF_TURN = np.diag([1.0, -1.0, -1.0])
 
 def read(model, folder):
     path = folder / "model.py"
-    path.write_text(holoocean_text(model, holoocean_losses(model), "model"), encoding="utf-8")
+    path.write_text(holoocean_text(model, FORMATS[FormatName.HOLOOCEAN].losses(model), "model"), encoding="utf-8")
     return runpy.run_path(str(path))
 
 

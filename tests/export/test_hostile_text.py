@@ -13,8 +13,9 @@ import yaml
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from auvid_cli.config.enums import FormatName
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.export.formats import FORMATS, check_stem, file_stem, json_losses, json_text, yaml_text
+from auvid_cli.export.formats import FORMATS, check_stem, file_stem, json_text, yaml_text
 from auvid_cli.export.functions import matlab_text, mss_text, python_text
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
 from auvid_cli.export.losses import unsupported_features
@@ -103,7 +104,7 @@ def test_gazebo_model_has_the_same_elements(text, tame):
 @hostile
 def test_json_keeps_the_text(text, tame):
     model = named(tame, text)
-    held = json.loads(json_text(model, json_losses(model), "m"))
+    held = json.loads(json_text(model, FORMATS[FormatName.JSON].losses(model), "m"))
     assert (held["vehicle"], held["provenance"]["settings"]["vehicle"]["notes"]) == (text, [text])
 
 

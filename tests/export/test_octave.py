@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.export.functions import matlab_text, mss_losses, mss_text
+from auvid_cli.config.enums import FormatName
+from auvid_cli.export.formats import FORMATS
+from auvid_cli.export.functions import matlab_text, mss_text
 from auvid_cli.export.losses import unsupported_features
 from auvid_cli.vehicle.kinematics import euler_rates, rotation_matrix
 
@@ -27,7 +29,9 @@ def results(skewed, cases, tmp_path_factory):
     assert OCTAVE is not None
     folder = tmp_path_factory.mktemp("octave")
     (folder / "bare.m").write_text(matlab_text(skewed, unsupported_features(skewed), "bare"), encoding="utf-8")
-    (folder / "vessel.m").write_text(mss_text(skewed, mss_losses(skewed), "vessel"), encoding="utf-8")
+    (folder / "vessel.m").write_text(
+        mss_text(skewed, FORMATS[FormatName.MSS].losses(skewed), "vessel"), encoding="utf-8"
+    )
     script = ["format long"]
     for motion, inputs in cases:
         state = [*motion[:6], 1.0, 2.0, 3.0, *motion[6:]]

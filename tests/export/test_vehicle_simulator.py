@@ -8,9 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from auvid_cli.config.enums import FormatName
 from auvid_cli.config.vehicle import ActuatorSettings
+from auvid_cli.export.formats import FORMATS
 from auvid_cli.export.model_parts import Actuation
-from auvid_cli.export.simulators import simulator_losses, simulator_text
+from auvid_cli.export.simulators import simulator_text
 from auvid_cli.vehicle.kinematics import current_in_body_axes, euler_rates
 
 STEP = 0.02
@@ -25,7 +27,7 @@ LAGGED = Actuation(1.25, 10.0, ACTUATORS, {"Y_uudr": 1.0, "Z_uude": 1.0, "M_uude
 
 def read(model, folder):
     path = folder / "model.py"
-    path.write_text(simulator_text(model, simulator_losses(model), "model"), encoding="utf-8")
+    path.write_text(simulator_text(model, FORMATS[FormatName.SIMULATOR].losses(model), "model"), encoding="utf-8")
     return runpy.run_path(str(path))["Vehicle"]
 
 
@@ -85,7 +87,7 @@ def test_main_loop_of_the_simulator_runs(model_with, tmp_path):
 
 def test_simulator_has_gain_and_actuators(model_with, tmp_path, derivative_of):
     model = model_with(actuation=LAGGED)
-    lines = " ".join(simulator_losses(model).notes)
+    lines = " ".join(FORMATS[FormatName.SIMULATOR].losses(model).notes)
     assert "actuators are lost" not in lines
     assert "gain" not in lines
     vehicle = read(model, tmp_path)()

@@ -21,16 +21,8 @@ from auvid_cli.report.figures.motion import motion_error_figure, motion_figure, 
 from auvid_cli.report.figures.style import new_figure, plain_log_ticks
 from auvid_cli.report.figures.validation import free_run_figure, innovation_figure
 from auvid_cli.report.layout import write_tables
-from auvid_cli.report.plot_data import (
-    around,
-    estimate_plot,
-    log_spaced,
-    spaced,
-    thin,
-    unwrapped,
-    value_range,
-    with_margin,
-)
+from auvid_cli.report.plot_data import estimate_plot
+from auvid_cli.report.series import around, log_spaced, spaced, thin, unwrapped, value_range, with_margin
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS
 

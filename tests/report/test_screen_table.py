@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from auvid_cli.report.screen_table import first_that_fits, fits, narrowed, screen_table
+from auvid_cli.report.screen_table import fits, narrowed, screen_table
 from auvid_cli.report.table import Column, Table
 
 
@@ -30,12 +30,6 @@ def table_of(*cells):
 def test_a_table_fits_where_it_is_shown_as_on_the_widest_terminal(cells, width):
     table = table_of(*cells)
     assert fits(console_of(width), table) == (shown(table, width) == shown(table, 1000))
-
-
-@pytest.mark.parametrize(("width", "kept"), [(100, 3), (80, 3), (50, 2), (30, 1), (10, 1)])
-def test_the_first_that_fits_is_taken_or_else_the_last(width, kept):
-    tables = [table_of(*["x" * 20] * count) for count in (3, 2, 1)]
-    assert len(first_that_fits(console_of(width), iter(tables)).columns) == kept
 
 
 def test_a_column_that_is_left_out_is_gone_from_body_and_totals():

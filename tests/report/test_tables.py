@@ -2,8 +2,9 @@ import re
 
 import pytest
 
-from auvid_cli.report.layout import estimates, lay_out, published, published_filters, table_iv, write_tables
+from auvid_cli.report.layout import estimates, lay_out, write_tables
 from auvid_cli.report.table import UnitCell, number, symbol_math, unit_latex, unit_text
+from auvid_cli.report.table_iv import published, published_filters, table_iv
 from auvid_cli.report.text_tables import escape_latex, render_latex, render_markdown
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 

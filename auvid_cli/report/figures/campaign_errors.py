@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from auvid_cli.campaign.axes import ended
-from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure, plain, plain_log_ticks
+from auvid_cli.campaign.axes import CellErrors, errors_by_cell
+from auvid_cli.report.figures import style
 from auvid_cli.report.table import setting_text
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ _MIN_SPAN = 4.0  # ratio of the limits of the axis
 
 
 def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
-    """Draw box plots of the mean steady-state error over the runs that ended; below, how many did not.
+    """Draw box plots of the mean steady-state errors of the runs that ended, and the share of runs that failed.
 
     Parameters
     ----------
@@ -41,64 +41,71 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
     filters : dict
         Filter of each variant, by name of the variant.
     """
-    along, between = (columns[-1] if columns else None), columns[:-1]
-    cells = (
-        [(_title(between, key), cell) for key, cell in runs.groupby(between, sort=False)] if between else [("", runs)]
-    )
-    panels = cells[:_MAX_PANELS]
-    figure = new_figure(11.0, 2.6 * len(panels) + 0.9)
-    axes_list = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True, sharey=True))
-    levels, looks = list(dict.fromkeys(runs[along])) if along else [""], _looks(filters)
-    for axes, (title, cell) in zip(axes_list, panels, strict=True):
+    cells = errors_by_cell(runs, columns)
+    keys = list(dict.fromkeys(cell.key[:-1] for cell in cells))
+    shown = keys[:_MAX_PANELS]
+    figure = style.new_figure(11.0, 2.6 * len(shown) + 0.9)
+    panels = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True, sharey=True))
+    levels, looks = list(dict.fromkeys(cell.key[-1:] for cell in cells)), _looks(filters)
+    for axes, key in zip(panels, shown, strict=True):
         for k, (name, look) in enumerate(looks.items()):
-            of_filter = cell[cell["filter"] == name]
-            by_level = [of_filter if along is None else of_filter[of_filter[along] == level] for level in levels]
+            width, marker = 0.85 * _WIDTH / len(looks), style.FILTER_STYLES[filters[name]].marker
+            of_panel = {cell.key[-1:]: cell for cell in cells if cell.filter == name and cell.key[:-1] == key}
             places = np.arange(len(levels), dtype=np.float64) + _WIDTH * ((k + 0.5) / len(looks) - 0.5)
-            width, marker = 0.85 * _WIDTH / len(looks), FILTER_STYLES[filters[name]].marker
-            _draw_runs(axes, by_level, places, width, look, marker)
-            _write_losses(axes, by_level, places)
-        _tidy_errors(axes)
-        head(axes, title)
-    axes_list[-1].set_xticks(range(len(levels)), [plain(setting_text(level)) for level in levels])
-    axes_list[-1].set_xlabel(plain(along or ""), fontsize=9)
-    _leave_room(axes_list)
-    most = int(ended(runs).groupby([runs["filter"], *(runs[column] for column in columns)]).sum().max())
+            drawn = [(place, of_panel[level]) for place, level in zip(places, levels, strict=True) if level in of_panel]
+            _draw_runs(axes, drawn, width, look, marker)
+        axes.set_yscale("log")
+        style.plain_log_ticks(axes.yaxis)
+        style.plain_frame(axes, "y")
+        axes.set_ylabel("error (%)", fontsize=9)
+        names = zip(columns, key, strict=False)
+        style.head(axes, style.plain(", ".join(f"{column} {setting_text(value)}" for column, value in names)))
+    panels[-1].set_xticks(range(len(levels)), [style.plain("".join(map(setting_text, level))) for level in levels])
+    panels[-1].set_xlabel(style.plain(columns[-1] if columns else ""), fontsize=9)
+    low, high = panels[0].get_ylim()
+    if 0.0 < low < high < _MIN_SPAN * low:
+        # Errors that hardly differ look alike.
+        room = np.sqrt(_MIN_SPAN * low / high)
+        panels[0].set_ylim(low / room, high * room)
+    most = max(cell.ended for cell in cells)
     words = ["a mark for each run" if most < _MIN_RUNS else "box: quartiles, mark: median, whiskers: 5 to 95 %"]
-    words += ["upright numbers: share of runs that failed"] * (not ended(runs).all())
-    words += [f"{len(cells) - len(panels)} more combinations: see the tables"] * (len(cells) > len(panels))
-    handles: list[Artist] = [Patch(label=plain(name), **look) for name, look in looks.items()]
+    words += ["upright numbers: share of runs that failed"] * any(cell.lost for cell in cells)
+    words += [f"{len(keys) - len(shown)} more combinations: see the tables"] * (len(keys) > len(shown))
+    handles: list[Artist] = [Patch(label=style.plain(name), **look) for name, look in looks.items()]
     if most < _MIN_RUNS:
         handles = [
-            Line2D(
-                [],
-                [],
-                marker=FILTER_STYLES[filters[name]].marker,
-                color=look["facecolor"],
-                linestyle="",
-                label=plain(name),
-                markeredgecolor="black",
-            )
-            for name, look in looks.items()
+            Line2D([], [], linestyle="", label=style.plain(name), **_mark(style.FILTER_STYLES[filters[name]]))
+            for name in looks
         ]
-    legend_above(figure, [*handles, *(Patch(label=text, color="none") for text in words)])
+    style.legend_above(figure, [*handles, *(Patch(label=text, color="none") for text in words)])
     return figure
 
 
+def _mark(look: style.FilterStyle) -> dict[str, Any]:
+    return {"marker": look.marker, "color": look.color, "markeredgecolor": "black"}
+
+
 def _draw_runs(
-    axes: Axes, by_level: list["pd.DataFrame"], places: Array, width: float, look: dict[str, Any], marker: str
+    axes: Axes, cells: list[tuple[float, CellErrors]], width: float, look: dict[str, Any], marker: str
 ) -> None:
-    """Draw a box of the errors at each level or, where they are too few for quartiles, a mark for each."""
-    errors = [runs["steady_state_error_percent"].dropna().clip(upper=_MAX_ERROR).to_numpy() for runs in by_level]
-    few = [place for place, values in enumerate(errors) if values.size < _MIN_RUNS]
-    for place in few:
-        at = np.full(errors[place].size, places[place])
-        axes.plot(at, errors[place], marker, color=look["facecolor"], markeredgecolor="black", markersize=6.0)
-    many = [place for place in range(len(errors)) if place not in few]
-    if not many:
+    """Draw a box of the errors of each cell or, if they are too few for quartiles, marks, and the share of failures."""
+    boxed: list[tuple[float, Array]] = []
+    for place, cell in cells:
+        errors = np.minimum(cell.errors, _MAX_ERROR)
+        if errors.size >= _MIN_RUNS:
+            boxed.append((place, errors))
+        else:
+            at = np.full(errors.size, place)
+            axes.plot(at, errors, marker, color=look["facecolor"], markeredgecolor="black", markersize=6.0)
+        if cell.lost:
+            failed = {"rotation": 90, "fontsize": 6.5, "ha": "center", "va": "bottom", "color": "#A00000"}
+            axes.text(place, 0.01, f"{cell.lost:.0%}", transform=axes.get_xaxis_transform(), **failed)
+    if not boxed:
         return
+    places, errors = zip(*boxed, strict=True)
     boxes = axes.boxplot(
-        [errors[place] for place in many],
-        positions=places[many],
+        errors,
+        positions=places,
         widths=width,
         whis=(5, 95),
         manage_ticks=False,
@@ -108,35 +115,8 @@ def _draw_runs(
     )
     for box in boxes["boxes"]:
         box.set(**look)
-    medians = [float(np.median(errors[place])) for place in many]
-    axes.plot(places[many], medians, marker, color="white", markeredgecolor="black", markersize=6.0, zorder=4.0)
-
-
-def _leave_room(panels: NDArray[Any]) -> None:
-    """Let errors that hardly differ look alike: an axis spans a factor of four at least."""
-    low, high = panels[0].get_ylim()
-    if 0.0 < low < high < _MIN_SPAN * low:
-        room = np.sqrt(_MIN_SPAN * low / high)
-        panels[0].set_ylim(low / room, high * room)
-
-
-def _write_losses(axes: Axes, by_level: list["pd.DataFrame"], places: Array) -> None:
-    """Write the share of failed runs below each box, if there are any."""
-    style = {"rotation": 90, "fontsize": 6.5, "ha": "center", "va": "bottom", "color": "#A00000"}
-    for place, runs in zip(places, by_level, strict=True):
-        lost = float((~ended(runs)).mean()) if len(runs) else 0.0
-        if lost:
-            axes.text(place, 0.01, f"{lost:.0%}", transform=axes.get_xaxis_transform(), **style)
-
-
-def _tidy_errors(axes: Axes) -> None:
-    axes.set_yscale("log")
-    plain_log_ticks(axes.yaxis)
-    axes.grid(axis="y", color="0.9", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(labelsize=8)
-    axes.set_ylabel("error (%)", fontsize=9)
+    medians = [float(np.median(values)) for values in errors]
+    axes.plot(places, medians, marker, color="white", markeredgecolor="black", markersize=6.0, zorder=4.0)
 
 
 def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
@@ -145,7 +125,7 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     Parameters
     ----------
     table : DataFrame
-        As of `auvid_cli.campaign.summary.by_filter`; over further axes the median is taken, of shares the mean.
+        Result of `auvid_cli.campaign.summary.by_filter`. Over further axes, errors are medians and shares are means.
     columns, filters
         As of `spread_figure`; the last two axes are the map's.
     """
@@ -153,10 +133,10 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     rows, cols = list(dict.fromkeys(table[down])), list(dict.fromkeys(table[across]))
     n = len(filters)
     wide = min(n, 3)
-    figure = new_figure(1.0 + wide * (0.62 * len(cols) + 0.9), -(-n // wide) * (0.42 * len(rows) + 1.0) + 0.5)
+    figure = style.new_figure(1.0 + wide * (0.62 * len(cols) + 0.9), -(-n // wide) * (0.42 * len(rows) + 1.0) + 0.5)
     panels = np.atleast_1d(figure.subplots(-(-n // wide), wide, sharex=True, sharey=True, squeeze=False)).ravel()
     errors = table["steady_state_error_percent"].clip(upper=_MAX_ERROR).dropna().to_numpy(dtype=np.float64)
-    # In decades; of a run that was lost there is none.
+    # Decades; NaN without a completed run.
     lowest, highest = np.log10([errors.min(), errors.max()]) if errors.size else (0.0, 0.0)
     image = None
     for axes, name in zip(panels, filters, strict=False):
@@ -181,13 +161,13 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
             text += f"\n{inconsistent[i, j]:.0%} incons." if inconsistent[i, j] > 0.0 else ""
             is_dark = decades[i, j] > 0.5 * (lowest + highest)
             axes.text(j, i, text, ha="center", va="center", fontsize=6, color="white" if is_dark else "black")
-        axes.set_xticks(range(len(cols)), [plain(setting_text(value)) for value in cols], fontsize=8)
-        axes.set_yticks(range(len(rows)), [plain(setting_text(value)) for value in rows], fontsize=8)
-        head(axes, plain(name))
+        axes.set_xticks(range(len(cols)), [style.plain(setting_text(value)) for value in cols], fontsize=8)
+        axes.set_yticks(range(len(rows)), [style.plain(setting_text(value)) for value in rows], fontsize=8)
+        style.head(axes, style.plain(name))
     for axes in panels[n:]:
         axes.set_visible(False)
-    figure.supxlabel(plain(across), fontsize=9)
-    figure.supylabel(plain(down), fontsize=9)
+    figure.supxlabel(style.plain(across), fontsize=9)
+    figure.supylabel(style.plain(down), fontsize=9)
     if image is not None:
         bar = figure.colorbar(image, ax=panels.tolist(), shrink=0.8)
         bar.set_label("median error (%),\ndarker is larger", fontsize=8)
@@ -201,13 +181,8 @@ def _rounded(percent: float) -> str:
 
 
 def _looks(filters: dict[str, str]) -> dict[str, dict[str, Any]]:
-    """Fill each variant: the colour of its filter, hatched differently from all others."""
+    """Return the fill of each variant: the colour of its filter, and a hatching of its own."""
     return {
-        name: {"facecolor": FILTER_STYLES[kind].color, "hatch": _HATCHES[place % len(_HATCHES)]}
+        name: {"facecolor": style.FILTER_STYLES[kind].color, "hatch": _HATCHES[place % len(_HATCHES)]}
         for place, (name, kind) in enumerate(filters.items())
     }
-
-
-def _title(names: list[str], values: object) -> str:
-    levels = values if isinstance(values, tuple) else (values,)
-    return plain(", ".join(f"{name} {setting_text(value)}" for name, value in zip(names, levels, strict=True)))

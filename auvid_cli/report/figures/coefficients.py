@@ -13,36 +13,14 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.evaluation.results import CLASSES, Identifiability
-from auvid_cli.report.figures.style import (
-    BAND_SHADE,
-    FILTER_STYLES,
-    TRUE_LINE,
-    WIDTH,
-    Room,
-    draw_band,
-    filter_handles,
-    head,
-    legend_above,
-    name_panel,
-    name_values,
-    new_figure,
-    new_panels,
-    plain_decades,
-    show_message,
-)
-from auvid_cli.report.plot_data import (
-    CoefficientPlot,
-    convergence_limits,
-    convergence_plot,
-    estimate_plot,
-    time_span,
-)
+from auvid_cli.report import plot_data
+from auvid_cli.report.figures import style
 from auvid_cli.report.table import symbol_math
 
 Array = NDArray[np.float64]
 _COLUMNS = 4
-_ROOM = Room(across=0.15)
-_ESTIMATE_ROOM = Room(across=0.55)
+_ROOM = style.Room(across=0.15)
+_ESTIMATE_ROOM = style.Room(across=0.55)
 _LINE_POINTS = 200
 _ESTIMATE_POINTS = 600
 # Okabe and Ito's, from sure to unknown.
@@ -67,25 +45,27 @@ def estimate_figure(symbols: Sequence[str], estimates: list[EstimateHistory], tr
     true : dict
         By symbol, SI; empty without truth.
     """
-    handles = filter_handles((estimate.filter for estimate in estimates), marked=True)
+    handles = style.filter_handles((estimate.filter for estimate in estimates), marked=True)
     if true:
-        handles.append(Line2D([], [], label="true value", **TRUE_LINE))
-    plots = [estimate_plot(symbol, estimates, true.get(symbol), _ESTIMATE_POINTS) for symbol in symbols]
-    figure, panels = new_panels(len(symbols), _COLUMNS, 1.15, handles, _ESTIMATE_ROOM, time_span(estimates))
+        handles.append(Line2D([], [], label="true value", **style.TRUE_LINE))
+    plots = [plot_data.estimate_plot(symbol, estimates, true.get(symbol), _ESTIMATE_POINTS) for symbol in symbols]
+    figure, panels = style.new_panels(
+        len(symbols), _COLUMNS, 1.15, handles, _ESTIMATE_ROOM, plot_data.time_span(estimates)
+    )
     for axes, plot in zip(panels, plots, strict=True):
         # Estimates start at zero and end at one edge of the panel, so that half height is free.
-        name_panel(axes, symbol_math(plot.symbol), height=0.6)
+        style.name_panel(axes, symbol_math(plot.symbol), height=0.6)
         axes.set_xscale("log")
         axes.set_xlim(plot.begin, plot.end)
-        plain_decades(axes.xaxis)
+        style.plain_decades(axes.xaxis)
         _draw_lines(axes, plot)
         if plot.limits is None:
-            show_message(axes, "no estimate")
+            style.show_message(axes, "no estimate")
             continue
         axes.set_ylim(*plot.limits)
         if plot.true is not None:
-            axes.axhline(plot.true, **TRUE_LINE, zorder=1.9)
-    name_values(figure, "estimate (SI)")
+            axes.axhline(plot.true, **style.TRUE_LINE, zorder=1.9)
+    style.name_values(figure, "estimate (SI)")
     return figure
 
 
@@ -98,40 +78,40 @@ def convergence_figure(symbols: Sequence[str], estimates: list[EstimateHistory],
         By symbol, SI; empty without truth.
     """
     handles = [
-        *filter_handles((estimate.filter for estimate in estimates), marked=True),
-        Patch(color="0.5", alpha=BAND_SHADE, linewidth=0, label="2 standard deviations"),
+        *style.filter_handles((estimate.filter for estimate in estimates), marked=True),
+        Patch(color="0.5", alpha=style.BAND_SHADE, linewidth=0, label="2 standard deviations"),
     ]
-    plots = [convergence_plot(symbol, estimates, true.get(symbol), _LINE_POINTS) for symbol in symbols]
-    limits = convergence_limits(plots)
-    figure, panels = new_panels(len(symbols), _COLUMNS, 1.15, handles, _ROOM, time_span(estimates))
+    plots = [plot_data.convergence_plot(symbol, estimates, true.get(symbol), _LINE_POINTS) for symbol in symbols]
+    limits = plot_data.convergence_limits(plots)
+    figure, panels = style.new_panels(len(symbols), _COLUMNS, 1.15, handles, _ROOM, plot_data.time_span(estimates))
     for place, (axes, plot) in enumerate(zip(panels, plots, strict=True)):
         axes.set_yscale("log")
         axes.set_ylim(*limits)
-        plain_decades(axes.yaxis)
+        style.plain_decades(axes.yaxis)
         if place % _COLUMNS:
             axes.tick_params(labelleft=False)
         # A true value of zero, of a term that the simulation did not have, has no percent.
-        name_panel(axes, symbol_math(plot.symbol) + (", of its final value" if plot.true == 0.0 else ""))
+        style.name_panel(axes, symbol_math(plot.symbol) + (", of its final value" if plot.true == 0.0 else ""))
         for line in plot.lines:
-            color = FILTER_STYLES[line.filter].color
-            draw_band(axes, line.band_time, limits[0], line.band, color, len(estimates))
+            color = style.FILTER_STYLES[line.filter].color
+            style.draw_band(axes, line.band_time, limits[0], line.band, color, len(estimates))
         _draw_lines(axes, plot)
         if not plot.lines:
-            show_message(axes, "no estimate")
-    name_values(figure, f"distance from the {'true' if true else 'final'} value (% of it)")
+            style.show_message(axes, "no estimate")
+    style.name_values(figure, f"distance from the {'true' if true else 'final'} value (% of it)")
     return figure
 
 
-def _draw_lines(axes: Axes, plot: CoefficientPlot) -> None:
+def _draw_lines(axes: Axes, plot: plot_data.CoefficientPlot) -> None:
     for position, line in enumerate(plot.lines):
-        style = FILTER_STYLES[line.filter].marked_line(position, line.time.size)
-        axes.plot(line.time, line.values, **style, zorder=2.0 + 0.1 * position)
+        look = style.FILTER_STYLES[line.filter].marked_line(position, line.time.size)
+        axes.plot(line.time, line.values, **look, zorder=2.0 + 0.1 * position)
 
 
 def bounds_figure(identifiability: Identifiability) -> Figure:
     """Draw bounds in percent of the value, and how they fall with the duration."""
     n = len(identifiability.bounds)
-    figure = new_figure(WIDTH, 0.26 * max(n, 6) + 1.4)
+    figure = style.new_figure(style.WIDTH, 0.26 * max(n, 6) + 1.4)
     bars, growth = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
     percents = np.array([min(bound.percent, _MAX_PERCENT) for bound in identifiability.bounds])
     smallest = max(float(percents.min()), 1e-6)
@@ -155,11 +135,11 @@ def bounds_figure(identifiability: Identifiability) -> Figure:
     growth.set_xscale("log")
     _tidy_log(growth)
     _tick_durations(growth, times)
-    head(growth, "bound over duration, each coefficient")
+    style.head(growth, "bound over duration, each coefficient")
     growth.set_xlabel("duration (s)", fontsize=9)
     growth.set_ylabel("bound (%)", fontsize=9)
     there = {bound.label for bound in identifiability.bounds}
-    legend_above(figure, [Patch(label=label, **_filled(label)) for _, label in CLASSES if label in there])
+    style.legend_above(figure, [Patch(label=label, **_filled(label)) for _, label in CLASSES if label in there])
     return figure
 
 
@@ -172,7 +152,7 @@ def _stroked(label: str) -> dict[str, Any]:
 
 
 def _tick_durations(axes: Axes, times: list[float]) -> None:
-    """Put numbers at an axis of durations, s: of their order no more than have room."""
+    """Label an axis of durations, s, with as many of them as there is room for."""
     kept: list[float] = []
     for time in sorted(times, reverse=True):
         if time > 0.0 and (not kept or time < _APART * kept[-1]):
@@ -184,7 +164,7 @@ def _tick_durations(axes: Axes, times: list[float]) -> None:
 def correlation_figure(identifiability: Identifiability) -> Figure:
     """Draw the correlations of the errors of an estimate that reaches the bound."""
     n = len(identifiability.bounds)
-    figure = new_figure(0.36 * max(n, 6) + 2.2, 0.33 * max(n, 6) + 1.6)
+    figure = style.new_figure(0.36 * max(n, 6) + 2.2, 0.33 * max(n, 6) + 1.6)
     axes = figure.subplots()
     image = axes.imshow(identifiability.correlation, vmin=-1.0, vmax=1.0, cmap="RdBu")
     names = [symbol_math(bound.coefficient) for bound in identifiability.bounds]
@@ -197,16 +177,13 @@ def correlation_figure(identifiability: Identifiability) -> Figure:
             color = "white" if abs(value) > _DARK else "black"
             axes.text(j, i, f"{value:+.2f}", ha="center", va="center", fontsize=6, color=color)
     figure.colorbar(image, ax=axes, shrink=0.8, label="correlation")
-    head(axes, "")
+    style.head(axes, "")
     return figure
 
 
 def _tidy_log(axes: Axes) -> None:
     """Set small type and a faint grid on logarithmic axes."""
-    axes.grid(color="0.9", linewidth=0.6, which="major")
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8)
+    style.plain_frame(axes)
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
-            plain_decades(axis)
-    axes.spines[["top", "right"]].set_visible(False)
+            style.plain_decades(axis)

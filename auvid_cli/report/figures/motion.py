@@ -16,38 +16,9 @@ from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import SensorRecord, TruthRecord
 from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.evaluation.results import FreeRun
-from auvid_cli.report.figures.style import (
-    BAND_SHADE,
-    FILTER_STYLES,
-    MEASURED,
-    TRUE_LINE,
-    WIDTH,
-    Room,
-    draw_band,
-    filter_handles,
-    head,
-    legend_above,
-    name_panel,
-    name_values,
-    new_figure,
-    new_panels,
-    plain_decades,
-    show_message,
-    sized_figure,
-    tidy,
-)
-from auvid_cli.report.plot_data import (
-    around,
-    finite,
-    scale_of,
-    spaced,
-    thin,
-    travelled,
-    travelled_paths,
-    unwrapped,
-    value_range,
-    with_margin,
-)
+from auvid_cli.report import series
+from auvid_cli.report.figures import style
+from auvid_cli.report.plot_data import travelled, travelled_paths
 from auvid_cli.report.table import filter_label, symbol_math
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity
 
@@ -77,7 +48,7 @@ class _Track(NamedTuple):
 def path_figure(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> Figure:
     """Draw the true path, and dead reckoning from the estimated motion."""
     tracks = _tracks(truth, estimates)
-    figure = sized_figure(WIDTH, _HEIGHT)
+    figure = style.sized_figure(style.WIDTH, _HEIGHT)
     has_distance = truth is not None and len(tracks) > 1
     grid = figure.add_gridspec(
         3,
@@ -89,7 +60,7 @@ def path_figure(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> 
     views, plan = figure.add_subplot(grid[:, 0], projection="3d"), figure.add_subplot(grid[0, 1])
     assert isinstance(views, Axes3D)
     if not tracks:
-        show_message(plan, "no finite position")
+        style.show_message(plan, "no finite position")
         return figure
     profile = figure.add_subplot(grid[1, 1] if has_distance else grid[1:, 1])
     _draw_in_space(views, tracks)
@@ -98,7 +69,7 @@ def path_figure(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> 
     if has_distance:
         _draw_distance(figure.add_subplot(grid[2, 1]), tracks[0], tracks[1:])
     ends = [Line2D([], [], label=label, **_end(marker, face)) for label, marker, face in _ENDS]
-    legend_above(figure, [*(Line2D([], [], label=track.label, **track.line) for track in tracks), *ends])
+    style.legend_above(figure, [*(Line2D([], [], label=track.label, **track.line) for track in tracks), *ends])
     return figure
 
 
@@ -108,9 +79,9 @@ def _tracks(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> list
     for track in travelled_paths(truth, sorted(estimates, key=lambda estimate: not estimate.completed)):
         position = _as_far_as_others(track.position, tracks[0].position) if tracks else track.position
         if track.filter is None:
-            tracks.append(_Track("true", track.time, position, TRUE_LINE))
+            tracks.append(_Track("true", track.time, position, style.TRUE_LINE))
         elif len(position) > 1:
-            line = FILTER_STYLES[track.filter].line()
+            line = style.FILTER_STYLES[track.filter].line()
             tracks.append(_Track(filter_label(track.filter), track.time[: len(position)], position, line))
     return tracks
 
@@ -125,7 +96,7 @@ def _as_far_as_others(position: Array, first: Array) -> Array:
 def _draw_in_space(axes: Axes3D, tracks: list[_Track]) -> None:
     """Draw only the first path and its plan below, because the others would hide it."""
     position = tracks[0].position
-    north, east, down = position[spaced(len(position), _SPACE_POINTS)].T
+    north, east, down = position[series.spaced(len(position), _SPACE_POINTS)].T
     # East, north and up, in this order, make a right-handed view with depth growing downwards.
     wide = _square(east, north)
     depth = _range(down)
@@ -150,7 +121,7 @@ def _draw_in_space(axes: Axes3D, tracks: list[_Track]) -> None:
 
 def _draw_plan(axes: Axes, tracks: list[_Track]) -> None:
     for track in _upwards(tracks):
-        some = spaced(len(track.position), _PATH_POINTS)
+        some = series.spaced(len(track.position), _PATH_POINTS)
         _draw(axes, track.position[some, 1], track.position[some, 0], track)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("east (m)", fontsize=9)
@@ -164,7 +135,7 @@ def _upwards(tracks: list[_Track]) -> list[_Track]:
 
 def _draw_profile(axes: Axes, tracks: list[_Track]) -> None:
     for track in _upwards(tracks):
-        some = spaced(len(track.position), _PATH_POINTS)
+        some = series.spaced(len(track.position), _PATH_POINTS)
         position = track.position[some]
         _draw(axes, travelled(position), position[:, 2], track)
     axes.set_ylim(*_range(tracks[0].position[:, 2])[::-1])
@@ -174,21 +145,21 @@ def _draw_profile(axes: Axes, tracks: list[_Track]) -> None:
 
 def _draw_distance(axes: Axes, true: _Track, others: list[_Track]) -> None:
     """Draw the distance of dead reckoning from the true path over time."""
-    tidy(axes)
+    style.tidy(axes)
     for position, track in enumerate(others):
-        some = spaced(len(track.position), _PATH_POINTS)[1:]
+        some = series.spaced(len(track.position), _PATH_POINTS)[1:]
         time = track.time[some]
         at = np.stack([np.interp(time, true.time, column) for column in true.position.T], axis=1)
         distance = np.linalg.norm(track.position[some] - at, axis=1)
         axes.plot(time, distance, **track.line, zorder=2.0 + 0.1 * position)
     axes.set_yscale("log")
-    plain_decades(axes.yaxis)
+    style.plain_decades(axes.yaxis)
     axes.set_xlabel("time (s)", fontsize=9)
     axes.set_ylabel("position error (m)", fontsize=9)
 
 
 def _draw(axes: Axes, x: Array, y: Array, track: _Track) -> None:
-    tidy(axes)
+    style.tidy(axes)
     axes.plot(x, y, **track.line)
     for (_, marker, face), at in zip(_ENDS, (0, -1), strict=True):
         axes.plot(x[[at]], y[[at]], **_end(marker, face), zorder=4.0)
@@ -199,7 +170,7 @@ def _end(marker: str, face: str) -> dict[str, Any]:
 
 
 def _range(values: Array) -> tuple[float, float]:
-    return with_margin(*(value_range(values) or (0.0, 0.0)))
+    return series.with_margin(*(series.value_range(values) or (0.0, 0.0)))
 
 
 def _square(east: Array, north: Array) -> list[tuple[float, float]]:
@@ -226,25 +197,25 @@ def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecor
     runs : dict of FreeRun
         By filter.
     """
-    figure = new_figure(11.0, 1.75 * len(quantities) + 0.8)
+    figure = style.new_figure(11.0, 1.75 * len(quantities) + 0.8)
     panels = figure.subplots(len(quantities), 2, sharex="col", squeeze=False, width_ratios=[2.2, 1.0])
     signals = [(_measured(q, sensors), _predicted(q, runs)) for q in quantities]
-    begin, end = _span([series for measured, predicted in signals for series in [measured, *predicted.values()]])
+    begin, end = _span([curve for measured, predicted in signals for curve in [measured, *predicted.values()]])
     zoom = end - min(_ZOOM, 0.5 * (end - begin))
     for (whole, part), quantity, (measured, predicted) in zip(panels, quantities, signals, strict=True):
-        whole.set_ylabel(f"{symbol_math(quantity.symbol)} ({scale_of(quantity).unit})", fontsize=9)
+        whole.set_ylabel(f"{symbol_math(quantity.symbol)} ({series.scale_of(quantity).unit})", fontsize=9)
         _draw_motion_panel(whole, measured, predicted, (begin, end), 0.4)
         _draw_motion_panel(part, measured, predicted, (zoom, end), 1.0)
         if measured is None:
             whole.text(0.01, 0.97, "not measured", transform=whole.transAxes, va="top", fontsize=8, color="0.35")
-    head(panels[0, 0], "whole run")
-    head(panels[0, 1], f"last {end - zoom:.3g} s")
+    style.head(panels[0, 0], "whole run")
+    style.head(panels[0, 1], f"last {end - zoom:.3g} s")
     for axes in panels[-1]:
         axes.set_xlabel("time (s)", fontsize=9)
-    predictions = filter_handles(runs)
+    predictions = style.filter_handles(runs)
     for handle in predictions:
         handle.set_label(f"{handle.get_label()}, free run")
-    legend_above(figure, [Line2D([], [], label="measured", **MEASURED), *predictions])
+    style.legend_above(figure, [Line2D([], [], label="measured", **style.MEASURED), *predictions])
     return figure
 
 
@@ -252,26 +223,28 @@ def _draw_motion_panel(
     axes: Axes, measured: Curve | None, predicted: dict[str, Curve], span: tuple[float, float], width: float
 ) -> None:
     """Draw a span of time, s, with lines of `width` times their usual width."""
-    tidy(axes)
+    style.tidy(axes)
     every, sound = [], []
-    for position, (name, series) in enumerate(predicted.items()):
-        time, values = _part(series, span[0])
+    for position, (name, curve) in enumerate(predicted.items()):
+        time, values = _part(curve, span[0])
         every.append(values)
         if np.isfinite(values).all():
             sound.append(values)
-        line = _narrowed(FILTER_STYLES[name].line(), width)
-        axes.plot(*thin(time, values, _MOTION_POINTS), **line, zorder=2.0 + 0.1 * position)
+        line = _narrowed(style.FILTER_STYLES[name].line(), width)
+        axes.plot(*series.thin(time, values, _MOTION_POINTS), **line, zorder=2.0 + 0.1 * position)
     # The measurements set the scale or, without any, the runs that stayed finite.
-    reference = value_range(*sound)
+    reference = series.value_range(*sound)
     if measured is not None:
         time, values = _part(measured, span[0])
         known = np.isfinite(values)
-        axes.plot(*thin(time[known], values[known], _MOTION_POINTS), **_narrowed(MEASURED, width), zorder=1.9)
-        reference = value_range(values) or reference
-    others = value_range(*every)
+        axes.plot(
+            *series.thin(time[known], values[known], _MOTION_POINTS), **_narrowed(style.MEASURED, width), zorder=1.9
+        )
+        reference = series.value_range(values) or reference
+    others = series.value_range(*every)
     if reference is None and others is None:
-        show_message(axes, "nothing finite to draw")
-    axes.set_ylim(*around(reference, others))
+        style.show_message(axes, "nothing finite to draw")
+    axes.set_ylim(*series.around(reference, others))
     axes.set_xlim(*span)
 
 
@@ -297,55 +270,57 @@ def _predicted(quantity: Quantity, runs: dict[str, FreeRun]) -> dict[str, Curve]
 
 
 def _drawable(quantity: Quantity, values: Array) -> Array:
-    return scale_of(quantity).factor * (unwrapped(values) if quantity.unit == "rad" else finite(values))
+    return series.scale_of(quantity).factor * (
+        series.unwrapped(values) if quantity.unit == "rad" else series.finite(values)
+    )
 
 
-def _span(series: list[Curve | None]) -> tuple[float, float]:
+def _span(curves: list[Curve | None]) -> tuple[float, float]:
     """Return begin and end of all time, s."""
-    begin, end = value_range(*(line.time for line in series if line is not None)) or (0.0, 1.0)
+    begin, end = series.value_range(*(line.time for line in curves if line is not None)) or (0.0, 1.0)
     return begin, end if end > begin else begin + 1.0
 
 
-def _part(series: Curve, since: float) -> Curve:
-    begin = int(np.searchsorted(series.time, since))
-    return Curve(series.time[begin:], series.values[begin:])
+def _part(curve: Curve, since: float) -> Curve:
+    begin = int(np.searchsorted(curve.time, since))
+    return Curve(curve.time[begin:], curve.values[begin:])
 
 
 def motion_error_figure(truth: TruthRecord, estimates: list[EstimateHistory]) -> Figure:
     """Draw a panel for each motion state: estimates minus truth, within bands of two standard deviations."""
     handles = [
-        *filter_handles((estimate.filter for estimate in estimates), marked=True),
-        Patch(color="0.5", alpha=BAND_SHADE, linewidth=0, label="±2 standard deviations"),
+        *style.filter_handles((estimate.filter for estimate in estimates), marked=True),
+        Patch(color="0.5", alpha=style.BAND_SHADE, linewidth=0, label="±2 standard deviations"),
     ]
-    span = value_range(*(estimate.time for estimate in estimates)) or (0.0, 1.0)
-    figure, panels = new_panels(len(MOTION), 3, 1.7, handles, Room(), span)
+    span = series.value_range(*(estimate.time for estimate in estimates)) or (0.0, 1.0)
+    figure, panels = style.new_panels(len(MOTION), 3, 1.7, handles, style.Room(), span)
     for column, (axes, quantity) in enumerate(zip(panels, MOTION, strict=True)):
         _draw_error_panel(axes, quantity, truth.time, truth.motion[:, column], estimates)
-    name_values(figure, "estimate - truth")
+    style.name_values(figure, "estimate - truth")
     return figure
 
 
 def _draw_error_panel(
     axes: Axes, quantity: Quantity, time: Array, true: Array, estimates: list[EstimateHistory]
 ) -> None:
-    scale = scale_of(quantity)
-    name_panel(axes, f"{symbol_math(quantity.symbol)} ({scale.unit})")
+    scale = series.scale_of(quantity)
+    style.name_panel(axes, f"{symbol_math(quantity.symbol)} ({scale.unit})")
     is_angle = scale.unit == "°"
     sound, others = [], []
     for position, estimate in enumerate(estimates):
         if quantity.symbol not in estimate.state or not estimate.time.size:
             continue
-        some = spaced(estimate.time.size, _ERROR_POINTS)
+        some = series.spaced(estimate.time.size, _ERROR_POINTS)
         column, at = estimate.state.index(quantity.symbol), estimate.time[some]
-        error = finite(estimate.mean[some, column]) - np.interp(at, time, np.unwrap(true) if is_angle else true)
+        error = series.finite(estimate.mean[some, column]) - np.interp(at, time, np.unwrap(true) if is_angle else true)
         error = scale.factor * (wrap(error) if is_angle else error)
-        band = 2.0 * scale.factor * finite(estimate.standard_deviation[some, column])
-        style = FILTER_STYLES[estimate.filter]
-        draw_band(axes, at, -band, band, style.color, len(estimates))
-        axes.plot(at, error, **style.marked_line(position, at.size), zorder=2.0 + 0.1 * position)
+        band = 2.0 * scale.factor * series.finite(estimate.standard_deviation[some, column])
+        look = style.FILTER_STYLES[estimate.filter]
+        style.draw_band(axes, at, -band, band, look.color, len(estimates))
+        axes.plot(at, error, **look.marked_line(position, at.size), zorder=2.0 + 0.1 * position)
         (sound if estimate.completed else others).append((error, band))
     if not sound + others:
-        show_message(axes, "no estimate")
+        style.show_message(axes, "no estimate")
         return
     height = _height(sound or others)
     axes.set_ylim(-height, height)
@@ -359,5 +334,5 @@ def _height(drawn: list[tuple[Array, Array]]) -> float:
             late = values[values.size // 2 :]
             late = late[np.isfinite(late)]
             usual = max(usual, float(np.percentile(late, share)) if late.size else 0.0)
-    _, largest = value_range(*(np.abs(error) for error, _ in drawn)) or (0.0, 0.0)
+    _, largest = series.value_range(*(np.abs(error) for error, _ in drawn)) or (0.0, 0.0)
     return max(1.2 * usual, min(1.1 * largest, _HALF_HEIGHT * usual)) or 1.1 * largest or 1.0

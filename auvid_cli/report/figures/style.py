@@ -1,7 +1,7 @@
 """Style of all figures: fonts, colours, axes and limits."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -185,15 +185,20 @@ def legend_above(figure: Figure, handles: Sequence[Artist]) -> None:
     figure.legend(handles=list(handles), loc=place, ncols=ncols, frameon=False, **_LEGEND)
 
 
-def tidy(axes: Axes) -> None:
-    """Set small type, a faint grid, few ticks, no box."""
-    axes.grid(color="0.9", linewidth=0.6)
+def plain_frame(axes: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
+    """Set small type, a faint grid, no box."""
+    axes.grid(color="0.9", linewidth=0.6, axis=grid)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def tidy(axes: Axes) -> None:
+    """Set a plain frame and few ticks."""
+    plain_frame(axes)
     axes.xaxis.set_major_locator(MaxNLocator(7))
     axes.yaxis.set_major_locator(MaxNLocator(5))
     axes.ticklabel_format(axis="y", useOffset=False)
-    axes.spines[["top", "right"]].set_visible(False)
 
 
 def plain(text: str) -> str:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.inspection.inspection import Inspection, Mark, MarkKind
 from auvid_cli.report.figures.style import BAND_SHADE, WIDTH, head, legend_above, new_figure, plain_log_ticks, tidy
-from auvid_cli.report.plot_data import scale_of, thin
+from auvid_cli.report.series import scale_of, thin
 from auvid_cli.report.table import symbol_math
-from auvid_cli.vehicle.parameters import SENSORS
+from auvid_cli.vehicle.parameters import SENSORS, Quantity
 
 if TYPE_CHECKING:
     # It loads the compiled core.
@@ -137,9 +137,18 @@ class _Signal(NamedTuple):
 
 def timeline_figure(sensors: dict[str, SensorRecord], inspection: Inspection) -> Figure:
     """Draw the inputs, and the signals, presence and faults of each sensor."""
-    rows: list[_Signal | str] = [*_inputs(inspection)]
+    inputs = inspection.inputs
+    rows: list[_Signal | str] = [
+        _signal(quantity.symbol.replace("_", " "), quantity, inputs.time, values, _INPUT)
+        for quantity, values in zip(inputs.quantities, inputs.values.T, strict=True)
+    ]
     for name in inspection.presence:
-        rows += [*_signals(name, sensors[name]), name]
+        rows += [
+            _signal(symbol_math(quantity.symbol), quantity, sensors[name].time, values, _SIGNAL)
+            for quantity, values in zip(SENSORS[name], sensors[name].values.T, strict=True)
+            if np.isfinite(values).any()
+        ]
+        rows.append(name)
     heights = [_STRIP if isinstance(row, str) else _PANEL for row in rows]
     figure = new_figure(WIDTH, sum(heights) + 1.0)
     panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
@@ -158,24 +167,9 @@ def timeline_figure(sensors: dict[str, SensorRecord], inspection: Inspection) ->
     return figure
 
 
-def _inputs(inspection: Inspection) -> list[_Signal]:
-    signals = []
-    for quantity, values in zip(inspection.inputs.quantities, inspection.inputs.values.T, strict=True):
-        scale = scale_of(quantity)
-        name = f"{quantity.symbol.replace('_', ' ')} ({scale.unit})"
-        signals.append(_Signal(name, inspection.inputs.time, scale.factor * values, _INPUT))
-    return signals
-
-
-def _signals(sensor: str, record: SensorRecord) -> list[_Signal]:
-    """Return the components of a sensor with finite values."""
-    signals = []
-    for quantity, values in zip(SENSORS[sensor], record.values.T, strict=True):
-        if np.isfinite(values).any():
-            scale = scale_of(quantity)
-            name = f"{symbol_math(quantity.symbol)} ({scale.unit})"
-            signals.append(_Signal(name, record.time, scale.factor * values, _SIGNAL))
-    return signals
+def _signal(name: str, quantity: Quantity, time: Array, values: Array, line: dict[str, Any]) -> _Signal:
+    scale = scale_of(quantity)
+    return _Signal(f"{name} ({scale.unit})", time, scale.factor * values, line)
 
 
 def _handles(inspection: Inspection) -> list[Artist]:

@@ -17,31 +17,12 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import Innovations
 from auvid_cli.evaluation.results import FreeRun
-from auvid_cli.report.figures.style import (
-    FILTER_STYLES,
-    Room,
-    filter_handles,
-    head,
-    legend_above,
-    name_panel,
-    name_values,
-    new_figure,
-    new_panels,
-    plain_decades,
-    show_message,
-)
-from auvid_cli.report.plot_data import around, free_run_residual, scale_of, value_range
+from auvid_cli.report.figures import style
+from auvid_cli.report.plot_data import HorizonPlot, component_innovations, free_run_residual, horizon_plots
+from auvid_cli.report.series import around, scale_of, value_range
 from auvid_cli.report.table import filter_label, symbol_math
-from auvid_cli.validation.results import AHEAD, Prediction
-from auvid_cli.vehicle.parameters import (
-    DEPTH,
-    MOTION,
-    MOTION_AND_DEPTH,
-    MOTION_AND_DEPTH_SYMBOLS,
-    SENSORS,
-    Quantity,
-    state_of,
-)
+from auvid_cli.validation.results import Prediction
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
 
 Array = NDArray[np.float64]
 _HALF_HEIGHT = 4.0  # of a strip, standard deviations; innovations beyond are counted
@@ -103,13 +84,13 @@ def innovation_figure(innovations: dict[str, dict[str, Innovations]]) -> Figure:
             **_BOUND,
         ),
     ]
-    room = Room(left=1.6, across=0.12)
+    room = style.Room(left=1.6, across=0.12)
     span = value_range(*(of.time for of_filter in innovations.values() for of in of_filter.values())) or (0.0, 1.0)
-    figure, panels = new_panels(
+    figure, panels = style.new_panels(
         len(innovations), len(innovations), _STRIP * len(strips), handles, room, span, with_heads=True
     )
     for place, (axes, (name, of_filter)) in enumerate(zip(panels, innovations.items(), strict=True)):
-        head(axes, filter_label(name))
+        style.head(axes, filter_label(name))
         axes.grid(visible=False)
         for strip in strips:
             _draw_strip(axes, of_filter.get(strip.sensor), strip)
@@ -137,40 +118,35 @@ def _name(strip: _Strip, innovations: dict[str, dict[str, Innovations]]) -> str:
 
 
 def _draw_strip(axes: Axes, innovations: Innovations | None, strip: _Strip) -> None:
-    time, normalised = _normalised(innovations, strip.component)
-    if not time.size:
-        words = "not used" if innovations is None else "no finite innovations"
-    else:
-        bins = int(np.clip(time.size // _SAMPLES_PER_BIN, 4, _MAX_BINS))
-        span = float(time[0]), max(float(time[-1]), float(time[0]) + 1e-3)
-        number, *_ = np.histogram2d(time, normalised, bins=(bins, _BINS), range=(span, (-_HALF_HEIGHT, _HALF_HEIGHT)))
-        image = AxesImage(
-            axes,
-            cmap="Greys",
-            # Keeps an image with few samples from being only black and white.
-            norm=Normalize(0.0, 1.15 * max(float(number.max()), 2.0)),
-            extent=(*span, strip.middle - _HALF_HEIGHT, strip.middle + _HALF_HEIGHT),
-            origin="lower",
-            interpolation="nearest",
-        )
-        image.set_data(number.T)
-        axes.add_image(image)
-        beyond = int((np.abs(normalised) > _HALF_HEIGHT).sum())
-        words = f"{100.0 * (np.abs(normalised) <= 2.0).mean():.1f} %"
-        words += f", {beyond} beyond" if beyond else ""
+    words = "not used"
+    if innovations is not None:
+        component = component_innovations(innovations, strip.component)
+        words = "no finite innovations"
+        if component.time.size:
+            words = f"{component.percent_within:.1f} %"
+            _draw_histogram(axes, component.time, component.normalised, strip.middle)
+            if beyond := int((np.abs(component.normalised) > _HALF_HEIGHT).sum()):
+                words += f", {beyond} beyond"
     # Above the upper bound.
     place = axes.get_xlim()[1], strip.middle + _HALF_HEIGHT
     axes.annotate(words, place, (-2.0, -2.0), textcoords="offset points", ha="right", va="top", fontsize=7.5)
 
 
-def _normalised(innovations: Innovations | None, component: int) -> tuple[Array, Array]:
-    """Return times, s, and innovations as multiples of their standard deviations, those that are finite."""
-    if innovations is None:
-        return np.empty(0), np.empty(0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        normalised = innovations.innovation[:, component] / np.sqrt(innovations.variance[:, component])
-    known = np.isfinite(normalised)
-    return innovations.time[known], normalised[known]
+def _draw_histogram(axes: Axes, time: Array, normalised: Array, middle: float) -> None:
+    bins = int(np.clip(time.size // _SAMPLES_PER_BIN, 4, _MAX_BINS))
+    span = float(time[0]), max(float(time[-1]), float(time[0]) + 1e-3)
+    number, *_ = np.histogram2d(time, normalised, bins=(bins, _BINS), range=(span, (-_HALF_HEIGHT, _HALF_HEIGHT)))
+    image = AxesImage(
+        axes,
+        cmap="Greys",
+        # Keeps an image with few samples from being only black and white.
+        norm=Normalize(0.0, 1.15 * max(float(number.max()), 2.0)),
+        extent=(*span, middle - _HALF_HEIGHT, middle + _HALF_HEIGHT),
+        origin="lower",
+        interpolation="nearest",
+    )
+    image.set_data(number.T)
+    axes.add_image(image)
 
 
 class _Panel(NamedTuple):
@@ -191,14 +167,14 @@ def free_run_figure(sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) 
     runs : dict of FreeRun
         By filter.
     """
-    handles: list[Artist] = [*filter_handles(runs, marked=True)]
+    handles: list[Artist] = [*style.filter_handles(runs, marked=True)]
     wanted = _panels(sensors)
     begin, end = value_range(*(panel.time for panel in wanted)) or (0.0, 1.0)
     handles.append(Patch(color=_FREE_RUN_NOISE, linewidth=0, label="expected from noise alone (95 %)"))
-    figure, panels = new_panels(len(wanted), 3, 1.7, handles, Room(), (begin, end))
+    figure, panels = style.new_panels(len(wanted), 3, 1.7, handles, style.Room(), (begin, end))
     for axes, panel in zip(panels, wanted, strict=True):
         _draw_panel(axes, panel, runs, (begin, max(end, begin + 1e-3)))
-    name_values(figure, "means of measured - free run")
+    style.name_values(figure, "means of measured - free run")
     return figure
 
 
@@ -216,7 +192,7 @@ def _panels(sensors: dict[str, SensorRecord]) -> list[_Panel]:
 
 def _draw_panel(axes: Axes, panel: _Panel, runs: dict[str, FreeRun], span: tuple[float, float]) -> None:
     scale = scale_of(panel.quantity)
-    name_panel(axes, f"{symbol_math(panel.quantity.symbol)}, {panel.sensor} ({scale.unit})")
+    style.name_panel(axes, f"{symbol_math(panel.quantity.symbol)}, {panel.sensor} ({scale.unit})")
     parts = int(np.clip(panel.time.size // _MIN_SAMPLES, 1, _MAX_PARTS))
     edges = np.linspace(*span, parts + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
@@ -232,9 +208,9 @@ def _draw_panel(axes: Axes, panel: _Panel, runs: dict[str, FreeRun], span: tuple
             continue
         mean = scale.factor * np.bincount(place, residual, parts) / count
         means.append(mean)
-        axes.plot(middle, mean, **FILTER_STYLES[name].marked_line(position, parts), zorder=2.0 + 0.1 * position)
+        axes.plot(middle, mean, **style.FILTER_STYLES[name].marked_line(position, parts), zorder=2.0 + 0.1 * position)
     if value_range(*means) is None:
-        show_message(axes, "no free run")
+        style.show_message(axes, "no free run")
         return
     axes.set_ylim(*_free_run_limits(noise, means, scale.factor * float(np.ptp(panel.values))))
 
@@ -259,71 +235,57 @@ def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figur
     predictions : sequence of Prediction
         Only those ahead are drawn.
     """
-    has_depth = any(row.signal == DEPTH.symbol for row in predictions)
-    quantities = MOTION_AND_DEPTH if has_depth else MOTION
-    rows_of_panels = ceil(len(quantities) / _COLUMNS)
-    figure = new_figure(11.0, 2.4 * rows_of_panels + 0.4)
+    plots = horizon_plots(predictions)
+    rows_of_panels = ceil(len(plots) / _COLUMNS)
+    figure = style.new_figure(11.0, 2.4 * rows_of_panels + 0.4)
     panels = figure.subplots(rows_of_panels, _COLUMNS, sharex=True)
-    for axes in panels.flat[len(quantities) :]:
+    for axes in panels.flat[len(plots) :]:
         axes.remove()
-    for axes, quantity in zip(panels.flat, quantities, strict=False):
-        rows = [row for row in predictions if row.kind == AHEAD and row.signal == quantity.symbol]
-        scale = scale_of(quantity)
-        axes.set_ylabel(f"RMSE of {symbol_math(quantity.symbol)} ({scale.unit})", fontsize=9)
-        head(axes, "")
-        if rows:
-            _draw(axes, filter_name, rows, scale.factor)
+    for axes, plot in zip(panels.flat, plots, strict=False):
+        axes.set_ylabel(f"RMSE of {symbol_math(plot.quantity.symbol)} ({plot.scale.unit})", fontsize=9)
+        style.head(axes, "")
+        if plot.horizons.size:
+            _draw_errors(axes, filter_name, plot)
         else:
-            show_message(axes, "no measurements ahead")
-    for axes in panels.flat[len(quantities) - _COLUMNS : len(quantities)]:
+            style.show_message(axes, "no measurements ahead")
+    for axes in panels.flat[len(plots) - _COLUMNS : len(plots)]:
         axes.set_xlabel("horizon (s)", fontsize=9)
         axes.tick_params(labelbottom=True)
-    legend_above(figure, _handles(filter_name, predictions))
+    style.legend_above(figure, _handles(filter_name, predictions))
     return figure
 
 
-def _draw(axes: Axes, filter_name: str, rows: Sequence[Prediction], scale: float) -> None:
-    """Draw the lines of one signal; values times `scale`."""
-    horizons = [row.horizon_s for row in rows]
-
-    def values(field: str) -> list[float]:
-        return [np.nan if getattr(row, field) is None else scale * getattr(row, field) for row in rows]
-
-    for position, (field, (_, style)) in enumerate(_OTHERS.items()):
-        axes.plot(horizons, values(field), linewidth=1.2, markersize=4.0, zorder=2.0 + 0.1 * position, **style)
-    style = FILTER_STYLES[filter_name]
-    axes.plot(horizons, values("rmse"), **style.line() | {"linestyle": "-"}, **style.mark(), zorder=3.0)
-    axes.plot(horizons, values("noise"), **_HORIZON_NOISE)
+def _draw_errors(axes: Axes, filter_name: str, plot: HorizonPlot) -> None:
+    horizons, errors = plot.horizons, plot.errors
+    for position, (field, (_, line)) in enumerate(_OTHERS.items()):
+        axes.plot(horizons, errors[field], linewidth=1.2, markersize=4.0, zorder=2.0 + 0.1 * position, **line)
+    look = style.FILTER_STYLES[filter_name]
+    axes.plot(horizons, errors["rmse"], **look.line() | {"linestyle": "-"}, **look.mark(), zorder=3.0)
+    axes.plot(horizons, errors["noise"], **_HORIZON_NOISE)
     axes.set_yscale("log")
     axes.set_xscale("log")
-    expected, (low, high) = values("expected_rmse"), _horizon_limits([values(field) for field in _SCALING])
-    axes.fill_between(horizons, np.full(len(rows), low), expected, color=_EXPECTED, linewidth=0.0, zorder=1.0)
-    prior = [value for value in values("prior_rmse") if not np.isnan(value)]
-    if prior and min(prior) > high:
+    drawn = np.concatenate([errors[field] for field in _SCALING])
+    drawn = drawn[np.isfinite(drawn) & (drawn > 0.0)]
+    low, high = (drawn.min() / _MARGIN, drawn.max() * _MARGIN) if drawn.size else (0.1, 1.0)
+    floor = np.full(horizons.size, low)
+    axes.fill_between(horizons, floor, errors["expected_rmse"], color=_EXPECTED, linewidth=0.0, zorder=1.0)
+    prior = errors["prior_rmse"][~np.isnan(errors["prior_rmse"])]
+    if prior.size and prior.min() > high:
         # Above all lines.
         high *= (high / low) ** _ROOM_FOR_WORDS
-        name_panel(axes, "prior: above the axis")
+        style.name_panel(axes, "prior: above the axis")
     axes.set_ylim(low, high)
     axes.set_xticks(horizons, [f"{horizon:g}" for horizon in horizons])
-    plain_decades(axes.yaxis)
+    style.plain_decades(axes.yaxis)
     axes.minorticks_off()
-    axes.grid(color="0.9", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
-
-
-def _horizon_limits(series: Sequence[list[float]]) -> tuple[float, float]:
-    """Return limits of a logarithmic axis around all that is positive."""
-    drawn = np.array([value for values in series for value in values if np.isfinite(value) and value > 0.0])
-    return (drawn.min() / _MARGIN, drawn.max() * _MARGIN) if drawn.size else (0.1, 1.0)
+    style.plain_frame(axes)
 
 
 def _handles(filter_name: str, predictions: Sequence[Prediction]) -> list[Artist]:
     """Return the legend entries of the lines that exist."""
-    style = FILTER_STYLES[filter_name]
+    look = style.FILTER_STYLES[filter_name]
     handles: list[Artist] = [
-        Line2D([], [], label=filter_label(filter_name), **style.line() | {"linestyle": "-"}, **style.mark())
+        Line2D([], [], label=filter_label(filter_name), **look.line() | {"linestyle": "-"}, **look.mark())
     ]
     for field, (label, line) in _OTHERS.items():
         if any(getattr(row, field) is not None for row in predictions):

@@ -1,6 +1,6 @@
 """Section of a page on coefficients, with a forest plot."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import isfinite
 from typing import NamedTuple
 
@@ -9,7 +9,6 @@ import numpy as np
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.layout import mark_explained, marked, results_by_coefficient
 from auvid_cli.report.page.parts import Axis, Box, Dot, Picture, Plot, PlotLine, Plots, Rule, Shape, TextLabel
 from auvid_cli.report.page.render import symbol_parts
 from auvid_cli.report.plot_data import CoefficientPlot, convergence_plot, estimate_plot
@@ -25,8 +24,11 @@ from auvid_cli.report.table import (
     by_kind,
     filter_label,
     number,
+    tabulated,
+    text_column,
     unit_text,
 )
+from auvid_cli.report.table_iv import mark_explained, marked, results_by_coefficient
 
 _WIDEST = 5.0  # half the width in standard deviations; an arrow at the edge marks larger distances
 _ROW = 20.0
@@ -51,9 +53,9 @@ def deviations_from(origin: float | None, row: CoefficientResult, deviation: flo
 
 
 def forest(evaluation: Evaluation) -> list[Picture]:
-    """Draw how far all estimates are from the truth or, without one, from those of the first filter; none if alone.
+    """Draw the distances of estimates from the truth or, without one, from those of the first filter, if there are any.
 
-    Many coefficients take two pictures side by side, of forces and of moments.
+    Many coefficients are in two pictures, forces and moments.
     """
     filters = [row.filter for row in evaluation.summary]
     has_truth = any(row.true is not None for row in evaluation.coefficients)
@@ -148,47 +150,42 @@ def coefficient_list(evaluation: Evaluation, shares_of_prior: Mapping[str, Mappi
     Parameters
     ----------
     shares_of_prior : mapping of mapping
-        By filter and symbol, which share of the prior's standard deviation is left.
+        Final standard deviation divided by that of the prior, by filter and symbol.
     """
     has_truth = any(row.true is not None for row in evaluation.coefficients)
-    truth = ("true", "error %", "error / sd") if has_truth else ()
-    headers = (*truth, "bound", "times bound", "% of prior")
-    columns = (
-        *(Column(header, numeric=False) for header in ("coefficient", "estimator")),
-        *(Column("estimate ± sd"), Column("unit", numeric=False)),
-        *(Column(header) for header in headers),
-        Column("identified", numeric=False),
-    )
-    rows: list[list[Cell]] = []
-    for by_filter in results_by_coefficient(evaluation).values():
-        for name, row in by_filter.items():
-            left = shares_of_prior[name][row.coefficient]
-            rows.append(
-                [
-                    *(Symbol(row.coefficient), filter_label(name)),
-                    *(marked(row, PlusMinus(row.estimate, row.standard_deviation)), UnitCell(row.unit)),
-                    *(_against_truth(row) if has_truth else ()),
-                    _rounded(row.cramer_rao_bound, DEVIATION_DIGITS),
-                    _rounded(row.times_bound, DEVIATION_DIGITS + 1),
-                    _rounded(100.0 * left, DEVIATION_DIGITS),
-                    "yes" if row.identified else "† no",
-                ]
-            )
+    cells: dict[Column, Callable[[CoefficientResult], Cell]] = {
+        text_column("coefficient"): lambda row: Symbol(row.coefficient),
+        text_column("estimator"): lambda row: filter_label(row.filter),
+        Column("estimate ± sd"): lambda row: marked(row, PlusMinus(row.estimate, row.standard_deviation)),
+        text_column("unit"): lambda row: UnitCell(row.unit),
+    }
+    if has_truth:
+        cells |= {
+            Column("true"): lambda row: row.true,
+            Column("error %"): lambda row: _rounded(row.steady_state_error_percent, ERROR_DIGITS),
+            Column("error / sd"): lambda row: _rounded(
+                deviations_from(row.true, row, row.standard_deviation), ERROR_DIGITS
+            ),
+        }
+    cells |= {
+        Column("bound"): lambda row: _rounded(row.cramer_rao_bound, DEVIATION_DIGITS),
+        Column("times bound"): lambda row: _rounded(row.times_bound, DEVIATION_DIGITS + 1),
+        Column("% of prior"): lambda row: _rounded(
+            100.0 * shares_of_prior[row.filter][row.coefficient], DEVIATION_DIGITS
+        ),
+        text_column("identified"): lambda row: "yes" if row.identified else "† no",
+    }
+    rows = [row for by_filter in results_by_coefficient(evaluation).values() for row in by_filter.values()]
     notes = (
         *mark_explained(evaluation),
         "Bound: smallest standard deviation that the data allow (Cramér-Rao). % of prior: standard deviation of the "
         "estimate in percent of the prior's.",
     )
-    return Table("list", "Estimates", columns, rows, notes=notes)
-
-
-def _against_truth(row: CoefficientResult) -> list[Cell]:
-    error, sigmas = row.steady_state_error_percent, deviations_from(row.true, row, row.standard_deviation)
-    return [row.true, _rounded(error, ERROR_DIGITS), _rounded(sigmas, ERROR_DIGITS)]
+    return tabulated("list", "Estimates", rows, cells, notes)
 
 
 def _rounded(value: float | None, digits: int) -> Cell:
-    """Return a number with the digits shown, by which the column is then sorted as well."""
+    """Return a number with the digits that are shown; the column is sorted by them."""
     return None if value is None else number(value, digits)
 
 

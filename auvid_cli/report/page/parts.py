@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.report.plot_data import spaced
+from auvid_cli.report.series import spaced
 from auvid_cli.report.table import Table
 
 Array = NDArray[np.float64]
@@ -110,14 +110,14 @@ class Axis(NamedTuple):
 
 
 def stroke(x: Array, y: Array, across: Axis, down: Axis, look: str) -> Stroke:
-    """Draw a line by its values along two axes; of a long one evenly spaced points."""
+    """Return a line along two axes; a long one has evenly spaced points."""
     some = spaced(x.size, _MAX_POINTS)
     pairs = zip(x[some].tolist(), y[some].tolist(), strict=True)
     return Stroke(np.array([(across.at(a), down.at(b)) for a, b in pairs]), look)
 
 
 def decades(across: Axis, top: float, bottom: float) -> list[Shape]:
-    """Draw grid and names of a logarithmic axis from power to power of ten; of a short one also 2 and 5 times such."""
+    """Return grid and numbers of a logarithmic axis: powers of ten, on a short axis also 2 and 5 times these."""
     digits = (1.0, 2.0, 5.0) if across.high - across.low <= _FEW_DECADES else (1.0,)
     values = [digit * 10.0**power for power in range(int(across.low), int(across.high) + 1) for digit in digits]
     shapes: list[Shape] = []
@@ -129,7 +129,7 @@ def decades(across: Axis, top: float, bottom: float) -> list[Shape]:
 
 
 def frame(across: Axis, down: Axis, x_label: str, y_label: str) -> list[Shape]:
-    """Draw grid, ticks and names of two axes."""
+    """Return grid, numbers and names of two axes."""
     left, right = sorted((across.begin, across.end))
     top, bottom = sorted((down.begin, down.end))
     shapes: list[Shape] = []
@@ -232,14 +232,14 @@ class PathTrack(NamedTuple):
 
 
 class Space(NamedTuple):
-    """Paths in space, to be turned."""
+    """Paths in space, which the user can turn."""
 
     says: str
     tracks: Sequence[PathTrack]
 
 
 class TablePart(NamedTuple):
-    """A table; `sortable` ones can also be filtered, `folded` ones are opened first."""
+    """A table; if `sortable`, it can be sorted and filtered; if `folded`, it is closed at first."""
 
     table: Table
     sortable: bool = False

@@ -40,15 +40,14 @@ from auvid_cli.vehicle.coefficients import SYMBOLS, is_name_of_term
 Array = NDArray[np.float64]
 _LARGEST = float(np.finfo(np.float32).max)
 MISSING = "—"
-# Signs of a word that no narrow screen has room for.
-_LONG = 40
-# Whole names: those of a vehicle's own terms may begin like one of these.
+_LONG = 40  # characters; a longer word does not fit on a narrow screen
+# Whole names only, because names of a vehicle's own terms may begin with one of these.
 _NAMED = re.compile(rf"(?<![\w|])(?:{'|'.join(map(re.escape, sorted(SYMBOLS, key=len, reverse=True)))})(?![\w|])")
-# Between a name, or a sign, and the number that ends what is said of it; between a number and its percent or degrees.
+# Space between a name or a sign and the number at the end of a phrase, and between a number and % or degrees.
 _TIED = re.compile(r"(?<=[\w|=±<>]) (?=[-+]?\d[\d.e+-]*(?: [%°][\w/]*)?(?:[,;)]|\.(?!\d)|$))|(?<=\d) (?=[%°])")
-# Where browsers end a line within a number.
+# Minus sign of an exponent, where browsers break a line.
 _EXPONENT = re.compile(r"(?<=\de)-(?=\d)")
-# A backtick without its like is text.
+# A single backtick is text.
 _CODE = re.compile(r"`([^`]+)`")
 _GREEK = {"phi": "φ", "theta": "θ", "psi": "ψ", "delta": "δ"}
 _STYLES = ("uPlot.min.css", "page.css")
@@ -61,10 +60,10 @@ _STYLE = CellStyle(MISSING, str, unit_text, one_line)
 
 
 class PackedArrays:
-    """Arrays as base64 of little-endian float32, each that occurs more than once kept once.
+    """Arrays as base64 of little-endian float32; equal arrays are kept once.
 
-    Seven digits are more than a screen shows; times are to be told from near their first, so that those of a long
-    record keep their fractions. What is too large, and so what is not finite, is a gap.
+    Seven digits are more than a screen shows. Times are relative to a time near the first one, so that those of a long
+    record keep their fractions. Values that are too large or not finite are gaps.
     """
 
     def __init__(self) -> None:
@@ -120,7 +119,7 @@ def with_code(text: str) -> list[tuple[str, bool]]:
 
 
 def with_symbols(text: str) -> list[tuple[str, str]]:
-    """Cut a text at the coefficients that it names: pieces, each with the subscript that follows it, or none."""
+    """Split a text at the names of coefficients into pieces, each with the subscript that follows it (may be empty)."""
     pieces = []
     last = 0
     for match in _NAMED.finditer(text):
@@ -131,7 +130,7 @@ def with_symbols(text: str) -> list[tuple[str, str]]:
 
 
 def with_ties(text: str) -> str:
-    """Let no line end between a name and its number, or within a number."""
+    """Return a text that no browser breaks between a name and its number, or within a number."""
     return _EXPONENT.sub("-\N{WORD JOINER}", _TIED.sub("\N{NO-BREAK SPACE}", text))
 
 
@@ -157,7 +156,7 @@ def shown(cell: Cell) -> ShownCell:
 
 
 def _number_or(text: str) -> float | str:
-    """Read a number that comes with the digits to be shown."""
+    """Return the number in a text, or else the text."""
     try:
         return _order(float(text))
     except ValueError:
@@ -170,7 +169,11 @@ def _order(value: float) -> float | str:
 
 def heading_rows(table: Table) -> list[list[Heading]]:
     """Return one row of headings, or two if columns belong to groups."""
-    names = [_Name(column) for column in table.columns]
+    # Plain text, without the asterisks of Markdown.
+    names = [
+        Column(one_line(capitalised(column.header)), one_line(column.group).replace("*", ""), column.numeric)
+        for column in table.columns
+    ]
     if not any(name.group for name in names):
         return [[Heading(name.header, 1, 1, name.numeric) for name in names]]
     upper: list[Heading] = []
@@ -184,15 +187,6 @@ def heading_rows(table: Table) -> list[list[Heading]]:
     return [upper, [Heading(name.header, 1, 1, name.numeric) for name in names if name.group]]
 
 
-class _Name:
-    """Names of a column in plain text, without the asterisks of Markdown."""
-
-    def __init__(self, column: Column) -> None:
-        self.header = one_line(capitalised(column.header))
-        self.group = one_line(column.group).replace("*", "")
-        self.numeric = column.numeric
-
-
 class _Block(NamedTuple):
     """A part with the name of its macro and a unique key."""
 
@@ -202,10 +196,10 @@ class _Block(NamedTuple):
 
 
 def render_page(page: Page) -> str:
-    """Render a page; every text that it is handed stays text."""
+    """Render a page; all texts are escaped."""
     sections = [section for section in page.sections if section.parts]
     blocks = {section.key: _blocks(section) for section in sections}
-    styles, scripts = _assets(_STYLES), _assets(_SCRIPTS)
+    styles, scripts = ([_asset(name) for name in names] for names in (_STYLES, _SCRIPTS))
     return (
         _environment()
         .get_template("page.html.j2")
@@ -237,10 +231,6 @@ def _policy(styles: Sequence[str], scripts: Sequence[str]) -> str:
 
 def _hash(text: str) -> str:
     return f"'sha256-{base64.b64encode(sha256(text.encode()).digest()).decode('ascii')}'"
-
-
-def _assets(names: Sequence[str]) -> list[str]:
-    return [_asset(name) for name in names]
 
 
 @cache
@@ -281,7 +271,7 @@ def _shade(correlation: float) -> str:
 
 
 def _hundredths(correlation: float) -> str:
-    """Write a correlation with its sign, which one that is rounded to zero has not."""
+    """Return a correlation in hundredths with its sign; zero has none."""
     if correlation != correlation:
         return "·"
     whole = round(100.0 * correlation)

@@ -1,7 +1,7 @@
-"""Sections that several pages share: provenance, correlation and rows of settings."""
+"""Parts that several pages share: verdicts, checks, correlations, provenance and rows of numbers."""
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from hashlib import sha256
 from importlib.metadata import version
 
@@ -10,16 +10,25 @@ from numpy.typing import NDArray
 
 from auvid_cli._version import __version__
 from auvid_cli.config.campaign import Campaign, dump_campaign
+from auvid_cli.config.enums import JUDGE
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import dump_experiment
-from auvid_cli.data.checks import NamedRows
+from auvid_cli.data.checks import Check, NamedRows
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.report.page.parts import Listing, Matrix, Part, Section, TablePart, Words
-from auvid_cli.report.table import Cell, Column, Symbol, Table, UnitCell, filter_label
+from auvid_cli.evaluation.estimate_checks import JUDGED
+from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.evaluation.judgement import Judgement
+from auvid_cli.report.layout import NIS_MEANS
+from auvid_cli.report.page.parts import Card, Cards, Listing, Matrix, Part, Section, TablePart, Words
+from auvid_cli.report.shared_checks import Advice, advices, counts_in_words, shared_checks, whose
+from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Symbol, Table, UnitCell, filter_label, number
+from auvid_cli.text import sentence
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
+_VERDICTS = {True: "pass", False: "FAIL", None: "note"}
+_MAX_ADVICES = 6  # next to the cards; the list of checks has all advice
 _LIBRARIES = ("numpy", "scipy", "numba", "h5py")
 Array = NDArray[np.float64]
 _MAX_PAIRS = 8  # number of listed pairs
@@ -135,3 +144,88 @@ def _cell(column: str, value: object) -> Cell:
             return "yes" if value else "no"
     text = str(value)
     return UnitCell(text) if column == "unit" else Symbol(text) if text in _SYMBOLS else text
+
+
+def judgement_parts(evaluation: Evaluation, checks: Sequence[Check]) -> list[Part]:
+    """Return a card with judgement and main numbers for each filter, and the advice of the checks.
+
+    A verdict is one sentence with what to do.
+    """
+    judgements = evaluation.judgements()
+    shared = shared_checks(check for check in checks if check.check != JUDGED)
+    cards = []
+    for row in evaluation.summary:
+        numbers: dict[str, str | None] = {}
+        if row.average_steady_state_error_percent is not None:
+            error = number(row.average_steady_state_error_percent, ERROR_DIGITS + 1)
+            numbers["average error"] = error and f"{error} %"
+        for each in evaluation.consistency:
+            if each.filter == row.filter:
+                numbers[f"NIS of {each.sensor}"] = number(each.mean_nis, ERROR_DIGITS)
+        numbers["processor time"] = f"{row.cpu_time_s:.2g} s"
+        own = [each.check.passed for each in shared if row.filter in each.filters]
+        shown = {name: text for name, text in numbers.items() if text}
+        cards.append(judgement_card(row.filter, judgements[row.filter], shown, own.count(False), own.count(None)))
+    names = [row.filter for row in evaluation.summary]
+    sentences = [_in_words(advice, names) for advice in advices(shared)]
+    if len(sentences) > _MAX_ADVICES:
+        sentences[_MAX_ADVICES:] = [f"{len(sentences) - _MAX_ADVICES} more are in the list of checks below."]
+    says: list[Part] = [Words(sentences, listed=True)] if sentences else []
+    return [Cards(cards), *says, Words([NIS_MEANS])]
+
+
+def judgement_card(
+    filter_name: str, judgement: Judgement, numbers: dict[str, str], failed: int = 0, noted: int = 0
+) -> Card:
+    """Return the verdict on one filter, given how many checks failed or are worth knowing."""
+    label = filter_label(filter_name)
+    if judgement.advice:
+        says = sentence(judgement.advice)
+    elif failed:
+        says = f"Judged sound, but {failed} check{'s' * (failed > 1)} failed: follow the advice below first."
+    elif noted:
+        says = f"Use the estimate, and read the {noted} note{'s' * (noted > 1)} of its checks below."
+    else:
+        says = "Use the estimate."
+    return Card(label, filter_name, str(judgement.grade), says, numbers)
+
+
+def _in_words(advice: Advice, names: Sequence[str]) -> str:
+    """Return a failed or noted check, its estimators and the advice in one sentence."""
+    found = f": {advice.shared[0].check.statistic}" if len(advice.shared) == 1 else ""
+    verb = "Failed" if advice.failed else "Note"
+    of = whose(advice.filters, names)
+    return f"{verb} for {'all filters' if of == 'all' else of}: {advice.what}{found}. {advice.text}"
+
+
+def check_parts(checks: Iterable[Check]) -> list[Part]:
+    """Return the checks as tables: those that did not pass with their advice, and those that passed."""
+    ordered = list(checks)
+    if not ordered:
+        return []
+    names = list(dict.fromkeys(check.filter for check in ordered))
+    filters = any(names)
+    headers = ("verdict", *(["estimator"] if filters else []), "of", "check", "found", "allowed", "what to do")
+
+    def row(check: Check, of: Sequence[str]) -> list[Cell]:
+        return [
+            _VERDICTS[check.passed],
+            *([whose(of, names)] if filters else []),
+            *(check.subject, check.check, check.statistic, check.threshold, check.advice),
+        ]
+
+    shared = [row(each.check, each.filters) for each in shared_checks(ordered)]
+    passed = [row(check, [check.filter])[:-1] for check in ordered if check.passed]
+    columns = tuple(Column(header, numeric=False) for header in headers)
+    parts: list[Part] = [Words([f"{counted}." for counted in counts_in_words(ordered)])]
+    if shared:
+        notes = (
+            ("Column found: value of the smoother, if it is in the row.",) if JUDGE in names and len(names) > 1 else ()
+        )
+        parts.append(
+            TablePart(Table("noteworthy", "Failed or worth knowing", columns, shared, notes=notes), sortable=True)
+        )
+    if passed:
+        table = Table("passed", f"Passed: {len(passed)}", columns[:-1], passed)
+        parts.append(TablePart(table, sortable=True, folded=True))
+    return parts

@@ -3,8 +3,8 @@
 import pytest
 
 from auvid_cli.data.checks import Check
-from auvid_cli.report.page.pages import check_parts, judgement_parts
 from auvid_cli.report.page.parts import Cards, TablePart, Words
+from auvid_cli.report.page.sections import check_parts, judgement_parts
 
 
 def verdict(name, check, passed, advice="Mend it."):
