@@ -24,7 +24,11 @@ def campaign(
     ],
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Dask scheduler, such as tcp://HOST:8786. Default: this machine only."),
+        typer.Option(
+            metavar="ADDRESS",
+            help="Dask scheduler, such as tls://HOST:8786. Default: this machine only. At tcp://, everyone who reaches "
+            "the scheduler can run code.",
+        ),
     ] = None,
     workers: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Number of processes on this machine. Default: one per core.")

@@ -98,7 +98,8 @@ class SearchOptions:
         typer.Option(
             "--scheduler",
             metavar="ADDRESS",
-            help="Dask scheduler, such as tcp://10.0.0.1:8786. Default: this machine only.",
+            help="Dask scheduler, such as tls://HOST:8786. Default: this machine only. At tcp://, everyone who reaches "
+            "the scheduler can run code.",
             show_default=False,
         ),
     ] = None
