@@ -26,6 +26,7 @@ _PARENT = "AUVID_PARENT"
 _SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 _PR_SET_PDEATHSIG = 1
 _POLL_INTERVAL = 0.2  # s
+_GRACE = 1.0  # s
 # All threads share the environment.
 _lock = threading.RLock()
 
@@ -77,7 +78,7 @@ class WorkerDied(Exception):
 class Workers(Executor):
     """Processes that call functions; they start when needed, end with this process and ignore Ctrl-C.
 
-    This process talks to them through pipes, which no other user can open. An exception in a `with` block kills them.
+    This process talks to them through pipes, which no other user can open. An exception in a `with` block ends them.
 
     Parameters
     ----------
@@ -140,8 +141,14 @@ class Workers(Executor):
         if kind is not None:
             with self._lock:
                 self._is_killed = True
-                for worker in self._workers:
-                    worker.process.kill()
+                workers = [*self._workers]
+            # Terminated workers remove their temporary files; those that do not react in time are killed.
+            for worker in workers:
+                worker.process.terminate()
+            end = time.monotonic() + _GRACE
+            for worker in workers:
+                worker.process.join(max(end - time.monotonic(), 0.0))
+                worker.process.kill()
         self.shutdown(cancel_futures=True)
 
 
@@ -172,6 +179,7 @@ def _serve(pipe: Connection) -> None:
     # Modules stay loaded, so the garbage collector need not look at them.
     gc.freeze()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
     end_with_parent()
     with suppress(EOFError, OSError):
         while True:

@@ -55,16 +55,14 @@ def figure_workers() -> Iterator[Submit]:
         If a worker was killed.
     """
     load_ahead()
-    pool = Workers(min(os.cpu_count() or 1, _MAX_WORKERS), _start_method())
     try:
-        yield pool.submit
+        with Workers(min(os.cpu_count() or 1, _MAX_WORKERS), _start_method()) as pool:
+            yield pool.submit
     except WorkerDied as error:
         raise FileError(
             "figures: a process that draws them was killed, perhaps because memory ran out; "
             "the estimates are written, draw again with `auvid report`"
         ) from error
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def load_matplotlib() -> None:
