@@ -7,23 +7,26 @@ import ctypes
 import gc
 import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
-from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 _PARENT = "AUVID_PARENT"
 # Python does not import from the working folder.
-SAFE_PATH = {"PYTHONSAFEPATH": "1"}
+_SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 _PR_SET_PDEATHSIG = 1
 _POLL_INTERVAL = 0.2  # s
+_GRACE = 1.0  # s
 # All threads share the environment.
 _lock = threading.RLock()
 
@@ -31,7 +34,7 @@ _lock = threading.RLock()
 @contextmanager
 def starting_children() -> Iterator[None]:
     """Prepare the environment for processes that are started in the block, and keep Ctrl-C from them."""
-    variables = SAFE_PATH | {_PARENT: str(os.getpid())}
+    variables = _SAFE_PATH | {_PARENT: str(os.getpid())}
     with _lock:
         before = {name: os.environ.get(name) for name in variables}
         os.environ.update(variables)
@@ -68,25 +71,125 @@ def start_python(*arguments: str, environment: Mapping[str, str] | None = None, 
         return subprocess.Popen([sys.executable, "-P", *arguments], env=variables, **(quiet | options))
 
 
-class WorkerPool(ProcessPoolExecutor):
-    """Executor whose processes end with this process and ignore Ctrl-C."""
+class WorkerDied(Exception):
+    """A worker process ended while it called a function, or did not start."""
 
-    def __init__(self, count: int, method: str) -> None:
-        # The locks of the executor start the resource tracker.
+
+class Workers(Executor):
+    """Processes that call functions; they start when needed, end with this process and ignore Ctrl-C.
+
+    This process talks to them through pipes, which no other user can open. An exception in a `with` block ends them.
+
+    Parameters
+    ----------
+    count : int
+        Largest number of processes.
+    method : str
+        Start method of `multiprocessing`.
+    attempts : int, default 1
+        Number of workers that may die in one call before it raises `WorkerDied`.
+    """
+
+    def __init__(self, count: int, method: str, attempts: int = 1) -> None:
+        self._context: Any = multiprocessing.get_context(method)
+        self._attempts = attempts
+        self._threads = ThreadPoolExecutor(count)
+        self._lock = threading.Lock()
+        self._workers: set[_Worker] = set()
+        self._idle: list[_Worker] = []
+        self._is_killed = False
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
+        """Call a function in a worker; the future may raise `WorkerDied`."""
+        return self._threads.submit(self._call, (function, arguments, options))
+
+    def _call(self, request: tuple[Any, ...]) -> Any:
+        reason: Exception = EOFError()
+        for _ in range(self._attempts):
+            worker = None
+            try:
+                worker = self._worker()
+                result, error = worker.call(request)
+            # The errors of the function are in `error`; these are of the process.
+            except (EOFError, OSError) as death:
+                reason = death
+                if worker is not None:
+                    self._workers.discard(worker)
+                    worker.end()
+                continue
+            self._idle.append(worker)
+            if error is not None:
+                raise error
+            return result
+        raise WorkerDied(str(reason) or "killed") from reason
+
+    def _worker(self) -> "_Worker":
+        with self._lock:
+            if self._is_killed:
+                raise EOFError
+            worker = self._idle.pop() if self._idle else _Worker(self._context)
+            self._workers.add(worker)
+            return worker
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Wait for the running calls, and end the workers."""
+        self._threads.shutdown(wait, cancel_futures=cancel_futures)
+        for worker in self._workers:
+            worker.end()
+
+    def __exit__(self, kind: object, *error: object) -> None:
+        if kind is not None:
+            with self._lock:
+                self._is_killed = True
+                workers = [*self._workers]
+            # Terminated workers remove their temporary files; those that do not react in time are killed.
+            for worker in workers:
+                worker.process.terminate()
+            end = time.monotonic() + _GRACE
+            for worker in workers:
+                worker.process.join(max(end - time.monotonic(), 0.0))
+                worker.process.kill()
+        self.shutdown(cancel_futures=True)
+
+
+class _Worker:
+    """A process, and the pipe to it."""
+
+    def __init__(self, context: Any) -> None:
+        self._pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs,), daemon=True)
         with starting_children():
-            super().__init__(count, multiprocessing.get_context(method), initializer=_prepare_worker)
+            self.process.start()
+        theirs.close()
 
-    def submit(self, *arguments: Any, **options: Any) -> Future[Any]:
-        """Start workers if needed, and submit the call to them."""
-        with starting_children():
-            return super().submit(*arguments, **options)
+    def call(self, request: tuple[Any, ...]) -> tuple[Any, Exception | None]:
+        """Return the result of a function, or its error."""
+        self._pipe.send(request)
+        return self._pipe.recv()
+
+    def end(self) -> None:
+        """Close the pipe, so that the process ends, and wait for it."""
+        self._pipe.close()
+        self.process.join()
 
 
-def _prepare_worker() -> None:
+def _serve(pipe: Connection) -> None:
+    import cloudpickle
+
     # Modules stay loaded, so the garbage collector need not look at them.
     gc.freeze()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
     end_with_parent()
+    with suppress(EOFError, OSError):
+        while True:
+            request = pipe.recv_bytes()
+            try:
+                function, arguments, options = pickle.loads(request)
+                # Settings contain classes that are made at run time, which pickle refuses.
+                pipe.send_bytes(cloudpickle.dumps((function(*arguments, **options), None)))
+            except Exception as error:
+                pipe.send((None, error))
 
 
 def end_with_parent() -> None:

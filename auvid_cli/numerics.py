@@ -14,20 +14,37 @@ import os
 import shutil
 import subprocess
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 import platformdirs
-from numba.core import config
-from numba.core import event as compiler_event
 from numpy.typing import NDArray
 
 from auvid_cli.child_processes import start_python
+from auvid_cli.errors import ConfigError
+
+_CPU_FEATURES = os.environ.get("NUMBA_CPU_FEATURES", "")
+if not all(feature.startswith(("+", "-")) for feature in filter(None, _CPU_FEATURES.split(","))):
+    # The compiler would abort the process.
+    raise ConfigError(f"environment variable NUMBA_CPU_FEATURES: {_CPU_FEATURES}; expected +NAME,-NAME,...")
+try:
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "Environment variable", RuntimeWarning)
+        import numba
+        from numba import types as types
+        from numba.core import config
+        from numba.core import event as compiler_event
+except Exception as _error:
+    # Values that numba finds invalid raise anything.
+    if _names := sorted(name for name in os.environ if name.startswith("NUMBA_")):
+        _reason = str(_error).splitlines()[0].rstrip(".")
+        raise ConfigError(f"environment: {_reason}; correct or unset {', '.join(_names)}") from None
+    raise
 
 LANES = 64
 LINE = 64  # bytes of a cache line, the length of the longest vector registers

@@ -15,7 +15,7 @@ def check_regular_file(path: Path) -> None:
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:
-        raise ValueError("no such file") from None
+        raise ValueError("is a link to a missing file" if path.is_symlink() else "no such file") from None
     except OSError as error:
         raise ValueError(f"cannot be read: {error.strerror or error}") from None
     if stat.S_ISDIR(mode):

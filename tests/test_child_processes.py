@@ -4,10 +4,12 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 
 import pytest
 
-from auvid_cli.child_processes import WorkerPool, start_python
+from auvid_cli.child_processes import WorkerDied, Workers, start_python
 from auvid_cli.data import hdf5
 
 KILLED_PARENT = """
@@ -51,10 +53,45 @@ def test_ctrl_c_is_blocked_where_that_is_possible(can_block, monkeypatch):
 def test_worker_has_a_safe_path_and_the_environment_stays_as_it_was(monkeypatch):
     monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
     before = dict(os.environ)
-    with WorkerPool(1, "spawn") as pool:
-        assert pool.submit(os.getenv, "PYTHONSAFEPATH").result() == "1"
-        assert pool.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
+    with Workers(1, "spawn") as workers:
+        assert workers.submit(os.getenv, "PYTHONSAFEPATH").result() == "1"
+        assert workers.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
         assert dict(os.environ) == before
+
+
+def test_error_in_a_worker_is_raised_and_the_worker_kept():
+    with Workers(1, "spawn") as workers:
+        process = workers.submit(os.getpid).result()
+        with pytest.raises(ValueError, match="word"):
+            workers.submit(int, "word").result()
+        # Its result cannot be sent.
+        with pytest.raises(TypeError):
+            workers.submit(threading.Lock).result()
+        assert workers.submit(os.getpid).result() == process
+
+
+def test_worker_that_dies_is_replaced():
+    with Workers(1, "spawn", attempts=2) as workers:
+        process = workers.submit(os.getpid).result()
+        with pytest.raises(WorkerDied):
+            workers.submit(os._exit, 0).result()
+        assert workers.submit(os.getpid).result() != process
+
+
+def interrupted_while_busy():
+    with Workers(1, "spawn") as workers:
+        workers.submit(os.getpid).result()
+        busy = workers.submit(time.sleep, 60.0)
+        while not busy.running():
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+
+
+def test_exception_kills_busy_workers():
+    start = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_while_busy()
+    assert time.monotonic() - start < 30.0
 
 
 def test_figure_server_loads_without_priorities():

@@ -1,5 +1,6 @@
 """Campaigns: an experiment with many seeds, filters and settings."""
 
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import NamedTuple
 
 from auvid_cli.api import Progress
 from auvid_cli.campaign.axes import Label
-from auvid_cli.campaign.cluster import cluster_client, n_threads, run_group, run_groups, shortened_group
+from auvid_cli.campaign.cluster import dask_cluster, local_cluster, run_group, run_groups, shortened_group
 from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store
 from auvid_cli.campaign.summary import CampaignSummary, in_planned_order, summarize
@@ -78,8 +79,8 @@ def forecast(plan: CampaignPlan, folder: Path, options: CampaignOptions, progres
         return
     threads = options.workers.processes
     if options.workers.scheduler is not None:
-        with cluster_client(options.workers.scheduler, None) as client:
-            threads = n_threads(client)
+        with dask_cluster(options.workers.scheduler) as cluster:
+            threads = cluster.n_workers()
     with progress.stage("measure some runs"):
         seconds, failure = _seconds_of_a_run(plan)
     if seconds is None:
@@ -121,7 +122,7 @@ def run_campaign(plan: CampaignPlan, folder: Path, options: CampaignOptions, pro
     FileError
         If reading or writing results fails.
     """
-    if dataset_in(folder).exists():
+    if os.path.lexists(dataset_in(folder)):
         raise FileError(f"{dataset_in(folder)}: this folder has results of a run; choose another folder with --output")
     refuse_other_page(page_in(folder))
     with locked(folder):
@@ -179,10 +180,12 @@ def _work(
     ended, failed, remaining = len(skipped), 0, total - len(skipped)
     with ExitStack() as stack:
         with progress.stage("start the workers"):
-            client = stack.enter_context(cluster_client(options.workers.scheduler, options.workers.processes))
+            scheduler, processes = options.workers
+            connecting = local_cluster(processes) if scheduler is None else dask_cluster(scheduler)
+            cluster = stack.enter_context(connecting)
         (advance,) = stack.enter_context(progress.bars("runs"))
         try:
-            for group in run_groups(client, plan.groups(skipped), estimates is not None):
+            for group in run_groups(cluster, plan.groups(skipped), estimates is not None):
                 for performed in group:
                     if estimates is not None and performed.estimate is not None:
                         write_estimate(estimates / f"{performed.run.identity}.h5", performed.estimate)

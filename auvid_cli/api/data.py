@@ -1,5 +1,6 @@
 """Steps that need no compiled code: import of logs, inspection, comparison of results."""
 
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -176,5 +177,5 @@ def compare_results(
         Largest difference of an estimate, in standard deviations. None: 0.01.
     """
     tolerance = Tolerance(relative, by_column, DEVIATIONS if deviations is None else deviations)
-    names = first.resolve().name, second.resolve().name
+    names = [Path(os.path.realpath(folder)).name for folder in (first, second)]
     return compare_tables(read_result_tables(first, names[1]), read_result_tables(second, names[0]), tolerance)

@@ -16,12 +16,12 @@ import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not w
 from auvid_cli._version import __version__
 from auvid_cli.api import Destination
 from auvid_cli.api.files import SimulatedData, read_dataset, read_estimate
-from auvid_cli.campaign.cluster import cluster_client
+from auvid_cli.campaign.cluster import dask_client
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import dump_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.files import check_no_overlap, write_text
+from auvid_cli.data.files import check_no_overlap, locked, write_text
 from auvid_cli.data.findings import SearchState, read_search, write_search
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.results import refuse_unless
@@ -246,13 +246,14 @@ def design_into(
     """
     folder, progress, experiment = place.folder or Path("mission"), place.progress, sources.base.experiment
     paths = [folder / name for name in MISSION_FILES]
-    refuse_unless(place.overwrite, next((f"{path}: exists already" for path in paths if path.exists()), ""))
     read = [*([] if sources.at is None else [sources.at]), *sources.given]
     check_no_overlap([*paths, folder / SEARCH_FILE], [*sources.base.files, *read])
     with ExitStack() as stack:
         spread = None if scheduler is None else stack.enter_context(_spread_over(scheduler))
         estimate = None if sources.at is None else read_estimate(sources.at)
         data = {str(path): read_dataset(path) for path in sources.given}
+        stack.enter_context(locked(folder))
+        refuse_unless(place.overwrite, next((f"{path}: exists already" for path in paths if path.exists()), ""))
         task = stack.enter_context(designing(experiment, wish, estimate, data, spread))
         progress.message(
             f"{experiment.vehicle.name}: {wish.draws} trial vehicles drawn from {task.distribution.origin}"
@@ -270,18 +271,18 @@ def design_into(
             )
             remark = f"auvid design, seed {experiment.seed}, {reached.generation} generations: {gain}"
             found = mission(task, design, remark, origin)
-    texts = found.texts | {"result.md": "\n".join(f"- {line}" for line in sentences(design)) + "\n"}
-    for name, text in texts.items():
-        write_text(folder / name, text)
-    with drawing(folder, place.figure_formats) as figures, progress.stage("figure"):
-        figures.add_mission(design, found.band)
-        drawn = figures.finish()
+        texts = found.texts | {"result.md": "\n".join(f"- {line}" for line in sentences(design)) + "\n"}
+        for name, text in texts.items():
+            write_text(folder / name, text)
+        with drawing(folder, place.figure_formats) as figures, progress.stage("figure"):
+            figures.add_mission(design, found.band)
+            drawn = figures.finish()
     return design, [*(folder / name for name in texts), *drawn]
 
 
 @contextmanager
 def _spread_over(scheduler: str) -> Iterator[Map]:
     """Connect to a Dask scheduler, and yield a `map` that simulates trials on its workers."""
-    with cluster_client(scheduler, None) as client:
+    with dask_client(scheduler) as client:
         # The client is synchronous, so the result is not awaited.
         yield lambda work, items: cast("list[TrialRun]", client.gather(client.map(work, list(items), pure=False)))

@@ -1,6 +1,7 @@
 """Export of identified models and runs to other programs."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from auvid_cli.config.loading import dump_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.estimate_file import read_reference
-from auvid_cli.data.files import check_no_overlap, exported_from, folder_of_estimate, write_text
+from auvid_cli.data.files import check_no_overlap, exported_from, folder_of_estimate, locked, write_text
 from auvid_cli.data.hdf5 import scan
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.results import refuse_unless
@@ -218,7 +219,8 @@ def export_into(
             export, _ = _model_export(data, estimate, target, path)
     found = file or folder / "export" / export.file_name
     check_no_overlap([found], [path, dataset_file])
-    if found.exists() and exported_from(found) != data.sha256:
-        refuse_unless(overwrite, f"{found}: exists, and was not exported from the same data")
-    export.write(found)
+    with locked(folder) if file is None else nullcontext():
+        if found.exists() and exported_from(found) != data.sha256:
+            refuse_unless(overwrite, f"{found}: exists, and was not exported from the same data")
+        export.write(found)
     return found, export.remarks

@@ -1,24 +1,23 @@
-"""Run a campaign on a Dask cluster: each task simulates data, runs filters on them and measures the results."""
+"""Run a campaign on many workers: each simulates data, runs filters on them and measures the results."""
 
 import json
 import logging
-import os
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, Future, as_completed
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from itertools import islice
+from typing import TYPE_CHECKING, NamedTuple
 
-import dask.config
 import numpy as np
-from distributed import Client, Future, LocalCluster, as_completed
 from threadpoolctl import threadpool_limits
 
 from auvid_cli._version import __version__
 from auvid_cli.campaign.measures import Measure, measures
 from auvid_cli.campaign.plan import CampaignRun, RunGroup
-from auvid_cli.child_processes import SAFE_PATH, starting_children
+from auvid_cli.child_processes import WorkerDied, Workers
 from auvid_cli.config.coefficients import Term
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.config.experiment import Experiment
@@ -34,23 +33,24 @@ from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 from auvid_cli.simulation.simulate import simulate
 
+if TYPE_CHECKING:
+    from distributed import Client
+
 # Identification settings that the Cramer-Rao bound depends on.
 _BOUND_SETTINGS = {"coefficients", "attitude_from", "use", "estimate", "integration_step", "inputs", "delays"}
-# Groups at the scheduler for each thread, so that no worker waits.
-_GROUPS_PER_THREAD = 3
+# Groups that wait for each worker, so that none is idle.
+_GROUPS_PER_WORKER = 3
+# Workers that may die in one group of runs before it fails.
+_ATTEMPTS = 4
 START_TIME = 60.0  # s
-# Less profiling and monitoring than by default, which takes time from the runs. The environment limits each library to
-# one thread, and replaces that of Dask, which would return memory to the system after each array.
-_DASK_SETTINGS = {
-    "distributed.worker.profile.enabled": False,
-    "distributed.worker.memory.monitor-interval": "1s",
-    "distributed.admin.system-monitor.interval": "5s",
-    "distributed.admin.tick.interval": "1s",
-    # Also for a worker that replaces a killed one.
-    "distributed.nanny.pre-spawn-environ": SAFE_PATH
-    | {"OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1},
-}
 _GONE = "the scheduler is gone; finished runs are kept, and the same command continues with a new scheduler"
+
+
+class Cluster(NamedTuple):
+    """Workers that call functions, and their current number."""
+
+    executor: Executor
+    n_workers: Callable[[], int]
 
 
 class RunResult(NamedTuple):
@@ -189,15 +189,33 @@ def _bounds(simulated: str, identification: str, assumed_vehicle: str) -> Mappin
 
 
 @contextmanager
-def cluster_client(scheduler: str | None, workers: int | None, start_time: float = START_TIME) -> Iterator[Client]:
-    """Connect to a scheduler, or to a new cluster on this machine that ends with the block.
+def local_cluster(workers: int) -> Iterator[Cluster]:
+    """Start worker processes on this machine, which end with the block.
+
+    Raises
+    ------
+    ClusterError
+        If they do not start.
+    """
+    with Workers(workers, "spawn", _ATTEMPTS) as executor:
+        try:
+            for started in [executor.submit(_version) for _ in range(workers)]:
+                started.result()
+        except (WorkerDied, MemoryError) as error:
+            raise ClusterError(
+                f"the workers on this machine do not start ({error}); if memory is short, use fewer: --workers 1"
+            ) from error
+        yield Cluster(executor, lambda: workers)
+
+
+@contextmanager
+def dask_client(scheduler: str, start_time: float = START_TIME) -> "Iterator[Client]":
+    """Connect to a Dask scheduler.
 
     Parameters
     ----------
-    scheduler : str or None
-        Address, such as tcp://10.0.0.1:8786.
-    workers : int or None
-        Processes of one thread each on this machine; None for one per core.
+    scheduler : str
+        Address, such as tls://10.0.0.1:8786; the certificates of TLS are in the configuration of Dask.
     start_time : float
         Longest time to wait for scheduler and workers, s.
 
@@ -206,24 +224,20 @@ def cluster_client(scheduler: str | None, workers: int | None, start_time: float
     ClusterError
         If the scheduler does not answer, or has no workers with this version of auvid.
     """
+    # Takes a second to load, which a campaign on this machine saves.
+    from distributed import Client
+
     # Errors become one line here.
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as stack:
-        if scheduler is None:
-            stack.enter_context(dask.config.set(_DASK_SETTINGS))
-            target = stack.enter_context(_local_cluster(workers))
-        else:
-            target = scheduler
         try:
-            client = stack.enter_context(Client(target, timeout=start_time / 2))
+            client = stack.enter_context(Client(scheduler, timeout=start_time / 2))
             client.wait_for_workers(1, timeout=start_time)
             versions = set(client.run(_version).values())  # pyright: ignore[reportAttributeAccessIssue]
         except ModuleNotFoundError as error:
             raise ClusterError(f"--scheduler {scheduler}: its workers have no auvid: {error}") from None
-        except (OSError, TimeoutError, ValueError) as error:
-            if scheduler is None:
-                raise ClusterError(f"the workers on this machine do not start: {error}") from None
+        except (OSError, TimeoutError, TypeError, ValueError) as error:
             raise ClusterError(f"--scheduler {scheduler}: no scheduler with workers answers there: {error}") from None
         if versions != {__version__}:
             found = ", ".join(sorted(versions))
@@ -231,33 +245,26 @@ def cluster_client(scheduler: str | None, workers: int | None, start_time: float
         yield client
 
 
-def _local_cluster(workers: int | None) -> LocalCluster:
-    try:
-        with starting_children():
-            return LocalCluster(
-                n_workers=workers or os.cpu_count(),
-                threads_per_worker=1,
-                # Any free port, reachable from this machine only.
-                dashboard_address="127.0.0.1:0",
-                silence_logs=logging.CRITICAL,
-            )
-    # Dask raises these if a process ends while it starts.
-    except (RuntimeError, OSError) as error:
-        raise ClusterError(
-            f"the workers on this machine do not start ({error}); if memory is short, use fewer: --workers 1"
-        ) from error
+@contextmanager
+def dask_cluster(scheduler: str, start_time: float = START_TIME) -> Iterator[Cluster]:
+    """Connect to the workers of a Dask scheduler; arguments and errors as those of `dask_client`."""
+    with dask_client(scheduler, start_time) as client:
 
+        def n_workers() -> int:
+            try:
+                return sum(client.nthreads().values())  # pyright: ignore[reportAttributeAccessIssue]
+            except OSError as error:
+                raise ClusterError(f"{_GONE}: {error}") from None
 
-def n_threads(client: Client) -> int:
-    """Return the number of runs at the same time."""
-    return sum(client.nthreads().values())  # pyright: ignore[reportAttributeAccessIssue]
+        # A unique name for each call, because another campaign on this scheduler may have the same runs.
+        yield Cluster(client.get_executor(pure=False), n_workers)
 
 
 def _version() -> str:
     return __version__
 
 
-def run_groups(client: Client, groups: Iterator[RunGroup], with_estimates: bool) -> Iterator[list[RunResult]]:
+def run_groups(cluster: Cluster, groups: Iterator[RunGroup], with_estimates: bool) -> Iterator[list[RunResult]]:
     """Yield the results of groups, in the order in which they finish.
 
     A group whose worker dies is repeated by another worker, and fails if several workers die.
@@ -267,25 +274,14 @@ def run_groups(client: Client, groups: Iterator[RunGroup], with_estimates: bool)
     ClusterError
         If the scheduler is gone.
     """
-    sent: dict[Future, RunGroup] = {}
-    returning = as_completed()
-
-    def send() -> None:
-        try:
-            threads = n_threads(client)
-        except OSError as error:
-            raise ClusterError(f"{_GONE}: {error}") from None
-        while len(sent) < _GROUPS_PER_THREAD * max(threads, 1):
-            group = next(groups, None)
-            if group is None:
-                return
-            # A unique name, because another campaign on this scheduler may have the same runs.
-            future = client.submit(run_group, group, with_estimates, pure=False)
-            sent[future] = group
-            returning.add(future)
-
-    send()
-    for future in returning:
+    sent: dict[Future[list[RunResult]], RunGroup] = {}
+    while True:
+        room = _GROUPS_PER_WORKER * max(cluster.n_workers(), 1) - len(sent)
+        for group in islice(groups, max(room, 0)):
+            sent[cluster.executor.submit(run_group, group, with_estimates)] = group
+        if not sent:
+            return
+        future = next(as_completed(sent))
         group = sent.pop(future)
         if future.cancelled():
             raise ClusterError(_GONE)
@@ -295,4 +291,3 @@ def run_groups(client: Client, groups: Iterator[RunGroup], with_estimates: bool)
         else:
             reason = f"{type(error).__name__}: {error}"
             yield [RunResult(run, [], reason, None) for run in group.runs]
-        send()

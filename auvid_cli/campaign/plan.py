@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import groupby, product
 from pathlib import Path
@@ -120,8 +121,9 @@ class CampaignPlan:
         self._tree = tree
         self._path = path
         neighbour = path.parent / campaign.experiment
+        is_own = os.path.lexists(neighbour) and not neighbour.is_dir()
         try:
-            source = open_source(neighbour if neighbour.is_file() else find_experiment(campaign.experiment))
+            source = open_source(neighbour if is_own else find_experiment(campaign.experiment))
         except ConfigError as error:
             at = tree.child("experiment") or tree
             raise ConfigError(mistakes_text([Mistake(at.at, ("experiment",), str(error))])) from None

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from io import StringIO
@@ -195,8 +196,12 @@ class Store:
         return pa.table(columns, schema=self._schema)
 
     def _read_failures(self) -> list[Failure]:
-        if not self._failures_file.is_file():
+        if not os.path.lexists(self._failures_file):
             return []
+        try:
+            check_regular_file(self._failures_file)
+        except ValueError as error:
+            raise FileError(f"{self._failures_file}: {error}") from None
         refusal = FileError(f"{self._failures_file}: not a list of failed runs; move it away to repeat these runs")
         try:
             header, *rows = csv.reader(StringIO(self._failures_file.read_text(encoding="utf-8")))

@@ -93,7 +93,10 @@ OverwriteOption = Annotated[
 ]
 _FORMATS = f"Format of figures: {', '.join(FigureFormat)}; repeatable. Default: png."
 FigureFormatOption = Annotated[list[FigureFormat] | None, optional("FORMAT", _FORMATS)]
-_SCHEDULER = "Dask scheduler, such as tcp://HOST:8786. Default: this machine only."
+_SCHEDULER = (
+    "Dask scheduler, such as tls://HOST:8786. Default: this machine only. At tcp://, everyone who reaches the scheduler "
+    "can run code."
+)
 SchedulerOption = Annotated[str | None, optional("ADDRESS", _SCHEDULER)]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors.")]
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and exit.")]

@@ -3,11 +3,14 @@
 import os
 import sys
 import textwrap
-from io import TextIOWrapper
+from io import BufferedWriter, FileIO, TextIOWrapper
 from shutil import get_terminal_size
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from auvid_cli.text import printable_lines
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
 
 DONE = 0
 VERDICT_FAILED = 1
@@ -15,15 +18,33 @@ WRONG_INPUT = 2
 INTERRUPTED = 130  # as in shells: 128 + SIGINT
 
 
+class _Output(FileIO):
+    """A stream that drops its output after its reader has ended, as in `auvid run | head -1`."""
+
+    def write(self, content: "Buffer", /) -> int:
+        """Write bytes, and return their number."""
+        try:
+            return super().write(content)
+        except BrokenPipeError:
+            return memoryview(content).nbytes
+
+
 def prepare_streams() -> None:
-    """Open closed streams, and escape characters that a terminal cannot show."""
+    """Open closed streams, escape characters that a terminal cannot show, and outlive the readers of the output."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        # Otherwise the next opened file gets its number, and the output of libraries is written into that file.
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: PTH123, SIM115
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
+        stream = getattr(sys, name)
+        if stream is None:
+            # Otherwise the next opened file gets its number, and the output of libraries is written into that file.
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8", errors="backslashreplace"))  # noqa: PTH123, SIM115
+        elif mode == "w" and isinstance(stream, TextIOWrapper):
+            output = TextIOWrapper(
+                BufferedWriter(_Output(stream.fileno(), "w", closefd=False)),
+                stream.encoding,
+                "backslashreplace",
+                line_buffering=stream.line_buffering,
+                write_through=stream.write_through,
+            )
+            setattr(sys, name, output)
 
 
 def print_error(message: str) -> None:
@@ -48,7 +69,7 @@ def hanging(line: str, indent: int) -> str:
 
 
 def discard(stream: TextIO) -> None:
-    """Drop all further output of a stream that has lost its reader."""
+    """Drop all further output of a stream that cannot be written."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
@@ -57,8 +78,6 @@ def finish(code: int | str | None) -> int | str | None:
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
-        except BrokenPipeError:
-            discard(stream)
         except OSError as error:
             discard(stream)
             if not code:

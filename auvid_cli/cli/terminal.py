@@ -14,64 +14,105 @@ from typing import TYPE_CHECKING
 import typer
 
 from auvid_cli.api import COMPILED_FILTERS, Advance, Progress, load_vehicles
-from auvid_cli.cli.streams import DONE, INTERRUPTED, WRONG_INPUT, discard, hanging, print_error, print_os_error
+from auvid_cli.cli.streams import INTERRUPTED, WRONG_INPUT, hanging, print_error, print_os_error
 
 if TYPE_CHECKING:
     from auvid_cli.config.vehicle import VehicleSettings
 
+_LEAST_MEMORY = 1_500_000_000  # bytes
 INDENT = 2  # columns, of all lines of a sentence except the first
+
+
+_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
+@contextmanager
+def _signals_go_to(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Handle the signals that end a command, except those that its parent has set to be ignored (nohup)."""
+    before = {number: signal.getsignal(number) for number in _SIGNALS}
+    before = {number: earlier for number, earlier in before.items() if earlier not in (signal.SIG_IGN, None)}
+    for number in before:
+        signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number, earlier in before.items():
+            signal.signal(number, earlier)
 
 
 @contextmanager
 def reporting_errors() -> Iterator[None]:
-    """Turn errors that a user can fix into one message and exit code 2."""
-    from auvid_cli.errors import AuvidError
-
-    # SIGTERM acts like Ctrl-C, so that half-written files are removed. Of all exceptions only KeyboardInterrupt passes
-    # through an import.
+    """Turn errors that a user can fix into one message and exit code 2, and signals into 128 + their number."""
+    # SIGTERM and SIGHUP act like Ctrl-C, so that half-written files are removed. Of all exceptions only
+    # KeyboardInterrupt passes through an import.
     received: list[int] = []
 
-    def end(number: int, frame: FrameType | None) -> None:
+    def interrupt(number: int, frame: FrameType | None) -> None:
         received.append(number)
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, end)
     try:
-        yield
-    except AuvidError as error:
-        print_error(str(error))
+        with _signals_go_to(interrupt):
+            _check_address_space()
+            yield
+    except typer.Exit:
+        _end_if_terminated(received)
+        raise
+    except (Exception, KeyboardInterrupt) as error:
+        # A library may have turned the interrupt into an error of its own.
+        if received or isinstance(error, KeyboardInterrupt):
+            print_error("interrupted; files already written are complete")
+            raise SystemExit(128 + received[0] if received else INTERRUPTED) from None
+        if not _print_known(error):
+            raise
         raise typer.Exit(WRONG_INPUT) from None
-    except MemoryError as error:
-        print_error(f"not enough memory; use a shorter duration or lower sensor rates: {error}")
-        raise typer.Exit(WRONG_INPUT) from None
-    except KeyboardInterrupt:
-        print_error("interrupted; files already written are complete")
-        raise typer.Exit(INTERRUPTED) from None
-    except BrokenPipeError:
-        # The reader of the output has ended: `auvid ... | head`.
-        discard(sys.stdout)
-        raise typer.Exit(DONE) from None
-    except OSError as error:
-        print_os_error(error)
-        raise typer.Exit(WRONG_INPUT) from None
-    finally:
-        signal.signal(signal.SIGTERM, before)
-        if received:
-            # An import or the compiler may have swallowed the exception.
-            raise SystemExit(128 + received[0])
+    _end_if_terminated(received)
+
+
+def _check_address_space() -> None:
+    """Raise a ConfigError below `_LEAST_MEMORY`, with which some libraries wait forever while they are loaded."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    from auvid_cli.errors import ConfigError
+
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY and limit < _LEAST_MEMORY:
+        raise ConfigError(f"ulimit -v: {limit / 1e6:.0f} MB of memory; expected {_LEAST_MEMORY / 1e6:.0f} MB or more")
+
+
+def _end_if_terminated(received: list[int]) -> None:
+    """End with the code of SIGTERM or SIGHUP, even if an import, the compiler or the command caught the exception."""
+    if ending := [number for number in received if number != signal.SIGINT]:
+        raise SystemExit(128 + ending[0])
+
+
+def _print_known(error: BaseException) -> bool:
+    """Print an error that a user can fix in one line; False for others."""
+    from auvid_cli.errors import AuvidError
+
+    match error:
+        case AuvidError():
+            print_error(str(error))
+        case MemoryError():
+            reason = f": {error}" if str(error) else ""
+            print_error(f"not enough memory; use a shorter duration or lower sensor rates{reason}")
+        case OSError():
+            print_os_error(error)
+        case _:
+            return False
+    return True
 
 
 @contextmanager
 def interrupts_deferred() -> Iterator[None]:
     """Defer an interrupt to the end of the block, because some libraries turn it into another error during import."""
-    waiting = []
-    before = signal.signal(signal.SIGINT, lambda number, frame: waiting.append(number))
-    try:
+    waiting: list[int] = []
+    with _signals_go_to(lambda number, frame: waiting.append(number)):
         yield
-    finally:
-        signal.signal(signal.SIGINT, before)
     if waiting:
-        raise KeyboardInterrupt
+        signal.raise_signal(waiting[0])
 
 
 class Terminal(Progress):
@@ -146,29 +187,24 @@ class Terminal(Progress):
         """
         from auvid_cli.numerics import on_compilation
 
-        before = {number: signal.signal(number, self._interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            with self.stage("loading the compiled core") as change:
+        with _signals_go_to(self._interrupt), self.stage("loading the compiled core") as change:
 
-                def print_compiling() -> None:
-                    label = "compiling the numerical core (only once after an installation; 20 to 40 s)"
-                    change(label)
-                    if not self._err.is_terminal and not self.quiet and not self._printed:
-                        print_error(label)
-                    self._compiles = self._printed = True
-                    if self._interrupted:
-                        self._leave_at_once()
+            def print_compiling() -> None:
+                label = "compiling the numerical core (only once after an installation; 20 to 40 s)"
+                change(label)
+                if not self._err.is_terminal and not self.quiet and not self._printed:
+                    print_error(label)
+                self._compiles = self._printed = True
+                if self._interrupted:
+                    self._leave_at_once()
 
+            try:
                 with on_compilation(print_compiling):
                     yield print_compiling
-                if self._interrupted == signal.SIGINT:
-                    raise KeyboardInterrupt
-                if self._interrupted:
-                    raise SystemExit(128 + self._interrupted)
-        finally:
-            self._compiles = False
-            for number, handler in before.items():
-                signal.signal(number, handler)
+            finally:
+                self._compiles = False
+        if self._interrupted:
+            signal.raise_signal(self._interrupted)
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         self._interrupted = number
@@ -181,7 +217,7 @@ class Terminal(Progress):
         # Show the cursor again, and clear the line of the spinner.
         reset = b"\x1b[?25h\r\x1b[K" if sys.stderr.isatty() else b""
         os.write(sys.stderr.fileno(), reset + b"auvid: interrupted while compiling; nothing was lost\n")
-        os._exit(INTERRUPTED if self._interrupted == signal.SIGINT else 128 + self._interrupted)
+        os._exit(128 + self._interrupted)
 
     def load_core(self) -> None:
         """Load the compiled core; two processes compile it if necessary."""

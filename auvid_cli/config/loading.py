@@ -173,14 +173,15 @@ def _with_file(tree: Tree, section: str, folder: Path, mistakes: list[Mistake]) 
     if named is None or not isinstance(named.content, str) or not named.content.endswith(SUFFIXES):
         return tree
     candidates = [base / named.content for base in dict.fromkeys((named.at.source.folder, folder))]
-    own = next((candidate for candidate in candidates if candidate.exists()), None)
+    # A link to a missing file is an error: a shipped file never takes its place.
+    own = next((candidate for candidate in candidates if os.path.lexists(candidate)), None)
     path = own or shipped_part(named.content) or candidates[0]
     name = os.path.normpath(path)
     try:
         content, errors = read_tree(read_source(path, name))
     except ValueError as error:
         near = get_close_matches(named.content, [file.name for file in shipped_files(SECTIONS[section])], n=1)
-        hint = f"; did you mean {near[0]!r}, which ships with auvid?" if near and not path.exists() else ""
+        hint = f"; did you mean {near[0]!r}, which ships with auvid?" if near and not own else ""
         content = replace(named, content={}, readable=False)
         errors = (Mistake(named.at, (), f"{name}: {error}{hint}"),)
     mistakes += (replace(mistake, path=(section, *mistake.path)) for mistake in errors)
@@ -322,7 +323,7 @@ def find_experiment(name: str | None) -> Path:
     if name is None:
         return folder / "spiral.yaml"
     within = Path(name) / EXPERIMENT_FILE
-    path = within if name and within.is_file() else _file_or_shipped(name, folder, "an experiment")
+    path = within if name and os.path.lexists(within) else _file_or_shipped(name, folder, "an experiment")
     if path.is_dir():
         raise ConfigError(f"{name}: folder without {EXPERIMENT_FILE}; name an experiment file")
     return path
@@ -331,9 +332,10 @@ def find_experiment(name: str | None) -> Path:
 def _file_or_shipped(name: str, folder: Path, kind: str) -> Path:
     shipped = {path.stem: path for path in sorted(folder.glob("*.yaml"))}
     path = Path(name)
-    if name in shipped and not path.is_file():
+    # The results folder of an experiment may have its name.
+    if name in shipped and (path.is_dir() or not os.path.lexists(path)):
         return shipped[name]
-    if name and path.exists():
+    if name and os.path.lexists(path):
         return path
     key, equals, _ = name.partition("=")
     is_setting = equals and all(part.isidentifier() for part in key.split("."))

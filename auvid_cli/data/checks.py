@@ -1,6 +1,7 @@
 """Checks, and tables of results: rows with named columns as CSV and pandas tables."""
 
 import csv
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from auvid_cli.errors import FileError
+from auvid_cli.regular_files import check_regular_file
 from auvid_cli.text import one_line, printable
 
 if TYPE_CHECKING:
@@ -93,12 +95,13 @@ def read_result_tables(folder: Path, results_name: str) -> ResultTables:
         If there are no tables, or a file is not valid.
     """
     home = _folder_of_tables(folder, results_name)
-    return {name: _read(home / f"{name}.csv", key) for name, key in KEYS.items() if (home / f"{name}.csv").is_file()}
+    files = {name: home / f"{name}.csv" for name in KEYS}
+    return {name: _read(path, KEYS[name]) for name, path in files.items() if os.path.lexists(path)}
 
 
 def _folder_of_tables(folder: Path, results_name: str) -> Path:
     for home in (folder / "tables", folder, folder / results_name / "tables", folder / results_name):
-        if (home / "coefficients.csv").is_file():
+        if os.path.lexists(home / "coefficients.csv"):
             return home
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; name a results folder, such as results/spiral")
@@ -106,6 +109,10 @@ def _folder_of_tables(folder: Path, results_name: str) -> Path:
 
 
 def _read(path: Path, key: tuple[str, ...]) -> ResultTable:
+    try:
+        check_regular_file(path)
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from None
     if path.stat().st_size > _MAX_SIZE:
         raise FileError(f"{path}: is too large for a table of results")
     rows: ResultTable = {}

@@ -1,5 +1,6 @@
 """Write, read and check ``estimates/<filter>.h5``."""
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -233,7 +234,7 @@ def read_estimate(path: Path, max_rows: int = MAX_ROWS) -> Estimate:
 def read_reference(path: Path, estimate: Estimate) -> Estimate | None:
     """Read the smoother's estimate of the same data from the folder of another estimate; None if there is none."""
     judge = path.with_name(f"{JUDGE.value}.h5")
-    if judge == path or not judge.is_file():
+    if judge == path or not os.path.lexists(judge):
         return None
     reference = read_estimate(judge)
     return reference if reference.dataset_sha256 == estimate.dataset_sha256 else None

@@ -59,6 +59,8 @@ def damage_as_file_error(message: Callable[[str], str]) -> Iterator[None]:
     # On damaged files libraries raise anything: errors of unpacking, attributes, memory or SQLite, even Exception.
     except Exception as error:
         reason = one_line(str(error)).rstrip(".") or type(error).__name__
+        if isinstance(error, MemoryError) or "out of memory" in reason:
+            reason = "not enough memory, or the file is damaged"
         raise FileError(message(shortened(reason))) from error
 
 
@@ -256,7 +258,7 @@ def page_in(folder: Path) -> Path:
 def estimates_in(folder: Path) -> dict[FilterName, Path]:
     """Return the existing estimates, in the order of `FilterName`."""
     paths = {name: folder / "estimates" / f"{name.value}.h5" for name in FilterName}
-    return {name: path for name, path in paths.items() if path.exists()}
+    return {name: path for name, path in paths.items() if os.path.lexists(path)}
 
 
 def tables_and_figures(folder: Path) -> list[Path]:

@@ -3,13 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.identification.states import coefficient_priors
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 from auvid_cli.simulation.motion import Truth
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.jacobian import N_COLUMNS, transition_step, transition_work

@@ -4,9 +4,8 @@ Filters store the factor S of the covariance ``S S'``, which stays positive defi
 """
 
 import numpy as np
-from numba import types
 
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 
 # Rows of a factor are padded with zeros to a multiple of this, a cache line.
 TILE = 8

@@ -9,13 +9,12 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import TIMELINE, FaultScores, Timeline
 from auvid_cli.filters.smoother_forward import FORWARD_PASS, LINEARISED, Linearised
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 
 Array = NDArray[np.float64]
 _matrix = types.float64[:, ::1]

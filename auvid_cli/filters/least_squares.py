@@ -5,14 +5,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.optimize
-from numba import types
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from auvid_cli.filters.problem import Gaussian, Indices, JointProblem, segment_indices
 from auvid_cli.filters.sensitivities import Response, responses
 from auvid_cli.filters.smoother_forward import weight
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 
 Array = NDArray[np.float64]
 _matrix = types.float64[:, ::1]

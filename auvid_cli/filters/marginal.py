@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
@@ -40,7 +39,7 @@ from auvid_cli.filters.smoother_forward import (
     linearise_measurements,
     linearise_process,
 )
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 
 Array = NDArray[np.float64]
 _vector = types.float64[::1]

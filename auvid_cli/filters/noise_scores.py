@@ -17,7 +17,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.fault_scores import FaultEffects, fault_signatures
@@ -31,7 +30,7 @@ from auvid_cli.filters.smoother_forward import (
     SmootherWorkspace,
     linearise_process,
 )
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.problem import (
@@ -21,7 +20,7 @@ from auvid_cli.filters.problem import (
     Timeline,
 )
 from auvid_cli.filters.sigma_points import wrapped
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 
 Array = NDArray[np.float64]
 

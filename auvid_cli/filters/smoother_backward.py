@@ -11,13 +11,12 @@ itself would exceed the smoothed covariance.
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.factor import LEAST, orthogonalise
 from auvid_cli.filters.problem import TIMELINE
 from auvid_cli.filters.smoother_forward import FORWARD_PASS, LINEARISED
-from auvid_cli.numerics import compiled, zeros_on_lines
+from auvid_cli.numerics import compiled, types, zeros_on_lines
 
 Array = NDArray[np.float64]
 

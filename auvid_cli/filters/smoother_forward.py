@@ -9,7 +9,6 @@ its noise has the variance ``s^2 / w`` (Huber, Ann. Math. Statist. 35(1), 1964).
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.factor import TILE, carlson_update, triangularise
@@ -24,7 +23,7 @@ from auvid_cli.filters.problem import (
 )
 from auvid_cli.filters.sigma_points import four_products, wrapped
 from auvid_cli.filters.workspace import STATE, State, padded
-from auvid_cli.numerics import compiled, zeros_on_lines
+from auvid_cli.numerics import compiled, types, zeros_on_lines
 
 # Threshold of Huber's weights, in standard deviations of the noise: clean data lose 1 % of their information.
 THRESHOLD = 2.0

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.factor import triangularise
@@ -44,7 +43,7 @@ from auvid_cli.filters.workspace import (
     new_workspace,
     padded,
 )
-from auvid_cli.numerics import LANES, compiled
+from auvid_cli.numerics import LANES, compiled, types
 
 if TYPE_CHECKING:
     from auvid_cli.filters.fault_scores import Faults

@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.factor import TILE
@@ -17,7 +16,7 @@ from auvid_cli.filters.problem import (
     Process,
     Sensors,
 )
-from auvid_cli.numerics import LANES, compiled, zeros_on_lines
+from auvid_cli.numerics import LANES, compiled, types, zeros_on_lines
 
 Array = NDArray[np.float64]
 # Antipodal pairs in a block of lanes; the last block has one of `FEWER` or `PAIRS`.

@@ -10,12 +10,11 @@ from collections import namedtuple
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.config.extra_states import ERROR_BLOCKS, FURTHER_STATES
 from auvid_cli.identification.states import StateLayout
-from auvid_cli.numerics import LANES, compiled
+from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.equations import N_CONSTANTS, N_FACTORS, NO_ERRORS, n_terms, term_place, with_table_at_end
 from auvid_cli.vehicle.parameters import DISTURBANCE, N_MOTION

@@ -8,11 +8,10 @@ acceleration. Strang splitting in each substep: half a push, motion and decay, h
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.identification.compiled_layout import ROW, depth_is_state, fading_rate, first_moving_row, row_of
-from auvid_cli.numerics import LANES, compiled
+from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.equations import n_terms, named_constants, sine_cosine
 from auvid_cli.vehicle.jacobian import N_COLUMNS, transition_step
 from auvid_cli.vehicle.parameters import DISTURBANCE, N_MOTION

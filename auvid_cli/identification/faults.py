@@ -4,12 +4,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.config.extra_states import DELAYS
 from auvid_cli.data.faults import Fault, FaultKind
-from auvid_cli.numerics import LANES, compiled
+from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.coefficients import SIGNALS, Coefficient, Regressor, term
 from auvid_cli.vehicle.equations import N_BLOCK, N_FACTORS, N_SLOPE, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.kinematics import body_to_earth, current_in_body_axes, earth_to_body, specific_force

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TIMELINE, TRANSITION_SIGNATURE, Process
@@ -35,7 +34,7 @@ from auvid_cli.identification.disturbance import (
     undisturbed,
 )
 from auvid_cli.identification.states import StateLayout
-from auvid_cli.numerics import LANES, compiled
+from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, CoefficientSet
 from auvid_cli.vehicle.equations import (
     N_BLOCK,

@@ -8,7 +8,6 @@ the rotation matrix from body to earth axes, Fossen 2011, ch. 2.
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
@@ -27,7 +26,7 @@ from auvid_cli.identification.compiled_layout import (
     value_of,
 )
 from auvid_cli.identification.disturbance import fill_in_specific_force, push
-from auvid_cli.numerics import LANES, compiled
+from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.equations import (
     N_BLOCK,
     N_COEFFICIENT_BLOCK,

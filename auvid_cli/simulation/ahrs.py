@@ -13,14 +13,13 @@ filter rely on the gyroscope during a turn.
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
 from auvid_cli.config.sensors import AhrsSensors
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import SimulationError
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]

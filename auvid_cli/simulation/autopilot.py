@@ -3,11 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 from auvid_cli.simulation.manoeuvres import ManoeuvrePlan
 from auvid_cli.vehicle.matrices import mass_matrix
 

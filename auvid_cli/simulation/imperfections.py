@@ -5,14 +5,13 @@ from functools import partial
 from zlib import crc32
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.config.extra_states import Disturbance
 from auvid_cli.config.manoeuvre import FinTrim
 from auvid_cli.config.sensors import Accelerometer, MagneticField, SensorSettings
 from auvid_cli.data.dataset import InputRecord, SensorRecord
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 from auvid_cli.vehicle.parameters import DISTURBANCE
 
 Array = NDArray[np.float64]

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import NamedTuple, assert_never
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.config.manoeuvre import (
@@ -23,6 +22,7 @@ from auvid_cli.config.manoeuvre import (
 )
 from auvid_cli.config.units import parse_number
 from auvid_cli.errors import ConfigError
+from auvid_cli.numerics import types
 from auvid_cli.regular_files import check_regular_file
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 

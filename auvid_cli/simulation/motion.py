@@ -3,13 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, SimulationError
-from auvid_cli.numerics import LANES, compiled
+from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, autopilot_controls, limited, steer
 from auvid_cli.simulation.manoeuvres import SETPOINTS, ManoeuvrePlan
 from auvid_cli.vehicle.actuator_motion import ACTUATOR, demanded, effective, moved

@@ -4,9 +4,8 @@ It depends on the commands alone and not on the state, so that estimators comput
 """
 
 import numpy as np
-from numba import types
 
-from auvid_cli.numerics import compiled
+from auvid_cli.numerics import compiled, types
 from auvid_cli.vehicle.actuators import Actuator
 
 ACTUATOR = types.NamedUniTuple(types.float64, len(Actuator._fields), Actuator)

@@ -4,10 +4,9 @@ from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.numerics import LANES, compiled
+from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SIGNALS
 from auvid_cli.vehicle.equations import (

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.attack.material import Material
+from benchmarks.attack.outcome import Outcome
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,9 @@ class Case:
 
 # Writes the input of a case into a folder, by the numbers that are drawn.
 Maker = Callable[[random.Random, Material, Path], Case]
+
+# Does a whole case in a folder, by seed and number.
+Performer = Callable[[Path, Material, int, int], Outcome]
 
 
 def numbers(seed: int, kind: str, index: int) -> random.Random:

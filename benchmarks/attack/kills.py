@@ -2,13 +2,14 @@
 
 import contextlib
 import os
+import resource
 import shutil
 import signal
 import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import h5py
@@ -32,7 +33,7 @@ vary: [{setting: identification.prior.factor, values: [1, 3]}]
 _MARK = "AUVID_ATTACKED"
 # Between the last kill and the look at what still lives, s; and what a whole command may take.
 _GRACE = 1.0
-_LONGEST = 180.0
+_LONGEST = 400.0
 # Kills fall in this time after the start, s: all of the run, and some after its end.
 _SPAN = 6.0
 _TIMES = "processor_time", "wall_time"
@@ -58,7 +59,7 @@ def perform(home: Path, material: Material, seed: int, index: int) -> Outcome:
         said.append(f"{number.name} at {moment:.2f} s")
         faults |= _killed(home, command, number, moment)
     outcome = Outcome("kills", index, f"{command[0]}: {', '.join(said)}", [list(command)], 0.0, faults)
-    ended, living = _run(home, command, None, 0.0)
+    ended, living = run(home, command)
     again = faults_of(ended, False, True)
     if living:
         again["process"] = f"lives on after the end: {living}"
@@ -80,12 +81,12 @@ def _whole(folder: Path, campaign: bool, command: tuple[str, ...]) -> Path:
     if not home.is_dir():
         home.mkdir(parents=True)
         (home / "killed.yaml").write_text(_CAMPAIGN)
-        _run(home, command, None, 0.0)
+        run(home, command)
     return home / "out"
 
 
 def _killed(home: Path, command: tuple[str, ...], number: signal.Signals, moment: float) -> dict[str, str]:
-    ended, living = _run(home, command, number, moment)
+    ended, living = run(home, command, number, moment)
     faults: dict[str, str] = {}
     # A run may also have ended before.
     if number is not signal.SIGKILL and ended.code not in (0, 1, 130, 143, -number):
@@ -103,8 +104,39 @@ def _killed(home: Path, command: tuple[str, ...], number: signal.Signals, moment
     return faults
 
 
-def _run(home: Path, command: tuple[str, ...], number: signal.Signals | None, moment: float) -> tuple[Ended, str]:
-    """Run a command in a process of its own, and say which of its processes are still there a moment after its end."""
+def run(
+    home: Path,
+    command: tuple[str, ...],
+    number: signal.Signals | None = None,
+    moment: float = 0.0,
+    environment: Mapping[str, str] | None = None,
+    memory: int | None = None,
+    is_read: bool = True,
+) -> tuple[Ended, str]:
+    """Run a command in a process of its own; return its end, and its processes that still run a moment later.
+
+    Parameters
+    ----------
+    home : Path
+    command : tuple of str
+    number : signal, optional
+        Sent to the command after `moment`, s.
+    moment : float
+    environment : mapping of str, optional
+        Further variables.
+    memory : int, optional
+        Limit of the address space of each process, bytes.
+    is_read : bool
+        False: the output is a pipe whose reader ends after the first line.
+    """
+
+    def prepare() -> None:
+        # A background job ignores some of them, and its children would as well.
+        for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(ending, signal.SIG_DFL)
+        if memory is not None:
+            resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+
     mark = uuid.uuid4().hex
     start = time.perf_counter()
     killed = False
@@ -113,17 +145,21 @@ def _run(home: Path, command: tuple[str, ...], number: signal.Signals | None, mo
             [sys.executable, "-P", "-m", "auvid_cli", *command],
             cwd=home,
             stdin=subprocess.DEVNULL,
-            stdout=out,
+            stdout=out if is_read else subprocess.PIPE,
             stderr=err,
-            env=os.environ | {_MARK: mark},
+            env=os.environ | {_MARK: mark} | dict(environment or {}),
             start_new_session=True,
+            preexec_fn=prepare,
         )
+        if process.stdout is not None:
+            process.stdout.readline()
+            process.stdout.close()
         if number is not None:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(moment)
             process.send_signal(number)
         try:
-            process.wait(_LONGEST if number is None else _LONGEST / 6)
+            process.wait(_LONGEST if number is None else _LONGEST / 12)
         except subprocess.TimeoutExpired:
             killed = True
             process.kill()

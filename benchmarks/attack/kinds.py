@@ -3,17 +3,18 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from benchmarks.attack import hdf5_bytes, hdf5_structure, logs, plans, settings, stores
-from benchmarks.attack.cases import Maker
+from benchmarks.attack import hdf5_bytes, hdf5_structure, kills, links, logs, plans, settings, stores, surroundings
+from benchmarks.attack.cases import Maker, Performer
 
 
 @dataclass(frozen=True)
 class Kind:
-    """Cases of one kind; `make` is None where a case is more than commands on damaged input."""
+    """Cases of one kind: commands on the input that `make` damages, or all that `perform` does."""
 
     title: str
     count: int
-    make: Maker | None
+    make: Maker | None = None
+    perform: Performer | None = None
 
 
 KINDS: Mapping[str, Kind] = {
@@ -24,5 +25,9 @@ KINDS: Mapping[str, Kind] = {
     "logs": Kind("logs of ten kinds", 2400, logs.make),
     "plans": Kind("plans of campaigns", 200, plans.make),
     "stores": Kind("results of campaigns", 100, stores.make),
-    "kills": Kind("kills", 40, None),
+    "links": Kind("links to nothing and in circles", 400, links.make),
+    "environment": Kind("environment and files of libraries", 60, perform=surroundings.environment),
+    "memory": Kind("limited memory", 60, perform=surroundings.memory),
+    "interrupts": Kind("interrupts, and readers that end", 60, perform=surroundings.interrupts),
+    "kills": Kind("kills", 40, perform=kills.perform),
 }

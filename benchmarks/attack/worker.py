@@ -18,7 +18,6 @@ import warnings
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks.attack import kills
 from benchmarks.attack.cases import numbers
 from benchmarks.attack.kinds import KINDS
 from benchmarks.attack.material import Material, make
@@ -40,8 +39,9 @@ def serve() -> None:
     print(json.dumps("ready"), file=answers, flush=True)
     for line in sys.stdin:
         kind, index = line.split()
-        if KINDS[kind].make is None:
-            outcome = kills.perform(home, material, seed, int(index))
+        perform_all = KINDS[kind].perform
+        if perform_all is not None:
+            outcome = perform_all(home, material, seed, int(index))
         else:
             outcome = _attack(home, material, kind, int(index), seed, limit)
         print(json.dumps(asdict(outcome)), file=answers, flush=True)

@@ -1,7 +1,7 @@
 """What a campaign costs besides its runs: `python -m benchmarks.commands.campaign`, some forty minutes.
 
 The default experiment over seeds, with all its filters: one after the other in this process, on one worker, on two, and
-on two processes without Dask, which is what the machine allows; all of them in each round. Then on one worker so many
+on two processes alone, which is what the machine allows; all of them in each round. Then on one worker so many
 runs that its memory would show any leak.
 """
 
@@ -17,9 +17,8 @@ from statistics import median
 from typing import NamedTuple
 
 import psutil
-from distributed import Client
 
-from auvid_cli.campaign.cluster import cluster_client, run_group, run_groups
+from auvid_cli.campaign.cluster import Cluster, local_cluster, run_group, run_groups
 from auvid_cli.campaign.plan import CampaignPlan, RunGroup
 from auvid_cli.campaign.store import Store
 from auvid_cli.config.campaign import load_campaign
@@ -64,11 +63,11 @@ def timed(groups: list[RunGroup], folder: Path) -> Round:
 
 def _seconds_on(workers: int, groups: list[RunGroup], folder: Path) -> float:
     """Return the wall time, s, of groups on so many workers, results written."""
-    with cluster_client(None, workers) as client:
-        list(run_groups(client, _warm(folder.parent, workers), False))
+    with local_cluster(workers) as cluster:
+        list(run_groups(cluster, _warm(folder.parent, workers), False))
         store = Store(folder, {})
         start = time.perf_counter()
-        for performed in run_groups(client, iter(groups), False):
+        for performed in run_groups(cluster, iter(groups), False):
             store.add(performed)
         store.merge()
         return time.perf_counter() - start
@@ -82,17 +81,20 @@ def _warm(folder: Path, workers: int) -> Iterator[RunGroup]:
 def memory_over(groups: Iterator[RunGroup], n_runs: int) -> list[tuple[int, float]]:
     """Return the memory of a single worker, MB, after so many runs."""
     seen, ended = [], 0
-    with cluster_client(None, 1) as client:
-        for performed in run_groups(client, groups, False):
+    with local_cluster(1) as cluster:
+        for performed in run_groups(cluster, groups, False):
             before, ended = ended, ended + len(performed)
             if before * _LOOKS // n_runs < ended * _LOOKS // n_runs:
-                seen.append((ended, _memory(client)))
+                seen.append((ended, _memory(cluster)))
     return seen
 
 
-def _memory(client: Client) -> float:
-    (size,) = client.run(lambda: psutil.Process().memory_info().rss).values()  # pyright: ignore[reportAttributeAccessIssue]
-    return size / 1024.0**2
+def _memory(cluster: Cluster) -> float:
+    return cluster.executor.submit(_resident_size).result() / 1024.0**2
+
+
+def _resident_size() -> int:
+    return psutil.Process().memory_info().rss
 
 
 def spread(values: Sequence[float], digits: int) -> str:
@@ -129,7 +131,7 @@ def main() -> None:
         f"{spread([own.one_worker / own.two_workers for own in rounds], 2)} times as fast as 1 worker",
         f"{spread([own.alone / own.two_processes for own in rounds], 2)} times as fast as one after the other",
     )
-    labels = f"one after the other, {n_runs} runs", "1 worker", "2 workers", "2 processes without Dask, nothing written"
+    labels = f"one after the other, {n_runs} runs", "1 worker", "2 workers", "2 processes, nothing written"
     text = "\n".join(
         [
             *(f"- {name}: {value}" for name, value in described_machine().items()),

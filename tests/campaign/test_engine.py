@@ -1,14 +1,19 @@
 """Whatever happens to workers, each run is there once."""
 
+import multiprocessing
 import os
-import signal
+import shutil
+import subprocess
+import sys
+from functools import partial
 from itertools import islice
 
 import dask.config
+import psutil
 import pytest
 from distributed import LocalCluster
 
-from auvid_cli.campaign.cluster import cluster_client, run_groups
+from auvid_cli.campaign.cluster import dask_cluster, local_cluster, run_groups
 from auvid_cli.campaign.plan import RunGroup
 from auvid_cli.errors import ClusterError
 
@@ -23,34 +28,38 @@ filters: [ckf, tukf]
 def test_existing_scheduler_returns_all_runs(planned):
     plan = planned(MANY, "seeds=4")
     with (
-        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
-        cluster_client(cluster.scheduler_address, 1) as client,
+        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as dask,
+        dask_cluster(dask.scheduler_address) as cluster,
     ):
-        runs = [done for group in run_groups(client, plan.groups(), False) for done in group]
+        runs = [done for group in run_groups(cluster, plan.groups(), False) for done in group]
     assert sorted(done.run.identity for done in runs) == sorted(plan.labels())
     assert {done.failure for done in runs} == {""}
 
 
 def test_worker_that_dies_at_start_is_cluster_error(monkeypatch):
-    def cluster(**options):
-        raise RuntimeError("Nanny failed to start.")
-
-    monkeypatch.setattr("auvid_cli.campaign.cluster.LocalCluster", cluster)
-    with pytest.raises(ClusterError, match=r"workers on this machine do not start.*--workers 1"):
-        cluster_client(None, 1).__enter__()
+    monkeypatch.setattr("auvid_cli.campaign.cluster._version", partial(os._exit, 1))
+    with pytest.raises(ClusterError, match=r"workers on this machine do not start.*--workers 1"), local_cluster(1):
+        pass
 
 
 @pytest.mark.slow
 def test_killed_worker_loses_and_repeats_no_run(planned):
     plan, performed = planned(MANY), []
-    with cluster_client(None, 2) as client:
-        victim, _ = client.run(os.getpid).values()
-        for number, group in enumerate(run_groups(client, plan.groups(), False)):
+    with local_cluster(2) as cluster:
+        for number, group in enumerate(run_groups(cluster, plan.groups(), False)):
             performed += group
             if number == 4:
-                os.kill(victim, signal.SIGKILL)
+                multiprocessing.active_children()[0].kill()
     assert sorted(done.run.identity for done in performed) == sorted(plan.labels())
     assert {done.failure for done in performed} == {""}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks in /proc")
+def test_local_workers_listen_on_no_port():
+    with local_cluster(2):
+        processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
+        assert len(processes) > 2
+        assert not [c for process in processes for c in process.net_connections() if c.status == psutil.CONN_LISTEN]
 
 
 def test_group_that_kills_workers_fails_and_others_go_on(planned):
@@ -59,10 +68,10 @@ def test_group_that_kills_workers_fails_and_others_go_on(planned):
     # Text that no worker can read: it fails in the worker's own code, not in a run.
     broken = [groups[0], RunGroup(7, groups[1].runs, groups[1].assumed), groups[2]]
     with (
-        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
-        cluster_client(cluster.scheduler_address, 1) as client,
+        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as dask,
+        dask_cluster(dask.scheduler_address) as cluster,
     ):
-        runs = [done for group in run_groups(client, iter(broken), False) for done in group]
+        runs = [done for group in run_groups(cluster, iter(broken), False) for done in group]
     assert len(runs) == 6
     assert sum(bool(done.failure) for done in runs) == 2
 
@@ -76,10 +85,10 @@ def test_few_groups_wait_at_the_scheduler(planned):
             yield group
 
     with (
-        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
-        cluster_client(cluster.scheduler_address, 1) as client,
+        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as dask,
+        dask_cluster(dask.scheduler_address) as cluster,
     ):
-        for count, _ in enumerate(islice(run_groups(client, watched(), False), 5), 1):
+        for count, _ in enumerate(islice(run_groups(cluster, watched(), False), 5), 1):
             assert len(taken) <= count + 3
 
 
@@ -87,7 +96,7 @@ def test_few_groups_wait_at_the_scheduler(planned):
 def test_silent_scheduler_is_cluster_error():
     with (
         pytest.raises(ClusterError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler"),
-        cluster_client("tcp://127.0.0.1:9", 1, start_time=1.0),
+        dask_cluster("tcp://127.0.0.1:9", start_time=1.0),
     ):
         pass
 
@@ -95,18 +104,43 @@ def test_silent_scheduler_is_cluster_error():
 @pytest.mark.slow
 def test_lost_scheduler_is_cluster_error_after_finished_runs(planned):
     plan, came = planned(MANY, "seeds=100"), []
-    cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")
+    local = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")
 
-    def work_until_it_goes(client) -> None:
-        for group in run_groups(client, plan.groups(), False):
+    def work_until_it_goes(cluster) -> None:
+        for group in run_groups(cluster, plan.groups(), False):
             came.extend(group)
             if len(came) == 4:
-                cluster.close()
+                local.close()
 
     with (
         dask.config.set({"distributed.comm.timeouts.connect": "1 s"}),
-        cluster_client(cluster.scheduler_address, 1, start_time=4.0) as client,
+        dask_cluster(local.scheduler_address, start_time=4.0) as cluster,
         pytest.raises(ClusterError, match="scheduler is gone"),
     ):
-        work_until_it_goes(client)
+        work_until_it_goes(cluster)
     assert 4 <= len(came) < plan.n_runs
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="makes a certificate by openssl")
+def test_scheduler_with_tls_refuses_clients_without_certificate(planned, tmp_path):
+    key, certificate = str(tmp_path / "key.pem"), str(tmp_path / "cert.pem")
+    command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=auvid"]
+    subprocess.run([*command, "-keyout", key, "-out", certificate], check=True, capture_output=True)
+    settings = {"distributed.comm.require-encryption": True, "distributed.comm.tls.ca-file": certificate}
+    for role in ("client", "scheduler", "worker"):
+        settings |= {f"distributed.comm.tls.{role}.cert": certificate, f"distributed.comm.tls.{role}.key": key}
+    plan = planned(MANY, "seeds=1")
+    with dask.config.set(settings):
+        local = LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, protocol="tls://", dashboard_address=":0"
+        )
+        with local, dask_cluster(local.scheduler_address) as cluster:
+            runs = [done for group in run_groups(cluster, plan.groups(), False) for done in group]
+            assert {done.failure for done in runs} == {""}
+            with (
+                dask.config.set({"distributed.comm.tls.client.cert": None, "distributed.comm.tls.client.key": None}),
+                pytest.raises(ClusterError, match="no scheduler"),
+                dask_cluster(local.scheduler_address, start_time=4.0),
+            ):
+                pass

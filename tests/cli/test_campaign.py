@@ -5,12 +5,14 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import pandas as pd
 import pytest
-from distributed import LocalCluster
 
-from auvid_cli.campaign import cluster
+from auvid_cli.api import campaign as api
+from auvid_cli.campaign.cluster import Cluster
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 
@@ -38,10 +40,12 @@ def campaign(*arguments, cwd):
 def quick(monkeypatch, without_figures):
     """Workers in this process; those of the first campaign, and of those that are ended, are processes as usual."""
 
+    @contextmanager
     def one_thread(workers):
-        return LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")
+        with ThreadPoolExecutor(1) as executor:
+            yield Cluster(executor, lambda: 1)
 
-    monkeypatch.setattr(cluster, "_local_cluster", one_thread)
+    monkeypatch.setattr(api, "local_cluster", one_thread)
 
 
 def rows(folder):

@@ -70,7 +70,12 @@ def test_every_command_that_writes_results_waits_for_its_folder(tmp_path):
     path = tmp_path / "out/dataset.h5"
     assert auvid("simulate", "--set", "manoeuvre.duration=6 s", "-o", "out", cwd=tmp_path).exit_code == 0
     before = read_dataset(path).sha256
+    assert auvid("identify", "out/dataset.h5", "-f", "ckf", cwd=tmp_path).exit_code in (0, 1)
     with locked(tmp_path / "out"):
+        export = "export", "out/estimates/ckf.h5", "--to", "yaml"
+        assert_one_clear_complaint(auvid(*export, cwd=tmp_path), "another auvid command")
+        design = "design", "-o", "out", "--box", "150 m", "--depth", "20 m", "--fins", "14 deg"
+        assert_one_clear_complaint(auvid(*design, cwd=tmp_path), "another auvid command")
         for command in ("inspect", "identify", "identifiability", "tune", "terms"):
             assert_one_clear_complaint(auvid(command, "out/dataset.h5", cwd=tmp_path), "another auvid command")
         assert_one_clear_complaint(auvid("report", "out", cwd=tmp_path), "another auvid command")

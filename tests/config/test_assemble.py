@@ -129,6 +129,20 @@ def test_folder_with_name_of_shipped_file_is_reported(folder):
     assert mistake.endswith(f"{folder / 'vehicles' / 'lauv.yaml'}: is a folder, not a file")
 
 
+@pytest.mark.parametrize("target", ["nowhere.yaml", "lauv.yaml"])
+def test_broken_link_with_name_of_shipped_file_is_reported(folder, target):
+    (folder / "vehicles" / "lauv.yaml").symlink_to(target)
+    _, (mistake,) = assembled(folder, "vehicle=vehicles/lauv.yaml")
+    assert "link" in mistake
+
+
+def test_broken_link_with_name_of_shipped_experiment_is_not_replaced(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("spiral").symlink_to("nowhere")
+    with pytest.raises(ValueError, match="link"):
+        read_source(find_experiment("spiral"))
+
+
 @pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
 def test_pipe_or_device_raises(tmp_path, make):
     make(tmp_path / "e.yaml")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 from scipy.io.matlab import mat_struct
 
-from auvid_cli.child_processes import WorkerPool
+from auvid_cli.child_processes import Workers
 from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.data.hdf5 import numbers_in, open_hdf5
 from auvid_cli.errors import FileError
@@ -121,7 +121,7 @@ class MatlabLog(ArrayLog):
     @cached_property
     def _content(self) -> dict[str, Any]:
         # In another process, because a damaged file may crash the reader.
-        with self._refusing_damage(), WorkerPool(1, "spawn") as worker:
+        with self._refusing_damage(), Workers(1, "spawn") as worker:
             return worker.submit(loadmat, self.path, struct_as_record=False, squeeze_me=True).result()
 
 

@@ -2,8 +2,10 @@
 
 import gc
 import os
+from contextlib import suppress
 
 from auvid_cli.child_processes import end_with_parent
+from auvid_cli.report.figures.workers import load_matplotlib
 
 end_with_parent()
 if hasattr(os, "nice"):
@@ -11,3 +13,7 @@ if hasattr(os, "nice"):
     os.nice(10)
 # Modules stay loaded: looking for garbage among them is wasted time.
 gc.set_threshold(50_000)
+# Without memory, for example. The worker that draws tries again, and reports the error.
+with suppress(Exception):
+    load_matplotlib()
+    import auvid_cli.report.figures.kinds  # noqa: F401
