@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from auvid_cli.config.enums import FilterName
-from auvid_cli.data.estimate import Innovations
 from auvid_cli.data.faults import Fault, FaultTest
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.innovations import likely_causes, noise_cause
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.parameters import SENSORS
