@@ -77,9 +77,12 @@ def check_finite(where: str, *arrays: Array) -> None:
 
 
 def check_magnitude(where: str, values: Array, unit: str) -> None:
-    """Check that no value is beyond every real sensor and actuator; NaN is a missing value."""
+    """Check that no value is beyond every real sensor and actuator; NaN and infinity are missing values."""
     limit = magnitude_of(unit).largest
-    largest = float(np.fmax.reduce(np.abs(values), initial=0.0))
+    sizes = np.abs(values)
+    largest = float(np.fmax.reduce(sizes, initial=0.0))
+    if largest == np.inf:
+        largest = float(sizes[np.isfinite(sizes)].max(initial=0.0))
     if largest > limit:
         raise InvalidDataError(f"{where} has {largest:g} {unit}, more than the plausible maximum of {limit:g} {unit}")
 

@@ -215,8 +215,6 @@ class TruthRecord:
         check_times("/truth", self.time, increasing=True)
         check_shapes("/truth", *((values, (n, len(table))) for table, values in self.tables))
         check_finite("/truth", *(values for _, values in self.tables), coefficients)
-        if not n:
-            raise InvalidDataError("/truth is empty")
         if missing := [symbol for symbol in SYMBOLS if symbol not in self.coefficients]:
             raise InvalidDataError(f"/truth has no coefficient {', '.join(missing)}")
         if unknown := [s for s in self.coefficients if s not in SYMBOLS and not is_name_of_term(str(s))]:
@@ -275,6 +273,8 @@ class Dataset:
         if self.truth is not None:
             check_type("truth", self.truth, TruthRecord)
             self.truth.check()
+            if not self.truth.time.size:
+                raise InvalidDataError("/truth is empty")
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: object, handler: object) -> core_schema.CoreSchema:

@@ -170,10 +170,12 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         put_arrays(self, "", time=1, mean=2, standard_deviation=2, covariance=2)
         for name, expected in _TYPES.items():
             check_type(name, getattr(self, name), expected)
-        self.validate()
 
     def validate(self) -> None:
-        """Raise an InvalidDataError if states, covariance, innovations or faults are impossible."""
+        """Raise an InvalidDataError if states, covariance, innovations or faults are impossible.
+
+        Called when an estimate is read, before it is written, and by the functions of the Python interface.
+        """
         n, k = self.time.size, len(self.state)
         self._check_state()
         check_times("/time", self.time)

@@ -206,7 +206,7 @@ def read_estimate(path: Path, max_rows: int = MAX_ROWS) -> Estimate:
 def _read(file: h5py.File, settings_name: str, max_rows: int) -> Estimate:
     attributes = netcdf.read_attributes(file, _Attributes)
     every = 1 + netcdf.count_rows(file, "time") // max_rows
-    return Estimate(
+    estimate = Estimate(
         filter=attributes.filter.value,
         experiment=parse_run(attributes.settings, settings_name),
         state=netcdf.read_names(file, "state"),
@@ -228,6 +228,8 @@ def _read(file: h5py.File, settings_name: str, max_rows: int) -> Estimate:
         faults=_read_faults(netcdf.subgroup(file, "faults")) if "faults" in file else (),
         corrected=_read_corrected(netcdf.subgroup(file, "corrected")) if "corrected" in file else {},
     )
+    estimate.validate()
+    return estimate
 
 
 def read_reference(path: Path, estimate: Estimate) -> Estimate | None:
