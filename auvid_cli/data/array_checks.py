@@ -35,7 +35,8 @@ def real_array(where: str, value: Any, ndim: int) -> Array:
         raise InvalidDataError(
             f"{where}: expected {ndim} {'dimension' if ndim == 1 else 'dimensions'}, got {array.ndim}"
         )
-    return array.astype(np.float64, copy=False)
+    # Compiled functions take no other layout, and no array that is read only.
+    return np.require(array, np.float64, ["C", "W"])
 
 
 def put_arrays(record: object, where: str, **dimensions: int) -> None:
@@ -84,7 +85,7 @@ def check_magnitude(where: str, values: Array, unit: str) -> None:
     if largest == np.inf:
         largest = float(sizes[np.isfinite(sizes)].max(initial=0.0))
     if largest > limit:
-        raise InvalidDataError(f"{where} has {largest:g} {unit}, more than the plausible maximum of {limit:g} {unit}")
+        raise InvalidDataError(f"{where} has {largest:.9g} {unit}, more than the plausible maximum of {limit:g} {unit}")
 
 
 def check_noise(where: str, deviations: Array, unit: str) -> None:

@@ -23,6 +23,7 @@ from auvid_cli.data.array_checks import (
     check_deviations,
     check_finite,
     check_magnitude,
+    check_noise,
     check_range,
     check_shapes,
     check_times,
@@ -247,9 +248,11 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
 
     def _check_coefficients(self) -> None:
         """Raise an InvalidDataError if settings would refuse a coefficient that is exported."""
-        units = self.coefficient_set.units
+        units, deviations = self.coefficient_set.units, self.final_deviations()
         for symbol, value in self.final_coefficients().items():
             check_magnitude(f"coefficient {symbol}", np.array([value]), units[symbol])
+            if np.isfinite(deviation := deviations.get(symbol, 0.0)):
+                check_noise(f"coefficient {symbol}", np.array([deviation]), units[symbol])
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: object, handler: object) -> core_schema.CoreSchema:

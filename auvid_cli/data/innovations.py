@@ -8,7 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.array_checks import check_deviations, check_sensor, check_shapes, check_times, put_arrays
+from auvid_cli.data.array_checks import (
+    check_deviations,
+    check_sensor,
+    check_shapes,
+    check_times,
+    check_type,
+    put_arrays,
+)
 from auvid_cli.errors import InvalidDataError
 from auvid_cli.vehicle.parameters import SENSORS
 
@@ -114,6 +121,9 @@ class Innovations:
     def __post_init__(self) -> None:
         arrays = {"time": 1, "innovation": 2, "variance": 2, "nis": 1, "standard_deviation": 1}
         put_arrays(self, "/innovations", **arrays, **({} if self.weight is None else {"weight": 2}))
+        for name, expected in (("all_sums", InnovationSums), ("all_autocorrelation", Autocorrelation)):
+            if (value := getattr(self, name)) is not None:
+                check_type(name, value, expected)
 
     def check(self, sensor: str, is_fit: bool) -> None:
         """Raise an InvalidDataError if values are impossible; NaN is a missing or rejected one.

@@ -18,7 +18,6 @@ import warnings
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks.attack import kills
 from benchmarks.attack.cases import numbers
 from benchmarks.attack.kinds import KINDS
 from benchmarks.attack.material import Material, make
@@ -40,8 +39,8 @@ def serve() -> None:
     print(json.dumps("ready"), file=answers, flush=True)
     for line in sys.stdin:
         kind, index = line.split()
-        if KINDS[kind].make is None:
-            outcome = kills.perform(home, material, seed, int(index))
+        if (perform_case := KINDS[kind].perform) is not None:
+            outcome = perform_case(home, material, seed, int(index))
         else:
             outcome = _attack(home, material, kind, int(index), seed, limit)
         print(json.dumps(asdict(outcome)), file=answers, flush=True)
@@ -80,7 +79,9 @@ def _attack(home: Path, material: Material, kind: str, index: int, seed: int, li
     for number, command in enumerate(case.commands):
         ended = perform(command, folder, limit)
         outcome.seconds += ended.seconds
-        found = faults_of(ended, case.refused and number == 0, "--dry-run" in command)
+        found = faults_of(ended, case.refused and number == 0, case.must_end or "--dry-run" in command)
+        if case.readable and number > 0 and "damaged" in ended.err and not found:
+            found["exit"] = f"calls damaged what was written: {ended.err.strip()[:160]}"
         if not ended.killed and not ended.interrupted:
             found |= _changed(home, folder, given, case.rewritten, ended.code)
         for column, text in found.items():

@@ -11,7 +11,17 @@ from benchmarks.attack.running import LIMIT
 from benchmarks.attack.table import failures
 
 # Those that draw figures take a second each.
-COUNTS = {"settings": 6, "overrides": 10, "bytes": 6, "structure": 1, "logs": 8, "plans": 2}
+COUNTS = {
+    "settings": 6,
+    "overrides": 10,
+    "bytes": 6,
+    "structure": 1,
+    "logs": 8,
+    "plans": 2,
+    "limits": 4,
+    "large": 2,
+    "objects": 60,
+}
 SEED = 1
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="the attack needs Linux")
