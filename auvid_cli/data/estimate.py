@@ -338,6 +338,7 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         """
         from auvid_cli.data.interop import estimate_frames
 
+        self.validate()
         return estimate_frames(self)
 
     def to_xarray(self) -> "xr.DataTree":
@@ -357,4 +358,5 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         """
         from auvid_cli.data.interop import estimate_tree
 
+        self.validate()
         return estimate_tree(self)
