@@ -4,6 +4,7 @@ import random
 import shutil
 import struct
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -84,6 +85,12 @@ def _simulated(rng: random.Random) -> Case:
     return Case(f"simulate, {key} {size:g}", commands, readable=True)
 
 
+def _variable(file: h5py.File, name: str) -> h5py.Dataset:
+    item = file[name]
+    assert isinstance(item, h5py.Dataset)
+    return item
+
+
 def _changed(rng: random.Random, material: Material, folder: Path) -> Case:
     """Put a number into a dataset or an estimate; what is exported must be a vehicle file."""
     shutil.copytree(material.results, folder / "run")
@@ -91,12 +98,12 @@ def _changed(rng: random.Random, material: Material, folder: Path) -> Case:
     path = folder / "run" / ("dataset.h5" if is_dataset else "estimates/tukf.h5")
     name, size = rng.choice(_ARRAYS if is_dataset else _ESTIMATED), rng.choice(_SIZES)
     with h5py.File(path, "a") as file:
-        values = np.atleast_1d(file[name][...])
+        values = _variable(file, name)[...]
         if not values.size:
-            name, values = "mean", file["mean"][...]
-        place = (rng.randrange(len(values)),) * values.ndim if name == "covariance" else (-1, *[0] * (values.ndim - 1))
+            name, values = "mean", _variable(file, "mean")[...]
+        place = (rng.randrange(len(values)),) * 2 if name == "covariance" else (-1, *[0] * (values.ndim - 1))
         values[place] = rng.choice((1.0, -1.0)) * size
-        file[name][...] = values
+        _variable(file, name)[...] = values
     commands: tuple[tuple[str, ...], ...] = (("identify", "run/dataset.h5", "-f", "tukf", "-o", "out/seen"),)
     if not is_dataset:
         exported = "export", "run/estimates/tukf.h5", "--as", "yaml", "-o", "out/vehicle.yaml"
@@ -127,23 +134,25 @@ def make_large(rng: random.Random, material: Material, folder: Path) -> Case:
             _message(b"D", struct.pack("<HQff", 0, 1000 * k, 0.1, 0.2)) for k in range(rng.choice((0, 100)))
         )
         filling = rng.choice((b"\xff", b"\0", b"\x01\x00\x80", b"\xff\x27\xff", rng.randbytes(size)))
-        (folder / "log.ulg").write_bytes(_ULOG + head + rows + (filling * size)[:size])
+        (folder / "log.ulg").write_bytes(_ULOG + head + rows + (filling * (size // len(filling))))
         return Case(f"ULog, {filling[:3]!r}", ((*suggest, "log.ulg"),), must_end=True)
     if kind == "arrays":
         count = rng.choice((2000, 9000, 30_000))
-        np.savez(folder / "log.npz", **{f"a{k}": np.arange(10.0) for k in range(count)})
+        arrays: dict[str, Any] = {f"a{k}": np.arange(10.0) for k in range(count)}
+        np.savez(folder / "log.npz", **arrays)
         return Case(f"{count} arrays", ((*suggest, "log.npz"),), must_end=True)
     if kind == "rows":
         text = "".join(f"{0.01 * k:.2f},{k % 7},{k % 5}\n" for k in range(size))
         (folder / "log.csv").write_text(f"time,p,q\n{text}")
         return Case(f"{size} rows", ((*suggest, "log.csv"),), must_end=True)
+    name, offset = rng.choice(("inputs/time", "sensors/dvl/time", "truth/time")), rng.choice((1e4, 1e6, 9e7))
     shutil.copyfile(material.results / "dataset.h5", folder / "dataset.h5")
     with h5py.File(folder / "dataset.h5", "a") as file:
         if kind == "attribute":
             file.attrs["settings"] = str(file.attrs["settings"]) + "\n#" + "x" * (25 * size)
         else:
-            name, offset = rng.choice(("inputs/time", "sensors/dvl/time", "truth/time")), rng.choice((1e4, 1e6, 9e7))
-            times = file[name][...]
-            file[name][...] = times + offset if rng.random() < 0.5 else np.append(times[:-1], times[-1] + offset)
+            times = _variable(file, name)[...]
+            moved = times + offset if rng.random() < 0.5 else np.append(times[:-1], times[-1] + offset)
+            _variable(file, name)[...] = moved
     what = f"settings of {25 * size} characters" if kind == "attribute" else f"{name} {offset:g} s off"
     return Case(what, (("inspect", "dataset.h5", "-o", "out"),), must_end=True)

@@ -21,7 +21,7 @@ _VALUES: tuple[Any, ...] = (
     *(
         np.array([None]),
         np.array(["a"]),
-        np.ma.masked_array([1.0, 2.0], [0, 1]),
+        np.ma.masked_less(np.zeros(2), 1.0),
         np.zeros(3, complex),
         np.ones((2, 2, 2)),
     ),

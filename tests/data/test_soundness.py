@@ -1,5 +1,7 @@
 """Files with impossible values are refused."""
 
+import copy
+import pickle
 import shutil
 from dataclasses import replace
 
@@ -347,3 +349,9 @@ def test_estimate_that_was_changed_in_place_is_not_written(estimate, write_estim
     with pytest.raises(FileError, match=r"estimate\.h5: not written: /mean"):
         write_estimate(tmp_path / "estimate.h5", changed)
     assert not list(tmp_path.iterdir())
+
+
+def test_dataset_and_estimate_are_pickled(dataset, estimate):
+    for thing in (dataset, estimate):
+        for made in (pickle.loads(pickle.dumps(thing)), copy.deepcopy(thing), copy.copy(thing)):
+            assert made.experiment == thing.experiment
