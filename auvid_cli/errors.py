@@ -21,5 +21,9 @@ class DataError(AuvidError):
     """A dataset is not sufficient for the request: no usable sensor, inputs that end too early, ..."""
 
 
+class InvalidDataError(DataError, ValueError):
+    """A dataset, an estimate or a part of one has values of a wrong type, a wrong shape, or an impossible size."""
+
+
 class ClusterError(AuvidError):
     """The workers of a campaign cannot be reached."""

@@ -18,7 +18,7 @@ from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.inspection import Inspection
 from auvid_cli.logs.convert import Conversion, dataset_from_logs, recorded_files
 from auvid_cli.logs.formats.open_log import open_log
-from auvid_cli.logs.suggest.suggest import suggest
+from auvid_cli.logs.suggest.suggest import MAX_TEXT, suggest
 
 
 class MappedLogs:
@@ -87,7 +87,7 @@ def import_into(
 
 def suggest_map(logs: Sequence[Path], folder: Path) -> str:
     """Return a first map of logs, which the user must complete; its paths are relative to `folder`."""
-    return suggest([open_log(log) for log in logs], folder)
+    return suggest([open_log(log, max_bytes=MAX_TEXT) for log in logs], folder)
 
 
 def suggest_into(file: Path | None, logs: Sequence[Path], progress: Progress) -> str:

@@ -35,12 +35,17 @@ def checked(function: Callable[Parameters, Result]) -> Callable[Parameters, Resu
     ------
     TypeError
         For an argument of another type; the message names the argument, the expected type and the actual type.
+    InvalidDataError
+        For an estimate with impossible values; a dataset cannot have any.
     """
     names = list(signature(function).parameters)
     validated = validate_call(config=ConfigDict(arbitrary_types_allowed=True, strict=True))(function)
 
     @wraps(function)
     def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        for value in (*args, *kwargs.values()):
+            if isinstance(value, Estimate):
+                value.validate()
         try:
             return validated(*args, **kwargs)
         except ValidationError as error:

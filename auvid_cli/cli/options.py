@@ -94,8 +94,8 @@ OverwriteOption = Annotated[
 _FORMATS = f"Format of figures: {', '.join(FigureFormat)}; repeatable. Default: png."
 FigureFormatOption = Annotated[list[FigureFormat] | None, optional("FORMAT", _FORMATS)]
 _SCHEDULER = (
-    "Dask scheduler, such as tls://HOST:8786. Default: this machine only. At tcp://, everyone who reaches the scheduler "
-    "can run code."
+    "Dask scheduler, such as tls://HOST:8786. Default: this machine only. "
+    "At tcp://, everyone who reaches the scheduler can run code."
 )
 SchedulerOption = Annotated[str | None, optional("ADDRESS", _SCHEDULER)]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors.")]

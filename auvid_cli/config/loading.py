@@ -5,6 +5,7 @@ import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -261,7 +262,10 @@ def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Exp
 
 def parse_drawing(drawing: Mapping[str, Any]) -> Drawing:
     """Validate a drawing given as plain values with units; ConfigError with all mistakes."""
-    text = yaml.safe_dump(_plain(drawing), sort_keys=False)
+    try:
+        text = yaml.safe_dump(_plain(drawing), sort_keys=False)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"geometry: {type(error.args[-1]).__name__} is not a value of a setting") from None
     return validated(Drawing, *read_tree(ConfigSource("geometry", Path(), text)))
 
 
@@ -271,9 +275,11 @@ def parse_vehicle(text: str, name: str) -> VehicleSettings:
 
 
 def _plain(value: Any) -> Any:
-    """Turn mappings and sequences of any kind into dicts and lists, which YAML can write."""
+    """Turn mappings, sequences and numbers of any kind into those that YAML can write."""
     if isinstance(value, Mapping):
         return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, Real) and not isinstance(value, bool):
+        return int(value) if isinstance(value, Integral) else float(value)
     return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 

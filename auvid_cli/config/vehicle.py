@@ -1,6 +1,7 @@
 """Settings of a vehicle: size, actuators, parameters and coefficients, each with its source."""
 
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
@@ -133,14 +134,19 @@ class CoefficientEntry(VehicleEntry):
     estimate: Annotated[bool | None, Field(strict=True, description="false: `coefficients: all` excludes it")] = None
 
 
+@cache
 def _entry(unit: str, base: type[VehicleEntry] = VehicleEntry, positive: bool = False) -> type[VehicleEntry]:
     limits = (Amount(unit), Field(gt=0)) if positive else (Unit(unit),)
-    return create_model(
-        base.__name__,
+    name = f"{base.__name__}[{'positive ' if positive else ''}{unit}]"
+    # Pickle finds a class by its name in the module.
+    globals()[name] = create_model(
+        name,
         __base__=base,
+        __module__=__name__,
         value=(Annotated[float, *limits], ...),
         standard_deviation=(Annotated[float | None, Amount(unit), Field(gt=0)], None),
     )
+    return globals()[name]
 
 
 def _identifier(symbol: str) -> str:

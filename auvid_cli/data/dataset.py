@@ -9,9 +9,20 @@ from numpy.typing import NDArray
 from pydantic_core import core_schema
 
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.errors import DataError
-from auvid_cli.vehicle.coefficients import CoefficientSet
-from auvid_cli.vehicle.parameters import ALL_INPUTS, DISTURBANCE, MOTION, POSITION, Quantity
+from auvid_cli.data.array_checks import (
+    check_finite,
+    check_magnitude,
+    check_noise,
+    check_sensor,
+    check_shapes,
+    check_times,
+    check_type,
+    put_arrays,
+    real_array,
+)
+from auvid_cli.errors import DataError, InvalidDataError
+from auvid_cli.vehicle.coefficients import SYMBOLS, CoefficientSet, is_name_of_term
+from auvid_cli.vehicle.parameters import ALL_INPUTS, DISTURBANCE, INPUTS, MOTION, POSITION, SENSORS, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,6 +88,34 @@ class SensorRecord:
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     earth_field: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    def __post_init__(self) -> None:
+        put_arrays(self, "/sensors", time=1, values=2, standard_deviation=1)
+        for vector in VECTORS:
+            components = real_array(f"/sensors/{vector.name}", getattr(self, vector.name), 1)
+            object.__setattr__(self, vector.name, tuple(components.tolist()))
+        self.check("/sensors")
+
+    def check(self, where: str) -> None:
+        """Raise an InvalidDataError if times are not in order, or lengths differ."""
+        check_times(where, self.time, increasing=True)
+        check_shapes(where, (self.values, (self.time.size, *self.values.shape[1:])))
+        for vector in VECTORS:
+            components = np.array(getattr(self, vector.name))
+            check_shapes(f"{where}/{vector.name}", (components, (3,)))
+            check_finite(f"{where}/{vector.name}", components)
+            check_magnitude(f"{where}/{vector.name}", components, vector.unit)
+
+    def check_as(self, sensor: str) -> None:
+        """Raise an InvalidDataError unless it can be a record of this sensor."""
+        check_sensor(sensor)
+        where, quantities = f"/sensors/{sensor}", SENSORS[sensor]
+        self.check(where)
+        width = len(quantities)
+        check_shapes(where, (self.values, (self.time.size, width)), (self.standard_deviation, (width,)))
+        check_noise(where, self.standard_deviation, quantities[0].unit)
+        for column, quantity in enumerate(quantities):
+            check_magnitude(f"{where}/{quantity.symbol}", self.values[:, column], quantity.unit)
+
     @property
     def measured_times(self) -> Array:
         """Return the times with at least one measured component, s."""
@@ -102,6 +141,19 @@ class InputRecord:
 
     time: Array
     values: Array
+
+    def __post_init__(self) -> None:
+        put_arrays(self, "/inputs", time=1, values=2)
+        self.check()
+
+    def check(self) -> None:
+        """Raise an InvalidDataError if times, shape or values are impossible."""
+        check_times("/inputs", self.time, increasing=True)
+        width = len(INPUTS if self.values.shape[1] == len(INPUTS) else ALL_INPUTS)
+        check_shapes("/inputs", (self.values, (self.time.size, width)))
+        check_finite("/inputs", self.values)
+        for column, quantity in enumerate(self.quantities):
+            check_magnitude(f"/inputs/{quantity.symbol}", self.values[:, column], quantity.unit)
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -151,6 +203,23 @@ class TruthRecord:
     coefficients: dict[str, float]
     disturbance: Array | None = None
 
+    def __post_init__(self) -> None:
+        disturbance = {} if self.disturbance is None else {"disturbance": 2}
+        put_arrays(self, "/truth", time=1, motion=2, position=2, **disturbance)
+        check_type("/truth/coefficients", self.coefficients, dict)
+        self.check()
+
+    def check(self) -> None:
+        """Raise an InvalidDataError if times, shapes, values or coefficients are impossible."""
+        n, coefficients = self.time.size, real_array("/truth/coefficients", [*self.coefficients.values()], 1)
+        check_times("/truth", self.time, increasing=True)
+        check_shapes("/truth", *((values, (n, len(table))) for table, values in self.tables))
+        check_finite("/truth", *(values for _, values in self.tables), coefficients)
+        if missing := [symbol for symbol in SYMBOLS if symbol not in self.coefficients]:
+            raise InvalidDataError(f"/truth has no coefficient {', '.join(missing)}")
+        if unknown := [s for s in self.coefficients if s not in SYMBOLS and not is_name_of_term(str(s))]:
+            raise InvalidDataError(f"/truth has unknown coefficients: {', '.join(map(str, unknown))}")
+
     def coefficients_of(self, symbols: Iterable[str]) -> dict[str, float]:
         """Return true coefficients by symbol, SI; 0 for a term that the simulation did not have."""
         return {symbol: self.coefficients.get(symbol, 0.0) for symbol in symbols}
@@ -185,6 +254,27 @@ class Dataset:
     experiment: RunSettings
     truth: TruthRecord | None = None
     sha256: str = ""
+
+    def __post_init__(self) -> None:
+        self.validate()
+
+    def validate(self) -> None:
+        """Raise an InvalidDataError if a part has another type, or shapes, times or values are impossible."""
+        check_type("inputs", self.inputs, InputRecord)
+        check_type("sensors", self.sensors, dict)
+        check_type("experiment", self.experiment, RunSettings)
+        check_type("sha256", self.sha256, str)
+        self.inputs.check()
+        if not self.inputs.time.size:
+            raise InvalidDataError("/inputs is empty")
+        for name, record in self.sensors.items():
+            check_type(f"sensor {name!r}", record, SensorRecord)
+            record.check_as(name)
+        if self.truth is not None:
+            check_type("truth", self.truth, TruthRecord)
+            self.truth.check()
+            if not self.truth.time.size:
+                raise InvalidDataError("/truth is empty")
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: object, handler: object) -> core_schema.CoreSchema:

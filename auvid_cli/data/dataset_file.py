@@ -8,12 +8,9 @@ import h5py
 import numpy as np
 
 from auvid_cli.config.loading import dump_experiment, parse_run
-from auvid_cli.config.units import magnitude_of
 from auvid_cli.data import netcdf
+from auvid_cli.data.array_checks import check_sensor
 from auvid_cli.data.dataset import VECTORS, Array, Dataset, InputRecord, SensorRecord, TruthRecord, shared_clock
-from auvid_cli.errors import FileError
-from auvid_cli.text import one_line
-from auvid_cli.vehicle.coefficients import SYMBOLS, is_name_of_term
 from auvid_cli.vehicle.parameters import (
     ALL_INPUTS,
     DISTURBANCE,
@@ -31,12 +28,10 @@ _MAX_TRUTH = 100_000
 
 def write_dataset(path: Path, dataset: Dataset) -> None:
     """Write a dataset completely or not at all; raise a FileError also if `read_dataset` would refuse it."""
-    try:
-        _check_dataset(dataset)
-    except ValueError as error:
-        raise FileError(f"{path}: not written: {one_line(str(error))}") from None
     experiment = dataset.experiment
     with netcdf.new_file(path, "dataset", dump_experiment(experiment), experiment.seed) as file:
+        # Its arrays may have changed since it was made.
+        dataset.validate()
         inputs = file.create_group("inputs")
         netcdf.write_dimension(inputs, "time", dataset.inputs.time, "start of the interval in which inputs hold", "s")
         _write_table(inputs, dataset.inputs.quantities, dataset.inputs.values)
@@ -105,19 +100,17 @@ def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
         for name, sensor_group in netcdf.subgroups(file, "sensors").items():
             clocks = times, *(record.time for record in sensors.values())
             sensors[name] = _read_sensor(sensor_group, name, clocks)
-        dataset = Dataset(
+        return Dataset(
             InputRecord(times, netcdf.read_table(group, [quantity.symbol for quantity in inputs])),
             sensors,
             parse_run(settings, f"{path} (settings)", overrides),
             _read_truth(netcdf.subgroup(file, "truth")) if "truth" in file else None,
             netcdf.digest(path),
         )
-        _check_dataset(dataset)
-    return dataset
 
 
 def _read_sensor(group: h5py.Group, name: str, clocks: Iterable[Array]) -> SensorRecord:
-    _check_known(name)
+    check_sensor(name)
     values = netcdf.read_table(group, [quantity.symbol for quantity in SENSORS[name]])
     netcdf.mark_missing(group, "valid", values)
     netcdf.check_units(group, SENSORS[name])
@@ -169,60 +162,3 @@ def _variables(dataset: Dataset) -> Iterator[tuple[str, Array]]:
         yield f"{group}/time", time
         for column, quantity in enumerate(quantities):
             yield f"{group}/{quantity.symbol}", values[:, column]
-
-
-def _check_dataset(dataset: Dataset) -> None:
-    """Raise a ValueError if shapes, times or values of a dataset are impossible."""
-    inputs = dataset.inputs
-    netcdf.check_times("/inputs", inputs.time, increasing=True)
-    if not inputs.time.size:
-        raise ValueError("/inputs is empty")
-    netcdf.check_shapes("/inputs", (inputs.values, (inputs.time.size, len(inputs.quantities))))
-    netcdf.check_finite("/inputs", inputs.values)
-    for column, quantity in enumerate(inputs.quantities):
-        _check_magnitude(f"/inputs/{quantity.symbol}", inputs.values[:, column], quantity.unit)
-    for name, record in dataset.sensors.items():
-        _check_sensor(name, record)
-    if dataset.truth is not None:
-        _check_truth(dataset.truth)
-
-
-def _check_known(sensor: str) -> None:
-    if sensor not in SENSORS:
-        raise ValueError(f"unknown sensor {sensor!r}; expected one of {', '.join(SENSORS)}")
-
-
-def _check_sensor(name: str, record: SensorRecord) -> None:
-    _check_known(name)
-    where, n, width = f"/sensors/{name}", record.time.size, len(SENSORS[name])
-    netcdf.check_times(where, record.time, increasing=True)
-    netcdf.check_shapes(where, (record.values, (n, width)), (record.standard_deviation, (width,)))
-    netcdf.check_deviations(where, record.standard_deviation)
-    for vector in VECTORS:
-        values = np.array(getattr(record, vector.name))
-        netcdf.check_shapes(f"{where}/{vector.name}", (values, (3,)))
-        netcdf.check_finite(f"{where}/{vector.name}", values)
-        _check_magnitude(f"{where}/{vector.name}", values, vector.unit)
-    for column, quantity in enumerate(SENSORS[name]):
-        _check_magnitude(f"{where}/{quantity.symbol}", record.values[:, column], quantity.unit)
-
-
-def _check_magnitude(where: str, values: Array, unit: str) -> None:
-    """Raise a ValueError if a value is beyond every real sensor and actuator; NaN is a missing value."""
-    limit = magnitude_of(unit).largest
-    largest = float(np.fmax.reduce(np.abs(values), initial=0.0))
-    if largest > limit:
-        raise ValueError(f"{where} has {largest:g} {unit}, more than the plausible maximum of {limit:g} {unit}")
-
-
-def _check_truth(truth: TruthRecord) -> None:
-    n = truth.time.size
-    netcdf.check_times("/truth", truth.time, increasing=True)
-    netcdf.check_shapes("/truth", *((values, (n, len(table))) for table, values in truth.tables))
-    netcdf.check_finite("/truth", *(values for _, values in truth.tables), np.array(list(truth.coefficients.values())))
-    if not n:
-        raise ValueError("/truth is empty")
-    if missing := [symbol for symbol in SYMBOLS if symbol not in truth.coefficients]:
-        raise ValueError(f"/truth has no coefficient {', '.join(missing)}")
-    if unknown := [symbol for symbol in truth.coefficients if symbol not in SYMBOLS and not is_name_of_term(symbol)]:
-        raise ValueError(f"/truth has unknown coefficients: {', '.join(unknown)}")

@@ -1,9 +1,9 @@
 """Estimate of a filter: states over time, innovations, outcome."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,25 @@ from auvid_cli.config.extra_states import (
     THRUST_SCALE,
     TRIM_MOMENT,
 )
+from auvid_cli.data.array_checks import (
+    check_deviations,
+    check_finite,
+    check_magnitude,
+    check_noise,
+    check_range,
+    check_shapes,
+    check_times,
+    check_type,
+    put_arrays,
+    real_array,
+)
 from auvid_cli.data.faults import FaultTest
+from auvid_cli.data.innovations import Innovations
+from auvid_cli.errors import InvalidDataError
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.matrices import Ballast
-from auvid_cli.vehicle.parameters import MOTION, Quantity
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,152 +46,22 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _MOVING = *MOTION, *(state.quantity for state in FURTHER_STATES)
+_ROUNDING = 1e-6  # of a standard deviation
+_MAX_ASYMMETRY = 1e-6  # of a covariance, as a share of the standard deviations
+_TYPES = {
+    "filter": str,
+    "experiment": RunSettings,
+    "state": tuple,
+    "unit": tuple,
+    "held": dict,
+    "dataset_sha256": str,
+    "innovations": dict,
+    "status": str,
+    "faults": tuple,
+    "corrected": dict,
+}
 # Units of all states except coefficients, by symbol.
 STATES = {quantity.symbol: quantity.unit for quantity in (*_MOVING, *ERROR_STATES)}
-NIS_WINDOW = 20.0  # s
-N_LAGS = 20
-_MIN_SAMPLES = 50  # of an autocorrelation
-
-
-class InnovationSums(NamedTuple):
-    """Sums over all innovations of a sensor.
-
-    Attributes
-    ----------
-    start : float
-        Time of the first, s.
-    squares, components : ndarray, shape (k,)
-        Sum of the NIS, and number of components used, in each `NIS_WINDOW` from `start` on.
-    measurements : int
-        Number of measurements used.
-    rejected : int
-        Number of components beyond the gate, or with a weight below 0.5.
-    """
-
-    start: float
-    squares: Array
-    components: Array
-    measurements: int
-    rejected: int
-
-    @property
-    def mean_nis(self) -> float:
-        """Return the normalised innovation squared per component; NaN if none was used."""
-        components = float(self.components.sum())
-        return float(self.squares.sum()) / components if components else float("nan")
-
-    def plus(self, other: "InnovationSums") -> "InnovationSums":
-        """Return the sums including later innovations, with windows from the same start."""
-        size = max(self.squares.size, other.squares.size)
-        squares, components = np.zeros(size), np.zeros(size)
-        for part in (self, other):
-            squares[: part.squares.size] += part.squares
-            components[: part.components.size] += part.components
-        measurements, rejected = self.measurements + other.measurements, self.rejected + other.rejected
-        return InnovationSums(self.start, squares, components, measurements, rejected)
-
-
-class Autocorrelation(NamedTuple):
-    """Autocorrelation of the normalised innovations of a sensor.
-
-    Attributes
-    ----------
-    correlation : ndarray, shape (c, N_LAGS)
-        By component, at lags of 1 to `N_LAGS` used samples.
-    samples : ndarray, shape (c,)
-        Number of samples; 0 if there are too few.
-    """
-
-    correlation: Array
-    samples: Array
-
-    def plus(self, other: "Autocorrelation") -> "Autocorrelation":
-        """Return the autocorrelation including later innovations, without products across the boundary."""
-        samples = self.samples + other.samples
-        total = self.correlation * self.samples[:, None] + other.correlation * other.samples[:, None]
-        return Autocorrelation(total / np.maximum(samples, 1.0)[:, None], samples)
-
-
-@dataclass(frozen=True)
-class Innovations:
-    """Innovations of one sensor.
-
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-    innovation, variance : ndarray, shape (k, c)
-        SI; NaN where a component is missing or the filter had ended. Where the gate rejected a component, or its
-        weight is below 0.5, only the variance is NaN.
-    nis : ndarray, shape (k,)
-        Normalised innovation squared.
-    standard_deviation : ndarray, shape (c,)
-        Measurement noise assumed by the filter.
-    all_sums : InnovationSums or None
-        Over all innovations, if these are thinned.
-    all_autocorrelation : Autocorrelation or None
-        Of all innovations, if these are thinned.
-    weight : ndarray, shape (k, c), or None
-        Weight of each component in a robust fit; 1 where missing.
-    """
-
-    time: Array
-    innovation: Array
-    variance: Array
-    nis: Array
-    standard_deviation: Array
-    all_sums: InnovationSums | None = None
-    all_autocorrelation: Autocorrelation | None = None
-    weight: Array | None = None
-
-    def sums(self, start: float | None = None) -> InnovationSums:
-        """Return sums over all innovations, also those that were thinned out."""
-        if self.all_sums is not None:
-            return self.all_sums
-        start = start if start is not None else float(self.time[0]) if self.time.size else 0.0
-        used = self.used().sum(axis=1)
-        window = ((self.time - start) // NIS_WINDOW).astype(int)
-        squares, components = (np.bincount(window, w).astype(np.float64) for w in (np.nan_to_num(self.nis), used))
-        rejected = int((np.isfinite(self.innovation) & ~self.used()).sum())
-        return InnovationSums(start, squares, components, int(np.isfinite(self.nis).sum()), rejected)
-
-    @cached_property
-    def autocorrelation(self) -> Autocorrelation:
-        """Return the autocorrelation of all innovations, also those that were thinned out."""
-        if self.all_autocorrelation is not None:
-            return self.all_autocorrelation
-        n_components = self.innovation.shape[1]
-        correlation, samples = np.zeros((n_components, N_LAGS)), np.zeros(n_components)
-        # The variance of a residual of a fit may be 0.
-        for c, used in enumerate((np.isfinite(self.innovation) & (self.variance > 0.0)).T):
-            values = self.innovation[used, c] / np.sqrt(self.variance[used, c])
-            if values.size >= _MIN_SAMPLES and values.std() > 0.0:
-                centred = values - values.mean()
-                products = [float(centred[lag:] @ centred[:-lag]) for lag in range(1, N_LAGS + 1)]
-                correlation[c], samples[c] = np.array(products) / float(centred @ centred), values.size
-        return Autocorrelation(correlation, samples)
-
-    def mean_weight(self) -> float | None:
-        """Return the mean weight of the measured components; None without weights."""
-        if self.weight is None or not np.isfinite(self.innovation).any():
-            return None
-        return float(self.weight[np.isfinite(self.innovation)].mean())
-
-    def used(self) -> NDArray[np.bool_]:
-        """Whether the filter used each component, shape (k, c)."""
-        return np.isfinite(self.variance)
-
-    @classmethod
-    def joined(cls, chunks: Sequence["Innovations"]) -> "Innovations":
-        """Join chunks in time order."""
-        weights = [chunk.weight for chunk in chunks if chunk.weight is not None]
-        return cls(
-            time=np.concatenate([chunk.time for chunk in chunks]),
-            innovation=np.concatenate([chunk.innovation for chunk in chunks]),
-            variance=np.concatenate([chunk.variance for chunk in chunks]),
-            nis=np.concatenate([chunk.nis for chunk in chunks]),
-            standard_deviation=chunks[0].standard_deviation,
-            weight=np.concatenate(weights) if weights else None,
-        )
 
 
 @dataclass(frozen=True)
@@ -283,6 +167,93 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         Of the file of its dataset; empty if the dataset was in memory.
     """
 
+    def __post_init__(self) -> None:
+        put_arrays(self, "", time=1, mean=2, standard_deviation=2, covariance=2)
+        for name, expected in _TYPES.items():
+            check_type(name, getattr(self, name), expected)
+
+    def validate(self) -> None:
+        """Raise an InvalidDataError if states, covariance, innovations or faults are impossible.
+
+        Called when an estimate is read, before it is written, and by the functions of the Python interface.
+        """
+        n, k = self.time.size, len(self.state)
+        self._check_state()
+        check_times("/time", self.time)
+        if not n:
+            raise InvalidDataError("/time is empty")
+        shapes = (self.mean, (n, k)), (self.standard_deviation, (n, k)), (self.covariance, (k, k))
+        check_shapes("/mean, /standard_deviation, /covariance", *shapes)
+        check_finite("/mean", self.mean)
+        check_finite("/held_value", real_array("/held_value", [*self.held.values()], 1))
+        # The output-error method has infinite deviations of coefficients without information.
+        is_fit = self.is_free_run_fit
+        check_deviations("/standard_deviation", self.standard_deviation, is_fit)
+        self._check_covariance(is_fit)
+        self._check_corrected()
+        if self.completed:
+            check_range("/standard_deviation", self.standard_deviation)
+            self._check_coefficients()
+        for sensor, innovations in self.innovations.items():
+            check_type(f"innovations of {sensor!r}", innovations, Innovations)
+            innovations.check(sensor, is_fit)
+        for test in self.faults:
+            check_type("/faults", test, FaultTest)
+            where = f"/faults, {test.fault},"
+            check_finite(where, real_array(where, [test.size, test.standard_deviation, test.susceptibility], 1))
+            if test.standard_deviation <= 0.0 or test.susceptibility < 0.0:
+                raise InvalidDataError(
+                    f"{where} has a standard deviation that is not positive, or a negative susceptibility"
+                )
+            if test.coefficient not in self.coefficient_set.symbols:
+                raise InvalidDataError(f"{where} has the unknown coefficient {test.coefficient!r}")
+
+    def _check_state(self) -> None:
+        if self.filter not in {name.value for name in FilterName}:
+            raise InvalidDataError(f"unknown filter {self.filter!r}")
+        state, symbols = self.state, self.coefficient_set.symbols
+        units = STATES | self.coefficient_set.units
+        if len(state) != len(self.unit):
+            raise InvalidDataError("/state and /unit differ in length")
+        for symbol, unit in zip(state, self.unit, strict=True):
+            if symbol not in units:
+                raise InvalidDataError(f"unknown component {symbol!r} of the state")
+            if unit != units[symbol]:
+                raise InvalidDataError(f"{symbol} is in {unit!r}; expected {units[symbol]}")
+        if len(set(state)) < len(state) or not set(MOTION_SYMBOLS) <= set(state):
+            raise InvalidDataError("/state has a component twice, or lacks a motion state")
+        if Counter([*self.held, *(symbol for symbol in state if symbol in symbols)]) != Counter(symbols):
+            raise InvalidDataError(f"each of the {len(symbols)} coefficients must be either estimated or held")
+
+    def _check_covariance(self, may_be_infinite: bool) -> None:
+        variance = np.diagonal(self.covariance)
+        finite = variance < np.inf
+        scale = np.sqrt(np.abs(variance[finite]))
+        part = self.covariance[np.ix_(finite, finite)]
+        if np.isnan(self.covariance).any() or not (may_be_infinite or finite.all()) or not (variance > 0.0).all():
+            raise InvalidDataError("/covariance has NaN or infinite values, or variances that are not positive")
+        if not np.isfinite(part).all() or (np.abs(part - part.T) > _MAX_ASYMMETRY * np.outer(scale, scale)).any():
+            raise InvalidDataError("/covariance is not symmetric")
+
+    def _check_corrected(self) -> None:
+        nominal = dict(zip(self.state, self.standard_deviation[-1].tolist(), strict=True))
+        real_array("/corrected", [*self.corrected.values()], 1)
+        for symbol, deviation in self.corrected.items():
+            if symbol not in nominal:
+                raise InvalidDataError(f"/corrected has the unknown state {symbol!r}")
+            if not deviation >= nominal[symbol] * (1.0 - _ROUNDING) or np.isinf(deviation) != np.isinf(nominal[symbol]):
+                raise InvalidDataError(
+                    f"/corrected has {deviation:g} for {symbol}, less than the nominal {nominal[symbol]:g}"
+                )
+
+    def _check_coefficients(self) -> None:
+        """Raise an InvalidDataError if settings would refuse a coefficient that is exported."""
+        units, deviations = self.coefficient_set.units, self.final_deviations()
+        for symbol, value in self.final_coefficients().items():
+            check_magnitude(f"coefficient {symbol}", np.array([value]), units[symbol])
+            if np.isfinite(deviation := deviations.get(symbol, 0.0)):
+                check_noise(f"coefficient {symbol}", np.array([deviation]), units[symbol])
+
     @classmethod
     def __get_pydantic_core_schema__(cls, source: object, handler: object) -> core_schema.CoreSchema:
         """Return the schema that accepts any instance."""
@@ -367,6 +338,7 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         """
         from auvid_cli.data.interop import estimate_frames
 
+        self.validate()
         return estimate_frames(self)
 
     def to_xarray(self) -> "xr.DataTree":
@@ -386,4 +358,5 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         """
         from auvid_cli.data.interop import estimate_tree
 
+        self.validate()
         return estimate_tree(self)

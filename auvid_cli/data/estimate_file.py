@@ -15,26 +15,17 @@ from pydantic import Field
 from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.data import netcdf
-from auvid_cli.data.estimate import (
-    STATES,
-    Array,
-    Autocorrelation,
-    Estimate,
-    EstimateChunk,
-    EstimateHeader,
-    Innovations,
-    InnovationSums,
-    Outcome,
-)
+from auvid_cli.data.array_checks import check_sensor, check_shapes
+from auvid_cli.data.estimate import Array, Estimate, EstimateChunk, EstimateHeader, Outcome
 from auvid_cli.data.faults import Fault, FaultTest
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS
+from auvid_cli.data.hdf5 import READ_ERRORS
+from auvid_cli.data.innovations import Autocorrelation, Innovations, InnovationSums
+from auvid_cli.errors import InvalidDataError
+from auvid_cli.text import one_line
+from auvid_cli.vehicle.parameters import SENSORS
 
 # Longer estimates, and innovations of a sensor, are thinned to about this many rows.
 MAX_ROWS = 50_000
-# Least standard deviation of an innovation as a share of the measurement noise, to allow for rounding.
-_MIN_SHARE_OF_NOISE = 0.999
-_ROUNDING = 1e-6  # of a standard deviation
-_MAX_ASYMMETRY = 1e-6  # of a covariance, as a share of the standard deviations
 # Columns of the group of faults.
 _FAULT_COLUMNS: tuple[tuple[str, type, str], ...] = (
     ("unit", object, "unit of the size"),
@@ -76,6 +67,14 @@ class EstimateWriter:
             _write_faults(self._file.create_group("faults"), outcome.faults)
         times = {"cpu_time_s": outcome.cpu_time, "wall_time_s": outcome.wall_time}
         self._file.attrs.update({"status": outcome.status, "steps": outcome.steps} | times)
+
+    def read_back(self) -> Estimate:
+        """Return the estimate as `read_estimate` will; raise an InvalidDataError if that would refuse it."""
+        self._file.flush()
+        try:
+            return _read(self._file, "settings", MAX_ROWS)
+        except READ_ERRORS as error:
+            raise InvalidDataError(one_line(str(error))) from error
 
 
 @contextmanager
@@ -123,7 +122,7 @@ def record_estimate(
             watch(chunk)
 
         writer.finish(run(receive))
-    return read_estimate(path)
+        return writer.read_back()
 
 
 def write_estimate(path: Path, estimate: Estimate) -> None:
@@ -131,6 +130,7 @@ def write_estimate(path: Path, estimate: Estimate) -> None:
     with new_estimate(path, estimate) as writer:
         writer.append(estimate)
         writer.finish(estimate)
+        writer.read_back()
 
 
 def _prepare_innovations(group: h5py.Group, sensor: str, innovations: Innovations) -> None:
@@ -158,7 +158,7 @@ def _write_corrected(group: h5py.Group, corrected: dict[str, float]) -> None:
 
 def _read_corrected(group: h5py.Group) -> dict[str, float]:
     symbols, values = netcdf.read_names(group, "constant_state"), netcdf.read_array(group, "standard_deviation")
-    netcdf.check_shapes("/corrected", (values, (len(symbols),)))
+    check_shapes("/corrected", (values, (len(symbols),)))
     return dict(zip(symbols, values.tolist(), strict=True))
 
 
@@ -201,33 +201,35 @@ def read_estimate(path: Path, max_rows: int = MAX_ROWS) -> Estimate:
         If the file is missing, damaged, of another program or a newer schema, or has impossible values.
     """
     with netcdf.open_file(path, "estimate") as file:
-        attributes = netcdf.read_attributes(file, _Attributes)
-        every = 1 + netcdf.count_rows(file, "time") // max_rows
-        estimate = Estimate(
-            filter=attributes.filter.value,
-            experiment=parse_run(attributes.settings, f"{path} (settings)"),
-            state=netcdf.read_names(file, "state"),
-            unit=netcdf.read_names(file, "unit"),
-            time=netcdf.read_array(file, "time", every),
-            mean=netcdf.read_array(file, "mean", every, ndim=2),
-            standard_deviation=netcdf.read_array(file, "standard_deviation", every, ndim=2),
-            covariance=netcdf.read_array(file, "covariance", ndim=2),
-            innovations={
-                name: _read_innovations(group, name, attributes.filter, max_rows)
-                for name, group in netcdf.subgroups(file, "innovations").items()
-            },
-            held=dict(
-                zip(netcdf.read_names(file, "held"), netcdf.read_array(file, "held_value").tolist(), strict=True)
-            ),
-            status=attributes.status,
-            steps=attributes.steps,
-            cpu_time=attributes.cpu_time_s,
-            wall_time=attributes.wall_time_s,
-            dataset_sha256=attributes.dataset_sha256,
-            faults=_read_faults(netcdf.subgroup(file, "faults")) if "faults" in file else (),
-            corrected=_read_corrected(netcdf.subgroup(file, "corrected")) if "corrected" in file else {},
-        )
-        _check_estimate(estimate)
+        return _read(file, f"{path} (settings)", max_rows)
+
+
+def _read(file: h5py.File, settings_name: str, max_rows: int) -> Estimate:
+    attributes = netcdf.read_attributes(file, _Attributes)
+    every = 1 + netcdf.count_rows(file, "time") // max_rows
+    estimate = Estimate(
+        filter=attributes.filter.value,
+        experiment=parse_run(attributes.settings, settings_name),
+        state=netcdf.read_names(file, "state"),
+        unit=netcdf.read_names(file, "unit"),
+        time=netcdf.read_array(file, "time", every),
+        mean=netcdf.read_array(file, "mean", every, ndim=2),
+        standard_deviation=netcdf.read_array(file, "standard_deviation", every, ndim=2),
+        covariance=netcdf.read_array(file, "covariance", ndim=2),
+        innovations={
+            name: _read_innovations(group, name, attributes.filter, max_rows)
+            for name, group in netcdf.subgroups(file, "innovations").items()
+        },
+        held=dict(zip(netcdf.read_names(file, "held"), netcdf.read_array(file, "held_value").tolist(), strict=True)),
+        status=attributes.status,
+        steps=attributes.steps,
+        cpu_time=attributes.cpu_time_s,
+        wall_time=attributes.wall_time_s,
+        dataset_sha256=attributes.dataset_sha256,
+        faults=_read_faults(netcdf.subgroup(file, "faults")) if "faults" in file else (),
+        corrected=_read_corrected(netcdf.subgroup(file, "corrected")) if "corrected" in file else {},
+    )
+    estimate.validate()
     return estimate
 
 
@@ -241,6 +243,7 @@ def read_reference(path: Path, estimate: Estimate) -> Estimate | None:
 
 
 def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName, max_rows: int) -> Innovations:
+    check_sensor(sensor)
     n_rows, deviation = netcdf.count_rows(group, "time"), netcdf.read_array(group, "standard_deviation")
     every = 1 + n_rows // max_rows
 
@@ -248,7 +251,7 @@ def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName, m
         weight = read("weight", 2) if "weight" in group else None
         rows = read("time", 1), read("innovation", 2), read("variance", 2), read("nis", 1)
         innovations = Innovations(*rows, deviation, weight=weight)
-        _check_innovations(sensor, innovations, filter_name)
+        innovations.check(sensor, filter_name.is_free_run_fit)
         return innovations
 
     def block(first: int) -> Innovations:
@@ -265,92 +268,3 @@ def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName, m
         all_sums=reduce(InnovationSums.plus, sums),
         all_autocorrelation=reduce(Autocorrelation.plus, autocorrelations),
     )
-
-
-def _check_estimate(estimate: Estimate) -> None:
-    """Raise a ValueError if states, covariance, held coefficients or faults are impossible."""
-    n, k = estimate.time.size, len(estimate.state)
-    _check_state(estimate)
-    netcdf.check_times("/time", estimate.time)
-    if not n:
-        raise ValueError("/time is empty")
-    netcdf.check_shapes(
-        "/mean, /standard_deviation, /covariance",
-        *((estimate.mean, (n, k)), (estimate.standard_deviation, (n, k)), (estimate.covariance, (k, k))),
-    )
-    netcdf.check_finite("/mean", estimate.mean)
-    netcdf.check_finite("/held_value", np.array(list(estimate.held.values())))
-    # The output-error method has infinite deviations of coefficients without information.
-    may_be_infinite = estimate.is_free_run_fit
-    netcdf.check_deviations("/standard_deviation", estimate.standard_deviation, may_be_infinite)
-    _check_covariance(estimate.covariance, may_be_infinite)
-    _check_corrected(estimate)
-    for test in estimate.faults:
-        where = f"/faults, {test.fault},"
-        netcdf.check_finite(where, np.array([test.size, test.standard_deviation, test.susceptibility]))
-        if test.standard_deviation <= 0.0 or test.susceptibility < 0.0:
-            raise ValueError(f"{where} has a standard deviation that is not positive, or a negative susceptibility")
-        if test.coefficient not in estimate.coefficient_set.symbols:
-            raise ValueError(f"{where} has the unknown coefficient {test.coefficient!r}")
-
-
-def _check_state(estimate: Estimate) -> None:
-    state, symbols = estimate.state, estimate.coefficient_set.symbols
-    units = STATES | estimate.coefficient_set.units
-    for symbol, unit in zip(state, estimate.unit, strict=True):
-        if symbol not in units:
-            raise ValueError(f"unknown component {symbol!r} of the state")
-        if unit != units[symbol]:
-            raise ValueError(f"{symbol} is in {unit!r}; expected {units[symbol]}")
-    if len(set(state)) < len(state) or not set(MOTION_SYMBOLS) <= set(state):
-        raise ValueError("/state has a component twice, or lacks a motion state")
-    if sorted([*estimate.held, *(symbol for symbol in state if symbol in symbols)]) != sorted(symbols):
-        raise ValueError(f"each of the {len(symbols)} coefficients must be either estimated or held")
-
-
-def _check_covariance(covariance: Array, may_be_infinite: bool) -> None:
-    variance = np.diagonal(covariance)
-    finite = variance < np.inf
-    scale = np.sqrt(np.abs(variance[finite]))
-    part = covariance[np.ix_(finite, finite)]
-    if np.isnan(covariance).any() or not (may_be_infinite or finite.all()) or not (variance > 0.0).all():
-        raise ValueError("/covariance has values that are NaN or infinite, or variances that are not positive")
-    if not np.isfinite(part).all() or (np.abs(part - part.T) > _MAX_ASYMMETRY * np.outer(scale, scale)).any():
-        raise ValueError("/covariance is not symmetric")
-
-
-def _check_corrected(estimate: Estimate) -> None:
-    nominal = dict(zip(estimate.state, estimate.standard_deviation[-1].tolist(), strict=True))
-    for symbol, deviation in estimate.corrected.items():
-        if symbol not in nominal:
-            raise ValueError(f"/corrected has the unknown state {symbol!r}")
-        if not deviation >= nominal[symbol] * (1.0 - _ROUNDING) or np.isinf(deviation) != np.isinf(nominal[symbol]):
-            raise ValueError(f"/corrected has {deviation:g} for {symbol}, less than the nominal {nominal[symbol]:g}")
-
-
-def _check_innovations(sensor: str, innovations: Innovations, filter_name: FilterName) -> None:
-    """Raise a ValueError if innovations are impossible; NaN is a missing or rejected one."""
-    if sensor not in SENSORS:
-        raise ValueError(f"unknown sensor {sensor!r} among the innovations; expected one of {', '.join(SENSORS)}")
-    where, n, width = f"/innovations/{sensor}", innovations.time.size, len(SENSORS[sensor])
-    innovation, variance, nis = innovations.innovation, innovations.variance, innovations.nis
-    netcdf.check_times(where, innovations.time)
-    netcdf.check_shapes(
-        where,
-        *((innovation, (n, width)), (variance, (n, width)), (nis, (n,)), (innovations.standard_deviation, (width,))),
-    )
-    if (weight := innovations.weight) is not None:
-        netcdf.check_shapes(where, (weight, (n, width)))
-        if not ((weight > 0.0) & (weight <= 1.0)).all():
-            raise ValueError(f"{where} has weights that are not between 0 and 1")
-    netcdf.check_deviations(where, innovations.standard_deviation)
-    may_be_infinite = filter_name.is_free_run_fit
-    if any(np.isinf(array).any() for array in (innovation, nis, *(() if may_be_infinite else (variance,)))):
-        raise ValueError(f"{where} has infinite values")
-    if (variance < 0.0).any() or (nis < 0.0).any():
-        raise ValueError(f"{where} has a negative variance or NIS")
-    if (nis[np.isnan(variance).all(axis=1)] > 0.0).any():
-        raise ValueError(f"{where} has a NIS of a measurement without a variance")
-    # S = H P H' + R; only a residual of a fit varies less than the noise R.
-    if not may_be_infinite and (np.sqrt(variance) < _MIN_SHARE_OF_NOISE * innovations.standard_deviation).any():
-        raise ValueError(f"{where} has variances below that of the measurement noise")

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import VECTORS, Dataset
-from auvid_cli.data.estimate import Estimate, Innovations
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
 from auvid_cli.vehicle.parameters import SENSORS, Quantity
 

@@ -22,7 +22,7 @@ from auvid_cli.config.settings import Settings
 from auvid_cli.config.units import parse_quantity
 from auvid_cli.data.files import replacing
 from auvid_cli.data.hdf5 import READ_ERRORS, open_hdf5, trust
-from auvid_cli.errors import FileError
+from auvid_cli.errors import FileError, InvalidDataError
 from auvid_cli.text import one_line, shortened
 from auvid_cli.vehicle.parameters import Quantity
 
@@ -30,7 +30,6 @@ SCHEMA_VERSION = 2
 _CHUNK_ROWS = 8192
 _BLOCK_ROWS = 50_000
 _MAX_NAMES = 1000
-MAX_TIME = 1e8  # s, from the beginning of the data: three years
 _LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "h5py", "pydantic", "pint", "matplotlib")
 Array = NDArray[np.float64]
 
@@ -52,7 +51,7 @@ def new_file(path: Path, kind: str, settings: str, seed: int, **attributes: Any)
     """
     with replacing(path) as temporary, temporary.open("w+b", buffering=0) as raw:
         disk = _Disk(raw)
-        with h5py.File(disk, "w") as file:
+        with _writing(path, disk), h5py.File(disk, "w") as file:
             file.attrs.update(
                 {
                     "Conventions": "CF-1.11",
@@ -68,8 +67,18 @@ def new_file(path: Path, kind: str, settings: str, seed: int, **attributes: Any)
                 }
             )
             yield file
-        disk.raise_failure()
     trust(path)
+
+
+@contextmanager
+def _writing(path: Path, disk: "_Disk") -> Iterator[None]:
+    """Raise the failure of a disk first, and turn an InvalidDataError into a FileError."""
+    try:
+        yield
+    except InvalidDataError as error:
+        disk.raise_failure()
+        raise FileError(f"{path}: not written: {one_line(str(error))}") from None
+    disk.raise_failure()
 
 
 @cache
@@ -317,30 +326,3 @@ def _variable(group: h5py.Group, name: str, holds: str, ndim: int) -> h5py.Datas
     if item.shape is None or len(item.shape) != ndim or holds != ("text" if is_text else "numbers"):
         raise ValueError(f"{item.name} does not hold {holds} of {ndim} {'dimension' if ndim == 1 else 'dimensions'}")
     return item
-
-
-def check_times(where: str, time: Array, increasing: bool = False) -> None:
-    """Raise a ValueError if times are not finite, too late, or not in order."""
-    if not (np.abs(time) <= MAX_TIME).all():
-        raise ValueError(f"{where}: times are not finite, or later than {MAX_TIME:.0e} s")
-    steps = np.diff(time)
-    if (steps <= 0.0 if increasing else steps < 0.0).any():
-        raise ValueError(f"{where}: times are not {'strictly increasing' if increasing else 'in order'}")
-
-
-def check_shapes(where: str, *expected: tuple[NDArray, tuple[int, ...]]) -> None:
-    """Raise a ValueError if an array does not have its expected shape."""
-    if any(array.shape != shape for array, shape in expected):
-        raise ValueError(f"{where}: variables differ in length")
-
-
-def check_finite(where: str, *arrays: Array) -> None:
-    """Raise a ValueError if a value is infinite or NaN."""
-    if not all(np.isfinite(array).all() for array in arrays):
-        raise ValueError(f"{where} has values that are not finite")
-
-
-def check_deviations(where: str, deviations: Array, may_be_infinite: bool = False) -> None:
-    """Raise a ValueError if a standard deviation is negative or not finite."""
-    if not (deviations >= 0.0).all() or not (may_be_infinite or np.isfinite(deviations).all()):
-        raise ValueError(f"{where}: standard deviations are negative or not finite")

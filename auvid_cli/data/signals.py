@@ -181,7 +181,8 @@ def _runs(record: SensorRecord) -> tuple[Array, Array, NDArray[np.int64]]:
     present = np.isfinite(record.values).any(axis=1)
     time, values = record.time[present], record.values[present]
     moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
-    return time, values, np.concatenate([[0], moved, [len(values)]])
+    # Without measurements there is no run.
+    return time, values, np.concatenate([[0], moved, [len(values)] * bool(len(values))]).astype(np.int64)
 
 
 def rate_of_change(values: Array, interval: float, half: int) -> Array:

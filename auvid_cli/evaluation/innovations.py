@@ -10,8 +10,9 @@ from scipy.special import chdtri
 
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.data.estimate import N_LAGS, NIS_WINDOW, Estimate, Innovations
+from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import Cause
+from auvid_cli.data.innovations import N_LAGS, NIS_WINDOW, Innovations
 from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
 # Limits of the mean NIS of a sensor, over a whole run and over any `NIS_WINDOW`. Neither chance nor an AHRS reaches

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.extra_states import AugmentedStates, BiasName
 from auvid_cli.config.sanity import MAX_FIN_STRENGTH, MIN_FIN_STRENGTH
-from auvid_cli.data.estimate import N_LAGS, NIS_WINDOW, Estimate, Innovations
+from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import Cause, FaultKind
+from auvid_cli.data.innovations import N_LAGS, NIS_WINDOW, Innovations
 from auvid_cli.evaluation.innovations import (
     LARGEST_FAULT,
     LARGEST_MEAN_NIS,

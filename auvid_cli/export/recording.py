@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.data.estimate import Estimate, Innovations
+from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.files import replacing
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError, FileError
 from auvid_cli.vehicle.kinematics import dead_reckoned
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.identification import Identification
 from auvid_cli.data.dataset import Dataset, SensorRecord
-from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Innovations, Outcome
+from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Outcome
 from auvid_cli.data.faults import FaultTest
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.filters import problem
 from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline, segment_gaussian
 from auvid_cli.filters.square_root import (

@@ -16,6 +16,8 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 Array = NDArray[np.float64]
 _STEP = 0.1  # s, cell of the grid
 _MAX_SPAN = 14 * 86400.0  # s
+_MAX_EMPTY = 1_000_000  # cells of a grid, for any number of samples
+_MAX_CELLS_PER_SAMPLE = 10
 _MAX_BRIDGE = 3.0  # median intervals of a sensor between two measurements that may be interpolated
 _MAX_ROWS = 20_000  # of a regression
 _MIN_WINDOWS = 15  # of a regression
@@ -69,13 +71,19 @@ class Signals(NamedTuple):
 
 
 def signals_of(inputs: InputRecord, sensors: Mapping[str, SensorRecord], span: tuple[float, float]) -> Signals:
-    """Return inputs and sensors on a grid over a time span, s; DataError if it is longer than two weeks."""
+    """Return inputs and sensors on a grid over a time span, s; DataError if it is too long or nearly empty."""
     if span[1] - span[0] > _MAX_SPAN:
         raise DataError(
             f"measurements from t = {span[0]:.6g} s to {span[1]:.6g} s span over two weeks; some time stamps must be "
             "wrong. Cut the log to the valid part (`use` in its map)"
         )
     grid = Grid(span[0], _STEP, max(int((span[1] - span[0]) / _STEP), 1))
+    samples = sum(record.time.size for record in (inputs, *sensors.values()))
+    if grid.cells > max(_MAX_EMPTY, _MAX_CELLS_PER_SAMPLE * samples):
+        raise DataError(
+            f"only {samples} samples from t = {span[0]:.6g} s to {span[1]:.6g} s; some time stamps must be wrong. Cut "
+            "the log to the valid part (`use` in its map)"
+        )
     values = {
         symbol: _input_on(grid, inputs.time, inputs.values[:, column]) for column, symbol in enumerate(INPUT_SYMBOLS)
     }

@@ -11,7 +11,9 @@ from auvid_cli.logs.formats.log import ColumnValues
 Array = NDArray[np.float64]
 _HOUR = 3600.0  # s
 _DAY = 86400.0  # s
-_CLOCK = re.compile(r"\s*(?:(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:\.\d*)?)\s*", re.ASCII)
+# A leap second is the second 60.
+_CLOCK = re.compile(r"\s*(?:(\d{1,2}):)?([0-5]?\d):((?:[0-5]?\d|60)(?:\.\d*)?)\s*", re.ASCII)
+_MAX_DATE = 9.2e9  # s since 1970 that fit into nanoseconds: the years 1679 to 2261
 _DATE = re.compile(r"\s*\d{4}-\d{2}-\d{2}")
 _CHUNK = 100_000  # dates converted at a time
 FARTHEST = 1e20  # more than any time stamp; nanoseconds since 1970 are about 2e18
@@ -126,8 +128,15 @@ def _dates(values: ColumnValues) -> Array:
     seconds = np.empty(values.size)
     for begin in range(0, values.size, _CHUNK):
         part = pd.Series(values[begin : begin + _CHUNK]).str.strip()
-        dates = pd.to_datetime(part.where(part != "", None), utc=True, format="ISO8601")
-        nanoseconds = dates.dt.tz_localize(None).to_numpy().astype("datetime64[ns]")
+        dates = pd.to_datetime(part.where(part != "", None), utc=True, format="ISO8601", errors="coerce")
+        if (wrong := part[dates.isna() & (part != "")]).size:
+            raise ValueError(f"{str(wrong.iloc[0])!r} is not a date such as 2025-04-04T22:23:02Z, from 1679 to 2261")
+        dates = dates.dt.tz_localize(None).to_numpy()
+        # A conversion to nanoseconds wraps without a warning.
+        far = np.abs(dates.astype("datetime64[s]").astype(np.int64)) > _MAX_DATE
+        if (far & ~np.isnat(dates)).any():
+            raise ValueError(f"{str(part[far & ~np.isnat(dates)].iloc[0])!r} is not a date from 1679 to 2261")
+        nanoseconds = dates.astype("datetime64[ns]")
         seconds[begin : begin + _CHUNK] = np.where(np.isnat(nanoseconds), np.nan, nanoseconds.astype(np.int64) * 1e-9)
     return seconds
 

@@ -203,15 +203,16 @@ def _read_inputs(
         for name, channel in channels.items()
         if _ends_early(channel, end)
     )
+    if not time.size or time[0] > end or time[-1] < begin:
+        spans = ", ".join(
+            f"{name} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for name, channel in channels.items()
+        )
+        message = f"no time in common with the sensors ({begin:.3f} to {end:.3f} s): {spans}"
+        errors.add(("inputs",), f"{message}; give one of them a time with an `offset`")
+        errors.stop_if_any()
     has_propulsion = any(getattr(settings.inputs, quantity.symbol) is not None for quantity in PROPULSION)
     record = InputRecord(time, np.zeros((time.size, len(ALL_INPUTS if has_propulsion else INPUT_SYMBOLS))))
     with errors.collecting():
-        if not time.size or time[0] > end or time[-1] < begin:
-            spans = ", ".join(
-                f"{name} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for name, channel in channels.items()
-            )
-            message = f"no time in common with the sensors ({begin:.3f} to {end:.3f} s): {spans}"
-            raise MapMismatchError(("inputs",), f"{message}; give one of them a time with an `offset`")
         remarks = _fill_inputs(settings, held, sensors.records, record)
     errors.stop_if_any()
     complete = np.isfinite(record.values).all(axis=1)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.log_map import AccelerometerMap, DepthMap, DvlMap, LogMap, MagneticFieldMap, SensorMap
 from auvid_cli.config.settings import Spans
 from auvid_cli.config.source_positions import KeyPath
+from auvid_cli.data.array_checks import MAX_TIME
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import Noise, estimate_noise, gaps, is_smoothed
 from auvid_cli.logs.frames import (
@@ -68,6 +69,14 @@ def read_sensors(
             rows[name], raw[name] = _read(path, sensor, parts, columns)
     errors.stop_if_any()
     origin = float(min(kept.time[0] for kept in rows.values()))
+    for name in maps:
+        if (span := rows[name].time[-1] - origin) > MAX_TIME:
+            errors.add(
+                ("sensors", name),
+                f"the times of the log span {span:.3g} s, more than {MAX_TIME:g} s: check the unit of `time`, and "
+                "remove rows from before the clock was set",
+            )
+    errors.stop_if_any()
     excluded, records = {}, {}
     for name, sensor in maps.items():
         time, values = rows[name].time - origin, raw.pop(name)

@@ -23,12 +23,18 @@ class Case:
         Whether the first command must refuse the input.
     rewritten : bool
         Whether the command may write what it has read, as a campaign adds to its results.
+    readable : bool
+        Whether later commands must accept what the first has written.
+    must_end : bool
+        Whether the commands must end without Ctrl-C.
     """
 
     what: str
     commands: tuple[tuple[str, ...], ...]
     refused: bool = False
     rewritten: bool = False
+    readable: bool = False
+    must_end: bool = False
 
 
 # Writes the input of a case into a folder, by the numbers that are drawn.

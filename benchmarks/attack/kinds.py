@@ -3,7 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from benchmarks.attack import hdf5_bytes, hdf5_structure, kills, links, logs, plans, settings, stores, surroundings
+from benchmarks.attack import (
+    hdf5_bytes,
+    hdf5_structure,
+    kills,
+    limits,
+    links,
+    logs,
+    objects,
+    plans,
+    settings,
+    stores,
+    surroundings,
+)
 from benchmarks.attack.cases import Maker, Performer
 
 
@@ -29,5 +41,8 @@ KINDS: Mapping[str, Kind] = {
     "environment": Kind("environment and files of libraries", 60, perform=surroundings.environment),
     "memory": Kind("limited memory", 60, perform=surroundings.memory),
     "interrupts": Kind("interrupts, and readers that end", 60, perform=surroundings.interrupts),
+    "limits": Kind("numbers at the limits", 600, limits.make),
+    "large": Kind("files that are long to read", 100, limits.make_large),
+    "objects": Kind("objects of the Python interface", 2000, perform=objects.perform),
     "kills": Kind("kills", 40, perform=kills.perform),
 }

@@ -80,7 +80,9 @@ def _attack(home: Path, material: Material, kind: str, index: int, seed: int, li
     for number, command in enumerate(case.commands):
         ended = perform(command, folder, limit)
         outcome.seconds += ended.seconds
-        found = faults_of(ended, case.refused and number == 0, "--dry-run" in command)
+        found = faults_of(ended, case.refused and number == 0, case.must_end or "--dry-run" in command)
+        if case.readable and number > 0 and "damaged" in ended.err and not found:
+            found["exit"] = f"calls damaged what was written: {ended.err.strip()[:160]}"
         if not ended.killed and not ended.interrupted:
             found |= _changed(home, folder, given, case.rewritten, ended.code)
         for column, text in found.items():

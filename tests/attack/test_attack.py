@@ -21,6 +21,9 @@ COUNTS = {
     "links": 6,
     "environment": 1,
     "memory": 1,
+    "limits": 4,
+    "large": 2,
+    "objects": 60,
 }
 SEED = 1
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.data.estimate import N_LAGS, Innovations
+from auvid_cli.data.innovations import N_LAGS, Innovations
 
 
 def innovations_of(values, variance):

@@ -10,9 +10,9 @@ import xarray
 from auvid_cli._version import __version__
 from auvid_cli.config.enums import FilterName
 from auvid_cli.data.dataset_file import holds_data, read_dataset, write_dataset
-from auvid_cli.data.estimate import Innovations
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.data.faults import Fault, FaultTest
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import ConfigError
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import SYMBOLS

@@ -1,6 +1,7 @@
 """Files with impossible values are refused."""
 
-import re
+import copy
+import pickle
 import shutil
 from dataclasses import replace
 
@@ -10,11 +11,12 @@ import pytest
 
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.extra_states import AugmentedStates, BiasName
+from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate import STATES
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.data.faults import Fault, FaultTest
-from auvid_cli.errors import AuvidError, FileError
+from auvid_cli.errors import AuvidError, FileError, InvalidDataError
 from auvid_cli.identification.run import identify
 
 pytestmark = pytest.mark.usefixtures("walked_here")
@@ -172,7 +174,7 @@ def test_estimate_with_few_settings_is_read_back(dataset, filter_name, write_est
 
 def test_diverged_estimate_is_read_back(dataset, kalman_filter, write_estimate, with_settings, tmp_path):
     wild = replace(dataset, sensors=dataset.sensors | {"dvl": replace(dataset.sensors["dvl"])})
-    wild.sensors["dvl"] = replace(wild.sensors["dvl"], values=wild.sensors["dvl"].values * 1e160)
+    wild.sensors["dvl"] = replace(wild.sensors["dvl"], values=wild.sensors["dvl"].values * 1e5)
     estimate = identify(wild, kalman_filter)
     assert not estimate.completed
     write_estimate(tmp_path / "estimate.h5", estimate)
@@ -182,12 +184,12 @@ def test_diverged_estimate_is_read_back(dataset, kalman_filter, write_estimate, 
 def test_infinite_deviations_are_only_for_output_error(dataset, estimate, write_estimate, tmp_path):
     deviation, covariance = estimate.standard_deviation.copy(), estimate.covariance.copy()
     deviation[:, 0], covariance[0, 0], covariance[0, 1], covariance[1, 0] = np.inf, np.inf, -np.inf, -np.inf
-    blind = replace(estimate, standard_deviation=deviation, covariance=covariance)
-    write_estimate(tmp_path / "fit.h5", replace(blind, filter=FilterName.OUTPUT_ERROR.value))
+    fit = FilterName.OUTPUT_ERROR.value
+    blind = replace(estimate, filter=fit, standard_deviation=deviation, covariance=covariance)
+    write_estimate(tmp_path / "fit.h5", blind)
     assert np.isinf(read_estimate(tmp_path / "fit.h5").standard_deviation[:, 0]).all()
-    write_estimate(tmp_path / "filter.h5", blind)
-    with pytest.raises(FileError, match=re.escape("/standard_deviation")):
-        read_estimate(tmp_path / "filter.h5")
+    with pytest.raises(InvalidDataError, match="/standard_deviation"):
+        replace(blind, filter=FilterName.EKF.value).validate()
 
 
 def test_every_state_has_a_unit():
@@ -266,18 +268,90 @@ def with_times(change):
     return lambda dataset: replace(dataset, inputs=replace(dataset.inputs, time=change(dataset.inputs.time)))
 
 
+def with_dvl(**changes):
+    def change(dataset):
+        dvl = dataset.sensors["dvl"]
+        new = {name: value(getattr(dvl, name)) for name, value in changes.items()}
+        return replace(dataset, sensors=dataset.sensors | {"dvl": replace(dvl, **new)})
+
+    return change
+
+
 @pytest.mark.parametrize(
     "change",
     [
         with_times(lambda time: time[::-1]),
+        with_times(lambda time: 0.0 * time),
         with_times(lambda time: time + 1e9),
         with_times(lambda time: np.where(time == time[-1], 0.0, time)),
         with_times(lambda time: time[1:]),
+        with_times(lambda time: None),
+        with_times(lambda time: time[:, None]),
+        with_dvl(values=lambda values: np.ma.masked_invalid(values)),
+        with_dvl(values=lambda values: values + 0j),
+        with_dvl(values=lambda values: values[:, :2]),
+        with_dvl(values=lambda values: [[1.0], [1.0, 2.0]]),
+        with_dvl(values=lambda values: values * 1e9),
+        *(with_dvl(standard_deviation=lambda d, size=size: 0.0 * d + size) for size in (1e300, 5e-324, -1.0, np.nan)),
+        with_dvl(position=lambda position: (0.0, 0.0)),
         lambda dataset: replace(dataset, inputs=replace(dataset.inputs, values=dataset.inputs.values * np.nan)),
+        lambda dataset: replace(dataset, inputs=replace(dataset.inputs, values=dataset.inputs.values[:, :3])),
         lambda dataset: replace(dataset, sensors={"sonar": next(iter(dataset.sensors.values()))}),
+        lambda dataset: replace(dataset, sensors=[*dataset.sensors.values()]),
+        lambda dataset: replace(dataset, inputs=None),
+        lambda dataset: replace(dataset, truth=replace(dataset.truth, coefficients={"X_q": 1.0})),
     ],
 )
-def test_invalid_dataset_is_not_written(change, dataset, tmp_path):
+def test_invalid_dataset_is_not_made(change, dataset):
+    with pytest.raises(InvalidDataError) as caught:
+        change(dataset)
+    assert "\n" not in str(caught.value)
+
+
+def test_lists_are_accepted_as_arrays():
+    record = SensorRecord([0, 1], [[1, 2, 3], [4, 5, 6]], [1, 1, 1], [0, 0, 1])
+    assert record.values.dtype == np.float64
+    assert record.position == (0.0, 0.0, 1.0)
+
+
+def test_dataset_that_was_changed_in_place_is_not_written(dataset, tmp_path):
+    inputs = replace(dataset.inputs, time=dataset.inputs.time.copy())
+    changed = replace(dataset, inputs=inputs)
+    inputs.time[-1] = 0.0
     with pytest.raises(FileError, match=r"dataset\.h5: not written: "):
-        write_dataset(tmp_path / "dataset.h5", change(dataset))
+        write_dataset(tmp_path / "dataset.h5", changed)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"mean": None},
+        {"time": lambda time: time[::-1]},
+        {"state": lambda state: state[1:]},
+        {"filter": "kf"},
+        {"innovations": {"dvl": None}},
+        {"mean": lambda mean: mean + np.where(np.arange(mean.shape[1]) == 0, 1e300, 0.0)},
+        {"standard_deviation": lambda deviation: deviation * 1e-320},
+        {"held": lambda held: held | {next(iter(held)): 1e30}},
+        {"faults": (1,)},
+    ],
+)
+def test_invalid_estimate_is_refused(change, estimate):
+    new = {name: value(getattr(estimate, name)) if callable(value) else value for name, value in change.items()}
+    with pytest.raises(InvalidDataError):
+        replace(estimate, **new).validate()
+
+
+def test_estimate_that_was_changed_in_place_is_not_written(estimate, write_estimate, tmp_path):
+    changed = replace(estimate, mean=estimate.mean.copy())
+    changed.mean[3] = np.nan
+    with pytest.raises(FileError, match=r"estimate\.h5: not written: /mean"):
+        write_estimate(tmp_path / "estimate.h5", changed)
+    assert not list(tmp_path.iterdir())
+
+
+def test_dataset_and_estimate_are_pickled(dataset, estimate):
+    for thing in (dataset, estimate):
+        for made in (pickle.loads(pickle.dumps(thing)), copy.deepcopy(thing), copy.copy(thing)):
+            assert made.experiment == thing.experiment

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import TruthRecord
-from auvid_cli.data.estimate import Innovations
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from auvid_cli.data.estimate import Innovations
 from auvid_cli.data.faults import Fault, FaultTest
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.innovations import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import (
     FARTHEST,

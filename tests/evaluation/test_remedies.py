@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.data.estimate import Innovations
 from auvid_cli.data.faults import Fault, FaultTest
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.judgement import judge, judge_one
 
 DIVERGED = "diverged at t = 3.000 s: the state was not finite"

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.data.estimate import Innovations
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
 from auvid_cli.export.recording import TopicKind, field_names, ros_pose, topics_of
 from auvid_cli.vehicle.kinematics import body_to_earth

@@ -184,7 +184,7 @@ def test_substeps_are_limited(experiment_with):
     assert sum(len(chunk.measurement) for chunk in chunks) == 700
 
 
-@pytest.mark.parametrize("since", [0.0, 1e7, 1.7e9])
+@pytest.mark.parametrize("since", [0.0, 1e7, 9e7])
 def test_no_measurement_is_lost_on_a_clock_that_counts_from_long_ago(since, experiment_with):
     dataset = a_dataset(
         experiment_with(), [since], dvl=since + np.arange(50) * 0.1, gyroscope=since + np.arange(500) * 0.01
@@ -197,9 +197,9 @@ def test_no_measurement_is_lost_on_a_clock_that_counts_from_long_ago(since, expe
 
 def test_gap_of_hours_is_refused(experiment_with):
     """As from a clock that was set while the log ran."""
-    times = np.array([0.0, 0.1, 1e9, 1e9 + 0.1])
+    times = np.array([0.0, 0.1, 9e7, 9e7 + 0.1])
     dataset = a_dataset(experiment_with(), times, dvl=times)
-    with pytest.raises(DataError, match=r"t = 0\.1 s to 1e\+09 s.*longest_gap"):
+    with pytest.raises(DataError, match=r"t = 0\.1 s to 9e\+07 s.*longest_gap"):
         list(Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 0.02))
 
 

@@ -67,3 +67,22 @@ def test_ordered_times_are_unique(times):
     order = order_rows(seconds)
     assert seconds[order.rows].tolist() == sorted(set(times))
     assert order.duplicates == len(times) - len(set(times))
+
+
+@pytest.mark.parametrize("text", ["99:99:05", "12:60:00", "12:00:61", "60:00", "10:75.5"])
+def test_time_that_no_clock_shows_is_refused(text):
+    for times in ([text], ["00:00:01", text]):
+        with pytest.raises(ValueError, match="is not a time"):
+            to_seconds(np.array(times), 1.0)
+
+
+@pytest.mark.parametrize("year", ["0000", "1600", "1677", "2263", "9999", "10000"])
+def test_year_outside_nanoseconds_is_refused(year):
+    for times in ([f"{year}-01-01T00:00:00Z"], ["2025-04-04T00:00:00Z", f"{year}-01-01T00:00:00Z"]):
+        with pytest.raises(ValueError, match="is not a"):
+            to_seconds(np.array(times), 1.0)
+
+
+def test_leap_second_and_early_year_are_read():
+    assert to_seconds(np.array(["23:59:59", "23:59:60"]), 1.0).seconds.tolist() == [86399.0, 86400.0]
+    assert to_seconds(np.array(["1700-01-01"]), 1.0).seconds == pytest.approx([-8520336000.0])

@@ -8,7 +8,8 @@ import pytest
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
-from auvid_cli.data.estimate import Estimate, Innovations
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, relative_rmse
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.evaluation.free_run import VelocityError

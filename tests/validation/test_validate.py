@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from auvid_cli.config.enums import FilterName
-from auvid_cli.data.estimate import Innovations
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.judgement import Grade
 from auvid_cli.identification.prepared_data import prepare

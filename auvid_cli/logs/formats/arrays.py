@@ -5,7 +5,7 @@ each length forms a table with the name of its first array.
 """
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -23,6 +23,8 @@ from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import ColumnValues, Log, LogColumn, look_up
 
 _MAX_COLUMNS = 100  # of an array, or structs of a list; larger ones, such as images, are left out
+
+_MAX_TOTAL = 10_000  # columns of a file
 
 _Path = tuple[str, ...]
 # Kinds of dtypes.
@@ -58,65 +60,54 @@ class ArrayLog(Log):
         """Return columns by name; only the variables with these columns are loaded."""
         places = {column.name: self._places[table][column.name] for column in look_up(self, table, columns)}
         values: dict[str, ColumnValues] = {}
-        for variable in dict.fromkeys(place.path[0] for place in places.values()):
-            arrays = dict(self._arrays(variable))
-            for name, place in places.items():
-                if place.path[0] == variable:
-                    array = arrays[place.path]
-                    if place.number is not None:
-                        array = array[place.number] if place.across else array[:, place.number]
-                    values[name] = array.astype(str if place.is_text else np.float64)
-        return {name: values[name] for name in columns}
+        arrays = dict(self._arrays({place.path[0] for place in places.values()}))
+        for name, place in places.items():
+            array = arrays[place.path]
+            if place.number is not None:
+                array = array[place.number] if place.across else array[:, place.number]
+            values[name] = array.astype(str if place.is_text else np.float64)
+        return values
 
     @cached_property
     def _places(self) -> dict[str, dict[str, _Place]]:
-        shapes = {
-            path: _Shape(array.shape, array.dtype.kind in _TEXT)
-            for variable in self._variables()
-            for path, array in self._arrays(variable)
-        }
+        shapes = {path: _Shape(array.shape, array.dtype.kind in _TEXT) for path, array in self._arrays()}
         places = _tabulate(shapes)
         if not places:
             raise FileError(f"{self.path}: no arrays of numbers")
+        if (n_columns := sum(map(len, places.values()))) > _MAX_TOTAL:
+            raise FileError(f"{self.path}: has {n_columns} columns; expected at most {_MAX_TOTAL}")
         return places
 
     def _refusing_damage(self) -> AbstractContextManager[None]:
         return damage_as_file_error(lambda reason: f"{self.path}: damaged, or of another kind than its name: {reason}")
 
     @abstractmethod
-    def _variables(self) -> Sequence[str]:
-        """Return the names of the variables in the file."""
-
-    @abstractmethod
-    def _arrays(self, variable: str) -> Iterator[tuple[_Path, Any]]:
-        """Yield path and array for all numbers and text in a variable; vectors have one dimension."""
+    def _arrays(self, variables: Collection[str] | None = None) -> Iterator[tuple[_Path, Any]]:
+        """Yield path and array for all numbers and text in variables, by default all; vectors have one dimension."""
 
 
 class NumpyLog(ArrayLog):
     """A NumPy archive."""
 
-    def _variables(self) -> Sequence[str]:
+    def _arrays(self, variables: Collection[str] | None = None) -> Iterator[tuple[_Path, NDArray[Any]]]:
         with self._refusing_damage(), np.load(self.path) as archive:
-            return archive.files
-
-    def _arrays(self, variable: str) -> Iterator[tuple[_Path, NDArray[Any]]]:
-        with self._refusing_damage(), np.load(self.path) as archive:
-            # Members that are not arrays are returned as bytes.
-            array = np.asarray(archive[variable])
-        if array.dtype.names is None:
-            yield from _if_usable((variable,), np.squeeze(array))
-        for field in array.dtype.names or ():
-            yield from _if_usable((variable, field), np.squeeze(array[field]))
+            for variable in archive.files if variables is None else variables:
+                # Members that are not arrays are returned as bytes.
+                array = np.asarray(archive[variable])
+                if array.dtype.names is None:
+                    yield from _if_usable((variable,), np.squeeze(array))
+                for field in array.dtype.names or ():
+                    yield from _if_usable((variable, field), np.squeeze(array[field]))
 
 
 class MatlabLog(ArrayLog):
     """A MATLAB file up to version 7."""
 
-    def _variables(self) -> Sequence[str]:
-        return [name for name in self._content if not name.startswith("__")]
-
-    def _arrays(self, variable: str) -> Iterator[tuple[_Path, NDArray[Any]]]:
-        yield from _flatten((variable,), self._content[variable])
+    def _arrays(self, variables: Collection[str] | None = None) -> Iterator[tuple[_Path, NDArray[Any]]]:
+        for variable in (
+            [name for name in self._content if not name.startswith("__")] if variables is None else variables
+        ):
+            yield from _flatten((variable,), self._content[variable])
 
     @cached_property
     def _content(self) -> dict[str, Any]:
@@ -128,21 +119,20 @@ class MatlabLog(ArrayLog):
 class MatlabHdf5Log(ArrayLog):
     """A MATLAB file of version 7.3: arrays of numbers, and structs of them."""
 
-    def _variables(self) -> Sequence[str]:
+    def _arrays(self, variables: Collection[str] | None = None) -> Iterator[tuple[_Path, NDArray[Any]]]:
         with self._refusing_damage(), open_hdf5(self.path, foreign=True) as file:
-            return [str(name) for name in file if not str(name).startswith("#")]
-
-    def _arrays(self, variable: str) -> Iterator[tuple[_Path, NDArray[Any]]]:
-        with self._refusing_damage(), open_hdf5(self.path, foreign=True) as file:
-            item = file[variable]
-            datasets = {(variable,): item}
-            if isinstance(item, h5py.Group):
-                names: list[str] = []
-                item.visit(names.append)
-                datasets = {(variable, *name.split("/")): item[name] for name in names}
-            arrays = {path: _values(dataset) for path, dataset in datasets.items() if numbers_in(dataset)}
-        for path, array in arrays.items():
-            yield from _if_usable(path, array)
+            if variables is None:
+                variables = [str(name) for name in file if not str(name).startswith("#")]
+            for variable in variables:
+                item = file[variable]
+                datasets = {(variable,): item}
+                if isinstance(item, h5py.Group):
+                    names: list[str] = []
+                    item.visit(names.append)
+                    datasets = {(variable, *name.split("/")): item[name] for name in names}
+                for path, dataset in datasets.items():
+                    if numbers_in(dataset):
+                        yield from _if_usable(path, _values(dataset))
 
 
 def _values(dataset: h5py.Dataset) -> NDArray[Any]:

@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 from typing import IO, NamedTuple, cast
 
@@ -128,10 +129,14 @@ def _may_be_filler(first: NDArray[np.uint8], delimiter: str) -> NDArray[np.bool_
 
 
 class DelimitedLog(Log):
-    """A log of delimited text; `layout` states what its header does not show."""
+    """A log of delimited text; `layout` states what its header does not show.
 
-    def __init__(self, path: Path, layout: TextLayout) -> None:
+    Of a log of more than `max_bytes` only the beginning is read, and `is_cut` is true.
+    """
+
+    def __init__(self, path: Path, layout: TextLayout, max_bytes: int | None = None) -> None:
         super().__init__(path)
+        self._max_bytes = max_bytes
         self._missing = (*MISSING_VALUES, *layout.missing)
         with self._opened() as file:
             head = file.read(_HEAD_BYTES)
@@ -168,9 +173,16 @@ class DelimitedLog(Log):
             with self.path.open("rb") as plain:
                 compressed = plain.read(2) == _GZIP
                 plain.seek(0)
-                yield cast(IO[bytes], gzip.GzipFile(fileobj=plain)) if compressed else plain
+                file = cast(IO[bytes], gzip.GzipFile(fileobj=plain)) if compressed else plain
+                yield file if self._max_bytes is None else self._beginning(file, self._max_bytes)
         except (OSError, EOFError, zlib.error) as error:
             raise FileError(f"{self.path}: cannot be read: {error}") from error
+
+    def _beginning(self, file: IO[bytes], max_bytes: int) -> IO[bytes]:
+        """Return the whole lines of the first bytes of a file."""
+        content = file.read(max_bytes)
+        self.is_cut = len(content) == max_bytes
+        return BytesIO(content[: content.rfind(b"\n") + 1] if self.is_cut else content)
 
     def _read(self, positions: Sequence[int], strict: bool) -> dict[int, ColumnValues]:
         """Return columns by position; if strict, ValueError for numbers that pandas does not parse."""

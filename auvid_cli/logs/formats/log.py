@@ -44,10 +44,13 @@ class Log(ABC):
     Attributes
     ----------
     path : pathlib.Path
+    is_cut : bool
+        Whether only its beginning is read.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.is_cut = False
 
     @abstractmethod
     def tables(self) -> dict[str, tuple[LogColumn, ...]]:

@@ -72,7 +72,7 @@ _ADVICE_BY_MAGIC = {
 }
 
 
-def open_log(path: Path, layout: TextLayout | None = None) -> Log:
+def open_log(path: Path, layout: TextLayout | None = None, max_bytes: int | None = None) -> Log:
     """Open a log, or a bag that is a folder.
 
     Parameters
@@ -80,6 +80,8 @@ def open_log(path: Path, layout: TextLayout | None = None) -> Log:
     path : pathlib.Path
     layout : TextLayout, optional
         Layout of a text log; unknown parts of it are detected.
+    max_bytes : int, optional
+        Size of the beginning of a text log that is read. Default: all of it is read.
 
     Raises
     ------
@@ -98,7 +100,7 @@ def open_log(path: Path, layout: TextLayout | None = None) -> Log:
     if kind is None:
         from auvid_cli.logs.formats.delimited import DelimitedLog
 
-        return DelimitedLog(path, layout or TextLayout())
+        return DelimitedLog(path, layout or TextLayout(), max_bytes)
     description, suffix = kind.value
     if path.suffix.lower() != suffix:
         raise FileError(f"{path}: looks like {description}, whose name must end in {suffix}: rename it")

@@ -1,10 +1,12 @@
 """Logs of PX4 (ULog), DUNE vehicles (IMC, .lsf) and MOOS (.alog)."""
 
+import os
 import struct
 from collections.abc import Iterator, Sequence
+from contextlib import redirect_stdout
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +16,40 @@ from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
 from auvid_cli.logs.formats.text_layout import is_number
 
+T = TypeVar("T")
 _TIMESTAMP = "timestamp"  # us, of PX4
 _VALUE = "value"
 # IMC: sync mark, kind, bytes of the fields, time, sender, its entity, receiver, its entity; a check sum at the end.
 _HEADER = struct.Struct("<HHHdHBHB")
 _FOOTER_BYTES = 2
 _SOURCES = ("src", "src_ent")
+# pyulog reads a sound log once, and tries every byte of a damaged part as the start of a message.
+_MAX_READ = 4.0  # sizes of the file
+_MAX_SEEKS = 200_000
+
+
+class _BoundedFile:
+    """File of which a reader may read no more than `_MAX_READ` times its size, with at most `_MAX_SEEKS` jumps."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self._rest = _MAX_READ * os.fstat(file.fileno()).st_size
+        self._seeks = _MAX_SEEKS
+        self.tell, self.close = file.tell, file.close
+
+    def read(self, size: int = -1) -> bytes:
+        content = self._file.read(size)
+        self._rest -= len(content)
+        return self._unless_endless(content)
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        self._seeks -= 1
+        return self._unless_endless(self._file.seek(offset, whence))
+
+    def _unless_endless(self, result: T) -> T:
+        if self._rest < 0 or self._seeks < 0:
+            raise EOFError("most of it is no message")
+        return result
 
 
 class ULogLog(Log):
@@ -47,8 +77,9 @@ class ULogLog(Log):
     @cached_property
     def _topics(self) -> dict[str, dict[str, NDArray[np.float64]]]:
         refusing = damage_as_file_error(lambda reason: f"{self.path}: is a damaged ULog: {reason}")
-        with self.path.open("rb") as file, refusing:
-            topics = self._reader(file).data_list
+        # pyulog prints its warnings.
+        with self.path.open("rb") as file, refusing, redirect_stdout(None):
+            topics = self._reader(_BoundedFile(file)).data_list
         return {
             topic.name if topic.multi_id == 0 else f"{topic.name}[{topic.multi_id}]": {
                 name: np.asarray(values, np.float64) for name, values in topic.data.items()

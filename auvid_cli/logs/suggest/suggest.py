@@ -15,6 +15,7 @@ from auvid_cli.logs.suggest.sensors import FoundSensor, expected_of, find_sensor
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 _LINE_WIDTH = 110
+MAX_TEXT = 64_000_000  # bytes of a text log, from which its columns are recognised
 
 
 def unused_lines(
@@ -100,6 +101,11 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
         [
             Comment(
                 "A map suggested by auvid: look at every line with `check:`, and replace every null with `required:`."
+            ),
+            *(
+                Comment(f"Only the first {MAX_TEXT / 1e6:g} MB of {log.path.name} were read.")
+                for log in logs
+                if log.is_cut
             ),
             YamlEntry("name", next(iter(names))),
             YamlEntry("vehicle", _vehicle(), "or the path of a vehicle file, such as `auvid init` writes"),

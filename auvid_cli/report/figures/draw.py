@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord
-from auvid_cli.data.estimate import Estimate, EstimateHistory, Innovations
+from auvid_cli.data.estimate import Estimate, EstimateHistory
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.report.figures import workers
 from auvid_cli.report.figures.workers import Submit, draw_and_save
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_SYMBOLS, SENSORS, Quantity, state_of

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.estimate import Innovations
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.figures import style
 from auvid_cli.report.plot_data import HorizonPlot, component_innovations, free_run_residual, horizon_plots

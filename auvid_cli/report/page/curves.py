@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
-from auvid_cli.data.estimate import N_LAGS, Estimate, Innovations
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.innovations import N_LAGS, Innovations
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.page import parts
 from auvid_cli.report.plot_data import component_innovations, free_run_residual, travelled, travelled_paths

@@ -1,0 +1,200 @@
+"""Innovations of a sensor: the differences of measurements and predictions, their sums and autocorrelation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.array_checks import (
+    check_deviations,
+    check_sensor,
+    check_shapes,
+    check_times,
+    check_type,
+    put_arrays,
+)
+from auvid_cli.errors import InvalidDataError
+from auvid_cli.vehicle.parameters import SENSORS
+
+Array = NDArray[np.float64]
+
+NIS_WINDOW = 20.0  # s
+N_LAGS = 20
+_MIN_SAMPLES = 50  # of an autocorrelation
+# Least standard deviation of an innovation as a share of the measurement noise, to allow for rounding.
+_MIN_SHARE_OF_NOISE = 0.999
+
+
+class InnovationSums(NamedTuple):
+    """Sums over all innovations of a sensor.
+
+    Attributes
+    ----------
+    start : float
+        Time of the first, s.
+    squares, components : ndarray, shape (k,)
+        Sum of the NIS, and number of components used, in each `NIS_WINDOW` from `start` on.
+    measurements : int
+        Number of measurements used.
+    rejected : int
+        Number of components beyond the gate, or with a weight below 0.5.
+    """
+
+    start: float
+    squares: Array
+    components: Array
+    measurements: int
+    rejected: int
+
+    @property
+    def mean_nis(self) -> float:
+        """Return the normalised innovation squared per component; NaN if none was used."""
+        components = float(self.components.sum())
+        return float(self.squares.sum()) / components if components else float("nan")
+
+    def plus(self, other: "InnovationSums") -> "InnovationSums":
+        """Return the sums including later innovations, with windows from the same start."""
+        size = max(self.squares.size, other.squares.size)
+        squares, components = np.zeros(size), np.zeros(size)
+        for part in (self, other):
+            squares[: part.squares.size] += part.squares
+            components[: part.components.size] += part.components
+        measurements, rejected = self.measurements + other.measurements, self.rejected + other.rejected
+        return InnovationSums(self.start, squares, components, measurements, rejected)
+
+
+class Autocorrelation(NamedTuple):
+    """Autocorrelation of the normalised innovations of a sensor.
+
+    Attributes
+    ----------
+    correlation : ndarray, shape (c, N_LAGS)
+        By component, at lags of 1 to `N_LAGS` used samples.
+    samples : ndarray, shape (c,)
+        Number of samples; 0 if there are too few.
+    """
+
+    correlation: Array
+    samples: Array
+
+    def plus(self, other: "Autocorrelation") -> "Autocorrelation":
+        """Return the autocorrelation including later innovations, without products across the boundary."""
+        samples = self.samples + other.samples
+        total = self.correlation * self.samples[:, None] + other.correlation * other.samples[:, None]
+        return Autocorrelation(total / np.maximum(samples, 1.0)[:, None], samples)
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """Innovations of one sensor.
+
+    Attributes
+    ----------
+    time : ndarray, shape (k,)
+    innovation, variance : ndarray, shape (k, c)
+        SI; NaN where a component is missing or the filter had ended. Where the gate rejected a component, or its
+        weight is below 0.5, only the variance is NaN.
+    nis : ndarray, shape (k,)
+        Normalised innovation squared.
+    standard_deviation : ndarray, shape (c,)
+        Measurement noise assumed by the filter.
+    all_sums : InnovationSums or None
+        Over all innovations, if these are thinned.
+    all_autocorrelation : Autocorrelation or None
+        Of all innovations, if these are thinned.
+    weight : ndarray, shape (k, c), or None
+        Weight of each component in a robust fit; 1 where missing.
+    """
+
+    time: Array
+    innovation: Array
+    variance: Array
+    nis: Array
+    standard_deviation: Array
+    all_sums: InnovationSums | None = None
+    all_autocorrelation: Autocorrelation | None = None
+    weight: Array | None = None
+
+    def __post_init__(self) -> None:
+        arrays = {"time": 1, "innovation": 2, "variance": 2, "nis": 1, "standard_deviation": 1}
+        put_arrays(self, "/innovations", **arrays, **({} if self.weight is None else {"weight": 2}))
+        for name, expected in (("all_sums", InnovationSums), ("all_autocorrelation", Autocorrelation)):
+            if (value := getattr(self, name)) is not None:
+                check_type(name, value, expected)
+
+    def check(self, sensor: str, is_fit: bool) -> None:
+        """Raise an InvalidDataError if values are impossible; NaN is a missing or rejected one.
+
+        `is_fit` is for residuals of a fit without process noise, of which the variance may be infinite.
+        """
+        check_sensor(sensor)
+        where, n, width = f"/innovations/{sensor}", self.time.size, len(SENSORS[sensor])
+        innovation, variance, nis = self.innovation, self.variance, self.nis
+        check_times(where, self.time)
+        shapes = (innovation, (n, width)), (variance, (n, width)), (nis, (n,)), (self.standard_deviation, (width,))
+        check_shapes(where, *shapes, *([] if self.weight is None else [(self.weight, (n, width))]))
+        if self.weight is not None and not ((self.weight > 0.0) & (self.weight <= 1.0)).all():
+            raise InvalidDataError(f"{where} has weights that are not between 0 and 1")
+        check_deviations(where, self.standard_deviation)
+        if any(np.isinf(array).any() for array in (innovation, nis, *(() if is_fit else (variance,)))):
+            raise InvalidDataError(f"{where} has infinite values")
+        if (variance < 0.0).any() or (nis < 0.0).any():
+            raise InvalidDataError(f"{where} has a negative variance or NIS")
+        if (nis[np.isnan(variance).all(axis=1)] > 0.0).any():
+            raise InvalidDataError(f"{where} has a NIS of a measurement without a variance")
+        # S = H P H' + R; only a residual of a fit varies less than the noise R.
+        if not is_fit and (np.sqrt(variance) < _MIN_SHARE_OF_NOISE * self.standard_deviation).any():
+            raise InvalidDataError(f"{where} has variances below that of the measurement noise")
+
+    def sums(self, start: float | None = None) -> InnovationSums:
+        """Return sums over all innovations, also those that were thinned out."""
+        if self.all_sums is not None:
+            return self.all_sums
+        start = start if start is not None else float(self.time[0]) if self.time.size else 0.0
+        used = self.used().sum(axis=1)
+        window = ((self.time - start) // NIS_WINDOW).astype(int)
+        squares, components = (np.bincount(window, w).astype(np.float64) for w in (np.nan_to_num(self.nis), used))
+        rejected = int((np.isfinite(self.innovation) & ~self.used()).sum())
+        return InnovationSums(start, squares, components, int(np.isfinite(self.nis).sum()), rejected)
+
+    @cached_property
+    def autocorrelation(self) -> Autocorrelation:
+        """Return the autocorrelation of all innovations, also those that were thinned out."""
+        if self.all_autocorrelation is not None:
+            return self.all_autocorrelation
+        n_components = self.innovation.shape[1]
+        correlation, samples = np.zeros((n_components, N_LAGS)), np.zeros(n_components)
+        # The variance of a residual of a fit may be 0.
+        for c, used in enumerate((np.isfinite(self.innovation) & (self.variance > 0.0)).T):
+            values = self.innovation[used, c] / np.sqrt(self.variance[used, c])
+            if values.size >= _MIN_SAMPLES and values.std() > 0.0:
+                centred = values - values.mean()
+                products = [float(centred[lag:] @ centred[:-lag]) for lag in range(1, N_LAGS + 1)]
+                correlation[c], samples[c] = np.array(products) / float(centred @ centred), values.size
+        return Autocorrelation(correlation, samples)
+
+    def mean_weight(self) -> float | None:
+        """Return the mean weight of the measured components; None without weights."""
+        if self.weight is None or not np.isfinite(self.innovation).any():
+            return None
+        return float(self.weight[np.isfinite(self.innovation)].mean())
+
+    def used(self) -> NDArray[np.bool_]:
+        """Whether the filter used each component, shape (k, c)."""
+        return np.isfinite(self.variance)
+
+    @classmethod
+    def joined(cls, chunks: Sequence["Innovations"]) -> "Innovations":
+        """Join chunks in time order."""
+        weights = [chunk.weight for chunk in chunks if chunk.weight is not None]
+        return cls(
+            time=np.concatenate([chunk.time for chunk in chunks]),
+            innovation=np.concatenate([chunk.innovation for chunk in chunks]),
+            variance=np.concatenate([chunk.variance for chunk in chunks]),
+            nis=np.concatenate([chunk.nis for chunk in chunks]),
+            standard_deviation=chunks[0].standard_deviation,
+            weight=np.concatenate(weights) if weights else None,
+        )
