@@ -147,38 +147,22 @@ class BiasName(StrEnum):
 
 
 class ErrorBlock(NamedTuple):
-    """States of one error.
-
-    Attributes
-    ----------
-    name : str
-    quantities : tuple of Quantity
-    sensor : str or None
-        Sensor with this error; None for errors of actuators and vehicle, which act on the process.
-    prior_std : float
-        Prior standard deviation of each state, SI.
-    walk : float
-        Random walk, SI per square root of a second; 0 for a constant.
-    additive : bool
-        Whether the error adds, component by component, to states that the sensor measures directly. Otherwise compiled
-        code of `auvid_cli.identification` names each of its symbols.
-    time_constant : float
-        Correlation time of a Gauss-Markov process, s; infinite for a constant or a random walk.
-    is_delay : bool
-        Whether it is a delay: not a state of a filter, but estimated by `auvid_cli.identification.delays`.
-    prefix : str
-        Start of the keys of its spread and walk in the settings.
-    """
+    """States of one error."""
 
     name: str
     quantities: tuple[Quantity, ...]
+    # Sensor with this error; None for errors of actuators and vehicle, which act on the process
     sensor: str | None = None
-    prior_std: float = 0.0
-    walk: float = 0.0
+    prior_std: float = 0.0  # prior standard deviation of each state, SI
+    walk: float = 0.0  # random walk, SI per square root of a second; 0 for a constant
+    # Whether the error adds, component by component, to states that the sensor measures directly. Otherwise compiled
+    # code of `auvid_cli.identification` names each of its symbols.
     additive: bool = False
+    # Correlation time of a Gauss-Markov process, s; infinite for a constant or a random walk
     time_constant: float = inf
+    # Whether it is a delay: not a state of a filter, but estimated by `auvid_cli.identification.delays`
     is_delay: bool = False
-    prefix: str = ""
+    prefix: str = ""  # start of the keys of its spread and walk in the settings
 
     @property
     def is_named(self) -> bool:

@@ -43,18 +43,10 @@ _YAW = AXES[2]
 
 
 class LinearMotion(NamedTuple):
-    """Linear equations of motion.
+    """Linear equations of motion."""
 
-    Attributes
-    ----------
-    by_state : ndarray, shape (8, 8)
-        Rates of change of u, v, w, p, q, r, roll and pitch, by each of them.
-    by_input : dict of ndarray, shape (8,)
-        By input: per force or moment; for a fin per angle and square of the speed.
-    """
-
-    by_state: Array
-    by_input: dict[str, Array]
+    by_state: Array  # rates of change of u, v, w, p, q, r, roll and pitch, by each of them, shape (8, 8)
+    by_input: dict[str, Array]  # shape (8,); per force or moment, for a fin per angle and square of the speed
 
     def pulse_responses(self, rate: str, states: Sequence[str], given: str, step: float, cells: int) -> Array:
         """Return the change of a rate at the end of `cells` steps due to a unit input in each step, shape (cells,).
@@ -136,24 +128,12 @@ def motion_of(signals: Signals, vehicle: VehicleSettings) -> LinearMotion | None
 
 
 class PredictedResponse(NamedTuple):
-    """Change of a rate over a window, and the part that an input should cause.
+    """Change of a rate over a window, and the part that an input should cause."""
 
-    Attributes
-    ----------
-    change : ndarray
-        rad/s, from each cell on.
-    predicted : ndarray
-        From the vehicle file, rad/s; without its coefficients in another unit.
-    covariates : list of ndarray
-        Other causes of a change.
-    window : int
-        Cells.
-    """
-
-    change: Array
-    predicted: Array
-    covariates: list[Array]
-    window: int
+    change: Array  # rad/s, from each cell on
+    predicted: Array  # from the vehicle file, rad/s; without its coefficients in another unit
+    covariates: list[Array]  # other causes of a change
+    window: int  # cells
 
 
 def predicted_response(

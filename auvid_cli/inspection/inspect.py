@@ -240,28 +240,15 @@ def _presence(record: SensorRecord, span: tuple[float, float]) -> Array:
 
 
 class _AxisEvidence(NamedTuple):
-    """Checks that show the sign of a rate and an angle.
+    """Checks that show the sign of a rate and an angle."""
 
-    Attributes
-    ----------
-    agreement : tuple of str
-        Checks of the rate against an angle; the first that was determined counts.
-    response : tuple of str
-        Subject and check of the response to the input.
-    others : tuple of (str, str)
-        Subject and check of other evidence on the direction of rotation.
-    symbols, positive : str
-        Signals with the wrong sign if both contradict them, and their correct direction.
-    dependent : tuple of str
-        Other checks that need the rate or the angle.
-    """
-
-    agreement: tuple[str, ...]
-    response: tuple[str, str]
-    others: tuple[tuple[str, str], ...]
+    agreement: tuple[str, ...]  # checks of the rate against an angle; the first that was determined counts
+    response: tuple[str, str]  # subject and check of the response to the input
+    others: tuple[tuple[str, str], ...]  # subject and check of other evidence on the direction of rotation
+    # symbols, positive: signals with the wrong sign if both contradict them, and their correct direction
     symbols: str
     positive: str
-    dependent: tuple[str, ...] = ()
+    dependent: tuple[str, ...] = ()  # other checks that need the rate or the angle
 
 
 _RATE_ERRORS = tuple(f"autocorrelated errors in {rate}" for rate in "pqr")

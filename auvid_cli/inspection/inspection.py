@@ -74,25 +74,14 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True)
 class Inspection:
-    """Checks of a dataset, and the contents of its timeline.
-
-    Attributes
-    ----------
-    checks : Checks
-    marks : list of Mark
-    inputs : InputRecord
-        Evenly spaced samples of a long record.
-    presence : dict of ndarray, shape (bins,)
-        By sensor: share of the usual number of measurements in equal intervals of the span, 0 to 1.
-    span : tuple of float
-        First and last time of all records, s.
-    """
+    """Checks of a dataset, and the contents of its timeline."""
 
     checks: Checks
     marks: list[Mark]
-    inputs: InputRecord
+    inputs: InputRecord  # evenly spaced samples of a long record
+    # By sensor, shape (bins,): share of the usual number of measurements in equal intervals of the span, 0 to 1
     presence: dict[str, Array]
-    span: tuple[float, float]
+    span: tuple[float, float]  # first and last time of all records, s
 
     def rows(self) -> NamedRows:
         """Return the rows of ``inspection.csv``: checks without the column of the filter."""

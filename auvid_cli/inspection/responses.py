@@ -106,23 +106,14 @@ def _max_current(signals: Signals) -> float:
 
 
 class RotationAxis(NamedTuple):
-    """An axis of rotation.
+    """An axis of rotation."""
 
-    Attributes
-    ----------
-    rate, angle, input : str
-        Symbols of the turn rate, the angle and the input about this axis.
-    sign : int
-        Sign of the rate after a positive input. Positive fins push the stern to starboard or up.
-    covariates : tuple of str
-        Symbols of other signals that change the moment.
-    """
-
+    # rate, angle, input: symbols of the turn rate, the angle and the input about this axis
     rate: str
     angle: str
     input: str
-    sign: int
-    covariates: tuple[str, ...]
+    sign: int  # of the rate after a positive input; a positive fin pushes the stern to starboard or up
+    covariates: tuple[str, ...]  # symbols of other signals that change the moment
 
 
 AXES = (

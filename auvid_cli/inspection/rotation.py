@@ -290,21 +290,13 @@ def _excursion_check(symbol: str, reference: str, spans: Array, peaks: Array) ->
 
 
 class RateError(NamedTuple):
-    """Autocorrelated error of a rate of the gyroscope: difference to attitude, averaged over some seconds.
-
-    Attributes
-    ----------
-    rate : str
-    size, expected : float
-        Root mean square, and the part due to the stated noise, rad/s.
-    gain : float
-        Increase of the log-likelihood if noise were of that size; 0 up to the stated size.
-    """
+    """Autocorrelated error of a rate of the gyroscope: difference to attitude, averaged over some seconds."""
 
     rate: str
+    # size, expected: root mean square, and the part due to the stated noise, rad/s
     size: float
     expected: float
-    gain: float
+    gain: float  # increase of the log-likelihood if noise were of that size; 0 up to the stated size
 
     @property
     def is_significant(self) -> bool:

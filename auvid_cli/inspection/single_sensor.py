@@ -38,24 +38,12 @@ _PITCH_FAILURE = np.deg2rad(85.0)
 
 
 class Screening(NamedTuple):
-    """A record without its faults, and the faults.
+    """A record without its faults, and the faults."""
 
-    Attributes
-    ----------
-    record : SensorRecord
-        NaN for stuck values and spikes; ends at the first jump of the clock.
-    jumps : ndarray of int
-        Index of the sample before each jump of the clock.
-    spikes : ndarray of bool, shape (n, c)
-        In the original record.
-    largest : dict
-        By component: size of the largest spike, in robust standard deviations, and its time, s.
-    marks : list of Mark
-    """
-
-    record: SensorRecord
-    jumps: NDArray[np.int64]
-    spikes: NDArray[np.bool_]
+    record: SensorRecord  # NaN for stuck values and spikes; ends at the first jump of the clock
+    jumps: NDArray[np.int64]  # index of the sample before each jump of the clock
+    spikes: NDArray[np.bool_]  # shape (n, c); in the original record
+    # By component: size of the largest spike, in robust standard deviations, and its time, s
     largest: dict[str, tuple[float, float]]
     marks: list[Mark]
 

@@ -67,24 +67,12 @@ _DEPTH_THRESHOLD = f"gain 1 +- {_GAIN_TOLERANCE}, correlation >= {_MIN_CORRELATI
 
 
 class PitchOffset(NamedTuple):
-    """Offset of theta, rad.
+    """Offset of theta, rad."""
 
-    Attributes
-    ----------
-    usual : float
-        Median over intervals of the run.
-    temporary : float or None
-        Median over `span` if it is too large only there.
-    span : tuple of float or None
-        Longest time span with a temporary offset, s.
-    rest : float or None
-        Median over the rest of the run.
-    """
-
-    usual: float
-    temporary: float | None = None
-    span: tuple[float, float] | None = None
-    rest: float | None = None
+    usual: float  # median over intervals of the run
+    temporary: float | None = None  # median over `span` if it is too large only there
+    span: tuple[float, float] | None = None  # longest time span with a temporary offset, s
+    rest: float | None = None  # median over the rest of the run
 
     @property
     def largest(self) -> float:

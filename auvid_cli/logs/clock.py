@@ -31,27 +31,13 @@ class Clock(NamedTuple):
 
 
 class Order(NamedTuple):
-    """Rows in the order of their times, and the numbers of disordered rows.
+    """Rows in the order of their times, and the numbers of disordered rows."""
 
-    Attributes
-    ----------
-    rows : ndarray of int, or a slice of all
-        Rows that are kept.
-    without_time : int
-        Rows without a time.
-    backward : int
-        Rows with an earlier time than the row before.
-    furthest_back : float
-        Largest backward step, s.
-    duplicates : int
-        Rows with the time of another row.
-    """
-
-    rows: NDArray[np.int64] | slice
-    without_time: int = 0
-    backward: int = 0
-    furthest_back: float = 0.0
-    duplicates: int = 0
+    rows: NDArray[np.int64] | slice  # rows that are kept
+    without_time: int = 0  # rows without a time
+    backward: int = 0  # rows with an earlier time than the row before
+    furthest_back: float = 0.0  # largest backward step, s
+    duplicates: int = 0  # rows with the time of another row
 
 
 def to_seconds(values: ColumnValues, factor: float) -> Clock:
@@ -133,23 +119,13 @@ def _dates(values: ColumnValues) -> Array:
 
 
 class ClockDrift(NamedTuple):
-    """Difference between two clocks of the same messages.
-
-    Attributes
-    ----------
-    clock, other : str
-    unsteady : bool
-        Whether `clock` has the less even intervals.
-    later : float
-        Median of the difference, s; 0 if the epochs differ.
-    spread, furthest : float
-        Variation of the difference about its median, s: 5 % to 95 % quantile, and maximum.
-    """
+    """Difference between two clocks of the same messages."""
 
     clock: str
     other: str
-    unsteady: bool
-    later: float
+    unsteady: bool  # whether `clock` has the less even intervals
+    later: float  # median of the difference, s; 0 if the epochs differ
+    # spread, furthest: variation of the difference about its median, s: 5 % to 95 % quantile, and maximum
     spread: float
     furthest: float
 

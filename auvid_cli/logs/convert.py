@@ -43,21 +43,11 @@ _MAX_FRACTION = 1.5  # largest command of a thruster that is probably a fraction
 
 
 class Conversion(NamedTuple):
-    """Dataset records from logs, and the report of the conversion.
-
-    Attributes
-    ----------
-    inputs : InputRecord
-    sensors : dict of SensorRecord
-    origin : float
-        Time of the log, s, at t = 0, which is the first sample of the earliest sensor.
-    summaries : tuple of ImportSummary
-    remarks : tuple of str
-    """
+    """Dataset records from logs, and the report of the conversion."""
 
     inputs: InputRecord
     sensors: dict[str, SensorRecord]
-    origin: float
+    origin: float  # time of the log, s, at t = 0, which is the first sample of the earliest sensor
     summaries: tuple[ImportSummary, ...]
     remarks: tuple[str, ...]
 

@@ -22,32 +22,15 @@ _DAY = 86400.0  # s
 
 
 class MeasuredRows(NamedTuple):
-    """Rows of a log for one sensor or input.
+    """Rows of a log for one sensor or input."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Time of the log, s, strictly increasing.
-    values : dict of ndarray, each of shape (n,)
-        SI by component, NaN if missing.
-    order : Order
-    rollovers : int
-    invalid : int
-        Rows that the log marks as invalid, and values beyond the limits of the map.
-    repeats : int
-        Omitted rows that repeat the one before.
-    clock_drift : ClockDrift or None
-        Drift of the clock if the other clock of the messages is better.
-    overlaps : list of Overlap
-    """
-
-    time: Array
-    values: dict[str, Array]
+    time: Array  # shape (n,); time of the log, s, strictly increasing
+    values: dict[str, Array]  # SI by component, shape (n,); NaN if missing
     order: Order
     rollovers: int
-    invalid: int
-    repeats: int
-    clock_drift: ClockDrift | None
+    invalid: int  # rows that the log marks as invalid, and values beyond the limits of the map
+    repeats: int  # omitted rows that repeat the one before
+    clock_drift: ClockDrift | None  # drift of the clock if the other clock of the messages is better
     overlaps: list[Overlap]
 
 
@@ -210,29 +193,14 @@ def check_plausible(path: KeyPath, numbers: Array, unit: str) -> None:
 
 
 class ImportSummary(NamedTuple):
-    """Summary of the import of a sensor or input.
-
-    Attributes
-    ----------
-    name : str
-    samples : int
-    rate : float
-        Hz, by the median interval.
-    span : tuple of float
-        First and last time, s.
-    missing : int
-        Samples without any component.
-    duplicates : int
-        Omitted rows with the time of an earlier one.
-    remarks : tuple of str
-    """
+    """Summary of the import of a sensor or input."""
 
     name: str
     samples: int
-    rate: float
-    span: tuple[float, float]
-    missing: int
-    duplicates: int
+    rate: float  # Hz, by the median interval
+    span: tuple[float, float]  # first and last time, s
+    missing: int  # samples without any component
+    duplicates: int  # omitted rows with the time of an earlier one
     remarks: tuple[str, ...]
 
 

@@ -49,31 +49,15 @@ _REASONS = (
 
 
 class Truth(NamedTuple):
-    """True motion at the ticks of the plan.
+    """True motion at the ticks of the plan."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-    inputs : ndarray, shape (n, 4) or (n, 6)
-        Mean actual inputs from this tick to the next, SI.
-    commands : ndarray, shape (n, 4) or (n, 6)
-        Commands of the actuators; equal to `inputs` if these are ideal.
-    motion : ndarray, shape (n, 9)
-        u, v, w, p, q, r, phi, theta, psi.
-    position : ndarray, shape (n, 3)
-        North, east, down, m.
-    disturbance : ndarray, shape (n, 6)
-        Acceleration by the disturbance from this tick to the next, m/s^2 and rad/s^2.
-    constants, coefficients : ndarray
-        Vehicle, as of `vehicle_constants` and `factors`.
-    """
-
-    time: Array
-    inputs: Array
-    commands: Array
-    motion: Array
-    position: Array
-    disturbance: Array
+    time: Array  # shape (n,)
+    inputs: Array  # shape (n, 4) or (n, 6); mean actual inputs from this tick to the next, SI
+    commands: Array  # shape (n, 4) or (n, 6); commands of the actuators; equal to `inputs` if these are ideal
+    motion: Array  # shape (n, 9); u, v, w, p, q, r, phi, theta, psi
+    position: Array  # shape (n, 3); north, east, down, m
+    disturbance: Array  # shape (n, 6); acceleration by the disturbance from this tick to the next, m/s^2 and rad/s^2
+    # constants, coefficients: vehicle, as of `vehicle_constants` and `factors`
     constants: Array
     coefficients: Array
 

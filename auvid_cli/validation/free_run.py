@@ -25,25 +25,15 @@ _WITHOUT_RESTORING = "psi", DEPTH.symbol  # errors of the model accumulate in th
 
 
 class FreeRunFit(NamedTuple):
-    """Fit of the free runs to all measurements of a segment.
+    """Fit of the free runs to all measurements of a segment."""
 
-    Attributes
-    ----------
-    run : FreeRun
-        Run of the identified model, with the sensors' errors (over ground where a current is estimated), and with the
-        depth if measured. Evenly spaced samples of a long run.
-    length : float
-        s.
-    fits : dict of dict of PredictionFit
-        By model and motion symbol.
-    excursion : dict of float
-        By signal without heading and depth: largest distance of the run from the mean of the measurements, over that of
-        the measurements; infinite if not finite.
-    """
-
+    # Run of the identified model, with the sensors' errors (over ground where a current is estimated), and with the
+    # depth if measured. Evenly spaced samples of a long run.
     run: FreeRun
-    length: float
-    fits: dict[str, dict[str, PredictionFit]]
+    length: float  # s
+    fits: dict[str, dict[str, PredictionFit]]  # by model and motion symbol
+    # By signal without heading and depth: largest distance of the run from the mean of the measurements, over that of
+    # the measurements; infinite if not finite
     excursion: dict[str, float]
 
 

@@ -36,51 +36,33 @@ VEHICLE_ERRORS = THRUST_SCALE, *FIN_TRIMS, EXCESS_BUOYANCY, TRIM_MOMENT  # in th
 
 @dataclass(frozen=True)
 class InitialStates:
-    """Filtered motion and depth at some events, from earlier measurements.
+    """Filtered motion and depth at some events, from earlier measurements."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-        s.
-    motion, deviation : ndarray, shape (k, 10)
-        Mean and standard deviation; zero for a depth that is not measured. With an estimated current, velocities are
-        those through the water.
-    force, force_deviation : ndarray, shape (k, 6)
-        Mean and standard deviation of the disturbance, N and N m; zero if it is not estimated.
-    vehicle, vehicle_deviation : ndarray, shape (k, 5)
-        Mean and standard deviation of thrust, fins and ballast in this run, in the order of `NO_ERRORS`.
-    errors, errors_deviation : list of MeasurementErrors
-        Mean and standard deviation of the errors of the sensors and the current.
-    final_errors : MeasurementErrors
-        Mean at the end.
-    final_vehicle : ndarray, shape (5,)
-        `vehicle` at the end.
-    nis : dict of float
-        Normalised innovation squared by sensor, per component; 1 if the model predicts the next measurement as
-        accurately as it states.
-    status : str
-        "completed", or the time of divergence.
-    process_noise : ndarray, shape (10,)
-        Root spectral density for each motion state and depth from the settings, SI / s^0.5.
-    noise_factor : float
-        Ratio of the filter's process noise to it.
-    """
-
-    time: Array
+    time: Array  # s, shape (k,)
+    # motion, deviation: shape (k, 10); mean and standard deviation; zero for a depth that is not measured. With an
+    # estimated current, velocities are those through the water.
     motion: Array
     deviation: Array
+    # force, force_deviation: shape (k, 6); mean and standard deviation of the disturbance, N and N m; zero if it is not
+    # estimated
     force: Array
     force_deviation: Array
+    # vehicle, vehicle_deviation: shape (k, 5); mean and standard deviation of thrust, fins and ballast in this run, in
+    # the order of `NO_ERRORS`
     vehicle: Array
     vehicle_deviation: Array
+    # errors, errors_deviation: mean and standard deviation of the errors of the sensors and the current
     errors: list[MeasurementErrors]
     errors_deviation: list[MeasurementErrors]
-    final_errors: MeasurementErrors
-    final_vehicle: Array
+    final_errors: MeasurementErrors  # mean at the end
+    final_vehicle: Array  # shape (5,); `vehicle` at the end
+    # Normalised innovation squared by sensor, per component; 1 if the model predicts the next measurement as accurately
+    # as it states
     nis: dict[str, float]
-    status: str
+    status: str  # "completed", or the time of divergence
+    # Shape (10,); root spectral density for each motion state and depth from the settings, SI / s^0.5
     process_noise: Array
-    noise_factor: float = 1.0
+    noise_factor: float = 1.0  # ratio of the filter's process noise to it
 
 
 def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Dataset:
@@ -218,20 +200,11 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
 
 
 class Models(NamedTuple):
-    """Coefficients by symbol, SI.
-
-    Attributes
-    ----------
-    identified : dict
-    prior : dict or None
-        Mean of the prior; None if the estimate does not contain it.
-    vehicle_file : dict or None
-        None if the vehicle file does not state all, or states the prior.
-    """
+    """Coefficients by symbol, SI."""
 
     identified: Mapping[str, float]
-    prior: Mapping[str, float] | None
-    vehicle_file: Mapping[str, float] | None
+    prior: Mapping[str, float] | None  # mean of the prior; None if the estimate does not contain it
+    vehicle_file: Mapping[str, float] | None  # None if the vehicle file does not state all, or states the prior
 
 
 def models_of(estimate: Estimate) -> Models:
@@ -257,17 +230,10 @@ def _vehicle_file(estimate: Estimate) -> Mapping[str, float] | None:
 
 
 class Draws(NamedTuple):
-    """Models drawn from the uncertainty of an estimate.
+    """Models drawn from the uncertainty of an estimate."""
 
-    Attributes
-    ----------
-    coefficients : ndarray, shape (count, 22 + terms)
-        SI.
-    errors : ndarray, shape (count, 5)
-        Differences of thrust, fins and ballast from the identified model, in the order of `NO_ERRORS`.
-    """
-
-    coefficients: Array
+    coefficients: Array  # shape (count, 22 + terms); SI
+    # Shape (count, 5); differences of thrust, fins and ballast from the identified model, in the order of `NO_ERRORS`
     errors: Array
 
 

@@ -26,19 +26,12 @@ _DISTURBANCE_INTERVAL = 0.05  # s, between changes of a disturbance
 
 
 class MeasuredSignal(NamedTuple):
-    """Measurements of one motion state, or of the depth.
+    """Measurements of one motion state, or of the depth."""
 
-    Attributes
-    ----------
-    time, values : ndarray, shape (n,)
-        Finite measurements only, s and SI; angles without jumps of a turn.
-    deviation : float
-        Stated standard deviation of a measurement, SI.
-    """
-
+    # time, values: shape (n,); finite measurements only, s and SI; angles without jumps of a turn
     time: Array
     values: Array
-    deviation: float
+    deviation: float  # stated standard deviation of a measurement, SI
 
     def since(self, time: float) -> int:
         """Return the index of the first measurement at or after a time."""
@@ -51,18 +44,10 @@ class MeasuredSignal(NamedTuple):
 
 
 class SignalSize(NamedTuple):
-    """Size of the measurements of one signal, over all segments.
+    """Size of the measurements of one signal, over all segments."""
 
-    Attributes
-    ----------
-    deviation : float
-        Stated standard deviation of a measurement, SI; root mean square of several.
-    variance : float
-        Variance about the mean of each segment, SI.
-    """
-
-    deviation: float
-    variance: float
+    deviation: float  # stated standard deviation of a measurement, SI; root mean square of several
+    variance: float  # variance about the mean of each segment, SI
 
 
 def is_angle(symbol: str) -> bool:
@@ -134,19 +119,10 @@ def _yaw_rate_by_attitude(signals: Mapping[str, MeasuredSignal]) -> MeasuredSign
 
 
 class ProcessNoise(NamedTuple):
-    """White noise on the motion of some models.
+    """White noise on the motion of some models."""
 
-    Attributes
-    ----------
-    which : slice
-        Those models.
-    density : ndarray, shape (10,)
-        Root spectral density on the rate of each motion state and of depth, SI / s^0.5.
-    rng : numpy.random.Generator
-    """
-
-    which: slice
-    density: Array
+    which: slice  # those models
+    density: Array  # shape (10,); root spectral density on the rate of each motion state and of depth, SI / s^0.5
     rng: np.random.Generator
 
     def add(self, states: Array, elapsed: float) -> None:
@@ -156,26 +132,15 @@ class ProcessNoise(NamedTuple):
 
 
 class Disturbance(NamedTuple):
-    """Gauss-Markov force or moment on each axis of several models.
+    """Gauss-Markov force or moment on each axis of several models."""
 
-    Attributes
-    ----------
-    which : slice
-        Models with random changes; in the others it decays.
-    force : ndarray, shape (6, n)
-        Current value, N and N m; modified in place.
-    deviation, time_constant : ndarray, shape (6,)
-        Stationary standard deviation, N and N m, and correlation time, s, of each axis.
-    inverse : ndarray, shape (6, 6)
-        Inverse mass matrix.
-    rng : numpy.random.Generator
-    """
-
-    which: slice
-    force: Array
+    which: slice  # models with random changes; in the others it decays
+    force: Array  # shape (6, n); current value, N and N m; modified in place
+    # deviation, time_constant: shape (6,); stationary standard deviation, N and N m, and correlation time, s, of each
+    # axis
     deviation: Array
     time_constant: Array
-    inverse: Array
+    inverse: Array  # shape (6, 6); inverse mass matrix
     rng: np.random.Generator
 
     def push(self, states: Array, elapsed: float) -> None:

@@ -47,20 +47,11 @@ DRAWS = 50  # from the uncertainty; with the named models they fit into one bloc
 
 
 class _Filtered(NamedTuple):
-    """A segment of the data with filtered states.
+    """A segment of the data with filtered states."""
 
-    Attributes
-    ----------
-    prepared : PreparedData
-        From `with_model`.
-    signals : dict of MeasuredSignal
-    states : InitialStates
-        At least one.
-    """
-
-    prepared: PreparedData
+    prepared: PreparedData  # from `with_model`
     signals: dict[str, MeasuredSignal]
-    states: InitialStates
+    states: InitialStates  # at least one
 
     @property
     def length(self) -> float:

@@ -53,21 +53,14 @@ N_SLOPE = N_BLOCK + LANES
 
 
 class Constants(NamedTuple):
-    """Constants of a vehicle in the compiled equations.
+    """Constants of a vehicle in the compiled equations."""
 
-    Attributes
-    ----------
-    mass, inverse : ndarray, shape (36,)
-        Mass matrix and its inverse by rows. With matrices `motion_derivative` would take a third more time.
-    excess : float
-        W - B, N.
-    lever_x, lever_y, lever_z : float
-        xG W - xB B and the same for y and z, N m.
-    """
-
+    # mass, inverse: shape (36,); mass matrix and its inverse by rows. With matrices `motion_derivative` would take a
+    # third more time.
     mass: Array
     inverse: Array
-    excess: float
+    excess: float  # W - B, N
+    # lever_x, lever_y, lever_z: xG W - xB B and the same for y and z, N m
     lever_x: float
     lever_y: float
     lever_z: float

@@ -14,13 +14,6 @@ Array = NDArray[np.float64]
 class Ballast(NamedTuple):
     """Errors of the stated weight and buoyancy.
 
-    Attributes
-    ----------
-    excess_buoyancy : float
-        Additional upward force at the origin, N.
-    trim_moment : float
-        Additional bow-up pitching moment of a level vehicle, N m.
-
     Notes
     -----
     A weight W a distance d forward of its stated position adds the moment ``d e_x x W down``, with
@@ -28,8 +21,8 @@ class Ballast(NamedTuple):
     ``trim_moment cos theta cos phi`` in pitch, ``-trim_moment cos theta sin phi`` in yaw, and zero in roll.
     """
 
-    excess_buoyancy: float = 0.0
-    trim_moment: float = 0.0
+    excess_buoyancy: float = 0.0  # additional upward force at the origin, N
+    trim_moment: float = 0.0  # additional bow-up pitching moment of a level vehicle, N m
 
     def added_to(self, parameters: Mapping[str, float]) -> dict[str, float]:
         """Return the known parameters, SI, with corrected buoyancy and centre of buoyancy."""

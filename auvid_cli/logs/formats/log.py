@@ -21,30 +21,15 @@ Array = NDArray[np.float64]
 
 
 class LogColumn(NamedTuple):
-    """A column of a table.
+    """A column of a table."""
 
-    Attributes
-    ----------
-    name : str
-        Name without unit, or dotted path of a message's field, such as ``pose.position.x``.
-    unit : str
-        Unit that the log states; empty without one.
-    is_text : bool
-        Whether the values are text, such as ``12:03.5``.
-    """
-
-    name: str
-    unit: str = ""
-    is_text: bool = False
+    name: str  # name without unit, or dotted path of a message's field, such as ``pose.position.x``
+    unit: str = ""  # unit that the log states; empty without one
+    is_text: bool = False  # whether the values are text, such as ``12:03.5``
 
 
 class Log(ABC):
-    """An opened log, of which only requested columns are read.
-
-    Attributes
-    ----------
-    path : pathlib.Path
-    """
+    """An opened log, of which only requested columns are read."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -51,18 +51,10 @@ _UNITS = {
 
 
 class LikelySigns(NamedTuple):
-    """Signs with the largest likelihood.
+    """Signs with the largest likelihood."""
 
-    Attributes
-    ----------
-    signs : dict of int
-        1 or -1 by symbol.
-    margins : dict of float
-        Decrease of the log likelihood if a symbol has the other sign.
-    """
-
-    signs: dict[str, int]
-    margins: dict[str, float]
+    signs: dict[str, int]  # 1 or -1 by symbol
+    margins: dict[str, float]  # decrease of the log likelihood if a symbol has the other sign
 
     def strength(self, symbol: str) -> str:
         """Return the strength of the evidence for a sign as a word; empty without evidence."""
@@ -111,28 +103,14 @@ def _axes_likelihood(present: Sequence[tuple[NDArray[np.int8], int]], expected: 
 
 
 class Evidence(NamedTuple):
-    """Result of the relations between the signals of a log.
-
-    Attributes
-    ----------
-    fits : list of RelationFit
-    verdict : LikelySigns
-    over_ground : str
-        ``NED`` or ``ENU`` if the velocity of the DVL is over ground, else empty.
-    exchanged : bool
-        Whether rudder and elevator are exchanged.
-    delays : dict of float
-        Delay of the times of a sensor, s.
-    units : dict of str
-        Unit of a sensor whose unit was guessed wrong.
-    """
+    """Result of the relations between the signals of a log."""
 
     fits: list[RelationFit]
     verdict: LikelySigns
-    over_ground: str
-    exchanged: bool
-    delays: dict[str, float]
-    units: dict[str, str]
+    over_ground: str  # ``NED`` or ``ENU`` if the velocity of the DVL is over ground, else empty
+    exchanged: bool  # whether rudder and elevator are exchanged
+    delays: dict[str, float]  # delay of the times of a sensor, s
+    units: dict[str, str]  # unit of a sensor whose unit was guessed wrong
 
     def words(self, symbols: Sequence[str]) -> str:
         """Return the evidence for the signs of some symbols: strength, relations and correlations."""

@@ -43,28 +43,14 @@ class Track(NamedTuple):
 
 
 class RelationFit(NamedTuple):
-    """Agreement of a signal with the prediction from others.
+    """Agreement of a signal with the prediction from others."""
 
-    Attributes
-    ----------
-    symbols : tuple of str
-        Signals whose signs the relation connects.
-    words : str
-    correlation : float
-    gain : float
-        Ratio of the signal to its prediction; 1 if the units are right.
-    weight : float
-        Log likelihood of equal signs.
-    delay : float
-        s, by which the first signal is late; NaN if no delay is significant.
-    """
-
-    symbols: tuple[str, ...]
+    symbols: tuple[str, ...]  # signals whose signs the relation connects
     words: str
     correlation: float
-    gain: float
-    weight: float
-    delay: float
+    gain: float  # ratio of the signal to its prediction; 1 if the units are right
+    weight: float  # log likelihood of equal signs
+    delay: float  # s, by which the first signal is late; NaN if no delay is significant
 
 
 class _Relation(NamedTuple):

@@ -152,28 +152,15 @@ def _is_unit_of_time(unit: str) -> bool:
 
 
 class Found(NamedTuple):
-    """Columns with the names of a sensor.
-
-    Attributes
-    ----------
-    sensor, log : str
-    match : Match
-    numbers : dict of ndarray
-        Numbers of the log by component.
-    unit : str
-    comment : str
-        Reason for the unit.
-    is_stated : bool
-        Whether the log or a name states the unit; otherwise it is guessed.
-    """
+    """Columns with the names of a sensor."""
 
     sensor: str
     log: str
     match: Match
-    numbers: dict[str, Array]
+    numbers: dict[str, Array]  # numbers of the log by component
     unit: str
-    comment: str
-    is_stated: bool
+    comment: str  # reason for the unit
+    is_stated: bool  # whether the log or a name states the unit; otherwise it is guessed
 
     @property
     def is_quaternion(self) -> bool:
