@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, missing
+from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, Tables, missing
 
 _MAX_LIST_LENGTH = 100  # elements that become columns; longer lists, such as images, are read by an index only
 _NANOSECONDS = 10**9  # in 1 s
@@ -30,7 +30,7 @@ class _Topic(NamedTuple):
 class BagLog(Log):
     """A bag. Messages are decoded by its own definitions, or without any by those of ROS 2."""
 
-    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
+    def tables(self) -> Tables:
         """Return the columns of each topic; the first message determines the length of lists.
 
         A topic without messages or without a definition has the time of the log only.
