@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.checks import Check
+from auvid_cli.inspection import responses
 from auvid_cli.inspection.inspection import judged, mistaken_units, undetermined
 from auvid_cli.inspection.kinematic_relations import (
     Regression,
@@ -23,16 +24,7 @@ from auvid_cli.inspection.kinematic_relations import (
     smoothed,
     without_mean,
 )
-from auvid_cli.inspection.responses import (
-    Current,
-    carried_sideways,
-    current_check,
-    estimate_current,
-    is_significant,
-    known_sign,
-    sideslip_pivots,
-    thrust_check,
-)
+from auvid_cli.inspection.responses import Current
 from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]
@@ -119,7 +111,7 @@ def velocity_checks(
         checks.append(against_force(signals, "u", forces["u"]))
     if dive is not None:
         checks.append(scale_check(signals, dive))
-    current = estimate_current(signals)
+    current = responses.estimate_current(signals)
     directions = [_direction(signals, s, forces, dive, current, length) for s in ("v", "w") if signals.has(s)]
     checks += directions
     if dive is not None and offset is not None:
@@ -127,11 +119,11 @@ def velocity_checks(
     elif forces and (offset := offset_by_gravity(signals, forces["u"])) is not None:
         checks.append(pitch_offset_check(offset, "accelerometer"))
     if signals.has("v"):
-        checks += [current_check(signals, current), _heading_offset(signals)]
+        checks += [responses.current_check(signals, current), _heading_offset(signals)]
     # A wrong sign looks like a lever arm.
     if forces and all(direction.passed is not False for direction in directions):
         checks += lever_arm_checks(signals, forces, accelerometer_ahead)
-    return [*checks, thrust_check(signals, time_constant)]
+    return [*checks, responses.thrust_check(signals, time_constant)]
 
 
 def mean_speed(signals: Signals) -> float | None:
@@ -172,7 +164,7 @@ def against_force(signals: Signals, symbol: str, relation: Relation) -> Check:
     fitted = regress_relation(force, relation.main, (*relation.others, *arm), window)
     name = f"{symbol} against accelerometer"
     threshold = f"gain {1.0 / _MAX_FORCE_GAIN:.2g} to {_MAX_FORCE_GAIN:g}"
-    if fitted is None or moved is None or moved.spread < _MIN_SPREAD or not known_sign(fitted):
+    if fitted is None or moved is None or moved.spread < _MIN_SPREAD or not responses.known_sign(fitted):
         return _unknown_sign(symbol, name, threshold)
     return judged(
         "dvl",
@@ -201,7 +193,7 @@ def _direction(
         window = signals.window("down", "w", "theta")
         by_heave, by_sway = dive.others
         fitted = regress_relation(measured_depth_rate(signals), by_heave, (dive.main, by_sway), window)
-        if fitted is not None and fitted.spread > _MIN_SPREAD and known_sign(fitted):
+        if fitted is not None and fitted.spread > _MIN_SPREAD and responses.known_sign(fitted):
             return judged(
                 "dvl",
                 "w against depth",
@@ -215,11 +207,11 @@ def _direction(
         if against.passed is not None:
             return against
     name, outwards = f"{symbol} in a turn", f"{symbol} points out of the turn"
-    pivots = sideslip_pivots(signals, symbol)
+    pivots = responses.sideslip_pivots(signals, symbol)
     if not pivots:
         return _unknown_sign(symbol, name, outwards)
     ahead = max(pivots.values())
-    agrees, drifts = ahead > 0.0, symbol == "v" and current is not None and is_significant(signals, current)
+    agrees, drifts = ahead > 0.0, symbol == "v" and current is not None and responses.is_significant(signals, current)
     if not agrees and ahead > -_MAX_DVL_AHEAD * length:
         return judged(
             "dvl",
@@ -262,7 +254,7 @@ def _depth_rate(signals: Signals, dive: Relation, offset: PitchOffset | None) ->
     agrees, source = fitted.correlation >= _MIN_CORRELATION and _is_one(fitted), ""
     if not agrees and offset is not None and offset.is_too_large:
         fast = _fast_depth_rate(signals, dive)
-        if fast is not None and known_sign(fast) > 0 and _is_one(fast):
+        if fast is not None and responses.known_sign(fast) > 0 and _is_one(fast):
             fitted, agrees, source = fast, True, ", from changes within seconds"
     return judged(
         "depth",
@@ -414,7 +406,7 @@ def _heading_offset(signals: Signals) -> Check:
     window, turning = signals.window("u", "v", "r", "psi"), next(iter(rates.values()))
     u, v = value["u"], value["v"]
     # Turns slow the vehicle down to both sides, but may slip differently.
-    fitted = regress_relation(v, u, (turning * u, np.abs(turning) * u, *carried_sideways(signals)), window)
+    fitted = regress_relation(v, u, (turning * u, np.abs(turning) * u, *responses.carried_sideways(signals)), window)
     if fitted is None or not fitted.error < 0.5 * np.tan(_MAX_HEADING_OFFSET):
         advice = "A rotation of the DVL against the hull was not checked: the speed hardly changes apart from turns."
         return undetermined("dvl", name, "too little excitation", threshold, advice)

@@ -15,28 +15,11 @@ from auvid_cli.errors import DataError
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.prepared_data import PreparedData, prepare, used_segments
 from auvid_cli.identification.timeline import measuring_sensors
+from auvid_cli.validation import horizons, initial_states
 from auvid_cli.validation.data_leakage import other_vehicle
 from auvid_cli.validation.free_run import fit_free_runs, free_run_rows
-from auvid_cli.validation.horizons import (
-    Bundle,
-    Collected,
-    ErrorGrowth,
-    error_growth,
-    evenly_spaced,
-    predict_ahead,
-    rows_ahead,
-)
-from auvid_cli.validation.initial_states import (
-    Draws,
-    InitialStates,
-    Models,
-    drawn_models,
-    errors_of_each_run,
-    filtered_initial_states,
-    models_of,
-    own_of_each_run,
-    with_model,
-)
+from auvid_cli.validation.horizons import Bundle, Collected, ErrorGrowth
+from auvid_cli.validation.initial_states import Draws, InitialStates, Models
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.validation.motion_prediction import MeasuredSignal, measured_signals, signal_sizes
 from auvid_cli.validation.results import ManoeuvreNumber, Validation, prediction_checks
@@ -91,18 +74,20 @@ def validate(
     """
     if not estimate.completed:
         raise DataError(f"invalid estimate ({estimate.status}); a model to validate must be complete")
-    models = models_of(estimate)
+    models = initial_states.models_of(estimate)
     filtered, too_short = _filter(segments, estimate, starts, anew)
     if not filtered:
         raise DataError(too_short[0])
     sizes = signal_sizes([segment.signals for segment in filtered])
     free = [fit_free_runs(segment.prepared, segment.signals, models, segment.states) for segment in filtered]
     rng = np.random.default_rng(estimate.experiment.seed)
-    left_out = errors_of_each_run(estimate.experiment.identification, anew)
-    bundle = _bundle(models, drawn_models(estimate, DRAWS, rng, left_out), estimate.coefficient_set.symbols)
+    left_out = initial_states.errors_of_each_run(estimate.experiment.identification, anew)
+    bundle = _bundle(
+        models, initial_states.drawn_models(estimate, DRAWS, rng, left_out), estimate.coefficient_set.symbols
+    )
     collected = _predict(filtered, bundle, rng)
     growth = {} if training is None else _growth(training, estimate, bundle, starts, rng, anew).in_motion(sizes)
-    rows = [*free_run_rows(free, sizes), *rows_ahead(collected, bundle.names, sizes, growth)]
+    rows = [*free_run_rows(free, sizes), *horizons.rows_ahead(collected, bundle.names, sizes, growth)]
     numbers = [
         number
         for segment, its_run in zip(filtered, free, strict=True)
@@ -138,13 +123,13 @@ def _filter(
     segments: Sequence[Dataset], estimate: Estimate, starts: int, anew: bool
 ) -> tuple[list[_Filtered], list[str]]:
     """Return the filtered segments, with starts in proportion to their lengths, and sentences on too short ones."""
-    prepared = [prepare(with_model(segment, estimate, anew)) for segment in segments]
+    prepared = [prepare(initial_states.with_model(segment, estimate, anew)) for segment in segments]
     signals = [measured_signals(data.measuring) for data in prepared]
     spans = [_span(data, measured) for data, measured in zip(prepared, signals, strict=True)]
     total, filtered, too_short = sum(end - begin for begin, end in spans), list[_Filtered](), list[str]()
     for data, measured, (begin, end) in zip(prepared, signals, spans, strict=True):
         share = ceil(starts * (end - begin) / total) if end > begin else 0
-        states = filtered_initial_states(data, evenly_spaced(begin, end, share))
+        states = initial_states.filtered_initial_states(data, horizons.evenly_spaced(begin, end, share))
         if states.time.size:
             filtered.append(_Filtered(data, measured, states))
         else:
@@ -165,7 +150,7 @@ def _predict(
 ) -> Collected:
     collected = Collected([], np.zeros(len(bundle.coefficients) - len(bundle.names), dtype=np.bool_))
     for prepared, signals, states in filtered:
-        collected = collected.plus(predict_ahead(prepared, signals, states, bundle, rng, with_process_noise))
+        collected = collected.plus(horizons.predict_ahead(prepared, signals, states, bundle, rng, with_process_noise))
     return collected
 
 
@@ -177,7 +162,7 @@ def _growth(
     filtered, _ = _filter(used_segments(own, measuring_sensors(own)), estimate, starts, anew)
     sizes = signal_sizes([segment.signals for segment in filtered])
     plain, noisy = (_predict(filtered, bundle, rng, noise).samples for noise in (False, True))
-    return error_growth(plain, noisy, sizes)
+    return horizons.error_growth(plain, noisy, sizes)
 
 
 def _largest(values: Iterable[Mapping[str, float]]) -> dict[str, float]:
@@ -207,7 +192,7 @@ def _remarks(
             f"the dataset states another vehicle ({', '.join(other)} differ); predictions are for the vehicle of the "
             f"estimate, {estimate.experiment.vehicle.name}"
         )
-    if own := own_of_each_run(estimate.experiment.identification, anew):
+    if own := initial_states.own_of_each_run(estimate.experiment.identification, anew):
         yield (
             f"{', '.join(own)}: estimated in each run by the filter of the initial states (free run: at the end), "
             f"{'as requested' if anew else 'because it walks'}"
