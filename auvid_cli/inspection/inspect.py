@@ -1,6 +1,6 @@
 """Inspect a dataset before identification: single sensors, contradictions between them, and excitation."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -143,7 +143,6 @@ def _missing_sensors(dataset: Dataset, sensors: dict[str, SensorRecord]) -> list
 
 
 def _import_remarks(run: RunSettings) -> list[Check]:
-    """Return the remarks of the import, such as that another clock is better."""
     remarks = run.recording.remarks if isinstance(run, ImportedRun) else {}
     return [
         judged(
@@ -159,7 +158,6 @@ def _import_remarks(run: RunSettings) -> list[Check]:
 
 
 def _vehicle(vehicle: VehicleSettings) -> list[Check]:
-    """Return implausible values of the vehicle file."""
     advice = "Check the sign and the unit of this value in the vehicle file, and the value that it is compared with."
     return [
         judged(
@@ -170,7 +168,6 @@ def _vehicle(vehicle: VehicleSettings) -> list[Check]:
 
 
 def _sensor_checks(dataset: Dataset, name: str, screening: Screening) -> list[Check]:
-    """Check a sensor by itself."""
     record = dataset.sensors[name]
     checks = timing_checks(name, record, screening.jumps) if record.time.size > 1 else []
     checks += [*data_checks([dataset], "", [name]), *single_sensor.measurement_checks(name, record, screening)]
@@ -181,7 +178,13 @@ def _sensor_checks(dataset: Dataset, name: str, screening: Screening) -> list[Ch
 def _steps(signals: Signals, sensors: dict[str, SensorRecord]) -> tuple[list[Check], list[Mark], set[str]]:
     """Check all angles for steps and remove these from the signals; return checks, marks and angles with steps."""
     checks, marks, stepped = [], [], set()
-    for name, component, symbol in _angles(sensors):
+    angles = (
+        (name, component, quantity.symbol)
+        for name, record in sensors.items()
+        for component, quantity in enumerate(SENSORS[name])
+        if quantity.unit == "rad" and np.isfinite(record.values[:, component]).sum() > 1
+    )
+    for name, component, symbol in angles:
         before, after, size = single_sensor.angle_steps(sensors, name, component)
         checks.append(single_sensor.step_check(name, symbol, before, size))
         if size.size:
@@ -190,14 +193,6 @@ def _steps(signals: Signals, sensors: dict[str, SensorRecord]) -> tuple[list[Che
             marks.append(Mark(name, "step", *times))
             signals.blank(symbol, *times)
     return checks, marks, stepped
-
-
-def _angles(sensors: dict[str, SensorRecord]) -> Iterator[tuple[str, int, str]]:
-    """Yield sensor, component and symbol of each measured angle."""
-    for name, record in sensors.items():
-        for component, quantity in enumerate(SENSORS[name]):
-            if quantity.unit == "rad" and np.isfinite(record.values[:, component]).sum() > 1:
-                yield name, component, quantity.symbol
 
 
 def _input_end(dataset: Dataset, sensors: dict[str, SensorRecord]) -> list[Check]:

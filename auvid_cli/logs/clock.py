@@ -150,9 +150,8 @@ def find_clock_drift(taken: Array, other: Array, names: tuple[str, str]) -> Cloc
     is_epoch = min(np.median(taken), np.median(other)) > _MIN_EPOCH
     furthest = float(np.abs(difference).max())
     interval = float(np.median(np.abs(np.diff(other))))
-    unsteady = furthest > min(_MIN_INTERVAL_SHARE * interval, _MIN_VARIATION) and _unevenness(taken) > _unevenness(
-        other
-    )
+    is_less_even = _unevenness(taken) > _unevenness(other)
+    unsteady = is_less_even and furthest > min(_MIN_INTERVAL_SHARE * interval, _MIN_VARIATION)
     if not unsteady and not (is_epoch and later > _PLAYBACK_DELAY):
         return None
     low, high = np.quantile(difference, _QUANTILES)

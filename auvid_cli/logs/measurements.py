@@ -74,7 +74,11 @@ def read_request(
     time = seconds[order.rows]
     if time.size < 2:
         raise _no_times(request, seconds.size, time.size)
-    clock_drift, overlaps = _clock_drift(request, seconds, columns), _overlaps(request, seconds, raw, columns)
+    clock_drift, other = None, request.time.other
+    if other is not None:
+        names = request.time.place.column, other.column
+        clock_drift = find_clock_drift(seconds, np.asarray(columns.take(other), np.float64), names)
+    overlaps = _overlaps(request, seconds, raw, columns)
     values, invalid = {}, 0
     for component, (_, factor, _) in request.values.items():
         signal = signals[component]
@@ -100,13 +104,6 @@ def _no_times(request: Request, rows: int, times: int) -> MapMismatchError:
         return MapMismatchError(("logs", log), f"{table or 'the log'} has {'only one row' if rows else 'no rows'}")
     problem = "never changes" if times else "has no valid times"
     return MapMismatchError((*request.path, "time"), f"{column!r} {problem}: name another time")
-
-
-def _clock_drift(request: Request, seconds: Array, columns: ColumnReader) -> ClockDrift | None:
-    taken, other = request.time.place, request.time.other
-    if other is None:
-        return None
-    return find_clock_drift(seconds, np.asarray(columns.take(other), np.float64), (taken.column, other.column))
 
 
 def _overlaps(

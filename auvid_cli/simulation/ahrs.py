@@ -233,7 +233,6 @@ def _align(ahrs, heading, variance):
 
 @compiled()
 def _write_attitude(rotation, attitude):
-    """Compute roll, pitch and yaw of a rotation."""
     attitude[0] = np.arctan2(rotation[2, 1], rotation[2, 2])
     attitude[1] = np.arctan2(-rotation[2, 0], np.hypot(rotation[2, 1], rotation[2, 2]))
     attitude[2] = np.arctan2(rotation[1, 0], rotation[0, 0])

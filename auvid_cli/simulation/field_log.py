@@ -67,7 +67,6 @@ def _log(units: dict[str, str], time: Array, columns: Any) -> str:
 
 
 def _wrong_vehicle(vehicle: VehicleSettings, seed: int) -> str:
-    """Return a vehicle file with errors."""
     wrong = dict(_with_errors(vehicle.stated_coefficients(), seed))
     parameters = vehicle.known_parameters()
     parameters |= dict(_with_errors({"X_prop": parameters["X_prop"]}, seed))

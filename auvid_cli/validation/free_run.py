@@ -1,12 +1,12 @@
 """Free runs against all measurements: the identified model, earlier models, and an unchanged motion."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.evaluation.free_run import Keeper, MeasurementErrors, free_motion, measured_motion
+from auvid_cli.evaluation.free_run import Keeper, free_motion, measured_motion
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.prepared_data import PreparedData
@@ -58,7 +58,11 @@ def fit_free_runs(
         if coefficients
     }
     motions["constant_velocity"] = _constant_velocity(timelines, start, motion)
-    predictions = {name: _as_measured(run, starts.final_errors) for name, run in motions.items()}
+    errors = starts.final_errors
+    predictions: dict[str, _Run] = {
+        name: ((timeline.time, measured_motion(motion, errors)) for timeline, motion in run)
+        for name, run in motions.items()
+    }
     keeper, farthest = Keeper(prepared.measuring), _Farthest(signals)
     columns = len(MOTION_AND_DEPTH) if DEPTH.symbol in signals else N_MOTION
     predictions["identified"] = _recorded(predictions["identified"], columns, keeper, farthest)
@@ -119,11 +123,6 @@ def _constant_velocity(timelines: Timelines, start: float, motion: Array) -> Ite
         predicted = unchanged_motion(timeline.time - start, motion, angles)
         angles = predicted[-1, 6:9]
         yield timeline, predicted
-
-
-def _as_measured(run: Iterable[tuple[Timeline, Array]], errors: MeasurementErrors) -> _Run:
-    for timeline, predicted in run:
-        yield timeline.time, measured_motion(predicted, errors)
 
 
 def _recorded(run: _Run, columns: int, keeper: Keeper, farthest: _Farthest) -> _Run:

@@ -130,19 +130,16 @@ def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialSta
     increased, so that the measurements determine the states instead of a wrong model. The NIS is that of the settings.
     `prepared` is data from `with_model`.
     """
+    settings = prepared.experiment.identification
     first = states = _filtered(prepared, wanted)
     for factor in _NOISE_FACTORS:
         if states.status == "completed" and max(states.nis.values()) <= MAX_NIS:
             break
-        states = replace(_filtered(_with_noise(prepared, factor), wanted), noise_factor=factor)
+        noise = settings.process_noise.times(factor)
+        identification = settings.model_copy(update={"process_noise": noise})
+        experiment = prepared.experiment.model_copy(update={"identification": identification})
+        states = replace(_filtered(prepared.with_settings(experiment), wanted), noise_factor=factor)
     return replace(states, nis=first.nis, process_noise=first.process_noise)
-
-
-def _with_noise(prepared: PreparedData, factor: float) -> PreparedData:
-    """Return the data with the process noise multiplied by a factor."""
-    settings = prepared.experiment.identification
-    identification = settings.model_copy(update={"process_noise": settings.process_noise.times(factor)})
-    return prepared.with_settings(prepared.experiment.model_copy(update={"identification": identification}))
 
 
 def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
@@ -209,7 +206,9 @@ class Models(NamedTuple):
 
 def models_of(estimate: Estimate) -> Models:
     """Return the models that an estimate contains."""
-    return Models(estimate.final_coefficients(), _prior(estimate), _vehicle_file(estimate))
+    stated = estimate.experiment.vehicle.stated_coefficients()
+    is_complete = set(stated) == set(estimate.coefficient_set.symbols)
+    return Models(estimate.final_coefficients(), _prior(estimate), stated if is_complete else None)
 
 
 def _prior(estimate: Estimate) -> Mapping[str, float] | None:
@@ -222,11 +221,6 @@ def _prior(estimate: Estimate) -> Mapping[str, float] | None:
         return None
     # The first measurements hold no information on coefficients: the first mean is that of the prior.
     return estimate.held | {symbol: float(estimate.mean[0, estimate.state.index(symbol)]) for symbol in estimated}
-
-
-def _vehicle_file(estimate: Estimate) -> Mapping[str, float] | None:
-    given = estimate.experiment.vehicle.stated_coefficients()
-    return given if set(given) == set(estimate.coefficient_set.symbols) else None
 
 
 class Draws(NamedTuple):

@@ -71,17 +71,14 @@ def manoeuvre_numbers(
     predicted = {
         s: MeasuredSignal(run.time, run.motion[:, i], 0.0) for i, s in enumerate(MOTION_SYMBOLS) if s in signals
     }
-    holds = [hold for hold in rudder_holds(inputs) if _covers(signals["psi"], hold)]
+    begin, end = signals["psi"].time[[0, -1]]
+    holds = [hold for hold in rudder_holds(inputs) if begin <= hold.begin and hold.end <= end + _FIT_TIME]
     numbers = []
     for chain in _chains(holds):
         numbers += _zigzag(chain, signals["psi"], predicted["psi"])
     for hold in holds:
         numbers += _turning_circle(hold, signals, predicted)
     return numbers
-
-
-def _covers(signal: MeasuredSignal, hold: Hold) -> bool:
-    return bool(signal.time[0] <= hold.begin and hold.end <= signal.time[-1] + _FIT_TIME)
 
 
 def _chains(holds: Sequence[Hold]) -> list[list[Hold]]:

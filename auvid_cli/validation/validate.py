@@ -107,16 +107,9 @@ def validate(
         min(statuses, key=lambda status: status == "completed"),
     )
     longest = max(range(len(filtered)), key=lambda k: filtered[k].length)
-    return Validation(
-        estimate.filter,
-        judge_one(estimate, reference),
-        rows,
-        numbers,
-        Checks(checks),
-        filtered[longest].prepared.dataset,
-        free[longest].run,
-        remarks,
-    )
+    shown, run = filtered[longest].prepared.dataset, free[longest].run
+    judgement = judge_one(estimate, reference)
+    return Validation(estimate.filter, judgement, rows, numbers, Checks(checks), shown, run, remarks)
 
 
 def _filter(
@@ -186,7 +179,6 @@ def _bundle(models: Models, drawn: Draws | None, symbols: Sequence[str]) -> Bund
 def _remarks(
     dataset: Dataset, estimate: Estimate, filtered: Sequence[_Filtered], blown_up: NDArray[np.bool_], anew: bool
 ) -> Iterator[str]:
-    """Yield remarks on the model."""
     if other := other_vehicle(dataset, estimate):
         yield (
             f"the dataset states another vehicle ({', '.join(other)} differ); predictions are for the vehicle of the "
@@ -217,7 +209,6 @@ def _data_remarks(
     numbers: Sequence[ManoeuvreNumber],
     signals: Collection[str],
 ) -> Iterator[str]:
-    """Yield remarks on missing data and sensors."""
     if training is None:
         yield (
             "the data of the estimate are not available: bands grow with process noise alone, without the errors of "

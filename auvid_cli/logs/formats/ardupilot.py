@@ -60,7 +60,6 @@ class DataFlashLog(FileLog):
 
     @cached_property
     def _index(self) -> dict[str, tuple[DFFormat, list[int]]]:
-        """Return the format and the offsets of each kind of message."""
         complaints = StringIO()
         refusing = damage_as_file_error(lambda reason: f"{self.path}: is damaged: {reason}")
         # The library prints a line for each invalid byte and continues.
@@ -72,7 +71,6 @@ class DataFlashLog(FileLog):
         return index
 
     def _rows(self, kind: str) -> tuple[DFFormat, NDArray[np.void]]:
-        """Return the format and the rows of a kind of message, as stored."""
         form, offsets = self._index[kind]
         try:
             layout = np.dtype([(name, _dtype(code)) for name, code in zip(form.columns, form.format, strict=True)])
@@ -97,7 +95,6 @@ class _Reader(DFReader_binary):
 
 
 def _dtype(code: str) -> np.dtype[Any]:
-    """Return the stored type of a field."""
     if code == "a":
         return np.dtype(("<i2", (_LIST_LENGTH,)))
     written = FORMAT_TO_STRUCT[code][0]
@@ -177,7 +174,6 @@ class TelemetryLog(FileLog):
 
 
 def _number(packet: bytes) -> int:
-    """Return the kind of a message, as a number."""
     return int.from_bytes(packet[7:10], "little") if packet[0] == _VERSION_2 else packet[5]
 
 

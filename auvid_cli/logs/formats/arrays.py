@@ -175,7 +175,6 @@ def _if_usable(path: _Path, array: NDArray[Any]) -> Iterator[tuple[_Path, NDArra
 
 
 def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
-    """Return the columns of each table."""
     vectors = {shape.shape[0] for shape in shapes.values() if len(shape.shape) == 1}
     groups: dict[tuple[str, int], list[_Path]] = {}
     across = {}

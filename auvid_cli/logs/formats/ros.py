@@ -123,7 +123,10 @@ def _extractor(name: str, beyond: float | str) -> Callable[[int, Any], Any]:
     if name == LOG_TIME:
         return lambda stamp, message: stamp / _NANOSECONDS
     if name == HEADER_STAMP:
-        return lambda stamp, message: _seconds(message.header.stamp)
+        # A single division of integers rounds only once.
+        return lambda stamp, message: (
+            (message.header.stamp.sec * _NANOSECONDS + message.header.stamp.nanosec) / _NANOSECONDS
+        )
     steps = [int(index) if index else field for index, field in _STEP.findall(name)]
 
     def extract(stamp: int, message: Any) -> Any:
@@ -138,8 +141,3 @@ def _extractor(name: str, beyond: float | str) -> Callable[[int, Any], Any]:
         return value
 
     return extract
-
-
-def _seconds(stamp: Any) -> float:
-    # A single division of integers rounds only once.
-    return (stamp.sec * _NANOSECONDS + stamp.nanosec) / _NANOSECONDS

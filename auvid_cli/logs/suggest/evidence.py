@@ -154,7 +154,12 @@ def weigh_evidence(
         for sensor, unit in _wrong_units(fit, guessed):
             if sensor not in units:
                 units[sensor] = unit
-                tracks |= _rescaled(tracks, sensor, _unit_ratio(sensor, unit, guessed))
+                ratio = _unit_ratio(sensor, unit, guessed)
+                tracks |= {
+                    q.symbol: track._replace(values=ratio * track.values)
+                    for q in SENSORS[sensor]
+                    if (track := tracks.get(q.symbol)) is not None
+                }
     if units:
         fits = fit_relations(tracks)
     of_fins = [fit for fit in fits if {*_EXCHANGE} & {*fit.symbols}]
@@ -169,7 +174,11 @@ def weigh_evidence(
     # One sensor at a time, because its delay affects all relations that contain it.
     while (late := _latest_sensor(fits)) is not None and late[0] not in delays:
         delays |= [late]
-        tracks = _without_delay(tracks, *late)
+        sensor, delay = late
+        tracks = {
+            symbol: track._replace(time=track.time - delay) if _sensor_of(symbol) == sensor else track
+            for symbol, track in tracks.items()
+        }
         fits = [fit for fit in fit_relations(tracks) if CROSSED not in fit.symbols]
     verdict = likely_signs(list(tracks), fits, _with_values(tracks, expected))
     over_ground = ""
@@ -251,11 +260,6 @@ def _unit_ratio(sensor: str, unit: str, guessed: Mapping[str, str]) -> float:
     return unit_factor(unit, si) / unit_factor(guessed[sensor], si)
 
 
-def _rescaled(tracks: Mapping[str, Track], sensor: str, factor: float) -> dict[str, Track]:
-    symbols = [quantity.symbol for quantity in SENSORS[sensor] if quantity.symbol in tracks]
-    return {symbol: tracks[symbol]._replace(values=factor * tracks[symbol].values) for symbol in symbols}
-
-
 def _latest_sensor(fits: Sequence[RelationFit]) -> tuple[str, float] | None:
     """Return a late sensor and its delay, s, by the relation with the largest correlation that shows one."""
     for fit in sorted(fits, key=lambda fit: abs(fit.correlation), reverse=True):
@@ -264,13 +268,6 @@ def _latest_sensor(fits: Sequence[RelationFit]) -> tuple[str, float] | None:
             # Inertial sensors are more likely on time, so the other one is early or late.
             return (other, -fit.delay) if first in ("gyroscope", "accelerometer") else (first, fit.delay)
     return None
-
-
-def _without_delay(tracks: Mapping[str, Track], sensor: str, delay: float) -> dict[str, Track]:
-    return {
-        symbol: track._replace(time=track.time - delay) if _sensor_of(symbol) == sensor else track
-        for symbol, track in tracks.items()
-    }
 
 
 def _sensor_of(symbol: str) -> str:

@@ -176,14 +176,11 @@ def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInp
             inputs |= {
                 key: FoundInput(new[key], values, log, table, place)
                 for key, values in numbers.items()
-                if _is_usable(values, elsewhere and not _is_thrust(key))
+                # An input in another table must change, unless it is thrust.
+                if (known := values[np.isfinite(values)]).size
+                and (not elsewhere or _is_thrust(key) or np.ptp(known) > 0.0)
             }
     return inputs
-
-
-def _is_usable(values: Array, must_change: bool) -> bool:
-    known = values[np.isfinite(values)]
-    return bool(known.size) and (not must_change or bool(np.ptp(known) > 0.0))
 
 
 def _is_thrust(key: str) -> bool:
