@@ -63,6 +63,12 @@ def mistaken_units(gain: float, above: tuple[str, str], below: tuple[str, str]) 
     return " Or: ".join(words for words in (mistaken_unit(*above, size), mistaken_unit(*below, 1.0 / size)) if words)
 
 
+def suggested_units(gain: float, above: tuple[str, str], below: tuple[str, str]) -> str:
+    """Return what `mistaken_units` finds as the end of an advice; empty if that is nothing."""
+    units = mistaken_units(gain, above, below)
+    return f" The gain suggests: {units}" if units else ""
+
+
 class Mark(NamedTuple):
     """A time span, s, with a fault of a sensor."""
 
