@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
 from auvid_cli.data.signals import rate_of_change, response_to_rates
 from auvid_cli.inspection.fins import LinearMotion, predicted_response
@@ -21,7 +22,6 @@ from auvid_cli.inspection.kinematic_relations import (
 from auvid_cli.inspection.responses import AXES, MIN_DEFLECTION, RotationAxis, response_window
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
-Array = NDArray[np.float64]
 _LIKELIHOOD_MARGIN = 10.0  # increase of the log-likelihood at which another sign, fin or lag is preferred
 # Largest apparent delay of inputs that are not delayed, s.
 _MAX_GOOD_FIT_DELAY = 0.075  # where the vehicle file predicts the rotation well

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
 from auvid_cli.inspection.inspection import judged, suggested_units, undetermined
 from auvid_cli.inspection.kinematic_relations import (
@@ -22,7 +23,6 @@ from auvid_cli.inspection.kinematic_relations import (
 from auvid_cli.inspection.responses import known_sign
 from auvid_cli.vehicle.kinematics import GRAVITY
 
-Array = NDArray[np.float64]
 MIN_SPREAD = 0.02  # m/s, and m/s^2 against the accelerometer
 _GAIN_TOLERANCE = 0.2
 _GAIN_SIGMAS = 3.0

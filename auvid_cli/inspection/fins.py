@@ -5,9 +5,9 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.sanity import MAX_FIN_STRENGTH, MIN_FIN_STRENGTH
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.checks import Check
@@ -20,7 +20,6 @@ from auvid_cli.vehicle.coefficients import Coefficient
 from auvid_cli.vehicle.matrices import coriolis_matrix, mass_matrix, restoring_vector
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
-Array = NDArray[np.float64]
 _ACROSS = ("v", "w", "p", "q", "r")
 _LINEAR_STATES = ("u", *_ACROSS, "phi", "theta")
 _FORCE_ROWS = {"surge_force": 0, "roll_moment": 3}  # of the equations of motion

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import ImportedRun, RunSettings
 from auvid_cli.config.sanity import sanity_warnings
 from auvid_cli.config.vehicle import VehicleSettings
@@ -25,7 +25,6 @@ from auvid_cli.inspection.timing import input_end_check, input_timing_checks, ti
 from auvid_cli.inspection.velocity import against_force, mean_speed, velocity_checks
 from auvid_cli.vehicle.parameters import SENSORS
 
-Array = NDArray[np.float64]
 _MAX_INPUTS = 100_000  # samples of the inputs in a timeline
 _MAX_BINS = 600  # of a timeline
 _MEASUREMENTS_PER_BIN = 10

@@ -7,8 +7,8 @@ from math import log
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check, Checks, NamedRows
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.data.signals import MAX_REPEAT, gap_limit, repeats, rounded_repeats, rounding_steps
@@ -18,7 +18,6 @@ from auvid_cli.vehicle.parameters import SENSORS
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 # Check without a filter: data belong to none.
 judged = partial(Check.of, "")
 MarkKind = Literal["gap", "clock", "stuck", "spike", "step"]

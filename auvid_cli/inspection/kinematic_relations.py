@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.data.signals import TURN_RATE_WINDOW, rate_of_change
 from auvid_cli.errors import DataError
@@ -13,7 +13,6 @@ from auvid_cli.inspection.single_sensor import continuous
 from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
-Array = NDArray[np.float64]
 _STEP = 0.1  # s, cell of the grid
 _MAX_SPAN = 14 * 86400.0  # s
 _MAX_BRIDGE = 3.0  # median intervals of a sensor between two measurements that may be interpolated

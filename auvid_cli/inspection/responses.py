@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
 from auvid_cli.inspection.inspection import judged, undetermined
 from auvid_cli.inspection.kinematic_relations import (
@@ -18,7 +18,6 @@ from auvid_cli.inspection.kinematic_relations import (
     smoothed,
 )
 
-Array = NDArray[np.float64]
 _MAX_FLOW_ANGLE = np.deg2rad(2.0)  # rad, due to a current that needs no note
 _CURRENT_SIGMAS = 5.0
 _SIGN_SIGMAS = 5.0  # standard errors of a gain from 0 at which its sign is known

@@ -4,9 +4,9 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.signals import rate_noise
@@ -29,7 +29,6 @@ from auvid_cli.inspection.single_sensor import MIN_NOISE_SAMPLES, bias_instabili
 from auvid_cli.vehicle.kinematics import euler_rates
 from auvid_cli.vehicle.parameters import INERTIAL, SENSORS, Quantity
 
-Array = NDArray[np.float64]
 _GAIN_TOLERANCE = 0.2
 _GAIN_SIGMAS = 3.0
 _MIN_CORRELATION = 0.7

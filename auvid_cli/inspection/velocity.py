@@ -1,7 +1,6 @@
 """Velocity against other sensors: speed, signs, heading offset, lever arm."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.data.checks import Check
 from auvid_cli.inspection import depth, responses
@@ -21,7 +20,6 @@ from auvid_cli.inspection.kinematic_relations import (
 )
 from auvid_cli.inspection.responses import Current
 
-Array = NDArray[np.float64]
 _UNDER_WAY_SHARE = 0.2  # of the usual speed
 _MIN_SPEED = 0.05  # m/s
 _MAX_SPEED = 15.0  # m/s

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.logs.formats.log import ColumnValues
 
-Array = NDArray[np.float64]
 _HOUR = 3600.0  # s
 _DAY = 86400.0  # s
 _CLOCK = re.compile(r"\s*(?:(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:\.\d*)?)\s*", re.ASCII)

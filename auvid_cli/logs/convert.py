@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import ImportedRun, RecordedFile, Recording
 from auvid_cli.config.log_map import InputsMap, LogMap
 from auvid_cli.config.source_positions import KeyPath, Tree
@@ -22,7 +22,6 @@ from auvid_cli.logs.requests import ColumnReader, MapErrors, MapMismatchError, R
 from auvid_cli.logs.sensor_records import SensorRecords, read_sensors
 from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUT_SYMBOLS, PROPULSION
 
-Array = NDArray[np.float64]
 # Files of each log by its name, in their order.
 LogFiles = Mapping[str, Sequence[Path]]
 # Deflection of each fin per radian of rudder and of elevator. A positive rudder pushes the tail to starboard, a

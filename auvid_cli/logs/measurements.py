@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import LogSignal, RowChoice
 from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.logs.clock import ClockDrift, Order, find_clock_drift, order_rows
@@ -13,7 +14,6 @@ from auvid_cli.logs.formats.log import ColumnValues, Overlap, find_overlaps
 from auvid_cli.logs.requests import ColumnReader, MapMismatchError, Request
 from auvid_cli.text import one_line
 
-Array = NDArray[np.float64]
 # An underwater vehicle does not exceed these; larger numbers have another unit.
 _MAX_PLAUSIBLE = {"rad": 2.0 * np.pi, "rad/s": 20.0, "m/s": 50.0, "m/s^2": 500.0}
 _MAX_INTERLEAVING = 1.0  # s, disorder of late messages at the border of two files
@@ -201,9 +201,7 @@ class ImportSummary(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def summary_of(
-    name: str, time: NDArray[np.float64], missing: int, rows: MeasuredRows, remarks: tuple[str, ...]
-) -> ImportSummary:
+def summary_of(name: str, time: Array, missing: int, rows: MeasuredRows, remarks: tuple[str, ...]) -> ImportSummary:
     """Return the summary of a sensor or input with samples at `time`, s."""
     order, rollovers, drift = rows.order, rows.rollovers, rows.clock_drift
     treatment = (

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.log_map import AccelerometerMap, DepthMap, DvlMap, LogMap, MagneticFieldMap, SensorMap
 from auvid_cli.config.settings import Spans
 from auvid_cli.config.source_positions import KeyPath
@@ -17,8 +18,6 @@ from auvid_cli.logs import frames, measurements
 from auvid_cli.logs.measurements import ImportSummary, MeasuredRows
 from auvid_cli.logs.requests import ColumnReader, MapErrors, MapMismatchError, Request
 from auvid_cli.vehicle.parameters import SENSORS
-
-Array = NDArray[np.float64]
 
 _HEADINGS = ("psi", "heading")  # angles that may count turns
 

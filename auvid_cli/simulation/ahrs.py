@@ -14,16 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
+from auvid_cli.arrays import Array
 from auvid_cli.config.sensors import AhrsSensors
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import SimulationError
 from auvid_cli.numerics import compiled
 from auvid_cli.vehicle.kinematics import GRAVITY
-
-Array = NDArray[np.float64]
 
 # Order at equal times: the gyroscope first, which propagates the attitude, and the output last.
 _GYROSCOPE, _DVL, _ACCELEROMETER, _MAGNETOMETER, _OUTPUT = range(5)

@@ -7,8 +7,8 @@ from typing import NamedTuple, assert_never
 
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.manoeuvre import (
     AnyManoeuvre,
     Doublets,
@@ -25,9 +25,6 @@ from auvid_cli.config.units import parse_number
 from auvid_cli.errors import ConfigError
 from auvid_cli.regular_files import check_regular_file
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
-
-Array = NDArray[np.float64]
-
 
 _vector = types.float64[::1]
 _BISECTIONS = 50  # until the interval has the width of a rounding error

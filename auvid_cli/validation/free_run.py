@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.evaluation.free_run import Keeper, free_motion, measured_motion
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.filters.problem import Timeline
@@ -18,7 +18,6 @@ from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.matrices import Ballast
 from auvid_cli.vehicle.parameters import DEPTH, MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS, N_MOTION
 
-Array = NDArray[np.float64]
 # Times of events, s, and predicted measurements, shape (events, 10), chunk by chunk.
 _Run: TypeAlias = Iterator[tuple[Array, Array]]
 _WITHOUT_RESTORING = "psi", DEPTH.symbol  # errors of the model accumulate in these signals

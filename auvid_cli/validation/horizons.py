@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.extra_states import BiasName
 from auvid_cli.evaluation.free_run import measured_motion
 from auvid_cli.identification.prepared_data import PreparedData
@@ -23,7 +24,6 @@ from auvid_cli.validation.results import AHEAD, Prediction, PredictionFit, indep
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS
 
-Array = NDArray[np.float64]
 HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # s
 FEWEST_STARTS = 10  # of a horizon
 MAX_FINITE = 1e100  # SI; larger motions have diverged, their squares are still finite

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.coefficients import Prior
 from auvid_cli.config.extra_states import EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT, BiasName
 from auvid_cli.config.identification import Identification, InputSettings, Use
@@ -27,7 +27,6 @@ from auvid_cli.vehicle.equations import NO_ERRORS
 from auvid_cli.vehicle.matrices import NO_BALLAST
 from auvid_cli.vehicle.parameters import DISTURBANCE, MOTION_AND_DEPTH, Quantity
 
-Array = NDArray[np.float64]
 _NOISE_FACTORS = (10.0, 100.0, 1000.0)  # of the process noise, tried if innovations contradict the settings
 # A constant of these blocks is part of the model; one that walks differs in each run.
 _MODEL_BLOCKS = BiasName.THRUST, BiasName.FIN_TRIM, BiasName.BALLAST, BiasName.DELAY

@@ -5,16 +5,14 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.validation.motion_prediction import MeasuredSignal
 from auvid_cli.validation.results import ManoeuvreNumber
 from auvid_cli.vehicle.kinematics import body_to_earth
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
-
-Array = NDArray[np.float64]
 
 _RUDDER = INPUT_SYMBOLS.index("rudder")
 _MIN_RUDDER = np.deg2rad(2.0)  # rad, maximum of a manoeuvre

@@ -5,8 +5,8 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import TURN_RATE_WINDOW, rate_noise, rate_of_change
 from auvid_cli.filters.problem import Timeline
@@ -17,7 +17,6 @@ from auvid_cli.vehicle.equations import N_WORK, NO_ERRORS, vehicle_constants, wi
 from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, MOTION_SYMBOLS, SENSORS, state_of
 
-Array = NDArray[np.float64]
 _ANGLES = MOTION_SYMBOLS[6:]
 SAME = 0.75e-9  # s; smaller differences are rounding: events are at whole nanoseconds, at most half of one off
 _MIN_HEADINGS = 2  # on either side of a heading, to compute its yaw rate

@@ -5,8 +5,8 @@ from math import inf, isfinite, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check, Checks, NamedRows, frames
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.evaluation.results import FreeRun
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from auvid_cli.evaluation.judgement import Judgement
 
-Array = NDArray[np.float64]
 FREE_RUN, AHEAD = "free_run", "ahead"
 UNCERTAINTY_NOT_TOO_LARGE = "uncertainty not too large"
 MAX_NIS = 1.5  # mean per component of a sensor, up to which the settings hold

@@ -12,15 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.numerics import LANES, compiled
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, MAX_FACTORS, SIGNALS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast, mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
-
-Array = NDArray[np.float64]
 
 # Offsets in the vector of constants.
 _COUPLING = 36 + 36 + 4

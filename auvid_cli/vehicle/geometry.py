@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auvid_cli.arrays import Array
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, term
-from auvid_cli.vehicle.hull import Array, Geometry
+from auvid_cli.vehicle.hull import Geometry
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 _N_STRIPS_OF_FINS = 201

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from auvid_cli.arrays import Array
+
 # For integrals to 1e-4 with the square root of a round nose.
 _N_STATIONS = 2001
 # Per radian; lift-curve slope of a fin of infinite span: 2 pi, times 0.9 for the boundary layer (Hoerner).

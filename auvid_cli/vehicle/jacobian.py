@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.numerics import LANES, compiled
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SIGNALS
@@ -24,8 +24,6 @@ from auvid_cli.vehicle.equations import (
 )
 from auvid_cli.vehicle.matrices import N_BALLAST
 from auvid_cli.vehicle.parameters import N_MOTION
-
-Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]

@@ -4,11 +4,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.errors import ConfigError
-
-Array = NDArray[np.float64]
 
 
 class Ballast(NamedTuple):

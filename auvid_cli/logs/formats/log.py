@@ -10,14 +10,14 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.errors import FileError
 
 # Columns that readers add, times in s since 1970 or since the log's own zero.
 LOG_TIME = "@log_time"  # time of recording
 HEADER_STAMP = "@header_stamp"  # time of measurement by the sender
 FILE = "@file"  # number of the file of a row, from 1, in a log of several files
-ColumnValues = NDArray[np.float64] | NDArray[np.str_]
-Array = NDArray[np.float64]
+ColumnValues = Array | NDArray[np.str_]
 
 
 class LogColumn(NamedTuple):

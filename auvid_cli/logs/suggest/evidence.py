@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.logs.frames import interpolate
 from auvid_cli.logs.suggest.relations import CROSSED, RelationFit, Track, fit_relations
 from auvid_cli.vehicle.parameters import SENSORS
 
-Array = NDArray[np.float64]
 # Signs of components in the usual axes; an attitude in FLU axes refers to ENU.
 USUAL_AXES = {"FRD": (1, 1, 1), "FLU": (1, -1, -1)}
 TRIPLES = {

@@ -5,15 +5,13 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest.evidence import Evidence
 from auvid_cli.logs.suggest.names import INPUT_NAMES, SIDES, find_columns, find_in_logs, named_unit
 from auvid_cli.logs.suggest.relations import PITCH_FINS, YAW_FINS, Track
 from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, place_of, row_entries, tracks_of
-
-Array = NDArray[np.float64]
 
 _MAX_FIN_DEGREES = 90.0
 _MAX_PERCENT = 110.0

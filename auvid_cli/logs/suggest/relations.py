@@ -4,12 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.logs.frames import interpolate
 from auvid_cli.vehicle.kinematics import GRAVITY
-
-Array = NDArray[np.float64]
 
 _STEP = 0.1  # s, of the common time grid
 _MAX_CELLS = 20_000  # of the grid

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.signals import estimate_noise
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest import names
@@ -26,8 +26,6 @@ from auvid_cli.logs.suggest.rows import (
     tracks_of,
 )
 from auvid_cli.vehicle.parameters import SENSORS
-
-Array = NDArray[np.float64]
 
 _EARTH_AXES = {"FRD": "NED", "FLU": "ENU"}
 _MIN_GRAVITY = 5.0  # m/s^2, mean specific force that shows the direction of gravity
