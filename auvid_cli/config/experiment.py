@@ -15,33 +15,32 @@ from auvid_cli.config.vehicle import VehicleSettings
 
 # Old key of the lag of the fins in `identification`.
 _LAG = "fin_time_constant"
+RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
 
 
-def move_fin_lag(data: Any) -> Any:
-    """Move the lag of the fins from `identification`, as in old files, to the vehicle's actuators.
+class WithVehicle(Settings):
+    """Settings that have those of a vehicle and of its identification."""
 
-    Raises
-    ------
-    ValueError
-        If the vehicle also has a lag.
-    """
-    if not isinstance(data, dict):
-        return data
-    identification, vehicle = data.get("identification"), data.get("vehicle")
-    if not isinstance(identification, dict) or not isinstance(vehicle, dict) or _LAG not in identification:
-        return data
-    rest = {key: value for key, value in identification.items() if key != _LAG}
-    if not identification[_LAG]:
-        return {**data, "identification": rest}
-    actuators = vehicle.get("actuators") or {}
-    fins = actuators.get("fins") or {}
-    if "time_constant" in fins:
-        raise ValueError(
-            f"identification.{_LAG}: the lag is already in vehicle.actuators.fins.time_constant; leave out the first"
-        )
-    fins = {**fins, "time_constant": identification[_LAG]}
-    vehicle = {**vehicle, "actuators": {**actuators, "fins": fins}}
-    return {**data, "vehicle": vehicle, "identification": rest}
+    @model_validator(mode="before")
+    @classmethod
+    def _move_fin_lag(cls, data: Any) -> Any:
+        """Move the lag of the fins from `identification`, as in old files, to the vehicle's actuators."""
+        if not isinstance(data, dict):
+            return data
+        identification, vehicle = data.get("identification"), data.get("vehicle")
+        if not isinstance(identification, dict) or not isinstance(vehicle, dict) or _LAG not in identification:
+            return data
+        rest = {key: value for key, value in identification.items() if key != _LAG}
+        if not identification[_LAG]:
+            return {**data, "identification": rest}
+        actuators = vehicle.get("actuators") or {}
+        fins = actuators.get("fins") or {}
+        if "time_constant" in fins:
+            stated = "the lag is already in vehicle.actuators.fins.time_constant"
+            raise ValueError(f"identification.{_LAG}: {stated}; leave out the first")
+        fins = {**fins, "time_constant": identification[_LAG]}
+        vehicle = {**vehicle, "actuators": {**actuators, "fins": fins}}
+        return {**data, "vehicle": vehicle, "identification": rest}
 
 
 class RecordedFile(Settings):
@@ -62,18 +61,13 @@ class Recording(Settings):
     )
 
 
-class RunSettings(Settings):
+class RunSettings(WithVehicle):
     """Settings of a simulated or recorded run: vehicle and identification."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
+    name: RunName
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True, description="seed of all random streams")] = 1
     vehicle: VehicleSettings
     identification: IdentificationOfVehicle = Identification()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _move_fin_lag(cls, data: Any) -> Any:
-        return move_fin_lag(data)
 
     @property
     def has_ahrs(self) -> bool:

@@ -7,9 +7,9 @@ Extra states are constant or slowly drifting errors of sensors, actuators and ve
 from collections.abc import Collection
 from enum import StrEnum
 from math import inf, sqrt
-from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, get_args
 
-from pydantic import Field
+from pydantic import Field, create_model
 
 from auvid_cli.config.settings import Positive, Settings, three
 from auvid_cli.config.units import Amount, AmountPerAxis
@@ -147,38 +147,22 @@ class BiasName(StrEnum):
 
 
 class ErrorBlock(NamedTuple):
-    """States of one error.
-
-    Attributes
-    ----------
-    name : str
-    quantities : tuple of Quantity
-    sensor : str or None
-        Sensor with this error; None for errors of actuators and vehicle, which act on the process.
-    prior_std : float
-        Prior standard deviation of each state, SI.
-    walk : float
-        Random walk, SI per square root of a second; 0 for a constant.
-    additive : bool
-        Whether the error adds, component by component, to states that the sensor measures directly. Otherwise compiled
-        code of `auvid_cli.identification` names each of its symbols.
-    time_constant : float
-        Correlation time of a Gauss-Markov process, s; infinite for a constant or a random walk.
-    is_delay : bool
-        Whether it is a delay: not a state of a filter, but estimated by `auvid_cli.identification.delays`.
-    prefix : str
-        Start of the keys of its spread and walk in the settings.
-    """
+    """States of one error."""
 
     name: str
     quantities: tuple[Quantity, ...]
+    # Sensor with this error; None for errors of actuators and vehicle, which act on the process
     sensor: str | None = None
-    prior_std: float = 0.0
-    walk: float = 0.0
+    prior_std: float = 0.0  # prior standard deviation of each state, SI
+    walk: float = 0.0  # random walk, SI per square root of a second; 0 for a constant
+    # Whether the error adds, component by component, to states that the sensor measures directly. Otherwise compiled
+    # code of `auvid_cli.identification` names each of its symbols.
     additive: bool = False
+    # Correlation time of a Gauss-Markov process, s; infinite for a constant or a random walk
     time_constant: float = inf
+    # Whether it is a delay: not a state of a filter, but estimated by `auvid_cli.identification.delays`
     is_delay: bool = False
-    prefix: str = ""
+    prefix: str = ""  # start of the keys of its spread and walk in the settings
 
     @property
     def is_named(self) -> bool:
@@ -194,36 +178,14 @@ def _components(sensor: str, prefix: str, words: str, unit: str | None = None) -
     )
 
 
-def _bias(sensor: str, additive: bool = True) -> ErrorBlock:
+def _bias(sensor: str, spread: float, additive: bool = True) -> ErrorBlock:
     """Return a bias of each component of a sensor."""
-    return ErrorBlock(f"{sensor}_bias", _components(sensor, "bias", "bias"), sensor, additive=additive)
-
-
-def _one_each(quantities: tuple[Quantity, ...], sensor: str | None = None) -> tuple[ErrorBlock, ...]:
-    """Return a block of one state for each quantity."""
-    return tuple(ErrorBlock(quantity.symbol, (quantity,), sensor) for quantity in quantities)
+    return ErrorBlock(f"{sensor}_bias", _components(sensor, "bias", "bias"), sensor, spread, additive=additive)
 
 
 _SPREAD = Field(gt=0, description="prior standard deviation")
 _WALK = Field(ge=0, description="random walk: growth per square root of a second; 0: constant")
 _Share = Annotated[float, Field(ge=1e-9, le=1e3, description="prior standard deviation")]
-_ShareWalk = Annotated[float, Amount("1/s^0.5"), _WALK]
-_Angle = Annotated[float, Amount("rad"), _SPREAD]
-_AngleWalk = Annotated[float, Amount("rad/s^0.5"), _WALK]
-_Rate = Annotated[float, Amount("rad/s"), _SPREAD]
-_RateWalk = Annotated[float, Amount("rad/s/s^0.5"), _WALK]
-_Speed = Annotated[float, Amount("m/s"), _SPREAD]
-_SpeedWalk = Annotated[float, Amount("m/s/s^0.5"), _WALK]
-_Acceleration = Annotated[float, Amount("m/s^2"), _SPREAD]
-_AccelerationWalk = Annotated[float, Amount("m/s^2/s^0.5"), _WALK]
-_Field = Annotated[float, Amount("T"), _SPREAD]
-_FieldWalk = Annotated[float, Amount("T/s^0.5"), _WALK]
-_Length = Annotated[float, Amount("m"), _SPREAD]
-_LengthWalk = Annotated[float, Amount("m/s^0.5"), _WALK]
-_Force = Annotated[float, Amount("N"), _SPREAD]
-_ForceWalk = Annotated[float, Amount("N/s^0.5"), _WALK]
-_Moment = Annotated[float, Amount("N*m"), _SPREAD]
-_MomentWalk = Annotated[float, Amount("N*m/s^0.5"), _WALK]
 
 
 class ErrorSettings(Settings):
@@ -239,130 +201,48 @@ class ErrorSettings(Settings):
         )
 
 
-class GyroErrors(ErrorSettings):
-    """Bias of the gyroscope, three components."""
-
-    table = (_bias("gyroscope"),)
-    spread: _Rate = 0.01
-    walk: _RateWalk = 0.0
-
-
-class AttitudeErrors(ErrorSettings):
-    """Offsets of roll, pitch and heading."""
-
-    table = (_bias("attitude"),)
-    spread: _Angle = 0.05
-    walk: _AngleWalk = 0.0
-
-
-class AccelerometerErrors(ErrorSettings):
-    """Bias of the accelerometer, three components."""
-
-    table = (_bias("accelerometer", additive=False),)
-    spread: _Acceleration = 0.05
-    walk: _AccelerationWalk = 0.0
-
-
-class AccelerometerScaleErrors(ErrorSettings):
-    """Scale errors of the accelerometer, three axes."""
-
-    table = (
-        ErrorBlock(
-            "accelerometer_scale", _components("accelerometer", "scale", "scale error", unit="1"), "accelerometer"
-        ),
-    )
-    spread: _Share = 0.01
-    walk: _ShareWalk = 0.0
-
-
-class MagnetometerErrors(ErrorSettings):
-    """Offset of the compass."""
-
-    table = (_bias("magnetometer"),)
-    spread: _Angle = 0.05
-    walk: _AngleWalk = 0.0
-
-
-class MagneticFieldErrors(ErrorSettings):
-    """Magnetic field of the vehicle in its own axes (hard iron)."""
-
-    table = (_bias("magnetic_field", additive=False),)
-    spread: _Field = 5e-6
-    walk: _FieldWalk = 0.0
-
-
-class DvlErrors(ErrorSettings):
-    """Scale error and mounting yaw of the DVL."""
-
-    table = (
-        ErrorBlock("dvl_scale", (DVL_SCALE,), "dvl", prefix="scale_"),
-        ErrorBlock("dvl_yaw", (DVL_YAW,), "dvl", prefix="yaw_"),
-    )
-    scale_spread: _Share = 0.05
-    scale_walk: _ShareWalk = 0.0
-    yaw_spread: _Angle = 0.05
-    yaw_walk: _AngleWalk = 0.0
+def _errors(meaning: str, *table: ErrorBlock) -> type[ErrorSettings]:
+    """Return the settings class of an error: spread and walk of each block, by default those in the table."""
+    fields: dict[str, Any] = {}
+    for block in table:
+        unit = block.quantities[0].unit
+        spread = _Share if unit == "1" else Annotated[float, Amount(unit), _SPREAD]
+        fields[f"{block.prefix}spread"] = spread, block.prior_std
+        fields[f"{block.prefix}walk"] = Annotated[float, Amount(f"{unit}/s^0.5"), _WALK], block.walk
+    settings = create_model("ErrorSettings", __base__=ErrorSettings, __doc__=meaning, **fields)
+    settings.table = table
+    return settings
 
 
 class DvlArmErrors(ErrorSettings):
     """Position of the DVL relative to the vehicle's origin (lever arm)."""
 
-    table = _one_each(DVL_ARM, "dvl")
+    table = tuple(ErrorBlock(quantity.symbol, (quantity,), "dvl") for quantity in DVL_ARM)
     axes: Annotated[
         tuple[Literal["x", "y", "z"], ...],
         Field(min_length=1, description="components to estimate: forward, starboard, down"),
     ] = ("x",)
-    spread: _Length = 0.3
-    walk: _LengthWalk = 0.0
+    spread: Annotated[float, Amount("m"), _SPREAD] = 0.3
+    walk: Annotated[float, Amount("m/s^0.5"), _WALK] = 0.0
 
     def blocks(self) -> tuple[ErrorBlock, ...]:
         """Return the blocks of the chosen axes."""
         return tuple(block for axis, block in zip("xyz", super().blocks(), strict=True) if axis in self.axes)
 
 
-class CurrentErrors(ErrorSettings):
-    """Horizontal current, north and east, in the velocity over ground that a DVL measures."""
-
-    table = (ErrorBlock("current", CURRENT, "dvl"),)
-    spread: _Speed = 0.3
-    walk: _SpeedWalk = 1e-3
-
-
-class ThrustErrors(ErrorSettings):
-    """Scale error of the stated surge force, for example of a propeller with a guessed gain."""
-
-    table = (ErrorBlock("thrust", (THRUST_SCALE,)),)
-    spread: _Share = 0.3
-    walk: _ShareWalk = 0.0
-
-
 class FinTrimErrors(ErrorSettings):
     """Constant offset between actual and recorded fin angle."""
 
-    table = _one_each(FIN_TRIMS)
+    table = tuple(ErrorBlock(quantity.symbol, (quantity,)) for quantity in FIN_TRIMS)
     fins: Annotated[
         tuple[Literal["rudder", "elevator"], ...], Field(min_length=1, description="fins with a trim to estimate")
     ] = ("rudder", "elevator")
-    spread: _Angle = 0.05
-    walk: _AngleWalk = 0.0
+    spread: Annotated[float, Amount("rad"), _SPREAD] = 0.05
+    walk: Annotated[float, Amount("rad/s^0.5"), _WALK] = 0.0
 
     def blocks(self) -> tuple[ErrorBlock, ...]:
         """Return the blocks of the chosen fins."""
-        rudder, elevator = super().blocks()
-        return tuple(block for fin, block in (("rudder", rudder), ("elevator", elevator)) if fin in self.fins)
-
-
-class BallastErrors(ErrorSettings):
-    """Errors of weight, buoyancy and their centres: a vertical force and a pitching moment."""
-
-    table = (
-        ErrorBlock("excess_buoyancy", (EXCESS_BUOYANCY,), prefix="buoyancy_"),
-        ErrorBlock("trim_moment", (TRIM_MOMENT,), prefix="moment_"),
-    )
-    buoyancy_spread: _Force = 10.0
-    buoyancy_walk: _ForceWalk = 0.0
-    moment_spread: _Moment = 5.0
-    moment_walk: _MomentWalk = 0.0
+        return tuple(b for fin, b in zip(("rudder", "elevator"), super().blocks(), strict=True) if fin in self.fins)
 
 
 class DelayError(Settings):
@@ -395,27 +275,57 @@ class EstimatedDisturbance(Disturbance):
         )
 
 
-class AugmentedStates(Settings):
+_SCALE = _components("accelerometer", "scale", "scale error", unit="1")
+# Settings class of each error.
+_SETTINGS: dict[BiasName, Any] = {
+    BiasName.GYRO: _errors("Bias of the gyroscope, three components.", _bias("gyroscope", 0.01)),
+    BiasName.ATTITUDE: _errors("Offsets of roll, pitch and heading.", _bias("attitude", 0.05)),
+    BiasName.ACCELEROMETER: _errors(
+        "Bias of the accelerometer, three components.", _bias("accelerometer", 0.05, additive=False)
+    ),
+    BiasName.ACCELEROMETER_SCALE: _errors(
+        "Scale errors of the accelerometer, three axes.",
+        ErrorBlock("accelerometer_scale", _SCALE, "accelerometer", 0.01),
+    ),
+    BiasName.MAGNETOMETER: _errors("Offset of the compass.", _bias("magnetometer", 0.05)),
+    BiasName.MAGNETIC_FIELD: _errors(
+        "Magnetic field of the vehicle in its own axes (hard iron).", _bias("magnetic_field", 5e-6, additive=False)
+    ),
+    BiasName.DVL: _errors(
+        "Scale error and mounting yaw of the DVL.",
+        ErrorBlock("dvl_scale", (DVL_SCALE,), "dvl", 0.05, prefix="scale_"),
+        ErrorBlock("dvl_yaw", (DVL_YAW,), "dvl", 0.05, prefix="yaw_"),
+    ),
+    BiasName.DVL_ARM: DvlArmErrors,
+    BiasName.CURRENT: _errors(
+        "Horizontal current, north and east, in the velocity over ground that a DVL measures.",
+        ErrorBlock("current", CURRENT, "dvl", 0.3, 1e-3),
+    ),
+    BiasName.THRUST: _errors(
+        "Scale error of the stated surge force, for example of a propeller with a guessed gain.",
+        ErrorBlock("thrust", (THRUST_SCALE,), None, 0.3),
+    ),
+    BiasName.FIN_TRIM: FinTrimErrors,
+    BiasName.BALLAST: _errors(
+        "Errors of weight, buoyancy and their centres: a vertical force and a pitching moment.",
+        ErrorBlock("excess_buoyancy", (EXCESS_BUOYANCY,), None, 10.0, prefix="buoyancy_"),
+        ErrorBlock("trim_moment", (TRIM_MOMENT,), None, 5.0, prefix="moment_"),
+    ),
+    BiasName.DELAY: DelayError,
+    BiasName.DISTURBANCE: EstimatedDisturbance,
+}
+
+
+class _AugmentedStates(Settings):
     """Errors to estimate next to coefficients and motion."""
 
     biases: Annotated[
         tuple[BiasName, ...],
         Field(description="errors to estimate, any of " + ", ".join(f"`{name}`" for name in BiasName)),
     ] = ()
-    gyro: GyroErrors = GyroErrors()
-    attitude: AttitudeErrors = AttitudeErrors()
-    accelerometer: AccelerometerErrors = AccelerometerErrors()
-    accelerometer_scale: AccelerometerScaleErrors = AccelerometerScaleErrors()
-    magnetometer: MagnetometerErrors = MagnetometerErrors()
-    magnetic_field: MagneticFieldErrors = MagneticFieldErrors()
-    dvl: DvlErrors = DvlErrors()
-    dvl_arm: DvlArmErrors = DvlArmErrors()
-    current: CurrentErrors = CurrentErrors()
-    thrust: ThrustErrors = ThrustErrors()
-    fin_trim: FinTrimErrors = FinTrimErrors()
-    ballast: BallastErrors = BallastErrors()
-    delay: DelayError = DelayError()
-    disturbance: EstimatedDisturbance = EstimatedDisturbance()
+    if TYPE_CHECKING:
+        delay: DelayError = DelayError()
+        disturbance: EstimatedDisturbance = EstimatedDisturbance()
 
     def blocks_of(self, name: BiasName) -> tuple[ErrorBlock, ...]:
         """Return the blocks of one error, whether it is to be estimated or not."""
@@ -426,13 +336,23 @@ class AugmentedStates(Settings):
         return tuple(block for name in dict.fromkeys(self.biases) for block in self.blocks_of(name))
 
 
-_EVERYTHING = AugmentedStates(
-    biases=tuple(BiasName),
-    dvl_arm=DvlArmErrors(axes=("x", "y", "z")),
-    delay=DelayError(of=get_args(DelayedName)),
-    disturbance=EstimatedDisturbance(
-        force=DisturbingForce(standard_deviation=(1.0,)), moment=DisturbingMoment(standard_deviation=(1.0,))
-    ),
+if TYPE_CHECKING:
+    AugmentedStates = _AugmentedStates
+else:
+    AugmentedStates = create_model(
+        "AugmentedStates",
+        __base__=_AugmentedStates,
+        __doc__=_AugmentedStates.__doc__,
+        **{name.value: (settings, settings()) for name, settings in _SETTINGS.items()},
+    )
+
+_EVERYTHING = AugmentedStates.model_validate(
+    {
+        "biases": tuple(BiasName),
+        "dvl_arm": {"axes": ("x", "y", "z")},
+        "delay": {"of": get_args(DelayedName)},
+        "disturbance": {"force": {"standard_deviation": 1.0}, "moment": {"standard_deviation": 1.0}},
+    }
 )
 # Every block that settings can select, with the default of its spread.
 ERROR_BLOCKS = _EVERYTHING.blocks()

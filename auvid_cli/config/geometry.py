@@ -50,18 +50,8 @@ class MyringShape(Settings):
 
     def hull(self, length: float, diameter: float) -> Hull:
         """Return the contour, m; its length is the sum of the parts."""
-        return myring_hull(
-            MyringLengths(
-                self.nose,
-                self.nose_offset,
-                self.middle,
-                self.tail,
-                self.tail_offset,
-                diameter,
-                self.exponent,
-                self.tail_angle,
-            )
-        )
+        settings = self.model_dump(exclude={"type"})
+        return myring_hull(MyringLengths(diameter=diameter, **settings))
 
 
 class NoseCylinderTail(Settings):

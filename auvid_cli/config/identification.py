@@ -182,18 +182,10 @@ class Identification(Settings):
             return self.noise == "estimate" or BiasName.DISTURBANCE in self.estimate.biases
         return self.smoother.answer == "marginal"
 
-    @field_validator("measurement_noise", mode="after")
+    @field_validator("measurement_noise", "delays")
     @classmethod
-    def _known_sensors(cls, value: dict[str, float]) -> dict[str, float]:
-        for sensor in value:
-            if sensor not in SENSORS:
-                raise ValueError(f"unknown sensor {sensor!r}; expected one of {', '.join(SENSORS)}")
-        return value
-
-    @field_validator("delays")
-    @classmethod
-    def _known_delays(cls, value: dict[str, float]) -> dict[str, float]:
-        known = (*SENSORS, INPUTS_DELAY)
+    def _known_sensors(cls, value: dict[str, float], info: ValidationInfo) -> dict[str, float]:
+        known = (*SENSORS, *([INPUTS_DELAY] if info.field_name == "delays" else []))
         if unknown := [name for name in value if name not in known]:
             raise ValueError(f"unknown sensor {unknown[0]!r}; expected one of {', '.join(known)}")
         return value

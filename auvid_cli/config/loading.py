@@ -49,20 +49,11 @@ Change = tuple[KeyPath, Tree]
 
 @dataclass(frozen=True)
 class Override:
-    """Change of settings: `KEY.KEY=VALUE`, or all values of a YAML file.
+    """Change of settings: `KEY.KEY=VALUE`, or all values of a YAML file."""
 
-    Attributes
-    ----------
-    text : str
-        Text of the user.
-    changes : tuple of Change
-    mistakes : tuple of Mistake
-        Errors of the text itself; `changes` are then those that could be read.
-    """
-
-    text: str
+    text: str  # text of the user
     changes: tuple[Change, ...] = ()
-    mistakes: tuple[Mistake, ...] = ()
+    mistakes: tuple[Mistake, ...] = ()  # errors of the text itself; `changes` are then those that could be read
 
     @classmethod
     def parse(cls, text: str) -> "Override":

@@ -3,7 +3,7 @@
 from difflib import get_close_matches
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, create_model, field_validator, model_validator
 
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.units import EXAMPLES, Amount, Unit, check_size, describe, parse_quantity
@@ -72,6 +72,10 @@ class LogSignal(NamedColumn):
     """
 
     si: ClassVar[str] = ""
+
+    def __init_subclass__(cls, si: str = "", **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.si = si or cls.si
 
     unit: Annotated[str | None, Field(description="unit in the log; default: that in its header, else SI")]
     unit = None
@@ -153,50 +157,22 @@ class PlacedSignal(LogSignal, LogRows):
     """A signal that may be in another table, with its own times."""
 
 
-class Angle(PlacedSignal):
-    """A signal of an angle."""
-
-    si = "rad"
-
-
-class AngularRate(PlacedSignal):
-    """A signal of an angular rate."""
-
-    si = "rad/s"
-
-
-class Speed(PlacedSignal):
-    """A signal of a velocity."""
-
-    si = "m/s"
-
-
-class Acceleration(PlacedSignal):
-    """A signal of a specific force."""
-
-    si = "m/s^2"
-
-
-class MagneticFlux(PlacedSignal):
-    """A signal of a magnetic flux density."""
-
-    si = "T"
-
-
-class Length(PlacedSignal):
-    """A signal of a length; for the depth also a pressure, with a scale in metres."""
-
-    si = "m"
-
-
-class Number(LogSignal):
+class Number(LogSignal, si="dimensionless"):
     """A signal of a pure number."""
 
-    si = "dimensionless"
 
-
+_MEANINGS = {
+    "rad": "an angle",
+    "rad/s": "an angular rate",
+    "m/s": "a velocity",
+    "m/s^2": "a specific force",
+    "T": "a magnetic flux density",
+    "m": "a length; for the depth also a pressure, with a scale in metres",
+}
+# Settings class of a component of a sensor, by its SI unit.
 LOG_SIGNALS: dict[str, type[PlacedSignal]] = {
-    kind.si: kind for kind in (Angle, AngularRate, Speed, Acceleration, MagneticFlux, Length)
+    unit: create_model("Signal", __base__=PlacedSignal, __doc__=f"A signal of {meaning}.", __cls_kwargs__={"si": unit})
+    for unit, meaning in _MEANINGS.items()
 }
 
 
@@ -223,40 +199,28 @@ class InputSignal(PlacedSignal):
         return self
 
 
-class Fin(InputSignal):
+class Fin(InputSignal, si="rad"):
     """Angle of a fin, or of all fins of one input."""
 
-    si = "rad"
 
-
-class Force(InputSignal):
+class Force(InputSignal, si="N"):
     """A force."""
 
-    si = "N"
 
-
-class Moment(InputSignal):
+class Moment(InputSignal, si="N*m"):
     """A moment."""
 
-    si = "N*m"
 
-
-class Revolutions(InputSignal):
+class Revolutions(InputSignal, si="turn/s"):
     """Revolutions per second of a propeller."""
 
-    si = "turn/s"
 
-
-class Voltage(InputSignal):
+class Voltage(InputSignal, si="V"):
     """Voltage of the battery."""
 
-    si = "V"
 
-
-class Share(InputSignal):
+class Share(InputSignal, si="percent"):
     """A thruster's command in percent, or with the unit '1' as a fraction."""
-
-    si = "percent"
 
 
 class Fins(Settings):

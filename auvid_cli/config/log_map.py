@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
 
-from auvid_cli.config.experiment import move_fin_lag
+from auvid_cli.config.experiment import RunName, WithVehicle
 from auvid_cli.config.identification import Identification, IdentificationOfVehicle
 from auvid_cli.config.loading import assemble, open_source, validated
 from auvid_cli.config.log_columns import (
@@ -105,9 +105,13 @@ else:
 class SensorMap(LogRows):
     """Settings of each sensor."""
 
-    sensor: ClassVar[str]
+    sensor: ClassVar[str] = ""
     if TYPE_CHECKING:
         columns: Any
+
+    def __init_subclass__(cls, sensor: str = "", **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.sensor = sensor
 
     unit: Annotated[str | None, Field(description="default unit of the columns")] = None
     standard_deviation: Annotated[
@@ -154,44 +158,39 @@ class InBody(SensorMap):
     mount: Annotated[Mount | None, Field(description="attitude of the sensor in the body")] = None
 
 
-class GyroscopeMap(InBody):
+class GyroscopeMap(InBody, sensor="gyroscope"):
     """Angular rates."""
 
-    sensor = "gyroscope"
     columns: Rates
 
 
-class AccelerometerMap(InBody):
+class AccelerometerMap(InBody, sensor="accelerometer"):
     """Specific force."""
 
-    sensor = "accelerometer"
     columns: SpecificForces
     position: Annotated[
         Lever, Field(description="[forward, starboard, down] from the vehicle's origin; used by estimators")
     ] = (0.0, 0.0, 0.0)
 
 
-class MagneticFieldMap(EarthField, InBody):
+class MagneticFieldMap(EarthField, InBody, sensor="magnetic_field"):
     """Magnetic field along three axes."""
 
-    sensor = "magnetic_field"
     columns: Fields
 
 
-class MagnetometerMap(SensorMap):
+class MagnetometerMap(SensorMap, sensor="magnetometer"):
     """Heading of a compass."""
 
-    sensor = "magnetometer"
     columns: Heading
     reference: Annotated[
         EarthAxes, Field(description="zero and sense: from north clockwise (NED), or from east anticlockwise (ENU)")
     ] = "NED"
 
 
-class DvlMap(SensorMap):
+class DvlMap(SensorMap, sensor="dvl"):
     """Velocity along the axes of the sensor or of the earth."""
 
-    sensor = "dvl"
     columns: Velocity
     frame: Annotated[AnyAxes, Field(description="axes; NED and ENU are rotated into the body by the attitude")] = "FRD"
     mount: Annotated[Mount | None, Field(description="attitude of the sensor in the body")] = None
@@ -221,10 +220,9 @@ class Quaternion(Settings):
         return {axis: f"{data}.{axis}" for axis in "wxyz"} if isinstance(data, str) else data
 
 
-class AttitudeMap(InBody):
+class AttitudeMap(InBody, sensor="attitude"):
     """Roll, pitch and yaw, as angles or as a quaternion."""
 
-    sensor = "attitude"
     columns: Angles | None = None
     quaternion: Quaternion | None = None
     reference: Annotated[EarthAxes, Field(description="axes of the earth")] = "NED"
@@ -242,10 +240,9 @@ class AttitudeMap(InBody):
         return super().signals() if self.quaternion is None else dict(self.quaternion)
 
 
-class DepthMap(SensorMap):
+class DepthMap(SensorMap, sensor="depth"):
     """Depth."""
 
-    sensor = "depth"
     columns: Down
     position: Annotated[
         Lever | None,
@@ -278,10 +275,9 @@ class _SensorMaps(Settings):
 def plain_map(sensor: str) -> type[SensorMap]:
     """Return the settings class of a sensor without axes, lever arm or reference."""
 
-    class _PlainMap(SensorMap):
+    class _PlainMap(SensorMap, sensor=sensor):
         columns: _columns_of(sensor)  # type: ignore[valid-type]
 
-    _PlainMap.sensor = sensor
     return _PlainMap
 
 
@@ -317,10 +313,10 @@ class LogFile(Settings):
         return {"file": data} if isinstance(data, str) else data
 
 
-class LogMap(Settings):
+class LogMap(WithVehicle):
     """A map file."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
+    name: RunName
     vehicle: VehicleSettings
     identification: IdentificationOfVehicle = Identification()
     logs: Annotated[dict[str, LogFile], Field(min_length=1, description="log files, each under a name of your choice")]
@@ -329,11 +325,6 @@ class LogMap(Settings):
     exclude: Annotated[Spans, Field(description="spans [begin, end] without sensors, in the dataset's time")] = ()
     sensors: SensorMaps
     inputs: InputsMap
-
-    @model_validator(mode="before")
-    @classmethod
-    def _move_fin_lag(cls, data: Any) -> Any:
-        return move_fin_lag(data)
 
     def files(self, folder: Path, given: Sequence[str] = ()) -> dict[str, tuple[Path, ...]]:
         """Return the files of each log by its name.

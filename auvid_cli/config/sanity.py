@@ -48,8 +48,7 @@ def sanity_warnings(vehicle: VehicleSettings) -> list[SanityWarning]:
     full_cylinder_buoyancy = size.density * GRAVITY * 0.25 * np.pi * size.diameter**2 * size.length
     return [
         *_added_mass(k),
-        *_weight(k),
-        *_displacement(k, full_cylinder_buoyancy),
+        *_forces(k, full_cylinder_buoyancy),
         *_inertia(k, size.length, size.diameter),
         *_centres(k, size.length, size.diameter),
         *_shape(vehicle),
@@ -64,15 +63,13 @@ def _added_mass(k: Mapping[str, float]) -> Iterator[SanityWarning]:
             )
 
 
-def _weight(k: Mapping[str, float]) -> Iterator[SanityWarning]:
+def _forces(k: Mapping[str, float], full: float) -> Iterator[SanityWarning]:
     weight = k["m"] * GRAVITY
     if abs(k["W"] / weight - 1.0) > _MAX_WEIGHT_ERROR:
         yield SanityWarning("W", f"{k['W']:.4g} N", f"m g = {weight:.4g} N for a mass m of {k['m']:.4g} kg")
     if abs(k["B"] / k["W"] - 1.0) > _MAX_TRIM:
         yield SanityWarning("B", f"{k['B']:.4g} N", f"about the weight W of {k['W']:.4g} N")
 
-
-def _displacement(k: Mapping[str, float], full: float) -> Iterator[SanityWarning]:
     if not _MIN_BUOYANCY * full <= k["B"] <= _MAX_BUOYANCY * full:
         limits = f"{_MIN_BUOYANCY * full:.3g} to {_MAX_BUOYANCY * full:.3g} N"
         yield SanityWarning("B", f"{k['B']:.4g} N", f"{limits} for a hull of that length and diameter")
@@ -116,10 +113,8 @@ def _shape(vehicle: VehicleSettings) -> Iterator[SanityWarning]:
     if shape is None:
         return
     hull, size, buoyancy = shape.hull, vehicle.size, vehicle.known_parameters()["B"]
-    for name, drawn, size_value in (
-        ("length", hull.length, size.length),
-        ("diameter", hull.diameter, size.diameter),
-    ):
+    for name in ("length", "diameter"):
+        drawn, size_value = getattr(hull, name), getattr(size, name)
         if abs(drawn / size_value - 1.0) > _MAX_SIZE_ERROR:
             yield SanityWarning(f"the geometry's {name}", f"{drawn:.4g} m", f"size.{name}, {size_value:.4g} m")
     displaced = size.density * GRAVITY * hull.volume

@@ -33,6 +33,10 @@ class SensorSettings(Settings):
 
     sensor: ClassVar[str]
 
+    def __init_subclass__(cls, sensor: str, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.sensor = sensor
+
     rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="samples per second")]
     start: Annotated[float, Amount("s"), Field(ge=0, le=1e6, description="time of the first sample")] = 0.0
     noise: Annotated[PerComponent, Field(description="standard deviation of the noise")] = ()
@@ -109,16 +113,12 @@ class SensorSettings(Settings):
         return quantities[0].unit, len(quantities)
 
 
-class Gyroscope(SensorSettings):
+class Gyroscope(SensorSettings, sensor="gyroscope"):
     """Body rates."""
 
-    sensor = "gyroscope"
 
-
-class Accelerometer(SensorSettings):
+class Accelerometer(SensorSettings, sensor="accelerometer"):
     """Specific force at the position of the sensor."""
-
-    sensor = "accelerometer"
 
     position: Annotated[
         Lever, Field(description="[forward, starboard, down] from the origin; used by estimators, not by an AHRS")
@@ -126,22 +126,16 @@ class Accelerometer(SensorSettings):
     scale_error: Annotated[float, Field(gt=-1, le=10, description="scale error; 0.01 means 1 % too large")] = 0.0
 
 
-class Magnetometer(SensorSettings):
+class Magnetometer(SensorSettings, sensor="magnetometer"):
     """Heading."""
 
-    sensor = "magnetometer"
 
-
-class MagneticField(EarthField, SensorSettings):
+class MagneticField(EarthField, SensorSettings, sensor="magnetic_field"):
     """Magnetic field along three axes."""
 
-    sensor = "magnetic_field"
 
-
-class Dvl(SensorSettings):
+class Dvl(SensorSettings, sensor="dvl"):
     """Velocity over ground in body axes."""
-
-    sensor = "dvl"
 
     scale_error: Annotated[
         float,
@@ -157,10 +151,8 @@ class Dvl(SensorSettings):
     ] = (0.0, 0.0, 0.0)
 
 
-class Depth(SensorSettings):
+class Depth(SensorSettings, sensor="depth"):
     """Depth below the surface."""
-
-    sensor = "depth"
 
 
 class AhrsSettings(Settings):
@@ -184,13 +176,11 @@ class AhrsSettings(Settings):
     ] = 0.0
 
 
-class Attitude(SensorSettings):
+class Attitude(SensorSettings, sensor="attitude"):
     """Roll, pitch and yaw: computed by an AHRS from the other sensors, or measured directly.
 
     Noise and faults apply to the direct source; the errors of an AHRS follow from those of its sensors.
     """
-
-    sensor = "attitude"
 
     source: Annotated[Literal["ahrs", "direct"], Field(description="AHRS, or true angles plus noise")] = "ahrs"
     rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="samples per second")] = 100.0

@@ -29,24 +29,12 @@ MAX_DEPTH = 50
 
 @dataclass(frozen=True)
 class ConfigSource:
-    """Text with settings.
+    """Text with settings."""
 
-    Attributes
-    ----------
-    name : str
-        Name in messages: the path of the file, or the text of the override.
-    folder : pathlib.Path
-        Folder of relative paths in the text.
-    text : str
-        Whole content; empty for an override.
-    path : pathlib.Path or None
-        The file; None for other text.
-    """
-
-    name: str
-    folder: Path
-    text: str = ""
-    path: Path | None = None
+    name: str  # name in messages: the path of the file, or the text of the override
+    folder: Path  # folder of relative paths in the text
+    text: str = ""  # whole content; empty for an override
+    path: Path | None = None  # the file; None for other text
 
 
 @dataclass(frozen=True)
@@ -110,23 +98,12 @@ def _shortened(text: str) -> str:
 
 @dataclass(frozen=True)
 class Tree:
-    """Value with its position; children are trees.
-
-    Attributes
-    ----------
-    content : dict of str to Tree, list of Tree, or scalar
-    at : Position
-        Start of the value.
-    key_at : Position or None
-        Start of its key, if it has one.
-    readable : bool
-        False for a file that could not be read, whose missing values are not reported.
-    """
+    """Value with its position; children are trees."""
 
     content: Any
-    at: Position
-    key_at: Position | None = None
-    readable: bool = True
+    at: Position  # start of the value
+    key_at: Position | None = None  # start of its key, if it has one
+    readable: bool = True  # False for a file that could not be read, whose missing values are not reported
 
     @property
     def children(self) -> dict[str | int, "Tree"]:

@@ -145,7 +145,13 @@ def parse_components(value: Any, unit: str, n: int, check: SizeCheck = check_siz
     if len(value) not in (1, n):
         counts = "1" if n == 1 else f"1 or {n}"
         raise ValueError(f"expected one quantity or a list of {counts}, got a list of {len(value)}")
-    return tuple(_component(item, unit, index, check) for index, item in enumerate(value, start=1))
+    components = []
+    for index, item in enumerate(value, start=1):
+        try:
+            components.append(check(parse_quantity(item, unit), unit))
+        except ValueError as error:
+            raise ValueError(f"component {index}: {error}") from None
+    return tuple(components)
 
 
 @dataclass(frozen=True)
@@ -204,13 +210,6 @@ def describe(value: Any) -> str:
             return "a list"
     text = repr(value) if isinstance(value, str) else str(value)
     return text if len(text) <= 60 else f"{text[:56]} ..."
-
-
-def _component(item: Any, unit: str, index: int, check: SizeCheck) -> float:
-    try:
-        return check(parse_quantity(item, unit), unit)
-    except ValueError as error:
-        raise ValueError(f"component {index}: {error}") from None
 
 
 @cache

@@ -149,10 +149,6 @@ def _entry(unit: str, base: type[VehicleEntry] = VehicleEntry, positive: bool = 
     return globals()[name]
 
 
-def _identifier(symbol: str) -> str:
-    return symbol.replace("|", "_")
-
-
 class _Table(Settings):
     """Entries by symbol; the fields come from the tables in `auvid_cli.vehicle`."""
 
@@ -188,7 +184,7 @@ else:
         "CoefficientTable",
         __base__=_Table,
         **{
-            _identifier(c.symbol): (
+            c.symbol.replace("|", "_"): (
                 _entry(c.unit, CoefficientEntry) | None,
                 Field(None, alias=c.symbol, description=c.meaning),
             )
@@ -205,7 +201,19 @@ class Size(Settings):
     density: Annotated[float, Unit("kg/m^3"), Field(ge=1, le=2e4, description="density of the water")] = 1025.0
 
 
-class Drawing(Settings):
+class _WithGeometry(Settings):
+    """Settings of which the geometry must match `size`, a field before it."""
+
+    @field_validator("geometry", mode="after", check_fields=False)
+    @classmethod
+    def _valid_geometry(cls, value: GeometrySettings | None, info: ValidationInfo) -> GeometrySettings | None:
+        size: Size | None = info.data.get("size")
+        if value is not None and size is not None:
+            value.shape(size.length, size.diameter, size.density)
+        return value
+
+
+class Drawing(_WithGeometry):
     """Drawing of a vehicle, from which `auvid` derives a vehicle file."""
 
     name: str
@@ -213,21 +221,8 @@ class Drawing(Settings):
     size: Size
     geometry: GeometrySettings
 
-    @field_validator("geometry", mode="after")
-    @classmethod
-    def _valid_geometry(cls, value: GeometrySettings, info: ValidationInfo) -> GeometrySettings:
-        return _checked_geometry(value, info)
 
-
-def _checked_geometry(geometry: GeometrySettings, info: ValidationInfo) -> GeometrySettings:
-    """Return the geometry; ValueError if its parts do not match `size`, a field before it."""
-    size: Size | None = info.data.get("size")
-    if size is not None:
-        geometry.shape(size.length, size.diameter, size.density)
-    return geometry
-
-
-class VehicleSettings(Settings):
+class VehicleSettings(_WithGeometry):
     """A vehicle file."""
 
     name: str
@@ -244,11 +239,6 @@ class VehicleSettings(Settings):
     actuators: Annotated[
         ActuatorSettings, Field(description="dynamics of fins and propeller; the recorded inputs are then commands")
     ] = ActuatorSettings()
-
-    @field_validator("geometry", mode="after")
-    @classmethod
-    def _valid_geometry(cls, value: GeometrySettings | None, info: ValidationInfo) -> GeometrySettings | None:
-        return value if value is None else _checked_geometry(value, info)
 
     def shape(self) -> Geometry | None:
         """Return hull and fins in body axes, SI; None without a geometry."""

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
 from auvid_cli.data.signals import rate_of_change, response_to_rates
 from auvid_cli.inspection.fins import LinearMotion, predicted_response
@@ -21,7 +22,6 @@ from auvid_cli.inspection.kinematic_relations import (
 from auvid_cli.inspection.responses import AXES, MIN_DEFLECTION, RotationAxis, response_window
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
-Array = NDArray[np.float64]
 _LIKELIHOOD_MARGIN = 10.0  # increase of the log-likelihood at which another sign, fin or lag is preferred
 # Largest apparent delay of inputs that are not delayed, s.
 _MAX_GOOD_FIT_DELAY = 0.075  # where the vehicle file predicts the rotation well
@@ -76,33 +76,15 @@ def likeliest_lag(likelihood: Array) -> tuple[float, float]:
 
 
 class Alignment(NamedTuple):
-    """Delay of the inputs, and assignment of the fins.
+    """Delay of the inputs, and assignment of the fins."""
 
-    Attributes
-    ----------
-    delay : float or None
-        Time stamps of the inputs minus those of the motion, s; None if undetermined.
-    exchanged : bool or None
-        Whether the columns of rudder and elevator are exchanged.
-    share : float
-        Change of the faster fin within the delay, in its standard deviations.
-    usual : float
-        Largest apparent delay of inputs that are not delayed, s.
-    error : float
-        Standard deviation of the delay due to noise, s.
-    is_clear : bool
-        Whether no delay longer than `usual` is more likely than this one.
-    gain : float
-        Increase of the log-likelihood over no delay.
-    """
-
-    delay: float | None
-    exchanged: bool | None
-    share: float = 0.0
-    usual: float = _MAX_DELAY_WITHOUT_FILE
-    error: float = 0.0
-    is_clear: bool = True
-    gain: float = 0.0
+    delay: float | None  # time stamps of the inputs minus those of the motion, s; None if undetermined
+    exchanged: bool | None  # whether the columns of rudder and elevator are exchanged
+    share: float = 0.0  # change of the faster fin within the delay, in its standard deviations
+    usual: float = _MAX_DELAY_WITHOUT_FILE  # largest apparent delay of inputs that are not delayed, s
+    error: float = 0.0  # standard deviation of the delay due to noise, s
+    is_clear: bool = True  # whether no delay longer than `usual` is more likely than this one
+    gain: float = 0.0  # increase of the log-likelihood over no delay
 
     @property
     def is_delayed(self) -> bool:
@@ -289,24 +271,14 @@ def _lags(signals: Signals, longest: float) -> NDArray[np.int64]:
 
 
 class _Pair(NamedTuple):
-    """A derivative as one sensor measures it, and as others predict it, smoothed alike.
-
-    Attributes
-    ----------
-    sensor, other : str
-    measured, expected : ndarray
-    reversed_w : ndarray or None
-        Prediction with the sign of w reversed, which looks like a delay.
-    swings : bool
-        Whether a lever arm between the sensors looks like a delay.
-    """
+    """A derivative as one sensor measures it, and as others predict it, smoothed alike."""
 
     sensor: str
     other: str
     measured: Array
     expected: Array
-    reversed_w: Array | None = None
-    swings: bool = False
+    reversed_w: Array | None = None  # prediction with the sign of w reversed, which looks like a delay
+    swings: bool = False  # whether a lever arm between the sensors looks like a delay
 
 
 def sensor_delay_checks(signals: Signals, time_constant: float | None, contradicted: bool) -> list[Check]:

@@ -3,8 +3,8 @@
 from collections.abc import Collection
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset, InputRecord
@@ -15,7 +15,6 @@ from auvid_cli.vehicle.actuators import IDEAL, Actuator, Actuators
 from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, SENSORS, Quantity
 
-Array = NDArray[np.float64]
 _MIN_FIN = np.deg2rad(1.0)  # rad, RMS
 _MIN_THRUST_SHARE = 0.02  # RMS, of the mean
 _MIN_THRUST = 1e-3  # N, RMS

@@ -5,9 +5,9 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.sanity import MAX_FIN_STRENGTH, MIN_FIN_STRENGTH
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.checks import Check
@@ -20,7 +20,6 @@ from auvid_cli.vehicle.coefficients import Coefficient
 from auvid_cli.vehicle.matrices import coriolis_matrix, mass_matrix, restoring_vector
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
-Array = NDArray[np.float64]
 _ACROSS = ("v", "w", "p", "q", "r")
 _LINEAR_STATES = ("u", *_ACROSS, "phi", "theta")
 _FORCE_ROWS = {"surge_force": 0, "roll_moment": 3}  # of the equations of motion
@@ -43,18 +42,10 @@ _YAW = AXES[2]
 
 
 class LinearMotion(NamedTuple):
-    """Linear equations of motion.
+    """Linear equations of motion."""
 
-    Attributes
-    ----------
-    by_state : ndarray, shape (8, 8)
-        Rates of change of u, v, w, p, q, r, roll and pitch, by each of them.
-    by_input : dict of ndarray, shape (8,)
-        By input: per force or moment; for a fin per angle and square of the speed.
-    """
-
-    by_state: Array
-    by_input: dict[str, Array]
+    by_state: Array  # rates of change of u, v, w, p, q, r, roll and pitch, by each of them, shape (8, 8)
+    by_input: dict[str, Array]  # shape (8,); per force or moment, for a fin per angle and square of the speed
 
     def pulse_responses(self, rate: str, states: Sequence[str], given: str, step: float, cells: int) -> Array:
         """Return the change of a rate at the end of `cells` steps due to a unit input in each step, shape (cells,).
@@ -136,24 +127,12 @@ def motion_of(signals: Signals, vehicle: VehicleSettings) -> LinearMotion | None
 
 
 class PredictedResponse(NamedTuple):
-    """Change of a rate over a window, and the part that an input should cause.
+    """Change of a rate over a window, and the part that an input should cause."""
 
-    Attributes
-    ----------
-    change : ndarray
-        rad/s, from each cell on.
-    predicted : ndarray
-        From the vehicle file, rad/s; without its coefficients in another unit.
-    covariates : list of ndarray
-        Other causes of a change.
-    window : int
-        Cells.
-    """
-
-    change: Array
-    predicted: Array
-    covariates: list[Array]
-    window: int
+    change: Array  # rad/s, from each cell on
+    predicted: Array  # from the vehicle file, rad/s; without its coefficients in another unit
+    covariates: list[Array]  # other causes of a change
+    window: int  # cells
 
 
 def predicted_response(

@@ -1,11 +1,11 @@
 """Inspect a dataset before identification: single sensors, contradictions between them, and excitation."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import ImportedRun, RunSettings
 from auvid_cli.config.sanity import sanity_warnings
 from auvid_cli.config.vehicle import VehicleSettings
@@ -13,40 +13,18 @@ from auvid_cli.data.acting_inputs import as_acting, with_actuator_dynamics
 from auvid_cli.data.checks import Check, Checks
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.data.faults import Cause, FaultKind
+from auvid_cli.inspection import excitation, rotation, single_sensor
 from auvid_cli.inspection.delays import Alignment, aligned, alignment_checks, input_alignment, sensor_delay_checks
-from auvid_cli.inspection.excitation import (
-    actuator_checks,
-    doubled_thrust_check,
-    excitation_checks,
-    fitness_checks,
-    force_checks,
-)
 from auvid_cli.inspection.fins import RudderTrim, motion_of, rudder_trim, rudder_trim_checks, strength_checks
 from auvid_cli.inspection.inspection import UNDETERMINED, Inspection, Mark, data_checks, judged
 from auvid_cli.inspection.kinematic_relations import Signals, measured_forces, signals_of, span_of
 from auvid_cli.inspection.responses import Current, estimate_current, is_significant, through_water
-from auvid_cli.inspection.rotation import (
-    RateError,
-    excursion_checks,
-    gyroscope_biases,
-    rate_error_checks,
-    rate_errors,
-    rotation_checks,
-    stability_checks,
-)
-from auvid_cli.inspection.single_sensor import (
-    Screening,
-    angle_steps,
-    gimbal_check,
-    measurement_checks,
-    screen,
-    step_check,
-)
+from auvid_cli.inspection.rotation import RateError
+from auvid_cli.inspection.single_sensor import Screening
 from auvid_cli.inspection.timing import input_end_check, input_timing_checks, timing_checks
 from auvid_cli.inspection.velocity import against_force, mean_speed, velocity_checks
 from auvid_cli.vehicle.parameters import SENSORS
 
-Array = NDArray[np.float64]
 _MAX_INPUTS = 100_000  # samples of the inputs in a timeline
 _MAX_BINS = 600  # of a timeline
 _MEASUREMENTS_PER_BIN = 10
@@ -57,7 +35,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     experiment, vehicle = dataset.experiment, dataset.experiment.vehicle
     actuators, length = vehicle.actuators.actuators(), vehicle.size.length
     sensors = _sensors_with_values(dataset)
-    screened = {name: screen(name, record) for name, record in sensors.items()}
+    screened = {name: single_sensor.screen(name, record) for name, record in sensors.items()}
     clean = {name: screening.record for name, screening in screened.items()}
     marks = [mark for screening in screened.values() for mark in screening.marks]
     span = span_of(dataset.inputs, sensors)
@@ -84,17 +62,18 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     # Inputs
     checks += [*_input_end(dataset, sensors), *input_timing_checks(dataset.inputs, time_constant)]
     checks += alignment_checks(alignment)
-    checks += actuator_checks(dataset.inputs, actuators)
-    checks += doubled_thrust_check(dataset.inputs, vehicle.coefficient_set)
-    checks += force_checks(signals, vehicle)
+    checks += excitation.actuator_checks(dataset.inputs, actuators)
+    checks += excitation.doubled_thrust_check(dataset.inputs, vehicle.coefficient_set)
+    checks += excitation.force_checks(signals, vehicle)
 
     # Sensors against each other
-    rotations = rotation_checks(in_water, clean, time_constant)
+    rotations = rotation.rotation_checks(in_water, clean, time_constant)
     accelerometer = dataset.sensors.get("accelerometer")
     ahead = 0.0 if accelerometer is None else accelerometer.position[0]
     velocities = velocity_checks(over_ground, length, time_constant, ahead)
-    errors = rate_errors(signals, clean)
-    checks += [*rotations, *velocities, *stability_checks(signals), *rate_error_checks(dataset, errors)]
+    errors = rotation.rate_errors(signals, clean)
+    checks += [*rotations, *velocities, *rotation.stability_checks(signals)]
+    checks += rotation.rate_error_checks(dataset, errors)
 
     # Fins, unless sensors contradict each other
     if not _has_failed_sensor([*rotations, *velocities], clean):
@@ -106,15 +85,15 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     contradicted = _has_failed_sensor(rotations, clean)
     checks += sensor_delay_checks(signals, time_constant, contradicted)
     if not contradicted:
-        excursions, excursion_marks = excursion_checks(signals, stepped)
+        excursions, excursion_marks = rotation.excursion_checks(signals, stepped)
         checks += excursions
         marks += excursion_marks
 
     # Excitation, and causes of all that was found
-    checks += [*excitation_checks(dataset, signals), *fitness_checks(dataset, time_constant)]
+    checks += [*excitation.excitation_checks(dataset, signals), *excitation.fitness_checks(dataset, time_constant)]
     checks = weighted_evidence(checks)
     significant = current if current is not None and is_significant(signals, current) else None
-    checks.append(causes_check(alignment, significant, trim, errors, gyroscope_biases(dataset), checks))
+    checks.append(causes_check(alignment, significant, trim, errors, rotation.gyroscope_biases(dataset), checks))
 
     every = slice(None, None, 1 + dataset.inputs.time.size // _MAX_INPUTS)
     inputs = InputRecord(dataset.inputs.time[every], dataset.inputs.values[every])
@@ -126,7 +105,9 @@ def contradictions_of_unused(dataset: Dataset) -> list[Check]:
     """Return failed checks of the velocities by an accelerometer that is not used; the truth is ignored."""
     if "accelerometer" not in dataset.experiment.identification.unused_sensors:
         return []
-    sensors = {name: screen(name, record).record for name, record in _sensors_with_values(dataset).items()}
+    sensors = {
+        name: single_sensor.screen(name, record).record for name, record in _sensors_with_values(dataset).items()
+    }
     signals = signals_of(dataset.inputs, sensors, span_of(dataset.inputs, sensors))
     checks = (against_force(signals, symbol, force) for symbol, force in measured_forces(signals).items())
     return [check for check in checks if check.passed is False]
@@ -161,7 +142,6 @@ def _missing_sensors(dataset: Dataset, sensors: dict[str, SensorRecord]) -> list
 
 
 def _import_remarks(run: RunSettings) -> list[Check]:
-    """Return the remarks of the import, such as that another clock is better."""
     remarks = run.recording.remarks if isinstance(run, ImportedRun) else {}
     return [
         judged(
@@ -177,7 +157,6 @@ def _import_remarks(run: RunSettings) -> list[Check]:
 
 
 def _vehicle(vehicle: VehicleSettings) -> list[Check]:
-    """Return implausible values of the vehicle file."""
     advice = "Check the sign and the unit of this value in the vehicle file, and the value that it is compared with."
     return [
         judged(
@@ -188,34 +167,31 @@ def _vehicle(vehicle: VehicleSettings) -> list[Check]:
 
 
 def _sensor_checks(dataset: Dataset, name: str, screening: Screening) -> list[Check]:
-    """Check a sensor by itself."""
     record = dataset.sensors[name]
     checks = timing_checks(name, record, screening.jumps) if record.time.size > 1 else []
-    checks += [*data_checks([dataset], "", [name]), *measurement_checks(name, record, screening)]
+    checks += [*data_checks([dataset], "", [name]), *single_sensor.measurement_checks(name, record, screening)]
     has_pitch = name == "attitude" and np.isfinite(record.values[:, 1]).any()
-    return [*checks, gimbal_check(record)] if has_pitch else checks
+    return [*checks, single_sensor.gimbal_check(record)] if has_pitch else checks
 
 
 def _steps(signals: Signals, sensors: dict[str, SensorRecord]) -> tuple[list[Check], list[Mark], set[str]]:
     """Check all angles for steps and remove these from the signals; return checks, marks and angles with steps."""
     checks, marks, stepped = [], [], set()
-    for name, component, symbol in _angles(sensors):
-        before, after, size = angle_steps(sensors, name, component)
-        checks.append(step_check(name, symbol, before, size))
+    angles = (
+        (name, component, quantity.symbol)
+        for name, record in sensors.items()
+        for component, quantity in enumerate(SENSORS[name])
+        if quantity.unit == "rad" and np.isfinite(record.values[:, component]).sum() > 1
+    )
+    for name, component, symbol in angles:
+        before, after, size = single_sensor.angle_steps(sensors, name, component)
+        checks.append(single_sensor.step_check(name, symbol, before, size))
         if size.size:
             stepped.add(symbol)
         for times in zip(before.tolist(), after.tolist(), strict=True):
             marks.append(Mark(name, "step", *times))
             signals.blank(symbol, *times)
     return checks, marks, stepped
-
-
-def _angles(sensors: dict[str, SensorRecord]) -> Iterator[tuple[str, int, str]]:
-    """Yield sensor, component and symbol of each measured angle."""
-    for name, record in sensors.items():
-        for component, quantity in enumerate(SENSORS[name]):
-            if quantity.unit == "rad" and np.isfinite(record.values[:, component]).sum() > 1:
-                yield name, component, quantity.symbol
 
 
 def _input_end(dataset: Dataset, sensors: dict[str, SensorRecord]) -> list[Check]:
@@ -240,28 +216,15 @@ def _presence(record: SensorRecord, span: tuple[float, float]) -> Array:
 
 
 class _AxisEvidence(NamedTuple):
-    """Checks that show the sign of a rate and an angle.
+    """Checks that show the sign of a rate and an angle."""
 
-    Attributes
-    ----------
-    agreement : tuple of str
-        Checks of the rate against an angle; the first that was determined counts.
-    response : tuple of str
-        Subject and check of the response to the input.
-    others : tuple of (str, str)
-        Subject and check of other evidence on the direction of rotation.
-    symbols, positive : str
-        Signals with the wrong sign if both contradict them, and their correct direction.
-    dependent : tuple of str
-        Other checks that need the rate or the angle.
-    """
-
-    agreement: tuple[str, ...]
-    response: tuple[str, str]
-    others: tuple[tuple[str, str], ...]
+    agreement: tuple[str, ...]  # checks of the rate against an angle; the first that was determined counts
+    response: tuple[str, str]  # subject and check of the response to the input
+    others: tuple[tuple[str, str], ...]  # subject and check of other evidence on the direction of rotation
+    # symbols, positive: signals with the wrong sign if both contradict them, and their correct direction
     symbols: str
     positive: str
-    dependent: tuple[str, ...] = ()
+    dependent: tuple[str, ...] = ()  # other checks that need the rate or the angle
 
 
 _RATE_ERRORS = tuple(f"autocorrelated errors in {rate}" for rate in "pqr")

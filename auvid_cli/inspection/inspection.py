@@ -7,8 +7,8 @@ from math import log
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check, Checks, NamedRows
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.data.signals import MAX_REPEAT, gap_limit, repeats, rounded_repeats, rounding_steps
@@ -18,7 +18,6 @@ from auvid_cli.vehicle.parameters import SENSORS
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 # Check without a filter: data belong to none.
 judged = partial(Check.of, "")
 MarkKind = Literal["gap", "clock", "stuck", "spike", "step"]
@@ -63,6 +62,12 @@ def mistaken_units(gain: float, above: tuple[str, str], below: tuple[str, str]) 
     return " Or: ".join(words for words in (mistaken_unit(*above, size), mistaken_unit(*below, 1.0 / size)) if words)
 
 
+def suggested_units(gain: float, above: tuple[str, str], below: tuple[str, str]) -> str:
+    """Return what `mistaken_units` finds as the end of an advice; empty if that is nothing."""
+    units = mistaken_units(gain, above, below)
+    return f" The gain suggests: {units}" if units else ""
+
+
 class Mark(NamedTuple):
     """A time span, s, with a fault of a sensor."""
 
@@ -74,25 +79,14 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True)
 class Inspection:
-    """Checks of a dataset, and the contents of its timeline.
-
-    Attributes
-    ----------
-    checks : Checks
-    marks : list of Mark
-    inputs : InputRecord
-        Evenly spaced samples of a long record.
-    presence : dict of ndarray, shape (bins,)
-        By sensor: share of the usual number of measurements in equal intervals of the span, 0 to 1.
-    span : tuple of float
-        First and last time of all records, s.
-    """
+    """Checks of a dataset, and the contents of its timeline."""
 
     checks: Checks
     marks: list[Mark]
-    inputs: InputRecord
+    inputs: InputRecord  # evenly spaced samples of a long record
+    # By sensor, shape (bins,): share of the usual number of measurements in equal intervals of the span, 0 to 1
     presence: dict[str, Array]
-    span: tuple[float, float]
+    span: tuple[float, float]  # first and last time of all records, s
 
     def rows(self) -> NamedRows:
         """Return the rows of ``inspection.csv``: checks without the column of the filter."""

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.data.signals import TURN_RATE_WINDOW, rate_of_change
 from auvid_cli.errors import DataError
@@ -13,7 +13,6 @@ from auvid_cli.inspection.single_sensor import continuous
 from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
-Array = NDArray[np.float64]
 _STEP = 0.1  # s, cell of the grid
 _MAX_SPAN = 14 * 86400.0  # s
 _MAX_EMPTY = 1_000_000  # cells of a grid, for any number of samples
@@ -39,20 +38,11 @@ class Grid(NamedTuple):
 
 
 class Signals(NamedTuple):
-    """Measured components and inputs on a grid.
-
-    Attributes
-    ----------
-    grid : Grid
-    values : dict of ndarray, shape (cells,)
-        By symbol; NaN where nothing was measured.
-    interval : dict of float
-        By symbol of a measured component: median interval of its measurements, s.
-    """
+    """Measured components and inputs on a grid."""
 
     grid: Grid
-    values: dict[str, Array]
-    interval: dict[str, float]
+    values: dict[str, Array]  # by symbol, shape (cells,); NaN where nothing was measured
+    interval: dict[str, float]  # by symbol of a measured component: median interval of its measurements, s
 
     def has(self, *symbols: str) -> bool:
         """Whether all these symbols were measured."""
@@ -170,25 +160,14 @@ def without_mean(values: Array, window: int) -> Array:
 
 
 class Regression(NamedTuple):
-    """Regression of one signal on another, given further regressors.
+    """Regression of one signal on another, given further regressors."""
 
-    Attributes
-    ----------
-    gain, error : float
-        Slope and its standard error; samples within one window count as one.
-    correlation : float
-        Partial.
-    spread : float
-        Standard deviation of the regressor, without the part that the further regressors explain.
-    independent : float
-        Effective number of windows: small if a single event dominates.
-    """
-
+    # gain, error: slope and its standard error; samples within one window count as one
     gain: float
     error: float
-    correlation: float
-    spread: float
-    independent: float
+    correlation: float  # partial
+    spread: float  # standard deviation of the regressor, without the part that the further regressors explain
+    independent: float  # effective number of windows: small if a single event dominates
 
 
 def fit(
@@ -232,22 +211,15 @@ def fit(
 
 
 class _Weighted(NamedTuple):
-    """Weighted least-squares fit.
-
-    Attributes
-    ----------
-    power, power_of_values : float
-        Mean square of regressor and values, without the part that the further regressors explain.
-    evenness : float
-        Effective share of the samples: 1 if all have the same weight in the fit.
-    """
+    """Weighted least-squares fit."""
 
     gain: float
     residual: Array
     variance: float
+    # power, power_of_values: mean square of regressor and values, without the part that the further regressors explain
     power: float
     power_of_values: float
-    evenness: float
+    evenness: float  # effective share of the samples: 1 if all have the same weight in the fit
 
 
 def _weighted(y: Array, x: Array, further: Array, weights: Array) -> _Weighted:

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
 from auvid_cli.inspection.inspection import judged, undetermined
 from auvid_cli.inspection.kinematic_relations import (
@@ -18,7 +18,6 @@ from auvid_cli.inspection.kinematic_relations import (
     smoothed,
 )
 
-Array = NDArray[np.float64]
 _MAX_FLOW_ANGLE = np.deg2rad(2.0)  # rad, due to a current that needs no note
 _CURRENT_SIGMAS = 5.0
 _SIGN_SIGMAS = 5.0  # standard errors of a gain from 0 at which its sign is known
@@ -106,23 +105,14 @@ def _max_current(signals: Signals) -> float:
 
 
 class RotationAxis(NamedTuple):
-    """An axis of rotation.
+    """An axis of rotation."""
 
-    Attributes
-    ----------
-    rate, angle, input : str
-        Symbols of the turn rate, the angle and the input about this axis.
-    sign : int
-        Sign of the rate after a positive input. Positive fins push the stern to starboard or up.
-    covariates : tuple of str
-        Symbols of other signals that change the moment.
-    """
-
+    # rate, angle, input: symbols of the turn rate, the angle and the input about this axis
     rate: str
     angle: str
     input: str
-    sign: int
-    covariates: tuple[str, ...]
+    sign: int  # of the rate after a positive input; a positive fin pushes the stern to starboard or up
+    covariates: tuple[str, ...]  # symbols of other signals that change the moment
 
 
 AXES = (

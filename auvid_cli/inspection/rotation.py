@@ -4,12 +4,13 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.signals import rate_noise
+from auvid_cli.inspection import responses
 from auvid_cli.inspection.inspection import Mark, judged, mistaken_units, undetermined
 from auvid_cli.inspection.kinematic_relations import (
     Regression,
@@ -23,19 +24,11 @@ from auvid_cli.inspection.kinematic_relations import (
     regress_relation,
     smoothed,
 )
-from auvid_cli.inspection.responses import (
-    AXES,
-    RotationAxis,
-    response_check,
-    response_fits,
-    response_signs,
-    sideslip_pivots,
-)
+from auvid_cli.inspection.responses import AXES, RotationAxis
 from auvid_cli.inspection.single_sensor import MIN_NOISE_SAMPLES, bias_instability, continuous, noise_floor
 from auvid_cli.vehicle.kinematics import euler_rates
 from auvid_cli.vehicle.parameters import INERTIAL, SENSORS, Quantity
 
-Array = NDArray[np.float64]
 _GAIN_TOLERANCE = 0.2
 _GAIN_SIGMAS = 3.0
 _MIN_CORRELATION = 0.7
@@ -63,7 +56,7 @@ def rotation_checks(signals: Signals, sensors: Mapping[str, SensorRecord], time_
     """
     checks = []
     for axis in AXES:
-        fits = response_fits(signals, axis, time_constant)
+        fits = responses.response_fits(signals, axis, time_constant)
         for angle, subject in ((axis.angle, "attitude"), *([("heading", "magnetometer")] if axis.rate == "r" else [])):
             relation = attitude_rates(signals, "heading" if angle == "heading" else "psi").get(axis.rate)
             if relation is not None and signals.has(axis.rate):
@@ -76,7 +69,7 @@ def rotation_checks(signals: Signals, sensors: Mapping[str, SensorRecord], time_
                 if missing != "heading":
                     name, reason = f"{axis.rate} against {angle}", f"{missing} is not measured"
                     checks.append(undetermined(sensor, name, reason, _AGREEMENT_THRESHOLD))
-        checks.append(response_check(signals, axis, fits))
+        checks.append(responses.response_check(signals, axis, fits))
     return checks
 
 
@@ -105,9 +98,9 @@ def _sign_evidence(
 ) -> dict[str, tuple[int, ...]]:
     """Return by sensor of the rate: 1 for evidence that its sign is right, -1 that it is wrong (fin, slip in turns)."""
     sideways = {"q": "w", "r": "v"}.get(axis.rate)
-    evidence = [response_signs(axis, fits)]
+    evidence = [responses.response_signs(axis, fits)]
     if sideways is not None and signals.has("u", sideways):
-        pivots = sideslip_pivots(signals, sideways)
+        pivots = responses.sideslip_pivots(signals, sideways)
         evidence.append({name: 1 if ahead > 0.0 else -1 for name, ahead in pivots.items()})
     return {name: tuple(signs[name] for signs in evidence if name in signs) for name in fits}
 
@@ -290,21 +283,13 @@ def _excursion_check(symbol: str, reference: str, spans: Array, peaks: Array) ->
 
 
 class RateError(NamedTuple):
-    """Autocorrelated error of a rate of the gyroscope: difference to attitude, averaged over some seconds.
-
-    Attributes
-    ----------
-    rate : str
-    size, expected : float
-        Root mean square, and the part due to the stated noise, rad/s.
-    gain : float
-        Increase of the log-likelihood if noise were of that size; 0 up to the stated size.
-    """
+    """Autocorrelated error of a rate of the gyroscope: difference to attitude, averaged over some seconds."""
 
     rate: str
+    # size, expected: root mean square, and the part due to the stated noise, rad/s
     size: float
     expected: float
-    gain: float
+    gain: float  # increase of the log-likelihood if noise were of that size; 0 up to the stated size
 
     @property
     def is_significant(self) -> bool:

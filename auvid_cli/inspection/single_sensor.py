@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from auvid_cli.angles import wrap
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import gap_limit, gaps, quantisation_step, stuck_times
@@ -17,7 +18,6 @@ from auvid_cli.inspection.timing import clock_jumps
 from auvid_cli.vehicle.kinematics import euler_rates
 from auvid_cli.vehicle.parameters import SENSORS, Quantity
 
-Array = NDArray[np.float64]
 _MAX_AVERAGING_SHARE = 0.1  # of the record; longer averages are too few
 _MIN_INSTABILITY_SAMPLES = 100
 # Ratio of the Allan deviation of flicker noise to its bias instability, IEEE Std 952-1997, annex C.
@@ -38,24 +38,12 @@ _PITCH_FAILURE = np.deg2rad(85.0)
 
 
 class Screening(NamedTuple):
-    """A record without its faults, and the faults.
+    """A record without its faults, and the faults."""
 
-    Attributes
-    ----------
-    record : SensorRecord
-        NaN for stuck values and spikes; ends at the first jump of the clock.
-    jumps : ndarray of int
-        Index of the sample before each jump of the clock.
-    spikes : ndarray of bool, shape (n, c)
-        In the original record.
-    largest : dict
-        By component: size of the largest spike, in robust standard deviations, and its time, s.
-    marks : list of Mark
-    """
-
-    record: SensorRecord
-    jumps: NDArray[np.int64]
-    spikes: NDArray[np.bool_]
+    record: SensorRecord  # NaN for stuck values and spikes; ends at the first jump of the clock
+    jumps: NDArray[np.int64]  # index of the sample before each jump of the clock
+    spikes: NDArray[np.bool_]  # shape (n, c); in the original record
+    # By component: size of the largest spike, in robust standard deviations, and its time, s
     largest: dict[str, tuple[float, float]]
     marks: list[Mark]
 

@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.data.signals import gap_limit, quantisation_step, repeats
 from auvid_cli.inspection.inspection import judged
 
-Array = NDArray[np.float64]
 _MAX_JITTER = 0.5  # of the median interval
 _MAX_INPUT_INTERVAL = 0.5  # s, for any vehicle
 _MAX_MISSING_SHARE = 0.01  # above: a note

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.logs.formats.log import ColumnValues
 
-Array = NDArray[np.float64]
 _HOUR = 3600.0  # s
 _DAY = 86400.0  # s
 # A leap second is the second 60.
@@ -33,27 +33,13 @@ class Clock(NamedTuple):
 
 
 class Order(NamedTuple):
-    """Rows in the order of their times, and the numbers of disordered rows.
+    """Rows in the order of their times, and the numbers of disordered rows."""
 
-    Attributes
-    ----------
-    rows : ndarray of int, or a slice of all
-        Rows that are kept.
-    without_time : int
-        Rows without a time.
-    backward : int
-        Rows with an earlier time than the row before.
-    furthest_back : float
-        Largest backward step, s.
-    duplicates : int
-        Rows with the time of another row.
-    """
-
-    rows: NDArray[np.int64] | slice
-    without_time: int = 0
-    backward: int = 0
-    furthest_back: float = 0.0
-    duplicates: int = 0
+    rows: NDArray[np.int64] | slice  # rows that are kept
+    without_time: int = 0  # rows without a time
+    backward: int = 0  # rows with an earlier time than the row before
+    furthest_back: float = 0.0  # largest backward step, s
+    duplicates: int = 0  # rows with the time of another row
 
 
 def to_seconds(values: ColumnValues, factor: float) -> Clock:
@@ -142,23 +128,13 @@ def _dates(values: ColumnValues) -> Array:
 
 
 class ClockDrift(NamedTuple):
-    """Difference between two clocks of the same messages.
-
-    Attributes
-    ----------
-    clock, other : str
-    unsteady : bool
-        Whether `clock` has the less even intervals.
-    later : float
-        Median of the difference, s; 0 if the epochs differ.
-    spread, furthest : float
-        Variation of the difference about its median, s: 5 % to 95 % quantile, and maximum.
-    """
+    """Difference between two clocks of the same messages."""
 
     clock: str
     other: str
-    unsteady: bool
-    later: float
+    unsteady: bool  # whether `clock` has the less even intervals
+    later: float  # median of the difference, s; 0 if the epochs differ
+    # spread, furthest: variation of the difference about its median, s: 5 % to 95 % quantile, and maximum
     spread: float
     furthest: float
 
@@ -183,9 +159,8 @@ def find_clock_drift(taken: Array, other: Array, names: tuple[str, str]) -> Cloc
     is_epoch = min(np.median(taken), np.median(other)) > _MIN_EPOCH
     furthest = float(np.abs(difference).max())
     interval = float(np.median(np.abs(np.diff(other))))
-    unsteady = furthest > min(_MIN_INTERVAL_SHARE * interval, _MIN_VARIATION) and _unevenness(taken) > _unevenness(
-        other
-    )
+    is_less_even = _unevenness(taken) > _unevenness(other)
+    unsteady = is_less_even and furthest > min(_MIN_INTERVAL_SHARE * interval, _MIN_VARIATION)
     if not unsteady and not (is_epoch and later > _PLAYBACK_DELAY):
         return None
     low, high = np.quantile(difference, _QUANTILES)

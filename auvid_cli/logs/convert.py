@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import ImportedRun, RecordedFile, Recording
 from auvid_cli.config.log_map import InputsMap, LogMap
 from auvid_cli.config.source_positions import KeyPath, Tree
@@ -22,7 +22,6 @@ from auvid_cli.logs.requests import ColumnReader, MapErrors, MapMismatchError, R
 from auvid_cli.logs.sensor_records import SensorRecords, read_sensors
 from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUT_SYMBOLS, PROPULSION
 
-Array = NDArray[np.float64]
 # Files of each log by its name, in their order.
 LogFiles = Mapping[str, Sequence[Path]]
 # Deflection of each fin per radian of rudder and of elevator. A positive rudder pushes the tail to starboard, a
@@ -43,21 +42,11 @@ _MAX_FRACTION = 1.5  # largest command of a thruster that is probably a fraction
 
 
 class Conversion(NamedTuple):
-    """Dataset records from logs, and the report of the conversion.
-
-    Attributes
-    ----------
-    inputs : InputRecord
-    sensors : dict of SensorRecord
-    origin : float
-        Time of the log, s, at t = 0, which is the first sample of the earliest sensor.
-    summaries : tuple of ImportSummary
-    remarks : tuple of str
-    """
+    """Dataset records from logs, and the report of the conversion."""
 
     inputs: InputRecord
     sensors: dict[str, SensorRecord]
-    origin: float
+    origin: float  # time of the log, s, at t = 0, which is the first sample of the earliest sensor
     summaries: tuple[ImportSummary, ...]
     remarks: tuple[str, ...]
 

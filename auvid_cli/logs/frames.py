@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.log_map import AttitudeMap, DvlMap, InBody, MagnetometerMap, SensorMap
 from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.data.dataset import SensorRecord
@@ -14,7 +14,6 @@ from auvid_cli.logs.requests import MapMismatchError
 from auvid_cli.vehicle.kinematics import body_rates, body_to_earth, earth_to_body
 from auvid_cli.vehicle.parameters import SENSORS
 
-Array = NDArray[np.float64]
 # Quaternions: half a turn about x, and about the line between east and north.
 FLU_TO_FRD = np.array([0.0, 1.0, 0.0, 0.0])
 ENU_TO_NED = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])

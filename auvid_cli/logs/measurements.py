@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import LogSignal, RowChoice
 from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.logs.clock import ClockDrift, Order, find_clock_drift, order_rows
@@ -13,7 +14,6 @@ from auvid_cli.logs.formats.log import ColumnValues, Overlap, find_overlaps
 from auvid_cli.logs.requests import ColumnReader, MapMismatchError, Request
 from auvid_cli.text import one_line
 
-Array = NDArray[np.float64]
 # An underwater vehicle does not exceed these; larger numbers have another unit.
 _MAX_PLAUSIBLE = {"rad": 2.0 * np.pi, "rad/s": 20.0, "m/s": 50.0, "m/s^2": 500.0}
 _MAX_INTERLEAVING = 1.0  # s, disorder of late messages at the border of two files
@@ -22,32 +22,15 @@ _DAY = 86400.0  # s
 
 
 class MeasuredRows(NamedTuple):
-    """Rows of a log for one sensor or input.
+    """Rows of a log for one sensor or input."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Time of the log, s, strictly increasing.
-    values : dict of ndarray, each of shape (n,)
-        SI by component, NaN if missing.
-    order : Order
-    rollovers : int
-    invalid : int
-        Rows that the log marks as invalid, and values beyond the limits of the map.
-    repeats : int
-        Omitted rows that repeat the one before.
-    clock_drift : ClockDrift or None
-        Drift of the clock if the other clock of the messages is better.
-    overlaps : list of Overlap
-    """
-
-    time: Array
-    values: dict[str, Array]
+    time: Array  # shape (n,); time of the log, s, strictly increasing
+    values: dict[str, Array]  # SI by component, shape (n,); NaN if missing
     order: Order
     rollovers: int
-    invalid: int
-    repeats: int
-    clock_drift: ClockDrift | None
+    invalid: int  # rows that the log marks as invalid, and values beyond the limits of the map
+    repeats: int  # omitted rows that repeat the one before
+    clock_drift: ClockDrift | None  # drift of the clock if the other clock of the messages is better
     overlaps: list[Overlap]
 
 
@@ -91,7 +74,11 @@ def read_request(
     time = seconds[order.rows]
     if time.size < 2:
         raise _no_times(request, seconds.size, time.size)
-    clock_drift, overlaps = _clock_drift(request, seconds, columns), _overlaps(request, seconds, raw, columns)
+    clock_drift, other = None, request.time.other
+    if other is not None:
+        names = request.time.place.column, other.column
+        clock_drift = find_clock_drift(seconds, np.asarray(columns.take(other), np.float64), names)
+    overlaps = _overlaps(request, seconds, raw, columns)
     values, invalid = {}, 0
     for component, (_, factor, _) in request.values.items():
         signal = signals[component]
@@ -117,13 +104,6 @@ def _no_times(request: Request, rows: int, times: int) -> MapMismatchError:
         return MapMismatchError(("logs", log), f"{table or 'the log'} has {'only one row' if rows else 'no rows'}")
     problem = "never changes" if times else "has no valid times"
     return MapMismatchError((*request.path, "time"), f"{column!r} {problem}: name another time")
-
-
-def _clock_drift(request: Request, seconds: Array, columns: ColumnReader) -> ClockDrift | None:
-    taken, other = request.time.place, request.time.other
-    if other is None:
-        return None
-    return find_clock_drift(seconds, np.asarray(columns.take(other), np.float64), (taken.column, other.column))
 
 
 def _overlaps(
@@ -210,35 +190,18 @@ def check_plausible(path: KeyPath, numbers: Array, unit: str) -> None:
 
 
 class ImportSummary(NamedTuple):
-    """Summary of the import of a sensor or input.
-
-    Attributes
-    ----------
-    name : str
-    samples : int
-    rate : float
-        Hz, by the median interval.
-    span : tuple of float
-        First and last time, s.
-    missing : int
-        Samples without any component.
-    duplicates : int
-        Omitted rows with the time of an earlier one.
-    remarks : tuple of str
-    """
+    """Summary of the import of a sensor or input."""
 
     name: str
     samples: int
-    rate: float
-    span: tuple[float, float]
-    missing: int
-    duplicates: int
+    rate: float  # Hz, by the median interval
+    span: tuple[float, float]  # first and last time, s
+    missing: int  # samples without any component
+    duplicates: int  # omitted rows with the time of an earlier one
     remarks: tuple[str, ...]
 
 
-def summary_of(
-    name: str, time: NDArray[np.float64], missing: int, rows: MeasuredRows, remarks: tuple[str, ...]
-) -> ImportSummary:
+def summary_of(name: str, time: Array, missing: int, rows: MeasuredRows, remarks: tuple[str, ...]) -> ImportSummary:
     """Return the summary of a sensor or input with samples at `time`, s."""
     order, rollovers, drift = rows.order, rows.rollovers, rows.clock_drift
     treatment = (

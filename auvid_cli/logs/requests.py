@@ -74,49 +74,23 @@ class ComponentSource(NamedTuple):
 
 
 class Times(NamedTuple):
-    """Column with the times of rows.
-
-    Attributes
-    ----------
-    place : Place
-    factor : float
-        s per unit of numeric times.
-    offset : float
-        s, added to the times.
-    other : Place or None
-        Second clock of the messages.
-    file : Place or None
-        Number of the file of a row, in a log of several files.
-    """
+    """Column with the times of rows."""
 
     place: Place
-    factor: float
-    offset: float
-    other: Place | None
-    file: Place | None
+    factor: float  # s per unit of numeric times
+    offset: float  # s, added to the times
+    other: Place | None  # second clock of the messages
+    file: Place | None  # number of the file of a row, in a log of several files
 
 
 class Request(NamedTuple):
-    """Columns of a sensor or an input in one table.
+    """Columns of a sensor or an input in one table."""
 
-    Attributes
-    ----------
-    path : tuple
-        Path of the request in the map.
-    values : dict of ComponentSource
-        By component.
-    valid : Place or None
-        Column that flags valid rows.
-    time : Times
-    chosen : tuple of Place and RowChoice, optional
-        Column with an id, and its values in the requested rows.
-    """
-
-    path: KeyPath
-    values: dict[str, ComponentSource]
-    valid: Place | None
+    path: KeyPath  # path of the request in the map
+    values: dict[str, ComponentSource]  # by component
+    valid: Place | None  # column that flags valid rows
     time: Times
-    chosen: tuple[Place, RowChoice] | None
+    chosen: tuple[Place, RowChoice] | None  # column with an id, and its values in the requested rows
 
     def places(self) -> Iterator[Place]:
         """Yield all columns of the request."""

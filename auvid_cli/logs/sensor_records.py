@@ -8,33 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.log_map import AccelerometerMap, DepthMap, DvlMap, LogMap, MagneticFieldMap, SensorMap
 from auvid_cli.config.settings import Spans
 from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.data.array_checks import MAX_TIME
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import Noise, estimate_noise, gaps, is_smoothed
-from auvid_cli.logs.frames import (
-    complete_velocity,
-    depth_at_origin,
-    in_vehicle_axes,
-    interpolate,
-    level_where_roll_is_unknown,
-    turned_by_attitude,
-)
-from auvid_cli.logs.measurements import (
-    ImportSummary,
-    MeasuredRows,
-    check_plausible,
-    read_request,
-    summary_of,
-    together,
-    without_repeats,
-)
+from auvid_cli.logs import frames, measurements
+from auvid_cli.logs.measurements import ImportSummary, MeasuredRows
 from auvid_cli.logs.requests import ColumnReader, MapErrors, MapMismatchError, Request
 from auvid_cli.vehicle.parameters import SENSORS
-
-Array = NDArray[np.float64]
 
 _HEADINGS = ("psi", "heading")  # angles that may count turns
 
@@ -86,11 +70,11 @@ def read_sensors(
     _check_common_time(records, origin, errors)
     errors.stop_if_any()
     dvl, depth, summaries = settings.sensors.dvl, settings.sensors.depth, []
-    levelled, assumed_level = level_where_roll_is_unknown(records), dict[str, str]()
+    levelled, assumed_level = frames.level_where_roll_is_unknown(records), dict[str, str]()
     if isinstance(dvl, DvlMap):
         with errors.collecting():
-            assumed_level["dvl"] = turned_by_attitude(dvl, records)
-            values = complete_velocity(dvl, records["dvl"], levelled, ("sensors", "dvl"))
+            assumed_level["dvl"] = frames.turned_by_attitude(dvl, records)
+            values = frames.complete_velocity(dvl, records["dvl"], levelled, ("sensors", "dvl"))
             records["dvl"] = replace(records["dvl"], values=values)
     if isinstance(depth, DepthMap) and depth.position is not None:
         with errors.collecting():
@@ -114,14 +98,14 @@ def read_sensors(
 def _read(
     path: KeyPath, sensor: SensorMap, requests: Sequence[Request], columns: ColumnReader
 ) -> tuple[MeasuredRows, Array]:
-    parts = [read_request(request, sensor.signals(), sensor.valid, columns) for request in requests]
+    parts = [measurements.read_request(request, sensor.signals(), sensor.valid, columns) for request in requests]
     if sensor.repeats == "drop":
-        parts = [without_repeats(part) for part in parts]
-    rows = together(parts)
-    values = in_vehicle_axes(sensor, rows, path)
+        parts = [measurements.without_repeats(part) for part in parts]
+    rows = measurements.together(parts)
+    values = frames.in_vehicle_axes(sensor, rows, path)
     for column, quantity in enumerate(SENSORS[sensor.sensor]):
         if quantity.symbol not in _HEADINGS:
-            check_plausible(path, values[:, column], quantity.unit)
+            measurements.check_plausible(path, values[:, column], quantity.unit)
     return rows._replace(values={}), values
 
 
@@ -147,8 +131,8 @@ def _check_common_time(records: dict[str, SensorRecord], origin: float, errors: 
 def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, position: Array) -> Array:
     if attitude is None or not np.isfinite(attitude.values[:, :2]).any(axis=0).all():
         raise MapMismatchError(("sensors", "depth", "position"), "a lever arm needs an `attitude` with pitch")
-    tilt = interpolate(attitude.time, attitude.values[:, :2], depth.time, is_angle=True)
-    return depth_at_origin(depth.values[:, 0], tilt[:, 0], tilt[:, 1], position)[:, None]
+    tilt = frames.interpolate(attitude.time, attitude.values[:, :2], depth.time, is_angle=True)
+    return frames.depth_at_origin(depth.values[:, 0], tilt[:, 0], tilt[:, 1], position)[:, None]
 
 
 def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) -> tuple[SensorRecord, tuple[Noise, ...]]:
@@ -248,4 +232,4 @@ def _summary(
             f"{len(unrecorded)} {'gap' if len(unrecorded) == 1 else 'gaps'}, the longest of {longest:.4g} s from t = "
             f"{begin:.4g} s: leave it out with auvid identify --use, or set identification.use.longest_gap"
         )
-    return summary_of(name, record.time, missing, rows, tuple(remarks))
+    return measurements.summary_of(name, record.time, missing, rows, tuple(remarks))

@@ -13,16 +13,14 @@ filter rely on the gyroscope during a turn.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
+from auvid_cli.arrays import Array
 from auvid_cli.config.sensors import AhrsSensors
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import SimulationError
 from auvid_cli.numerics import compiled, types
 from auvid_cli.vehicle.kinematics import GRAVITY
-
-Array = NDArray[np.float64]
 
 # Order at equal times: the gyroscope first, which propagates the attitude, and the output last.
 _GYROSCOPE, _DVL, _ACCELEROMETER, _MAGNETOMETER, _OUTPUT = range(5)
@@ -232,7 +230,6 @@ def _align(ahrs, heading, variance):
 
 @compiled()
 def _write_attitude(rotation, attitude):
-    """Compute roll, pitch and yaw of a rotation."""
     attitude[0] = np.arctan2(rotation[2, 1], rotation[2, 2])
     attitude[1] = np.arctan2(-rotation[2, 0], np.hypot(rotation[2, 1], rotation[2, 2]))
     attitude[2] = np.arctan2(rotation[1, 0], rotation[0, 0])

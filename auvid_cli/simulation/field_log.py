@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
+from auvid_cli.arrays import Array
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.checks import csv_text
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.simulation.imperfections import stream
 from auvid_cli.vehicle.coefficients import SYMBOLS
-
-Array = NDArray[np.float64]
 
 _START = 1.75e9  # s since 1970
 _KNOT = 1852.0 / 3600.0  # m/s
@@ -67,7 +65,6 @@ def _log(units: dict[str, str], time: Array, columns: Any) -> str:
 
 
 def _wrong_vehicle(vehicle: VehicleSettings, seed: int) -> str:
-    """Return a vehicle file with errors."""
     wrong = dict(_with_errors(vehicle.stated_coefficients(), seed))
     parameters = vehicle.known_parameters()
     parameters |= dict(_with_errors({"X_prop": parameters["X_prop"]}, seed))

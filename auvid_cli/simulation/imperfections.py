@@ -5,8 +5,8 @@ from functools import partial
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.extra_states import Disturbance
 from auvid_cli.config.manoeuvre import FinTrim
 from auvid_cli.config.sensors import Accelerometer, MagneticField, SensorSettings
@@ -14,7 +14,6 @@ from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.numerics import compiled, types
 from auvid_cli.vehicle.parameters import DISTURBANCE
 
-Array = NDArray[np.float64]
 _vector = types.float64[::1]
 # Samples of noise drawn at once; that of ten hours at 100 Hz would take 86 MB.
 BLOCK = 50_000

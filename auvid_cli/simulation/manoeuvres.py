@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import NamedTuple, assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.manoeuvre import (
     AnyManoeuvre,
     Doublets,
@@ -26,9 +26,6 @@ from auvid_cli.numerics import types
 from auvid_cli.regular_files import check_regular_file
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
-Array = NDArray[np.float64]
-
-
 _vector = types.float64[::1]
 _BISECTIONS = 50  # until the interval has the width of a rounding error
 
@@ -46,30 +43,18 @@ SETPOINTS = types.NamedTuple((_vector, types.float64[:, ::1], _vector, _vector),
 
 
 class ManoeuvrePlan(NamedTuple):
-    """Commands of a manoeuvre.
+    """Commands of a manoeuvre."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Start of each tick, s; inputs are constant during a tick.
-    feedforward : ndarray, shape (n, 4)
-        Rudder, elevator (rad), surge force (N), roll moment (N m), without the autopilot's part.
-    speed, turn_rate : ndarray, shape (n,)
-        Setpoints of the thrust and rudder loops, m/s and rad/s. Thrust may be negative, to brake.
-    propulsion : ndarray, shape (n, 2) or (n, 0)
-        Revolutions (turn/s) and voltage (V), if the manoeuvre has them.
-    pitch : float
-        Setpoint of the elevator loop, rad; not used by a depth loop.
-    zigzag : tuple of float
-        Rudder (rad), heading (rad) and approach (s) of a zigzag; rudder 0 for none.
-    """
-
-    time: Array
+    time: Array  # start of each tick, s, shape (n,); inputs are constant during a tick
+    # Shape (n, 4); rudder, elevator (rad), surge force (N), roll moment (N m), without the autopilot's part
     feedforward: Array
+    # speed, turn_rate: shape (n,); setpoints of the thrust and rudder loops, m/s and rad/s. Thrust may be negative, to
+    # brake.
     speed: Array
     turn_rate: Array
-    propulsion: Array
-    pitch: float = 0.0
+    propulsion: Array  # shape (n, 2) or (n, 0); revolutions (turn/s) and voltage (V), if the manoeuvre has them
+    pitch: float = 0.0  # setpoint of the elevator loop, rad; not used by a depth loop
+    # Rudder (rad), heading (rad) and approach (s) of a zigzag; rudder 0 for none
     zigzag: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property

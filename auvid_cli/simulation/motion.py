@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, SimulationError
@@ -26,8 +26,6 @@ from auvid_cli.vehicle.equations import (
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
-Array = NDArray[np.float64]
-
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
@@ -48,31 +46,15 @@ _REASONS = (
 
 
 class Truth(NamedTuple):
-    """True motion at the ticks of the plan.
+    """True motion at the ticks of the plan."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-    inputs : ndarray, shape (n, 4) or (n, 6)
-        Mean actual inputs from this tick to the next, SI.
-    commands : ndarray, shape (n, 4) or (n, 6)
-        Commands of the actuators; equal to `inputs` if these are ideal.
-    motion : ndarray, shape (n, 9)
-        u, v, w, p, q, r, phi, theta, psi.
-    position : ndarray, shape (n, 3)
-        North, east, down, m.
-    disturbance : ndarray, shape (n, 6)
-        Acceleration by the disturbance from this tick to the next, m/s^2 and rad/s^2.
-    constants, coefficients : ndarray
-        Vehicle, as of `vehicle_constants` and `factors`.
-    """
-
-    time: Array
-    inputs: Array
-    commands: Array
-    motion: Array
-    position: Array
-    disturbance: Array
+    time: Array  # shape (n,)
+    inputs: Array  # shape (n, 4) or (n, 6); mean actual inputs from this tick to the next, SI
+    commands: Array  # shape (n, 4) or (n, 6); commands of the actuators; equal to `inputs` if these are ideal
+    motion: Array  # shape (n, 9); u, v, w, p, q, r, phi, theta, psi
+    position: Array  # shape (n, 3); north, east, down, m
+    disturbance: Array  # shape (n, 6); acceleration by the disturbance from this tick to the next, m/s^2 and rad/s^2
+    # constants, coefficients: vehicle, as of `vehicle_constants` and `factors`
     constants: Array
     coefficients: Array
 

@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, MagneticField, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord, shared_clock
@@ -17,7 +17,6 @@ from auvid_cli.simulation.motion import Truth, sample_motion, simulate_motion
 from auvid_cli.vehicle.kinematics import dvl_axes, earth_to_body, specific_force
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 
-Array = NDArray[np.float64]
 # Samples of the whole motion computed at once, to limit memory.
 _BLOCK = 50_000
 

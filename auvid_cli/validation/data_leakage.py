@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import ImportedRun
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.identification.prepared_data import used_data, used_segments
 from auvid_cli.identification.timeline import measuring_sensors
-
-Array = NDArray[np.float64]
 
 _MIN_RUN = 8  # consecutive equal measurements that are copies, for finely resolved values
 _MAX_PLACES = 1000  # places of a record that are searched for

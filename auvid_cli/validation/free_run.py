@@ -1,12 +1,12 @@
 """Free runs against all measurements: the identified model, earlier models, and an unchanged motion."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from auvid_cli.evaluation.free_run import Keeper, MeasurementErrors, free_motion, measured_motion
+from auvid_cli.arrays import Array
+from auvid_cli.evaluation.free_run import Keeper, free_motion, measured_motion
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.prepared_data import PreparedData
@@ -18,32 +18,21 @@ from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.matrices import Ballast
 from auvid_cli.vehicle.parameters import DEPTH, MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS, N_MOTION
 
-Array = NDArray[np.float64]
 # Times of events, s, and predicted measurements, shape (events, 10), chunk by chunk.
 _Run: TypeAlias = Iterator[tuple[Array, Array]]
 _WITHOUT_RESTORING = "psi", DEPTH.symbol  # errors of the model accumulate in these signals
 
 
 class FreeRunFit(NamedTuple):
-    """Fit of the free runs to all measurements of a segment.
+    """Fit of the free runs to all measurements of a segment."""
 
-    Attributes
-    ----------
-    run : FreeRun
-        Run of the identified model, with the sensors' errors (over ground where a current is estimated), and with the
-        depth if measured. Evenly spaced samples of a long run.
-    length : float
-        s.
-    fits : dict of dict of PredictionFit
-        By model and motion symbol.
-    excursion : dict of float
-        By signal without heading and depth: largest distance of the run from the mean of the measurements, over that of
-        the measurements; infinite if not finite.
-    """
-
+    # Run of the identified model, with the sensors' errors (over ground where a current is estimated), and with the
+    # depth if measured. Evenly spaced samples of a long run.
     run: FreeRun
-    length: float
-    fits: dict[str, dict[str, PredictionFit]]
+    length: float  # s
+    fits: dict[str, dict[str, PredictionFit]]  # by model and motion symbol
+    # By signal without heading and depth: largest distance of the run from the mean of the measurements, over that of
+    # the measurements; infinite if not finite
     excursion: dict[str, float]
 
 
@@ -68,7 +57,11 @@ def fit_free_runs(
         if coefficients
     }
     motions["constant_velocity"] = _constant_velocity(timelines, start, motion)
-    predictions = {name: _as_measured(run, starts.final_errors) for name, run in motions.items()}
+    errors = starts.final_errors
+    predictions: dict[str, _Run] = {
+        name: ((timeline.time, measured_motion(motion, errors)) for timeline, motion in run)
+        for name, run in motions.items()
+    }
     keeper, farthest = Keeper(prepared.measuring), _Farthest(signals)
     columns = len(MOTION_AND_DEPTH) if DEPTH.symbol in signals else N_MOTION
     predictions["identified"] = _recorded(predictions["identified"], columns, keeper, farthest)
@@ -129,11 +122,6 @@ def _constant_velocity(timelines: Timelines, start: float, motion: Array) -> Ite
         predicted = unchanged_motion(timeline.time - start, motion, angles)
         angles = predicted[-1, 6:9]
         yield timeline, predicted
-
-
-def _as_measured(run: Iterable[tuple[Timeline, Array]], errors: MeasurementErrors) -> _Run:
-    for timeline, predicted in run:
-        yield timeline.time, measured_motion(predicted, errors)
 
 
 def _recorded(run: _Run, columns: int, keeper: Keeper, farthest: _Farthest) -> _Run:

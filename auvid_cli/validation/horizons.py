@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.extra_states import BiasName
 from auvid_cli.evaluation.free_run import measured_motion
 from auvid_cli.identification.prepared_data import PreparedData
@@ -23,7 +24,6 @@ from auvid_cli.validation.results import AHEAD, Prediction, PredictionFit, indep
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS
 
-Array = NDArray[np.float64]
 HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # s
 FEWEST_STARTS = 10  # of a horizon
 MAX_FINITE = 1e100  # SI; larger motions have diverged, their squares are still finite
@@ -60,41 +60,21 @@ class Target(NamedTuple):
 
 
 class Bundle(NamedTuple):
-    """Models that are simulated side by side.
+    """Models that are simulated side by side."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Names of the first rows, the identified model first; further rows are drawn from its uncertainty.
-    coefficients : ndarray, shape (n, 22 + terms)
-        SI.
-    errors : ndarray, shape (n, 5)
-        Added to thrust, fins and ballast of a start, in the order of `NO_ERRORS`.
-    """
-
+    # Names of the first rows, the identified model first; further rows are drawn from its uncertainty
     names: tuple[str, ...]
-    coefficients: Array
-    errors: Array
+    coefficients: Array  # shape (n, 22 + terms); SI
+    errors: Array  # shape (n, 5); added to thrust, fins and ballast of a start, in the order of `NO_ERRORS`
 
 
 class Sample(NamedTuple):
-    """Predictions of one target, SI.
-
-    Attributes
-    ----------
-    target : Target
-    named : ndarray, shape (names,)
-        By the named models.
-    unchanged : float
-        By the unchanged motion.
-    variance : float
-        Stated variance of the error; NaN without draws.
-    """
+    """Predictions of one target, SI."""
 
     target: Target
-    named: Array
-    unchanged: float
-    variance: float
+    named: Array  # shape (names,); by the named models
+    unchanged: float  # by the unchanged motion
+    variance: float  # stated variance of the error; NaN without draws
 
 
 class Collected(NamedTuple):
@@ -260,23 +240,13 @@ class ErrorGrowth(NamedTuple):
     """Variance of errors in excess of the stated one, and the motion of the vehicle meanwhile.
 
     Effects that the model lacks are proportional to the motion (missing drag, nonlinear lift), in surge to its square.
-
-    Attributes
-    ----------
-    variance : dict of float
-        Excess by signal and horizon, s; SI.
-    steady : dict of float
-        The part due to a constant error (a weight or a trim that the model lacks), independent of the motion.
-    by_process_noise : dict of float
-        Variance due to process noise, independent of the motion.
-    moved : dict of float
-        Variance of each signal without noise, SI.
     """
 
-    variance: dict[tuple[str, float], float]
+    variance: dict[tuple[str, float], float]  # excess by signal and horizon, s; SI
+    # The part due to a constant error (a weight or a trim that the model lacks), independent of the motion
     steady: dict[tuple[str, float], float]
-    by_process_noise: dict[tuple[str, float], float]
-    moved: dict[str, float]
+    by_process_noise: dict[tuple[str, float], float]  # variance due to process noise, independent of the motion
+    moved: dict[str, float]  # variance of each signal without noise, SI
 
     def in_motion(self, sizes: Mapping[str, SignalSize]) -> dict[tuple[str, float], float]:
         """Return the variance in excess of process noise for other data, SI, scaled by their motion."""

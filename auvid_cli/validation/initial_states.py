@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.coefficients import Prior
 from auvid_cli.config.extra_states import EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT, BiasName
 from auvid_cli.config.identification import Identification, InputSettings, Use
@@ -27,7 +27,6 @@ from auvid_cli.vehicle.equations import NO_ERRORS
 from auvid_cli.vehicle.matrices import NO_BALLAST
 from auvid_cli.vehicle.parameters import DISTURBANCE, MOTION_AND_DEPTH, Quantity
 
-Array = NDArray[np.float64]
 _NOISE_FACTORS = (10.0, 100.0, 1000.0)  # of the process noise, tried if innovations contradict the settings
 # A constant of these blocks is part of the model; one that walks differs in each run.
 _MODEL_BLOCKS = BiasName.THRUST, BiasName.FIN_TRIM, BiasName.BALLAST, BiasName.DELAY
@@ -36,51 +35,33 @@ VEHICLE_ERRORS = THRUST_SCALE, *FIN_TRIMS, EXCESS_BUOYANCY, TRIM_MOMENT  # in th
 
 @dataclass(frozen=True)
 class InitialStates:
-    """Filtered motion and depth at some events, from earlier measurements.
+    """Filtered motion and depth at some events, from earlier measurements."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-        s.
-    motion, deviation : ndarray, shape (k, 10)
-        Mean and standard deviation; zero for a depth that is not measured. With an estimated current, velocities are
-        those through the water.
-    force, force_deviation : ndarray, shape (k, 6)
-        Mean and standard deviation of the disturbance, N and N m; zero if it is not estimated.
-    vehicle, vehicle_deviation : ndarray, shape (k, 5)
-        Mean and standard deviation of thrust, fins and ballast in this run, in the order of `NO_ERRORS`.
-    errors, errors_deviation : list of MeasurementErrors
-        Mean and standard deviation of the errors of the sensors and the current.
-    final_errors : MeasurementErrors
-        Mean at the end.
-    final_vehicle : ndarray, shape (5,)
-        `vehicle` at the end.
-    nis : dict of float
-        Normalised innovation squared by sensor, per component; 1 if the model predicts the next measurement as
-        accurately as it states.
-    status : str
-        "completed", or the time of divergence.
-    process_noise : ndarray, shape (10,)
-        Root spectral density for each motion state and depth from the settings, SI / s^0.5.
-    noise_factor : float
-        Ratio of the filter's process noise to it.
-    """
-
-    time: Array
+    time: Array  # s, shape (k,)
+    # motion, deviation: shape (k, 10); mean and standard deviation; zero for a depth that is not measured. With an
+    # estimated current, velocities are those through the water.
     motion: Array
     deviation: Array
+    # force, force_deviation: shape (k, 6); mean and standard deviation of the disturbance, N and N m; zero if it is not
+    # estimated
     force: Array
     force_deviation: Array
+    # vehicle, vehicle_deviation: shape (k, 5); mean and standard deviation of thrust, fins and ballast in this run, in
+    # the order of `NO_ERRORS`
     vehicle: Array
     vehicle_deviation: Array
+    # errors, errors_deviation: mean and standard deviation of the errors of the sensors and the current
     errors: list[MeasurementErrors]
     errors_deviation: list[MeasurementErrors]
-    final_errors: MeasurementErrors
-    final_vehicle: Array
+    final_errors: MeasurementErrors  # mean at the end
+    final_vehicle: Array  # shape (5,); `vehicle` at the end
+    # Normalised innovation squared by sensor, per component; 1 if the model predicts the next measurement as accurately
+    # as it states
     nis: dict[str, float]
-    status: str
+    status: str  # "completed", or the time of divergence
+    # Shape (10,); root spectral density for each motion state and depth from the settings, SI / s^0.5
     process_noise: Array
-    noise_factor: float = 1.0
+    noise_factor: float = 1.0  # ratio of the filter's process noise to it
 
 
 def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Dataset:
@@ -148,19 +129,16 @@ def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialSta
     increased, so that the measurements determine the states instead of a wrong model. The NIS is that of the settings.
     `prepared` is data from `with_model`.
     """
+    settings = prepared.experiment.identification
     first = states = _filtered(prepared, wanted)
     for factor in _NOISE_FACTORS:
         if states.status == "completed" and max(states.nis.values()) <= MAX_NIS:
             break
-        states = replace(_filtered(_with_noise(prepared, factor), wanted), noise_factor=factor)
+        noise = settings.process_noise.times(factor)
+        identification = settings.model_copy(update={"process_noise": noise})
+        experiment = prepared.experiment.model_copy(update={"identification": identification})
+        states = replace(_filtered(prepared.with_settings(experiment), wanted), noise_factor=factor)
     return replace(states, nis=first.nis, process_noise=first.process_noise)
-
-
-def _with_noise(prepared: PreparedData, factor: float) -> PreparedData:
-    """Return the data with the process noise multiplied by a factor."""
-    settings = prepared.experiment.identification
-    identification = settings.model_copy(update={"process_noise": settings.process_noise.times(factor)})
-    return prepared.with_settings(prepared.experiment.model_copy(update={"identification": identification}))
 
 
 def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
@@ -218,25 +196,18 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
 
 
 class Models(NamedTuple):
-    """Coefficients by symbol, SI.
-
-    Attributes
-    ----------
-    identified : dict
-    prior : dict or None
-        Mean of the prior; None if the estimate does not contain it.
-    vehicle_file : dict or None
-        None if the vehicle file does not state all, or states the prior.
-    """
+    """Coefficients by symbol, SI."""
 
     identified: Mapping[str, float]
-    prior: Mapping[str, float] | None
-    vehicle_file: Mapping[str, float] | None
+    prior: Mapping[str, float] | None  # mean of the prior; None if the estimate does not contain it
+    vehicle_file: Mapping[str, float] | None  # None if the vehicle file does not state all, or states the prior
 
 
 def models_of(estimate: Estimate) -> Models:
     """Return the models that an estimate contains."""
-    return Models(estimate.final_coefficients(), _prior(estimate), _vehicle_file(estimate))
+    stated = estimate.experiment.vehicle.stated_coefficients()
+    is_complete = set(stated) == set(estimate.coefficient_set.symbols)
+    return Models(estimate.final_coefficients(), _prior(estimate), stated if is_complete else None)
 
 
 def _prior(estimate: Estimate) -> Mapping[str, float] | None:
@@ -251,23 +222,11 @@ def _prior(estimate: Estimate) -> Mapping[str, float] | None:
     return estimate.held | {symbol: float(estimate.mean[0, estimate.state.index(symbol)]) for symbol in estimated}
 
 
-def _vehicle_file(estimate: Estimate) -> Mapping[str, float] | None:
-    given = estimate.experiment.vehicle.stated_coefficients()
-    return given if set(given) == set(estimate.coefficient_set.symbols) else None
-
-
 class Draws(NamedTuple):
-    """Models drawn from the uncertainty of an estimate.
+    """Models drawn from the uncertainty of an estimate."""
 
-    Attributes
-    ----------
-    coefficients : ndarray, shape (count, 22 + terms)
-        SI.
-    errors : ndarray, shape (count, 5)
-        Differences of thrust, fins and ballast from the identified model, in the order of `NO_ERRORS`.
-    """
-
-    coefficients: Array
+    coefficients: Array  # shape (count, 22 + terms); SI
+    # Shape (count, 5); differences of thrust, fins and ballast from the identified model, in the order of `NO_ERRORS`
     errors: Array
 
 

@@ -5,16 +5,14 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.validation.motion_prediction import MeasuredSignal
 from auvid_cli.validation.results import ManoeuvreNumber
 from auvid_cli.vehicle.kinematics import body_to_earth
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
-
-Array = NDArray[np.float64]
 
 _RUDDER = INPUT_SYMBOLS.index("rudder")
 _MIN_RUDDER = np.deg2rad(2.0)  # rad, maximum of a manoeuvre
@@ -71,17 +69,14 @@ def manoeuvre_numbers(
     predicted = {
         s: MeasuredSignal(run.time, run.motion[:, i], 0.0) for i, s in enumerate(MOTION_SYMBOLS) if s in signals
     }
-    holds = [hold for hold in rudder_holds(inputs) if _covers(signals["psi"], hold)]
+    begin, end = signals["psi"].time[[0, -1]]
+    holds = [hold for hold in rudder_holds(inputs) if begin <= hold.begin and hold.end <= end + _FIT_TIME]
     numbers = []
     for chain in _chains(holds):
         numbers += _zigzag(chain, signals["psi"], predicted["psi"])
     for hold in holds:
         numbers += _turning_circle(hold, signals, predicted)
     return numbers
-
-
-def _covers(signal: MeasuredSignal, hold: Hold) -> bool:
-    return bool(signal.time[0] <= hold.begin and hold.end <= signal.time[-1] + _FIT_TIME)
 
 
 def _chains(holds: Sequence[Hold]) -> list[list[Hold]]:

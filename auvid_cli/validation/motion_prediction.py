@@ -5,8 +5,8 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import TURN_RATE_WINDOW, rate_noise, rate_of_change
 from auvid_cli.filters.problem import Timeline
@@ -17,7 +17,6 @@ from auvid_cli.vehicle.equations import N_WORK, NO_ERRORS, vehicle_constants, wi
 from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, MOTION_SYMBOLS, SENSORS, state_of
 
-Array = NDArray[np.float64]
 _ANGLES = MOTION_SYMBOLS[6:]
 SAME = 0.75e-9  # s; smaller differences are rounding: events are at whole nanoseconds, at most half of one off
 _MIN_HEADINGS = 2  # on either side of a heading, to compute its yaw rate
@@ -26,19 +25,12 @@ _DISTURBANCE_INTERVAL = 0.05  # s, between changes of a disturbance
 
 
 class MeasuredSignal(NamedTuple):
-    """Measurements of one motion state, or of the depth.
+    """Measurements of one motion state, or of the depth."""
 
-    Attributes
-    ----------
-    time, values : ndarray, shape (n,)
-        Finite measurements only, s and SI; angles without jumps of a turn.
-    deviation : float
-        Stated standard deviation of a measurement, SI.
-    """
-
+    # time, values: shape (n,); finite measurements only, s and SI; angles without jumps of a turn
     time: Array
     values: Array
-    deviation: float
+    deviation: float  # stated standard deviation of a measurement, SI
 
     def since(self, time: float) -> int:
         """Return the index of the first measurement at or after a time."""
@@ -51,18 +43,10 @@ class MeasuredSignal(NamedTuple):
 
 
 class SignalSize(NamedTuple):
-    """Size of the measurements of one signal, over all segments.
+    """Size of the measurements of one signal, over all segments."""
 
-    Attributes
-    ----------
-    deviation : float
-        Stated standard deviation of a measurement, SI; root mean square of several.
-    variance : float
-        Variance about the mean of each segment, SI.
-    """
-
-    deviation: float
-    variance: float
+    deviation: float  # stated standard deviation of a measurement, SI; root mean square of several
+    variance: float  # variance about the mean of each segment, SI
 
 
 def is_angle(symbol: str) -> bool:
@@ -134,19 +118,10 @@ def _yaw_rate_by_attitude(signals: Mapping[str, MeasuredSignal]) -> MeasuredSign
 
 
 class ProcessNoise(NamedTuple):
-    """White noise on the motion of some models.
+    """White noise on the motion of some models."""
 
-    Attributes
-    ----------
-    which : slice
-        Those models.
-    density : ndarray, shape (10,)
-        Root spectral density on the rate of each motion state and of depth, SI / s^0.5.
-    rng : numpy.random.Generator
-    """
-
-    which: slice
-    density: Array
+    which: slice  # those models
+    density: Array  # shape (10,); root spectral density on the rate of each motion state and of depth, SI / s^0.5
     rng: np.random.Generator
 
     def add(self, states: Array, elapsed: float) -> None:
@@ -156,26 +131,15 @@ class ProcessNoise(NamedTuple):
 
 
 class Disturbance(NamedTuple):
-    """Gauss-Markov force or moment on each axis of several models.
+    """Gauss-Markov force or moment on each axis of several models."""
 
-    Attributes
-    ----------
-    which : slice
-        Models with random changes; in the others it decays.
-    force : ndarray, shape (6, n)
-        Current value, N and N m; modified in place.
-    deviation, time_constant : ndarray, shape (6,)
-        Stationary standard deviation, N and N m, and correlation time, s, of each axis.
-    inverse : ndarray, shape (6, 6)
-        Inverse mass matrix.
-    rng : numpy.random.Generator
-    """
-
-    which: slice
-    force: Array
+    which: slice  # models with random changes; in the others it decays
+    force: Array  # shape (6, n); current value, N and N m; modified in place
+    # deviation, time_constant: shape (6,); stationary standard deviation, N and N m, and correlation time, s, of each
+    # axis
     deviation: Array
     time_constant: Array
-    inverse: Array
+    inverse: Array  # shape (6, 6); inverse mass matrix
     rng: np.random.Generator
 
     def push(self, states: Array, elapsed: float) -> None:

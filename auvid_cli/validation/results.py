@@ -5,8 +5,8 @@ from math import inf, isfinite, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check, Checks, NamedRows, frames
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.evaluation.results import FreeRun
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from auvid_cli.evaluation.judgement import Judgement
 
-Array = NDArray[np.float64]
 FREE_RUN, AHEAD = "free_run", "ahead"
 UNCERTAINTY_NOT_TOO_LARGE = "uncertainty not too large"
 MAX_NIS = 1.5  # mean per component of a sensor, up to which the settings hold
@@ -57,23 +56,12 @@ def independent_errors(errors: Array) -> float:
 
 
 class PredictionFit(NamedTuple):
-    """Sums over measurements and their predictions.
-
-    Attributes
-    ----------
-    measurements : int
-    mean : float
-        Mean of the measurements.
-    spread : float
-        Sum of squared deviations of the measurements from their mean.
-    squares : float
-        Sum of squared errors; not finite if a prediction is not.
-    """
+    """Sums over measurements and their predictions."""
 
     measurements: int = 0
-    mean: float = 0.0
-    spread: float = 0.0
-    squares: float = 0.0
+    mean: float = 0.0  # mean of the measurements
+    spread: float = 0.0  # sum of squared deviations of the measurements from their mean
+    squares: float = 0.0  # sum of squared errors; not finite if a prediction is not
 
     @classmethod
     def of(cls, measured: Array, predicted: Array) -> "PredictionFit":
@@ -117,106 +105,58 @@ class PredictionFit(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """A row of ``validation.csv``; None for unknown values, and for those of a model that diverged.
+    """A row of ``validation.csv``; None for unknown values, and for those of a model that diverged."""
 
-    Attributes
-    ----------
-    signal, unit : str
-        Motion state, or the depth (``down``), and its SI unit.
-    kind : str
-        `FREE_RUN`: all measurements of the run; `AHEAD`: a horizon after many starts.
-    horizon_s : float
-        Time from the start to the measurements; for a free run its length.
-    measurements : int
-    noise : float
-        Stated standard deviation of a measurement: a lower bound of the RMSE.
-    fit_percent, rmse : float or None
-        Errors of the identified model; the fit is relative to the spread of the measurements of the whole run.
-    prior_rmse, vehicle_file_rmse, constant_velocity_rmse : float or None
-        RMSE of the prior's mean, of the coefficients in the vehicle file, and of the unchanged motion at the start.
-    expected_rmse : float or None
-        Due to the uncertainties of coefficients, start and measurements, plus the larger of process noise and of the
-        excess errors of predictions of the estimate's own data, if available.
-    share_within_band : float or None
-        Share of the errors within two of these standard deviations; 0.95 with correct uncertainties.
-    draws, draws_blown_up : int or None
-        Sets of coefficients drawn from the estimate's covariance, and those that diverged after any start; the band is
-        without these.
-    independent : float or None
-        Effective number of independent errors of all starts, see `independent_errors`.
-    """
-
+    # signal, unit: motion state, or the depth (``down``), and its SI unit
     signal: str
     unit: str
-    kind: str
-    horizon_s: float
+    kind: str  # `FREE_RUN`: all measurements of the run; `AHEAD`: a horizon after many starts
+    horizon_s: float  # time from the start to the measurements; for a free run its length
     measurements: int
-    noise: float
+    noise: float  # stated standard deviation of a measurement: a lower bound of the RMSE
+    # fit_percent, rmse: errors of the identified model; the fit is relative to the spread of the measurements of the
+    # whole run
     fit_percent: float | None
     rmse: float | None
+    # prior_rmse, vehicle_file_rmse, constant_velocity_rmse: RMSE of the prior's mean, of the coefficients in the
+    # vehicle file, and of the unchanged motion at the start
     prior_rmse: float | None
     vehicle_file_rmse: float | None
     constant_velocity_rmse: float | None
+    # Due to the uncertainties of coefficients, start and measurements, plus the larger of process noise and of the
+    # excess errors of predictions of the estimate's own data, if available
     expected_rmse: float | None = None
+    # Share of the errors within two of these standard deviations; 0.95 with correct uncertainties
     share_within_band: float | None = None
+    # draws, draws_blown_up: sets of coefficients drawn from the estimate's covariance, and those that diverged after
+    # any start; the band is without these
     draws: int | None = None
     draws_blown_up: int | None = None
-    independent: float | None = None
+    independent: float | None = None  # effective number of independent errors of all starts, see `independent_errors`
 
 
 class ManoeuvreNumber(NamedTuple):
-    """A row of ``manoeuvres.csv``: a characteristic number of a manoeuvre, SI; speeds as the DVL measures them.
+    """A row of ``manoeuvres.csv``: a characteristic number of a manoeuvre, SI; speeds as the DVL measures them."""
 
-    Attributes
-    ----------
-    manoeuvre : str
-        ``zigzag 20`` (rudder in degrees) or ``turning circle 15``.
-    number : str
-        For example ``overshoot 1`` or ``radius``.
-    time_s : float
-        Reversal of the rudder, or begin of the steady turn.
-    unit : str
-    measured : float
-    predicted : float or None
-        From the free run; None if not finite.
-    """
-
-    manoeuvre: str
-    number: str
-    time_s: float
+    manoeuvre: str  # ``zigzag 20`` (rudder in degrees) or ``turning circle 15``
+    number: str  # for example ``overshoot 1`` or ``radius``
+    time_s: float  # reversal of the rudder, or begin of the steady turn
     unit: str
     measured: float
-    predicted: float | None
+    predicted: float | None  # from the free run; None if not finite
 
 
 class Validation(NamedTuple):
-    """Predictions and checks of an estimate on other data.
-
-    Attributes
-    ----------
-    filter : str
-    judgement : Judgement
-        Judgement of the estimate by itself.
-    predictions : list of Prediction
-        Free run, then by horizon.
-    manoeuvres : list of ManoeuvreNumber
-    checks : Checks
-    shown : Dataset
-        Longest segment of the data.
-    run : FreeRun
-        Run of the identified model in that segment, as the sensors measure it.
-    remarks : list of str
-        Sentences on limits of the validation.
-    """
+    """Predictions and checks of an estimate on other data."""
 
     filter: str
-    judgement: "Judgement"
-    predictions: list[Prediction]
+    judgement: "Judgement"  # judgement of the estimate by itself
+    predictions: list[Prediction]  # free run, then by horizon
     manoeuvres: list[ManoeuvreNumber]
     checks: Checks
-    shown: Dataset
-    run: FreeRun
-    remarks: list[str]
+    shown: Dataset  # longest segment of the data
+    run: FreeRun  # run of the identified model in that segment, as the sensors measure it
+    remarks: list[str]  # sentences on limits of the validation
 
     def tables(self) -> dict[str, NamedRows]:
         """Return the rows of each CSV file, by its name."""

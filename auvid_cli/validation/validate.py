@@ -15,28 +15,11 @@ from auvid_cli.errors import DataError
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.prepared_data import PreparedData, prepare, used_segments
 from auvid_cli.identification.timeline import measuring_sensors
+from auvid_cli.validation import horizons, initial_states
 from auvid_cli.validation.data_leakage import other_vehicle
 from auvid_cli.validation.free_run import fit_free_runs, free_run_rows
-from auvid_cli.validation.horizons import (
-    Bundle,
-    Collected,
-    ErrorGrowth,
-    error_growth,
-    evenly_spaced,
-    predict_ahead,
-    rows_ahead,
-)
-from auvid_cli.validation.initial_states import (
-    Draws,
-    InitialStates,
-    Models,
-    drawn_models,
-    errors_of_each_run,
-    filtered_initial_states,
-    models_of,
-    own_of_each_run,
-    with_model,
-)
+from auvid_cli.validation.horizons import Bundle, Collected, ErrorGrowth
+from auvid_cli.validation.initial_states import Draws, InitialStates, Models
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.validation.motion_prediction import MeasuredSignal, measured_signals, signal_sizes
 from auvid_cli.validation.results import ManoeuvreNumber, Validation, prediction_checks
@@ -47,20 +30,11 @@ DRAWS = 50  # from the uncertainty; with the named models they fit into one bloc
 
 
 class _Filtered(NamedTuple):
-    """A segment of the data with filtered states.
+    """A segment of the data with filtered states."""
 
-    Attributes
-    ----------
-    prepared : PreparedData
-        From `with_model`.
-    signals : dict of MeasuredSignal
-    states : InitialStates
-        At least one.
-    """
-
-    prepared: PreparedData
+    prepared: PreparedData  # from `with_model`
     signals: dict[str, MeasuredSignal]
-    states: InitialStates
+    states: InitialStates  # at least one
 
     @property
     def length(self) -> float:
@@ -100,18 +74,20 @@ def validate(
     """
     if not estimate.completed:
         raise DataError(f"invalid estimate ({estimate.status}); a model to validate must be complete")
-    models = models_of(estimate)
+    models = initial_states.models_of(estimate)
     filtered, too_short = _filter(segments, estimate, starts, anew)
     if not filtered:
         raise DataError(too_short[0])
     sizes = signal_sizes([segment.signals for segment in filtered])
     free = [fit_free_runs(segment.prepared, segment.signals, models, segment.states) for segment in filtered]
     rng = np.random.default_rng(estimate.experiment.seed)
-    left_out = errors_of_each_run(estimate.experiment.identification, anew)
-    bundle = _bundle(models, drawn_models(estimate, DRAWS, rng, left_out), estimate.coefficient_set.symbols)
+    left_out = initial_states.errors_of_each_run(estimate.experiment.identification, anew)
+    bundle = _bundle(
+        models, initial_states.drawn_models(estimate, DRAWS, rng, left_out), estimate.coefficient_set.symbols
+    )
     collected = _predict(filtered, bundle, rng)
     growth = {} if training is None else _growth(training, estimate, bundle, starts, rng, anew).in_motion(sizes)
-    rows = [*free_run_rows(free, sizes), *rows_ahead(collected, bundle.names, sizes, growth)]
+    rows = [*free_run_rows(free, sizes), *horizons.rows_ahead(collected, bundle.names, sizes, growth)]
     numbers = [
         number
         for segment, its_run in zip(filtered, free, strict=True)
@@ -131,29 +107,22 @@ def validate(
         min(statuses, key=lambda status: status == "completed"),
     )
     longest = max(range(len(filtered)), key=lambda k: filtered[k].length)
-    return Validation(
-        estimate.filter,
-        judge_one(estimate, reference),
-        rows,
-        numbers,
-        Checks(checks),
-        filtered[longest].prepared.dataset,
-        free[longest].run,
-        remarks,
-    )
+    shown, run = filtered[longest].prepared.dataset, free[longest].run
+    judgement = judge_one(estimate, reference)
+    return Validation(estimate.filter, judgement, rows, numbers, Checks(checks), shown, run, remarks)
 
 
 def _filter(
     segments: Sequence[Dataset], estimate: Estimate, starts: int, anew: bool
 ) -> tuple[list[_Filtered], list[str]]:
     """Return the filtered segments, with starts in proportion to their lengths, and sentences on too short ones."""
-    prepared = [prepare(with_model(segment, estimate, anew)) for segment in segments]
+    prepared = [prepare(initial_states.with_model(segment, estimate, anew)) for segment in segments]
     signals = [measured_signals(data.measuring) for data in prepared]
     spans = [_span(data, measured) for data, measured in zip(prepared, signals, strict=True)]
     total, filtered, too_short = sum(end - begin for begin, end in spans), list[_Filtered](), list[str]()
     for data, measured, (begin, end) in zip(prepared, signals, spans, strict=True):
         share = ceil(starts * (end - begin) / total) if end > begin else 0
-        states = filtered_initial_states(data, evenly_spaced(begin, end, share))
+        states = initial_states.filtered_initial_states(data, horizons.evenly_spaced(begin, end, share))
         if states.time.size:
             filtered.append(_Filtered(data, measured, states))
         else:
@@ -174,7 +143,7 @@ def _predict(
 ) -> Collected:
     collected = Collected([], np.zeros(len(bundle.coefficients) - len(bundle.names), dtype=np.bool_))
     for prepared, signals, states in filtered:
-        collected = collected.plus(predict_ahead(prepared, signals, states, bundle, rng, with_process_noise))
+        collected = collected.plus(horizons.predict_ahead(prepared, signals, states, bundle, rng, with_process_noise))
     return collected
 
 
@@ -186,7 +155,7 @@ def _growth(
     filtered, _ = _filter(used_segments(own, measuring_sensors(own)), estimate, starts, anew)
     sizes = signal_sizes([segment.signals for segment in filtered])
     plain, noisy = (_predict(filtered, bundle, rng, noise).samples for noise in (False, True))
-    return error_growth(plain, noisy, sizes)
+    return horizons.error_growth(plain, noisy, sizes)
 
 
 def _largest(values: Iterable[Mapping[str, float]]) -> dict[str, float]:
@@ -210,13 +179,12 @@ def _bundle(models: Models, drawn: Draws | None, symbols: Sequence[str]) -> Bund
 def _remarks(
     dataset: Dataset, estimate: Estimate, filtered: Sequence[_Filtered], blown_up: NDArray[np.bool_], anew: bool
 ) -> Iterator[str]:
-    """Yield remarks on the model."""
     if other := other_vehicle(dataset, estimate):
         yield (
             f"the dataset states another vehicle ({', '.join(other)} differ); predictions are for the vehicle of the "
             f"estimate, {estimate.experiment.vehicle.name}"
         )
-    if own := own_of_each_run(estimate.experiment.identification, anew):
+    if own := initial_states.own_of_each_run(estimate.experiment.identification, anew):
         yield (
             f"{', '.join(own)}: estimated in each run by the filter of the initial states (free run: at the end), "
             f"{'as requested' if anew else 'because it walks'}"
@@ -241,7 +209,6 @@ def _data_remarks(
     numbers: Sequence[ManoeuvreNumber],
     signals: Collection[str],
 ) -> Iterator[str]:
-    """Yield remarks on missing data and sensors."""
     if training is None:
         yield (
             "the data of the estimate are not available: bands grow with process noise alone, without the errors of "

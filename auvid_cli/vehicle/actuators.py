@@ -7,17 +7,10 @@ from numpy.typing import NDArray
 
 
 class ActuatorErrors(NamedTuple):
-    """Errors of the recorded inputs.
+    """Errors of the recorded inputs."""
 
-    Attributes
-    ----------
-    thrust : float
-        Acting over recorded surge force.
-    rudder_trim, elevator_trim : float
-        Constant offset between actual and recorded deflection, rad.
-    """
-
-    thrust: float = 1.0
+    thrust: float = 1.0  # acting over recorded surge force
+    # rudder_trim, elevator_trim: constant offset between actual and recorded deflection, rad
     rudder_trim: float = 0.0
     elevator_trim: float = 0.0
 
@@ -32,30 +25,14 @@ AS_STATED = ActuatorErrors()
 
 
 class Actuator(NamedTuple):
-    """Dynamics of a fin or the propeller; by default it follows its command at once and exactly.
+    """Dynamics of a fin or the propeller; by default it follows its command at once and exactly."""
 
-    Attributes
-    ----------
-    dead_band : float
-        Largest command without effect, rad or N.
-    saturation : float
-        Largest effective command, rad or N.
-    rate_limit : float
-        rad/s or N/s.
-    time_constant : float
-        Of a first-order lag, s.
-    stall : float
-        Largest deflection with a proportional force, rad.
-    stall_slope : float
-        Slope of the force beyond stall over the slope below.
-    """
-
-    dead_band: float = 0.0
-    saturation: float = np.inf
-    rate_limit: float = np.inf
-    time_constant: float = 0.0
-    stall: float = np.inf
-    stall_slope: float = 0.0
+    dead_band: float = 0.0  # largest command without effect, rad or N
+    saturation: float = np.inf  # largest effective command, rad or N
+    rate_limit: float = np.inf  # rad/s or N/s
+    time_constant: float = 0.0  # of a first-order lag, s
+    stall: float = np.inf  # largest deflection with a proportional force, rad
+    stall_slope: float = 0.0  # slope of the force beyond stall over the slope below
 
 
 IDEAL = Actuator()

@@ -38,30 +38,14 @@ _MIRRORED = frozenset(("Y", "K", "N", "v", "p", "r", "rudder"))
 
 
 class Coefficient(NamedTuple):
-    """One hydrodynamic coefficient: `force or moment = coefficient * product(factors)`.
+    """One hydrodynamic coefficient: `force or moment = coefficient * product(factors)`."""
 
-    Attributes
-    ----------
-    symbol : str
-        Name in the notation of the paper, for example ``X_u|u|``.
-    unit : str
-        SI unit in the syntax of pint.
-    meaning : str
-        One phrase for tables and documentation.
-    row : int
-        Row of the equations of motion: 0..5 for X, Y, Z, K, M, N.
-    factors : tuple of str
-        At most `MAX_FACTORS` of `SIGNALS`, a modulus as ``|v|``.
-    group : str
-        The paper's groups damping, lift and control, or ``term`` for a term of the vehicle's own.
-    """
-
-    symbol: str
-    unit: str
-    meaning: str
-    row: int
-    factors: tuple[str, ...]
-    group: CoefficientGroup
+    symbol: str  # name in the notation of the paper, for example ``X_u|u|``
+    unit: str  # SI unit in the syntax of pint
+    meaning: str  # one phrase for tables and documentation
+    row: int  # row of the equations of motion: 0..5 for X, Y, Z, K, M, N
+    factors: tuple[str, ...]  # at most `MAX_FACTORS` of `SIGNALS`, a modulus as ``|v|``
+    group: CoefficientGroup  # the paper's groups damping, lift and control, or ``term`` for a term of the vehicle's own
 
     @property
     def identifier(self) -> str:

@@ -11,15 +11,13 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, MAX_FACTORS, SIGNALS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast, mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
-
-Array = NDArray[np.float64]
 
 # Offsets in the vector of constants.
 _COUPLING = 36 + 36 + 4
@@ -52,21 +50,14 @@ N_SLOPE = N_BLOCK + LANES
 
 
 class Constants(NamedTuple):
-    """Constants of a vehicle in the compiled equations.
+    """Constants of a vehicle in the compiled equations."""
 
-    Attributes
-    ----------
-    mass, inverse : ndarray, shape (36,)
-        Mass matrix and its inverse by rows. With matrices `motion_derivative` would take a third more time.
-    excess : float
-        W - B, N.
-    lever_x, lever_y, lever_z : float
-        xG W - xB B and the same for y and z, N m.
-    """
-
+    # mass, inverse: shape (36,); mass matrix and its inverse by rows. With matrices `motion_derivative` would take a
+    # third more time.
     mass: Array
     inverse: Array
-    excess: float
+    excess: float  # W - B, N
+    # lever_x, lever_y, lever_z: xG W - xB B and the same for y and z, N m
     lever_x: float
     lever_y: float
     lever_z: float

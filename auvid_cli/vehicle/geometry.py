@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auvid_cli.arrays import Array
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, term
-from auvid_cli.vehicle.hull import Array, Geometry
+from auvid_cli.vehicle.hull import Geometry
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 _N_STRIPS_OF_FINS = 201
@@ -46,24 +47,12 @@ def spheroid_factors(slenderness: float) -> SpheroidFactors:
 
 
 class StripMoments(NamedTuple):
-    """Added mass across the axis by strips, and its moments along the axis.
+    """Added mass across the axis by strips, and its moments along the axis."""
 
-    Attributes
-    ----------
-    mass : float
-        Integral of the added mass per length, kg.
-    first : float
-        Integral times x, kg m.
-    gross : float
-        Integral times ``|x|``, kg m.
-    second : float
-        Integral times x^2, kg m^2.
-    """
-
-    mass: float
-    first: float
-    gross: float
-    second: float
+    mass: float  # integral of the added mass per length, kg
+    first: float  # integral times x, kg m
+    gross: float  # integral times ``|x|``, kg m
+    second: float  # integral times x^2, kg m^2
 
 
 def strip_added_mass(geometry: Geometry) -> StripMoments:
@@ -117,30 +106,14 @@ def appendage_drag(geometry: Geometry) -> float:
 
 
 class CrossFlow(NamedTuple):
-    """Integrals along the axis of the drag of strips across the flow.
+    """Integrals along the axis of the drag of strips across the flow."""
 
-    Attributes
-    ----------
-    force : float
-        Drag, kg/m.
-    moment : float
-        Drag times x, kg.
-    gross_moment : float
-        Drag of the hull times ``|x|``, kg.
-    force_of_turn : float
-        Drag times ``x |x|``, kg m.
-    gross_force_of_turn : float
-        Drag of the hull times x^2, kg m.
-    moment_of_turn : float
-        Drag times ``|x|^3``, kg m^2.
-    """
-
-    force: float
-    moment: float
-    gross_moment: float
-    force_of_turn: float
-    gross_force_of_turn: float
-    moment_of_turn: float
+    force: float  # drag, kg/m
+    moment: float  # drag times x, kg
+    gross_moment: float  # drag of the hull times ``|x|``, kg
+    force_of_turn: float  # drag times ``x |x|``, kg m
+    gross_force_of_turn: float  # drag of the hull times x^2, kg m
+    moment_of_turn: float  # drag times ``|x|^3``, kg m^2
 
 
 def cross_flow(geometry: Geometry) -> CrossFlow:
@@ -184,26 +157,15 @@ def hull_lift(geometry: Geometry) -> HullLift:
 
 
 class DerivedValue(NamedTuple):
-    """A parameter or coefficient derived from the shape, SI.
+    """A parameter or coefficient derived from the shape, SI."""
 
-    Attributes
-    ----------
-    name : str
-        Symbol, such as ``Y_v|v|``.
-    mean, standard_deviation : float
-        Rounded to four digits, as in a vehicle file.
-    formula : str
-        Number of the formula in docs/theory.md, such as ``G8``, and its description.
-    source : str
-        Publication of the formula.
-    """
-
-    name: str
+    name: str  # symbol, such as ``Y_v|v|``
     unit: str
+    # mean, standard_deviation: rounded to four digits, as in a vehicle file
     mean: float
     standard_deviation: float
-    formula: str
-    source: str
+    formula: str  # number of the formula in docs/theory.md, such as ``G8``, and its description
+    source: str  # publication of the formula
 
 
 class _Formula(NamedTuple):

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from auvid_cli.arrays import Array
+
 # For integrals to 1e-4 with the square root of a round nose.
 _N_STATIONS = 2001
 # Per radian; lift-curve slope of a fin of infinite span: 2 pi, times 0.9 for the boundary layer (Hoerner).
@@ -16,18 +16,10 @@ _HINGE = 0.36
 
 
 class Hull(NamedTuple):
-    """The contour of a hull.
+    """The contour of a hull."""
 
-    Attributes
-    ----------
-    station : ndarray, shape (n,)
-        Distances from the nose, rising from 0 to the length, m.
-    radius : ndarray, shape (n,)
-        m.
-    """
-
-    station: Array
-    radius: Array
+    station: Array  # shape (n,); distances from the nose, rising from 0 to the length, m
+    radius: Array  # m, shape (n,)
 
     @property
     def length(self) -> float:
@@ -66,28 +58,18 @@ class Hull(NamedTuple):
 
 
 class MyringLengths(NamedTuple):
-    """Parameters of a Myring contour, with Prestero's symbols.
+    """Parameters of a Myring contour, with Prestero's symbols."""
 
-    Attributes
-    ----------
-    nose, nose_offset, middle, tail, tail_offset : float
-        a, a_0, b, c and c_0, m; the offsets are the lengths cut off at the ends.
-    diameter : float
-        d, m.
-    exponent : float
-        n of the nose; 2 gives an ellipse.
-    tail_angle : float
-        Half angle at the uncut end of the tail, rad.
-    """
-
+    # nose, nose_offset, middle, tail, tail_offset: a, a_0, b, c and c_0, m; the offsets are the lengths cut off at the
+    # ends
     nose: float
     nose_offset: float
     middle: float
     tail: float
     tail_offset: float
-    diameter: float
-    exponent: float
-    tail_angle: float
+    diameter: float  # d, m
+    exponent: float  # n of the nose; 2 gives an ellipse
+    tail_angle: float  # half angle at the uncut end of the tail, rad
 
 
 def myring_hull(shape: MyringLengths) -> Hull:
@@ -124,36 +106,17 @@ def hull_of_radii(station: Sequence[float], radius: Sequence[float]) -> Hull:
 
 
 class TailFins(NamedTuple):
-    """Equal fins around the tail.
+    """Equal fins around the tail."""
 
-    Attributes
-    ----------
-    position : float
-        Distance of the hinge, where the force acts, from the nose, m.
-    span : float
-        From root to tip, m.
-    area : float
-        Area of one fin, m^2.
-    number : int
-        At least three, evenly around the hull.
-    tail : str
-        ``+``: vertical rudders and horizontal elevators. ``x``: all fins turn for rudder and elevator.
-    taper : float
-        Chord at the tip over chord at the root.
-    chord : float
-        Mean chord, m.
-    tip_radius : float
-        Distance of the tips from the axis, m.
-    """
-
-    position: float
-    span: float
-    area: float
-    number: int
+    position: float  # distance of the hinge, where the force acts, from the nose, m
+    span: float  # from root to tip, m
+    area: float  # area of one fin, m^2
+    number: int  # at least three, evenly around the hull
+    # ``+``: vertical rudders and horizontal elevators. ``x``: all fins turn for rudder and elevator.
     tail: Literal["+", "x"]
-    taper: float
-    chord: float
-    tip_radius: float
+    taper: float  # chord at the tip over chord at the root
+    chord: float  # mean chord, m
+    tip_radius: float  # distance of the tips from the axis, m
 
     @property
     def extent(self) -> tuple[float, float]:
@@ -200,25 +163,13 @@ class Appendage(NamedTuple):
 
 
 class Geometry(NamedTuple):
-    """The shape of a vehicle, with the origin of the body axes at the centre of buoyancy.
-
-    Attributes
-    ----------
-    hull : Hull
-    fins : TailFins
-    centre_of_buoyancy : float
-        Distance from the nose, m.
-    appendages : tuple of Appendage
-        Empty if unknown.
-    density : float
-        Density of the water, kg/m^3.
-    """
+    """The shape of a vehicle, with the origin of the body axes at the centre of buoyancy."""
 
     hull: Hull
     fins: TailFins
-    centre_of_buoyancy: float
-    appendages: tuple[Appendage, ...]
-    density: float
+    centre_of_buoyancy: float  # distance from the nose, m
+    appendages: tuple[Appendage, ...]  # empty if unknown
+    density: float  # density of the water, kg/m^3
 
     @property
     def x(self) -> Array:

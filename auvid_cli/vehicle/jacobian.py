@@ -4,8 +4,8 @@ from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SIGNALS
@@ -23,8 +23,6 @@ from auvid_cli.vehicle.equations import (
 )
 from auvid_cli.vehicle.matrices import N_BALLAST
 from auvid_cli.vehicle.parameters import N_MOTION
-
-Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
@@ -189,42 +187,27 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
 
 
 class TransitionWorkspace(NamedTuple):
-    """Scratch arrays of `transition_step`.
+    """Scratch arrays of `transition_step`."""
 
-    Attributes
-    ----------
-    start_transition, stage_transition : ndarray, shape (9, N_COLUMNS)
-        Transition matrix at the start of the step and of a stage, without the columns by own terms.
-    rate : ndarray, shape (9, N_COLUMNS)
-        Time derivative of the transition matrix.
-    jacobian : ndarray, shape (9, N_COLUMNS)
-    start_of_terms, stage_of_terms, rate_of_terms, by_terms : ndarray, shape (9, terms)
-        The same four by own terms. They are separate so that the row length of the others is constant and their loops
-        vectorise.
-    start, stage : ndarray, shape (9,)
-        Motion at the start of the step and of a stage.
-    block : ndarray, shape (N_BLOCK,)
-        Motion of a stage in the first lane.
-    slope : ndarray, shape (N_SLOPE,)
-        Time derivative of the motion.
-    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK + terms * LANES,)
-    for_jacobian : ndarray, shape (N_JACOBIAN_WORK,)
-    """
-
+    # start_transition, stage_transition: shape (9, N_COLUMNS); transition matrix at the start of the step and of a
+    # stage, without the columns by own terms
     start_transition: Array
     stage_transition: Array
-    rate: Array
-    jacobian: Array
+    rate: Array  # shape (9, N_COLUMNS); time derivative of the transition matrix
+    jacobian: Array  # shape (9, N_COLUMNS)
+    # start_of_terms, stage_of_terms, rate_of_terms, by_terms: shape (9, terms); the same four by own terms. They are
+    # separate so that the row length of the others is constant and their loops vectorise.
     start_of_terms: Array
     stage_of_terms: Array
     rate_of_terms: Array
     by_terms: Array
+    # start, stage: shape (9,); motion at the start of the step and of a stage
     start: Array
     stage: Array
-    block: Array
-    slope: Array
-    coefficient_block: Array
-    for_jacobian: Array
+    block: Array  # shape (N_BLOCK,); motion of a stage in the first lane
+    slope: Array  # shape (N_SLOPE,); time derivative of the motion
+    coefficient_block: Array  # shape (N_COEFFICIENT_BLOCK + terms * LANES,)
+    for_jacobian: Array  # shape (N_JACOBIAN_WORK,)
 
 
 # Ends of the arrays in the scratch whose lengths do not depend on the own terms; the others follow.

@@ -1,9 +1,9 @@
 """Rotations between axes of body and earth, motion of lever arms, and dead reckoning."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from auvid_cli.arrays import Array
+
 GRAVITY = 9.80665  # m/s^2, standard gravity
 
 

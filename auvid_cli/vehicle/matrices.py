@@ -4,22 +4,13 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.errors import ConfigError
-
-Array = NDArray[np.float64]
 
 
 class Ballast(NamedTuple):
     """Errors of the stated weight and buoyancy.
-
-    Attributes
-    ----------
-    excess_buoyancy : float
-        Additional upward force at the origin, N.
-    trim_moment : float
-        Additional bow-up pitching moment of a level vehicle, N m.
 
     Notes
     -----
@@ -28,8 +19,8 @@ class Ballast(NamedTuple):
     ``trim_moment cos theta cos phi`` in pitch, ``-trim_moment cos theta sin phi`` in yaw, and zero in roll.
     """
 
-    excess_buoyancy: float = 0.0
-    trim_moment: float = 0.0
+    excess_buoyancy: float = 0.0  # additional upward force at the origin, N
+    trim_moment: float = 0.0  # additional bow-up pitching moment of a level vehicle, N m
 
     def added_to(self, parameters: Mapping[str, float]) -> dict[str, float]:
         """Return the known parameters, SI, with corrected buoyancy and centre of buoyancy."""

@@ -4,24 +4,12 @@ from typing import NamedTuple
 
 
 class Quantity(NamedTuple):
-    """A named physical quantity.
+    """A named physical quantity."""
 
-    Attributes
-    ----------
-    symbol : str
-        SNAME symbol, with ``dot`` for a time derivative.
-    unit : str
-        SI unit in the syntax of pint.
-    meaning : str
-        One phrase for tables, files and documentation.
-    equation : str
-        Matrix or vector of Sabet et al. 2018 that it enters.
-    """
-
-    symbol: str
-    unit: str
-    meaning: str
-    equation: str
+    symbol: str  # SNAME symbol, with ``dot`` for a time derivative
+    unit: str  # SI unit in the syntax of pint
+    meaning: str  # one phrase for tables, files and documentation
+    equation: str  # matrix or vector of Sabet et al. 2018 that it enters
 
 
 PARAMETERS: tuple[Quantity, ...] = (

@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
+from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, FileLog, LogColumn, Tables
 
 _TICKS_PER_SECOND = {"TimeUS": 1e6, "TimeMS": 1e3}
 _HEADER_BYTES = 3
@@ -35,27 +35,20 @@ _MIN_PACKET_BYTES = 8
 _HEAD_BYTES = 10
 
 
-class DataFlashLog(Log):
-    """Log on the card of the autopilot; its time counts from power-on.
+class DataFlashLog(FileLog):
+    """Log on the card of the autopilot, with the messages that have a time; it counts from power-on.
 
     A message with several instances, such as IMU, has a table with all of them and one for each: IMU[0].
     """
 
-    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """Return the columns of each kind of message that has a time and was sent."""
-        return self._tables
-
-    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Return columns in their stated units."""
-        wanted = look_up(self, table, columns)
+    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
         kind, instance = _split(table)
         form, rows = self._rows(kind)
         if instance is not None:
             rows = rows[rows[form.instance_field] == instance]
-        return {column.name: _values(form, rows, column) for column in wanted}
+        return {column.name: _values(form, rows, column) for column in columns}
 
-    @cached_property
-    def _tables(self) -> dict[str, tuple[LogColumn, ...]]:
+    def _find_tables(self) -> Tables:
         tables = {}
         for kind in sorted(self._index):
             form, rows = self._rows(kind)
@@ -67,7 +60,6 @@ class DataFlashLog(Log):
 
     @cached_property
     def _index(self) -> dict[str, tuple[DFFormat, list[int]]]:
-        """Return the format and the offsets of each kind of message."""
         complaints = StringIO()
         refusing = damage_as_file_error(lambda reason: f"{self.path}: is damaged: {reason}")
         # The library prints a line for each invalid byte and continues.
@@ -79,7 +71,6 @@ class DataFlashLog(Log):
         return index
 
     def _rows(self, kind: str) -> tuple[DFFormat, NDArray[np.void]]:
-        """Return the format and the rows of a kind of message, as stored."""
         form, offsets = self._index[kind]
         try:
             layout = np.dtype([(name, _dtype(code)) for name, code in zip(form.columns, form.format, strict=True)])
@@ -104,7 +95,6 @@ class _Reader(DFReader_binary):
 
 
 def _dtype(code: str) -> np.dtype[Any]:
-    """Return the stored type of a field."""
     if code == "a":
         return np.dtype(("<i2", (_LIST_LENGTH,)))
     written = FORMAT_TO_STRUCT[code][0]
@@ -135,18 +125,12 @@ def _values(form: DFFormat, rows: NDArray[np.void], column: LogColumn) -> Column
     return values if factor is None else values / round(1.0 / factor)
 
 
-class TelemetryLog(Log):
+class TelemetryLog(FileLog):
     """MAVLink messages that a ground station received, with the time of the ground station."""
 
-    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """Return the columns of each kind of message, with the units of MAVLink."""
-        return self._tables
-
-    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Return columns in the units of MAVLink."""
-        wanted = look_up(self, table, columns)
-        values = {column.name: [] if column.is_text else array("d") for column in wanted}
-        places = {column.name: _split(column.name) for column in wanted if column.name != LOG_TIME}
+    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
+        values = {column.name: [] if column.is_text else array("d") for column in columns}
+        places = {column.name: _split(column.name) for column in columns if column.name != LOG_TIME}
         number = next(number for number, kind in mavlink.mavlink_map.items() if kind.msgname == table)
         parser = mavlink.MAVLink(None)
         for start, seconds, packet in self._packets(number):
@@ -163,8 +147,7 @@ class TelemetryLog(Log):
                     column_values.append(value if index is None else value[index])
         return {name: np.array(column, None if isinstance(column, array) else str) for name, column in values.items()}
 
-    @cached_property
-    def _tables(self) -> dict[str, tuple[LogColumn, ...]]:
+    def _find_tables(self) -> Tables:
         kinds = {mavlink.mavlink_map[number] for number in {_number(packet) for _, _, packet in self._packets()}}
         if not kinds:
             raise FileError(f"{self.path}: no known MAVLink message")
@@ -191,7 +174,6 @@ class TelemetryLog(Log):
 
 
 def _number(packet: bytes) -> int:
-    """Return the kind of a message, as a number."""
     return int.from_bytes(packet[7:10], "little") if packet[0] == _VERSION_2 else packet[5]
 
 

@@ -20,7 +20,7 @@ from auvid_cli.child_processes import Workers
 from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.data.hdf5 import numbers_in, open_hdf5
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import ColumnValues, Log, LogColumn, look_up
+from auvid_cli.logs.formats.log import ColumnValues, FileLog, LogColumn, Tables
 
 _MAX_COLUMNS = 100  # of an array, or structs of a list; larger ones, such as images, are left out
 
@@ -46,19 +46,20 @@ class _Place(NamedTuple):
     is_text: bool
 
 
-class ArrayLog(Log):
-    """A file of named arrays."""
+class ArrayLog(FileLog):
+    """A file of named arrays; one with two dimensions has the columns ``name[0]``, ``name[1]``.
 
-    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """Return the columns by array name; ``name[0]``, ``name[1]`` for an array with two dimensions."""
+    Only variables with the requested columns are loaded.
+    """
+
+    def _find_tables(self) -> Tables:
         return {
             table: tuple(LogColumn(name, is_text=place.is_text) for name, place in columns.items())
             for table, columns in self._places.items()
         }
 
-    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Return columns by name; only the variables with these columns are loaded."""
-        places = {column.name: self._places[table][column.name] for column in look_up(self, table, columns)}
+    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
+        places = {column.name: self._places[table][column.name] for column in columns}
         values: dict[str, ColumnValues] = {}
         arrays = dict(self._arrays({place.path[0] for place in places.values()}))
         for name, place in places.items():
@@ -66,7 +67,7 @@ class ArrayLog(Log):
             if place.number is not None:
                 array = array[place.number] if place.across else array[:, place.number]
             values[name] = array.astype(str if place.is_text else np.float64)
-        return values
+        return {name: values[name] for name in places}
 
     @cached_property
     def _places(self) -> dict[str, dict[str, _Place]]:
@@ -164,7 +165,6 @@ def _if_usable(path: _Path, array: NDArray[Any]) -> Iterator[tuple[_Path, NDArra
 
 
 def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
-    """Return the columns of each table."""
     vectors = {shape.shape[0] for shape in shapes.values() if len(shape.shape) == 1}
     groups: dict[tuple[str, int], list[_Path]] = {}
     across = {}

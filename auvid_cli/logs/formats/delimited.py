@@ -15,7 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import ColumnValues, Log, LogColumn, look_up
+from auvid_cli.logs.formats.log import ColumnValues, FileLog, LogColumn, Tables
 from auvid_cli.logs.formats.text_layout import (
     BLANKS,
     COMMENT_MARKS,
@@ -128,8 +128,8 @@ def _may_be_filler(first: NDArray[np.uint8], delimiter: str) -> NDArray[np.bool_
     return np.isin(first, np.frombuffer(signs.encode(), np.uint8))
 
 
-class DelimitedLog(Log):
-    """A log of delimited text; `layout` states what its header does not show.
+class DelimitedLog(FileLog):
+    """A log of delimited text, whose rows are all checked; `layout` states what its header does not show.
 
     Of a log of more than `max_bytes` only the beginning is read, and `is_cut` is true.
     """
@@ -148,18 +148,16 @@ class DelimitedLog(Log):
         lines = _decode(head).removesuffix("\n").split("\n")
         self._header: Header = read_header(path, lines, layout)
 
-    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """Return the columns by their headings."""
+    def _find_tables(self) -> Tables:
         return {"": self._header.columns}
 
-    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Return columns by name after a check of all rows."""
-        positions = {column.name: self._header.columns.index(column) for column in look_up(self, table, columns)}
+    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
+        positions = {column.name: self._header.columns.index(column) for column in columns}
         try:
-            values = self._read(list(positions.values()), strict=True)
+            values = self._parse(list(positions.values()), strict=True)
         except ValueError:
             # Blanks around numbers, or invalid numbers: slower, but errors name the line.
-            values = self._read(list(positions.values()), strict=False)
+            values = self._parse(list(positions.values()), strict=False)
         return {name: values[position] for name, position in positions.items()}
 
     @cached_property
@@ -184,7 +182,7 @@ class DelimitedLog(Log):
         self.is_cut = len(content) == max_bytes
         return BytesIO(content[: content.rfind(b"\n") + 1] if self.is_cut else content)
 
-    def _read(self, positions: Sequence[int], strict: bool) -> dict[int, ColumnValues]:
+    def _parse(self, positions: Sequence[int], strict: bool) -> dict[int, ColumnValues]:
         """Return columns by position; if strict, ValueError for numbers that pandas does not parse."""
         header, rows = self._header, self._rows
         count = rows.lines - header.line - len(rows.filler)

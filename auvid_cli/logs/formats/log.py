@@ -10,50 +10,36 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.errors import FileError
 
 # Columns that readers add, times in s since 1970 or since the log's own zero.
 LOG_TIME = "@log_time"  # time of recording
 HEADER_STAMP = "@header_stamp"  # time of measurement by the sender
 FILE = "@file"  # number of the file of a row, from 1, in a log of several files
-ColumnValues = NDArray[np.float64] | NDArray[np.str_]
-Array = NDArray[np.float64]
+ColumnValues = Array | NDArray[np.str_]
 
 
 class LogColumn(NamedTuple):
-    """A column of a table.
+    """A column of a table."""
 
-    Attributes
-    ----------
-    name : str
-        Name without unit, or dotted path of a message's field, such as ``pose.position.x``.
-    unit : str
-        Unit that the log states; empty without one.
-    is_text : bool
-        Whether the values are text, such as ``12:03.5``.
-    """
+    name: str  # name without unit, or dotted path of a message's field, such as ``pose.position.x``
+    unit: str = ""  # unit that the log states; empty without one
+    is_text: bool = False  # whether the values are text, such as ``12:03.5``
 
-    name: str
-    unit: str = ""
-    is_text: bool = False
+
+Tables = dict[str, tuple[LogColumn, ...]]
 
 
 class Log(ABC):
-    """An opened log, of which only requested columns are read.
-
-    Attributes
-    ----------
-    path : pathlib.Path
-    is_cut : bool
-        Whether only its beginning is read.
-    """
+    """An opened log, of which only requested columns are read."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.is_cut = False
+        self.is_cut = False  # whether only the beginning is read
 
     @abstractmethod
-    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
+    def tables(self) -> Tables:
         """Return the columns of each table (topic or kind of message); a single table has an empty name.
 
         Message logs have the columns `LOG_TIME` and, if messages have a header, `HEADER_STAMP`.
@@ -71,13 +57,7 @@ class Log(ABC):
 
 
 def look_up(log: Log, table: str, names: Sequence[str]) -> tuple[LogColumn, ...]:
-    """Return columns of a table by name.
-
-    Raises
-    ------
-    FileError
-        If a table or column is missing.
-    """
+    """Return columns of a table by name; FileError if the table or one of them is missing."""
     tables = log.tables()
     if table not in tables:
         raise FileError(missing(log, "table", table, tables))
@@ -96,8 +76,30 @@ def missing(log: Log, what: str, name: str, names: Collection[str]) -> str:
     return f"{log.path}: no {what} named {name!r}; expected {', '.join(map(repr, some)) or 'none'}{of}"
 
 
-class JoinedLog(Log):
-    """Several logs as one; the rows of a table follow each other in the order of the logs.
+class FileLog(Log):
+    """A log that finds its tables once, and looks up the columns before it reads them."""
+
+    def tables(self) -> Tables:
+        """Return the columns of each table."""
+        return self._tables
+
+    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
+        """Return columns by name, in their stated units."""
+        return self._read(table, look_up(self, table, columns))
+
+    @cached_property
+    def _tables(self) -> Tables:
+        return self._find_tables()
+
+    @abstractmethod
+    def _find_tables(self) -> Tables: ...
+
+    @abstractmethod
+    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]: ...
+
+
+class JoinedLog(FileLog):
+    """Several logs as one; the rows of a table follow each other in the order of the logs, with their number in `FILE`.
 
     Parameters
     ----------
@@ -114,30 +116,23 @@ class JoinedLog(Log):
         super().__init__(parts[0].path)
         self._parts = tuple(parts)
 
-    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """Return the columns of each table, and `FILE`."""
-        return self._tables
-
-    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Return columns of a table by name."""
-        look_up(self, table, columns)
+    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
         # At least one stored column, for the number of rows.
-        stored = [name for name in columns if name != FILE] or [self._tables[table][0].name]
+        stored = [column.name for column in columns if column.name != FILE] or [self._tables[table][0].name]
         parts = enumerate(zip(self._parts, self._contents, strict=True), 1)
         by_part = {k: part.read(table, stored) for k, (part, content) in parts if table in content}
         joined = {c: cast(ColumnValues, np.concatenate([values[c] for values in by_part.values()])) for c in stored}
         joined[FILE] = np.repeat(
             np.array([*by_part], np.float64), [values[stored[0]].size for values in by_part.values()]
         )
-        return {name: joined[name] for name in columns}
+        return {column.name: joined[column.name] for column in columns}
 
     @cached_property
-    def _contents(self) -> list[dict[str, tuple[LogColumn, ...]]]:
+    def _contents(self) -> list[Tables]:
         return [part.tables() for part in self._parts]
 
-    @cached_property
-    def _tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        common: dict[str, tuple[LogColumn, ...]] = {}
+    def _find_tables(self) -> Tables:
+        common: Tables = {}
         for part, content in zip(self._parts, self._contents, strict=True):
             for table, columns in content.items():
                 others = {column.name: column for column in columns}

@@ -26,40 +26,25 @@ _MAVLINK_MARKERS = b"\xfe\xfd"
 
 
 class _Kind(Enum):
-    """Kind of a log, and the suffix that the library which reads it requires."""
+    """Kind of a log: words, suffix that its library requires, extra of auvid that reads it, and first bytes."""
 
-    BAG1 = "a ROS 1 bag", ".bag"
-    MCAP = "an MCAP bag", ".mcap"
-    SQLITE = "a SQLite file such as a ROS 2 bag", ".db3"
-    MAT = "a MATLAB file", ".mat"
-    MAT_HDF5 = "a MATLAB 7.3 file", ".mat"
-    NPZ = "a NumPy archive", ".npz"
-    DATAFLASH = "an ArduPilot DataFlash log", ".bin"
-    TELEMETRY = "a MAVLink telemetry log", ".tlog"
-    ULOG = "a PX4 log", ".ulg"
-    LSF = "an IMC log", ".lsf"
-    ALOG = "a MOOS log", ".alog"
+    BAG1 = "a ROS 1 bag", ".bag", "ros", b"#ROSBAG V2.0"
+    MCAP = "an MCAP bag", ".mcap", "ros", b"\x89MCAP0\r\n"
+    SQLITE = "a SQLite file such as a ROS 2 bag", ".db3", "ros", b"SQLite format 3\0"
+    MAT = "a MATLAB file", ".mat", "", b"MATLAB 5.0 MAT-file"
+    MAT_HDF5 = "a MATLAB 7.3 file", ".mat", "", b"MATLAB 7.3 MAT-file"
+    NPZ = "a NumPy archive", ".npz", "", b""
+    DATAFLASH = "an ArduPilot DataFlash log", ".bin", "ardupilot", b"\xa3\x95\x80"
+    TELEMETRY = "a MAVLink telemetry log", ".tlog", "ardupilot", b""
+    ULOG = "a PX4 log", ".ulg", "px4", b"ULog\x01\x12\x35"
+    LSF = "an IMC log", ".lsf", "imc", b"\x54\xfe"
+    ALOG = "a MOOS log", ".alog", "", b""
+
+    def __init__(self, description: str, suffix: str, extra: str, magic: bytes) -> None:
+        self.description, self.suffix, self.extra, self.magic = description, suffix, extra, magic
 
 
-_EXTRAS = {
-    _Kind.BAG1: ("ROS bags", "ros"),
-    _Kind.MCAP: ("ROS bags", "ros"),
-    _Kind.SQLITE: ("ROS bags", "ros"),
-    _Kind.DATAFLASH: ("ArduPilot logs", "ardupilot"),
-    _Kind.TELEMETRY: ("ArduPilot logs", "ardupilot"),
-    _Kind.ULOG: ("PX4 logs", "px4"),
-    _Kind.LSF: ("IMC logs", "imc"),
-}
-_BY_MAGIC = {
-    b"#ROSBAG V2.0": _Kind.BAG1,
-    b"\x89MCAP0\r\n": _Kind.MCAP,
-    b"SQLite format 3\0": _Kind.SQLITE,
-    b"MATLAB 5.0 MAT-file": _Kind.MAT,
-    b"MATLAB 7.3 MAT-file": _Kind.MAT_HDF5,
-    b"\xa3\x95\x80": _Kind.DATAFLASH,
-    b"ULog\x01\x12\x35": _Kind.ULOG,
-    b"\x54\xfe": _Kind.LSF,
-}
+_LOGS_OF_EXTRA = {"ros": "ROS bags", "ardupilot": "ArduPilot logs", "px4": "PX4 logs", "imc": "IMC logs"}
 # Common mistakes.
 _ADVICE_BY_MAGIC = {
     b"\x89HDF\r\n\x1a\n": "looks like an HDF5 file of another kind than MATLAB 7.3",
@@ -101,9 +86,8 @@ def open_log(path: Path, layout: TextLayout | None = None, max_bytes: int | None
         from auvid_cli.logs.formats.delimited import DelimitedLog
 
         return DelimitedLog(path, layout or TextLayout(), max_bytes)
-    description, suffix = kind.value
-    if path.suffix.lower() != suffix:
-        raise FileError(f"{path}: looks like {description}, whose name must end in {suffix}: rename it")
+    if path.suffix.lower() != kind.suffix:
+        raise FileError(f"{path}: looks like {kind.description}, whose name must end in {kind.suffix}: rename it")
     return _open(path, kind)
 
 
@@ -111,11 +95,10 @@ def _open(path: Path, kind: _Kind) -> Log:
     try:
         return _reader(kind)(path)
     except ModuleNotFoundError as error:
-        if kind not in _EXTRAS:
+        if not kind.extra:
             raise
-        logs, extra = _EXTRAS[kind]
-        package = str(error.name).partition(".")[0]
-        raise FileError(f"reading {logs} needs the package {package}: pip install 'auvid[{extra}]'") from error
+        logs, package = _LOGS_OF_EXTRA[kind.extra], str(error.name).partition(".")[0]
+        raise FileError(f"reading {logs} needs the package {package}: pip install 'auvid[{kind.extra}]'") from error
 
 
 def _reader(kind: _Kind) -> Callable[[Path], Log]:
@@ -161,8 +144,8 @@ def _kind_of(path: Path) -> _Kind | None:
             raise FileError(f"{path}: compressed file without text; expected text inside: unpack it with gunzip first")
     except (OSError, EOFError, zlib.error) as error:
         raise FileError(f"{path}: cannot be read: {error}") from error
-    for magic, kind in _BY_MAGIC.items():
-        if head.startswith(magic):
+    for kind in _Kind:
+        if kind.magic and head.startswith(kind.magic):
             return kind
     for magic, advice in _ADVICE_BY_MAGIC.items():
         if head.startswith(magic):
@@ -171,7 +154,7 @@ def _kind_of(path: Path) -> _Kind | None:
         raise FileError(
             f"{path}: looks like a log of a Slocum glider: convert it with dbd2asc, and give what that writes"
         )
-    if path.suffix.lower() == _Kind.ALOG.value[1] and _is_text(head):
+    if path.suffix.lower() == _Kind.ALOG.suffix and _is_text(head):
         return _Kind.ALOG
     if zipfile.is_zipfile(path):
         return _kind_of_zip(path)

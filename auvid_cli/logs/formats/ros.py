@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, missing
+from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, Tables, missing
 
 _MAX_LIST_LENGTH = 100  # elements that become columns; longer lists, such as images, are read by an index only
 _NANOSECONDS = 10**9  # in 1 s
@@ -30,7 +30,7 @@ class _Topic(NamedTuple):
 class BagLog(Log):
     """A bag. Messages are decoded by its own definitions, or without any by those of ROS 2."""
 
-    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
+    def tables(self) -> Tables:
         """Return the columns of each topic; the first message determines the length of lists.
 
         A topic without messages or without a definition has the time of the log only.
@@ -123,7 +123,10 @@ def _extractor(name: str, beyond: float | str) -> Callable[[int, Any], Any]:
     if name == LOG_TIME:
         return lambda stamp, message: stamp / _NANOSECONDS
     if name == HEADER_STAMP:
-        return lambda stamp, message: _seconds(message.header.stamp)
+        # A single division of integers rounds only once.
+        return lambda stamp, message: (
+            (message.header.stamp.sec * _NANOSECONDS + message.header.stamp.nanosec) / _NANOSECONDS
+        )
     steps = [int(index) if index else field for index, field in _STEP.findall(name)]
 
     def extract(stamp: int, message: Any) -> Any:
@@ -138,8 +141,3 @@ def _extractor(name: str, beyond: float | str) -> Callable[[int, Any], Any]:
         return value
 
     return extract
-
-
-def _seconds(stamp: Any) -> float:
-    # A single division of integers rounds only once.
-    return (stamp.sec * _NANOSECONDS + stamp.nanosec) / _NANOSECONDS

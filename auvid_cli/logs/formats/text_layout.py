@@ -110,54 +110,25 @@ def _size(text: str, unit: str) -> float | None:
 
 
 class TextLayout(NamedTuple):
-    """Stated parts of the layout of a text log; None is detected.
+    """Stated parts of the layout of a text log; None is detected."""
 
-    Attributes
-    ----------
-    delimiter : str, optional
-        A blank means any number of blanks and tabs.
-    header_row : int, optional
-        Line of the names, from 1.
-    decimal : str, optional
-        Decimal point, "." or ",".
-    missing : tuple of str
-        Marks of a missing number in addition to `MISSING_VALUES`.
-    names : tuple of str
-        Names of the columns, instead of those in the log.
-    """
-
-    delimiter: str | None = None
-    header_row: int | None = None
-    decimal: str | None = None
-    missing: tuple[str, ...] = ()
-    names: tuple[str, ...] = ()
+    delimiter: str | None = None  # a blank means any number of blanks and tabs
+    header_row: int | None = None  # line of the names, from 1
+    decimal: str | None = None  # decimal point, "." or ","
+    missing: tuple[str, ...] = ()  # marks of a missing number in addition to `MISSING_VALUES`
+    names: tuple[str, ...] = ()  # names of the columns, instead of those in the log
 
 
 class Header(NamedTuple):
-    """Layout of a text log.
-
-    Attributes
-    ----------
-    delimiter, decimal : str
-    line : int
-        Last line of the header, from 1; 0 without a header.
-    fields : int
-        Fields of each row: one more than columns if rows end with a delimiter.
-    columns : tuple of LogColumn
-        A column without a name has its number, such as ``#3``.
-    is_flag : tuple of bool
-        Whether the values of a column are "true" and "false".
-    suffixes : tuple of str
-        Unit at the end of each cell of a column; empty without one.
-    """
+    """Layout of a text log."""
 
     delimiter: str
     decimal: str
-    line: int
-    fields: int
-    columns: tuple[LogColumn, ...]
-    is_flag: tuple[bool, ...]
-    suffixes: tuple[str, ...]
+    line: int  # last line of the header, from 1; 0 without a header
+    fields: int  # fields of each row: one more than columns if rows end with a delimiter
+    columns: tuple[LogColumn, ...]  # one without a name has its number, such as ``#3``
+    is_flag: tuple[bool, ...]  # whether the values of a column are "true" and "false"
+    suffixes: tuple[str, ...]  # unit at the end of each cell of a column; empty without one
 
 
 def split_row(line: str, delimiter: str) -> list[str]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn, look_up
+from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, FileLog, LogColumn, Tables
 from auvid_cli.logs.formats.text_layout import is_number
 
 T = TypeVar("T")
@@ -52,7 +52,7 @@ class _BoundedFile:
         return result
 
 
-class ULogLog(Log):
+class ULogLog(FileLog):
     """Log of PX4: a table for each instance of a topic, in SI; `LOG_TIME` counts from power-on."""
 
     def __init__(self, path: Path) -> None:
@@ -61,18 +61,15 @@ class ULogLog(Log):
         super().__init__(path)
         self._reader = ULog
 
-    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """Return the columns of each table."""
+    def _find_tables(self) -> Tables:
         return {
             table: (LogColumn(LOG_TIME), *(LogColumn(name) for name in fields if name != _TIMESTAMP))
             for table, fields in self._topics.items()
         }
 
-    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Return columns by name."""
-        look_up(self, table, columns)
+    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
         fields = self._topics[table]
-        return {name: fields[_TIMESTAMP] * 1e-6 if name == LOG_TIME else fields[name] for name in columns}
+        return {name: fields[_TIMESTAMP] * 1e-6 if name == LOG_TIME else fields[name] for name, *_ in columns}
 
     @cached_property
     def _topics(self) -> dict[str, dict[str, NDArray[np.float64]]]:
@@ -89,7 +86,7 @@ class ULogLog(Log):
         }
 
 
-class LsfLog(Log):
+class LsfLog(FileLog):
     """Log of DUNE: a table for each kind of message with its numeric fields and sender, in SI.
 
     `LOG_TIME` is the time at which a message was sent. A message that is cut off at the end is left out.
@@ -101,14 +98,11 @@ class LsfLog(Log):
         super().__init__(path)
         self._deserialize = imcpy.Packet.deserialize
 
-    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """Return the columns of each table."""
+    def _find_tables(self) -> Tables:
         return {table: tuple(map(LogColumn, fields)) for table, fields in self._messages.items()}
 
-    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Return columns by name."""
-        look_up(self, table, columns)
-        return {name: np.array(self._messages[table][name], np.float64) for name in columns}
+    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
+        return {name: np.array(self._messages[table][name], np.float64) for name, *_ in columns}
 
     @cached_property
     def _messages(self) -> dict[str, dict[str, list[float]]]:
@@ -141,23 +135,20 @@ def _numeric_fields(message: Any) -> list[str]:
     ]
 
 
-class AlogLog(Log):
+class AlogLog(FileLog):
     """Log of pLogger (MOOS): a table for each variable with the time since the start of the log and the value."""
 
-    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
-        """Return the columns of each table."""
+    def _find_tables(self) -> Tables:
         return {
             name: (LogColumn(LOG_TIME), LogColumn(_VALUE, is_text=not self._is_numeric(name)))
             for name in self._variables
         }
 
-    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Return columns by name."""
-        look_up(self, table, columns)
+    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
         times, values = self._variables[table]
         arrays: dict[str, ColumnValues] = {LOG_TIME: np.array(times)}
         arrays[_VALUE] = np.array(values, np.float64) if self._is_numeric(table) else np.array(values, np.str_)
-        return {name: arrays[name] for name in columns}
+        return {name: arrays[name] for name, *_ in columns}
 
     def _is_numeric(self, name: str) -> bool:
         return all(map(is_number, self._variables[name][1]))

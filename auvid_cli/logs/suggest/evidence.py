@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.logs.frames import interpolate
 from auvid_cli.logs.suggest.relations import CROSSED, RelationFit, Track, fit_relations
 from auvid_cli.vehicle.parameters import SENSORS
 
-Array = NDArray[np.float64]
 # Signs of components in the usual axes; an attitude in FLU axes refers to ENU.
 USUAL_AXES = {"FRD": (1, 1, 1), "FLU": (1, -1, -1)}
 TRIPLES = {
@@ -51,18 +51,10 @@ _UNITS = {
 
 
 class LikelySigns(NamedTuple):
-    """Signs with the largest likelihood.
+    """Signs with the largest likelihood."""
 
-    Attributes
-    ----------
-    signs : dict of int
-        1 or -1 by symbol.
-    margins : dict of float
-        Decrease of the log likelihood if a symbol has the other sign.
-    """
-
-    signs: dict[str, int]
-    margins: dict[str, float]
+    signs: dict[str, int]  # 1 or -1 by symbol
+    margins: dict[str, float]  # decrease of the log likelihood if a symbol has the other sign
 
     def strength(self, symbol: str) -> str:
         """Return the strength of the evidence for a sign as a word; empty without evidence."""
@@ -111,28 +103,14 @@ def _axes_likelihood(present: Sequence[tuple[NDArray[np.int8], int]], expected: 
 
 
 class Evidence(NamedTuple):
-    """Result of the relations between the signals of a log.
-
-    Attributes
-    ----------
-    fits : list of RelationFit
-    verdict : LikelySigns
-    over_ground : str
-        ``NED`` or ``ENU`` if the velocity of the DVL is over ground, else empty.
-    exchanged : bool
-        Whether rudder and elevator are exchanged.
-    delays : dict of float
-        Delay of the times of a sensor, s.
-    units : dict of str
-        Unit of a sensor whose unit was guessed wrong.
-    """
+    """Result of the relations between the signals of a log."""
 
     fits: list[RelationFit]
     verdict: LikelySigns
-    over_ground: str
-    exchanged: bool
-    delays: dict[str, float]
-    units: dict[str, str]
+    over_ground: str  # ``NED`` or ``ENU`` if the velocity of the DVL is over ground, else empty
+    exchanged: bool  # whether rudder and elevator are exchanged
+    delays: dict[str, float]  # delay of the times of a sensor, s
+    units: dict[str, str]  # unit of a sensor whose unit was guessed wrong
 
     def words(self, symbols: Sequence[str]) -> str:
         """Return the evidence for the signs of some symbols: strength, relations and correlations."""
@@ -176,7 +154,12 @@ def weigh_evidence(
         for sensor, unit in _wrong_units(fit, guessed):
             if sensor not in units:
                 units[sensor] = unit
-                tracks |= _rescaled(tracks, sensor, _unit_ratio(sensor, unit, guessed))
+                ratio = _unit_ratio(sensor, unit, guessed)
+                tracks |= {
+                    q.symbol: track._replace(values=ratio * track.values)
+                    for q in SENSORS[sensor]
+                    if (track := tracks.get(q.symbol)) is not None
+                }
     if units:
         fits = fit_relations(tracks)
     of_fins = [fit for fit in fits if {*_EXCHANGE} & {*fit.symbols}]
@@ -191,7 +174,11 @@ def weigh_evidence(
     # One sensor at a time, because its delay affects all relations that contain it.
     while (late := _latest_sensor(fits)) is not None and late[0] not in delays:
         delays |= [late]
-        tracks = _without_delay(tracks, *late)
+        sensor, delay = late
+        tracks = {
+            symbol: track._replace(time=track.time - delay) if _sensor_of(symbol) == sensor else track
+            for symbol, track in tracks.items()
+        }
         fits = [fit for fit in fit_relations(tracks) if CROSSED not in fit.symbols]
     verdict = likely_signs(list(tracks), fits, _with_values(tracks, expected))
     over_ground = ""
@@ -273,11 +260,6 @@ def _unit_ratio(sensor: str, unit: str, guessed: Mapping[str, str]) -> float:
     return unit_factor(unit, si) / unit_factor(guessed[sensor], si)
 
 
-def _rescaled(tracks: Mapping[str, Track], sensor: str, factor: float) -> dict[str, Track]:
-    symbols = [quantity.symbol for quantity in SENSORS[sensor] if quantity.symbol in tracks]
-    return {symbol: tracks[symbol]._replace(values=factor * tracks[symbol].values) for symbol in symbols}
-
-
 def _latest_sensor(fits: Sequence[RelationFit]) -> tuple[str, float] | None:
     """Return a late sensor and its delay, s, by the relation with the largest correlation that shows one."""
     for fit in sorted(fits, key=lambda fit: abs(fit.correlation), reverse=True):
@@ -286,13 +268,6 @@ def _latest_sensor(fits: Sequence[RelationFit]) -> tuple[str, float] | None:
             # Inertial sensors are more likely on time, so the other one is early or late.
             return (other, -fit.delay) if first in ("gyroscope", "accelerometer") else (first, fit.delay)
     return None
-
-
-def _without_delay(tracks: Mapping[str, Track], sensor: str, delay: float) -> dict[str, Track]:
-    return {
-        symbol: track._replace(time=track.time - delay) if _sensor_of(symbol) == sensor else track
-        for symbol, track in tracks.items()
-    }
 
 
 def _sensor_of(symbol: str) -> str:

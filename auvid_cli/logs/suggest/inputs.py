@@ -5,15 +5,13 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest.evidence import Evidence
 from auvid_cli.logs.suggest.names import INPUT_NAMES, SIDES, find_columns, find_in_logs, named_unit
 from auvid_cli.logs.suggest.relations import PITCH_FINS, YAW_FINS, Track
 from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, place_of, row_entries, tracks_of
-
-Array = NDArray[np.float64]
 
 _MAX_FIN_DEGREES = 90.0
 _MAX_PERCENT = 110.0
@@ -176,14 +174,11 @@ def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInp
             inputs |= {
                 key: FoundInput(new[key], values, log, table, place)
                 for key, values in numbers.items()
-                if _is_usable(values, elsewhere and not _is_thrust(key))
+                # An input in another table must change, unless it is thrust.
+                if (known := values[np.isfinite(values)]).size
+                and (not elsewhere or _is_thrust(key) or np.ptp(known) > 0.0)
             }
     return inputs
-
-
-def _is_usable(values: Array, must_change: bool) -> bool:
-    known = values[np.isfinite(values)]
-    return bool(known.size) and (not must_change or bool(np.ptp(known) > 0.0))
 
 
 def _is_thrust(key: str) -> bool:

@@ -4,12 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.logs.frames import interpolate
 from auvid_cli.vehicle.kinematics import GRAVITY
-
-Array = NDArray[np.float64]
 
 _STEP = 0.1  # s, of the common time grid
 _MAX_CELLS = 20_000  # of the grid
@@ -43,28 +41,14 @@ class Track(NamedTuple):
 
 
 class RelationFit(NamedTuple):
-    """Agreement of a signal with the prediction from others.
+    """Agreement of a signal with the prediction from others."""
 
-    Attributes
-    ----------
-    symbols : tuple of str
-        Signals whose signs the relation connects.
-    words : str
-    correlation : float
-    gain : float
-        Ratio of the signal to its prediction; 1 if the units are right.
-    weight : float
-        Log likelihood of equal signs.
-    delay : float
-        s, by which the first signal is late; NaN if no delay is significant.
-    """
-
-    symbols: tuple[str, ...]
+    symbols: tuple[str, ...]  # signals whose signs the relation connects
     words: str
     correlation: float
-    gain: float
-    weight: float
-    delay: float
+    gain: float  # ratio of the signal to its prediction; 1 if the units are right
+    weight: float  # log likelihood of equal signs
+    delay: float  # s, by which the first signal is late; NaN if no delay is significant
 
 
 class _Relation(NamedTuple):

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.config.units import magnitude_of
 from auvid_cli.logs.clock import FARTHEST, order_rows, to_seconds
@@ -21,7 +21,6 @@ _WORDS_OF_YAML = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 _PLAIN = re.compile(r"[A-Za-z_/][\w./-]*", re.ASCII)
 Flow: TypeAlias = "str | int | Mapping[str, Flow] | tuple[Flow, ...] | None"
 Value: TypeAlias = "Flow | list[Line] | list[YamlEntry]"
-Array = NDArray[np.float64]
 # By SI unit: 99 % quantile above which another unit is more probable, the largest first.
 _OTHER_UNITS: dict[str, tuple[tuple[float, str], ...]] = {
     "rad": ((2.0 * np.pi, "deg"),),
@@ -152,28 +151,15 @@ def _is_unit_of_time(unit: str) -> bool:
 
 
 class Found(NamedTuple):
-    """Columns with the names of a sensor.
-
-    Attributes
-    ----------
-    sensor, log : str
-    match : Match
-    numbers : dict of ndarray
-        Numbers of the log by component.
-    unit : str
-    comment : str
-        Reason for the unit.
-    is_stated : bool
-        Whether the log or a name states the unit; otherwise it is guessed.
-    """
+    """Columns with the names of a sensor."""
 
     sensor: str
     log: str
     match: Match
-    numbers: dict[str, Array]
+    numbers: dict[str, Array]  # numbers of the log by component
     unit: str
-    comment: str
-    is_stated: bool
+    comment: str  # reason for the unit
+    is_stated: bool  # whether the log or a name states the unit; otherwise it is guessed
 
     @property
     def is_quaternion(self) -> bool:

@@ -5,20 +5,12 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.signals import estimate_noise
 from auvid_cli.logs.formats.log import Log
+from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.evidence import OVER_GROUND, TRIPLES, USUAL_AXES, Evidence
-from auvid_cli.logs.suggest.names import (
-    EARTH_VELOCITY,
-    QUATERNION_NAMES,
-    SENSOR_NAMES,
-    find_columns,
-    find_in_logs,
-    is_over_ground,
-    standard_message,
-)
 from auvid_cli.logs.suggest.relations import Track
 from auvid_cli.logs.suggest.rows import (
     Comment,
@@ -34,8 +26,6 @@ from auvid_cli.logs.suggest.rows import (
     tracks_of,
 )
 from auvid_cli.vehicle.parameters import SENSORS
-
-Array = NDArray[np.float64]
 
 _EARTH_AXES = {"FRD": "NED", "FLU": "ENU"}
 _MIN_GRAVITY = 5.0  # m/s^2, mean specific force that shows the direction of gravity
@@ -74,11 +64,12 @@ class FoundSensor(NamedTuple):
 def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
     """Return the sensors whose names a log contains."""
     places = {
-        sensor: find_in_logs(logs, wanted, sensor, SENSORS[sensor][0].unit) for sensor, wanted in SENSOR_NAMES.items()
+        sensor: names.find_in_logs(logs, wanted, sensor, SENSORS[sensor][0].unit)
+        for sensor, wanted in names.SENSOR_NAMES.items()
     }
     # Names of earth axes only if there are none of body axes: a velocity has one or the other.
-    places["dvl"] = places["dvl"] or find_in_logs(logs, EARTH_VELOCITY, "dvl", SENSORS["dvl"][0].unit)
-    quaternion, angles = find_in_logs(logs, QUATERNION_NAMES), places["attitude"]
+    places["dvl"] = places["dvl"] or names.find_in_logs(logs, names.EARTH_VELOCITY, "dvl", SENSORS["dvl"][0].unit)
+    quaternion, angles = names.find_in_logs(logs, names.QUATERNION_NAMES), places["attitude"]
     if quaternion is not None and len(quaternion[1].columns) == 4:
         is_measured = angles is not None and not angles[1].is_filter_output
         if not (is_measured and quaternion[1].is_filter_output):
@@ -94,9 +85,9 @@ def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
 def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
     """Return components from other tables; outputs of a filter only if the main columns are such too."""
     apart, sensor = [], main.sensor
-    for component, pattern in SENSOR_NAMES[sensor].items():
+    for component, pattern in names.SENSOR_NAMES[sensor].items():
         missing = {} if component in main.numbers else {component: pattern}
-        place = find_in_logs(logs, missing, sensor, SENSORS[sensor][0].unit)
+        place = names.find_in_logs(logs, missing, sensor, SENSORS[sensor][0].unit)
         if place is None or (place[1].is_filter_output and not main.match.is_filter_output):
             continue
         if time_of(logs[place[0]], place[1].table)[0]:
@@ -136,7 +127,7 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
                 if "enu" in column and convention is None:
                     # The name of a heading does not concern the body axes.
                     expected.setdefault(name, {"FRD": _BODY_AXES})
-    if "dvl" in sensors and is_over_ground(sensors["dvl"].main.match.columns):
+    if "dvl" in sensors and names.is_over_ground(sensors["dvl"].main.match.columns):
         expected["dvl"] = {OVER_GROUND: _CONVENTION}
     attitude = sensors.get("attitude")
     if (
@@ -239,7 +230,7 @@ def _axes(log: Log, found: FoundSensor, frame: str, evidence: Evidence) -> Itera
     elif found.main.is_quaternion:
         reasons.append("FLU is usual for quaternions in ROS")
     if evidence.over_ground and name == "dvl":
-        is_named = is_over_ground(found.main.match.columns)
+        is_named = names.is_over_ground(found.main.match.columns)
         reasons = [
             "velocity over ground " + ("by its names" if is_named else "because its direction follows the heading")
         ]
@@ -292,10 +283,10 @@ def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
 def _convention(log: Log, table: str) -> tuple[str, str] | None:
     """Return the axes of a standard message of ROS and the reason; gravity may contradict the convention."""
     columns = log.tables()[table]
-    kind = standard_message(columns)
+    kind = names.standard_message(columns)
     if not kind:
         return None
-    for place in find_columns({"fz": SENSOR_NAMES["accelerometer"]["fz"]}, {table: columns}):
+    for place in names.find_columns({"fz": names.SENSOR_NAMES["accelerometer"]["fz"]}, {table: columns}):
         column = place.columns["fz"].name
         up = np.asarray(log.read(table, [column])[column], np.float64)
         if np.isfinite(up).any() and (mean := float(np.nanmean(up))) < -_MIN_GRAVITY:

@@ -14,7 +14,7 @@ from auvid_cli.logs.suggest.rows import Comment, Line, Phrase, YamlEntry, commen
 from auvid_cli.logs.suggest.sensors import FoundSensor, expected_of, find_sensors, flag_of, sensor_lines, sensor_tracks
 from auvid_cli.vehicle.parameters import PARAMETERS
 
-_LINE_WIDTH = 110
+_wrapper = textwrap.TextWrapper(110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
 MAX_TEXT = 64_000_000  # bytes of a text log, from which its columns are recognised
 
 
@@ -41,7 +41,8 @@ def unused_lines(
                 kind = " (output of a navigation filter)" if is_filter_output(table) else ""
                 kind = " (set-points)" if is_set_point(table, "") else kind
                 where = " ".join(part for part in (log if len(logs) > 1 else "", table) if part)
-                yield from _wrapped(f"not used{f' of {where}' if where else ''}{kind}: {', '.join(unused)}")
+                text = f"not used{f' of {where}' if where else ''}{kind}: {', '.join(unused)}"
+                yield from map(Comment, _wrapper.wrap(text))
 
 
 def _kind_of_column(column: str) -> str:
@@ -62,13 +63,6 @@ def _joined_elements(names: Iterable[str]) -> list[str]:
             runs.append(name)
             stems.append(element["stem"] if element is not None else "")
     return runs
-
-
-def _wrapped(text: str) -> Iterator[Comment]:
-    for line in textwrap.wrap(
-        text, _LINE_WIDTH, break_long_words=False, break_on_hyphens=False, subsequent_indent="  "
-    ):
-        yield Comment(line)
 
 
 def suggest(logs: Sequence[Log], folder: Path) -> str:
