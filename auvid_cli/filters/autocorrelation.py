@@ -5,6 +5,9 @@ Autocorrelated residuals add products of influences at different times. These ar
 counts: from white plus exponentially correlated noise fitted to the autocovariance of each channel's residuals (Morelli
 and Klein, J. Aircraft 34(2), 1997), and from sums of scores over windows, which also see errors that last only for a
 part of the time. Residuals are averaged over bins, so that time and memory stay small.
+
+The estimated size of a fault is such a sum too. Its own effect is removed from the residuals first: otherwise a real
+fault would look like autocorrelated noise, and the larger it were, the less significant.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -90,8 +93,8 @@ class _Windows(NamedTuple):
     ----------
     bin : ndarray of int, shape (1,)
         Number of the current bin.
-    length : ndarray of int, shape (n_groups,)
-        Number of bins in a window; 0 for a group without windows.
+    length : ndarray of int, shape (n_groups, n)
+        Number of bins in a window; 0 without windows.
     score, window : ndarray, shape (n_groups, n)
         Sums of scores over the current bin, and over the window.
     scores : ndarray, shape (longest, n_groups, n)
@@ -108,7 +111,7 @@ class _Windows(NamedTuple):
     squares: Array
 
 
-_WINDOWS = types.NamedTuple((_indices, _indices, _matrix, _matrix, _stack, _matrix), _Windows)
+_WINDOWS = types.NamedTuple((_indices, types.int64[:, ::1], _matrix, _matrix, _stack, _matrix), _Windows)
 
 
 @compiled()
@@ -118,24 +121,26 @@ def _close_window_bin(windows):
     now = windows.bin[0]
     place = now % n_bins
     for g in range(n_groups):
-        if windows.length[g] > 0:
-            score, window, oldest = windows.score[g], windows.window[g], (now - windows.length[g]) % n_bins
-            for i in range(n):
+        score, window = windows.score[g], windows.window[g]
+        for i in range(n):
+            if windows.length[g, i] > 0:
+                oldest = (now - windows.length[g, i]) % n_bins
                 window[i] += score[i] - windows.scores[oldest, g, i]
                 windows.scores[place, g, i], score[i] = score[i], 0.0
                 windows.squares[g, i] += window[i] ** 2
     windows.bin[0] += 1
 
 
-@compiled(types.void(INFLUENCE, types.float64, _indices, _WINDOWS))
-def _add_scores(influence, start, group, windows):
+@compiled(types.void(INFLUENCE, _vector, types.float64, _indices, _WINDOWS))
+def _add_scores(influence, removed, start, group, windows):
     """Add scores to the windows of a segment with this start time."""
     for i in range(influence.time.size):
         while windows.bin[0] < bin_at(influence.time[i], start):
             _close_window_bin(windows)
         score, residual = windows.score[group[influence.channel[i]]], influence.residual[i]
         for k in range(score.size):
-            score[k] += influence.rows[i, k] * residual
+            row = influence.rows[i, k]
+            score[k] += row * (residual - row * removed[k])
 
 
 @compiled(types.void(_WINDOWS))
@@ -150,16 +155,17 @@ class ScoreWindows:
 
     Parameters
     ----------
-    n : int
-        Number of parameters.
     group : ndarray of int, shape (n_channels,)
         Group of each channel; scores of a group are added before they are squared.
-    length : ndarray of int, shape (n_groups,)
-        Number of bins in a window; 0 for a group without windows.
+    length : ndarray of int, shape (n_groups, n)
+        Number of bins in a window, for each parameter; 0 without windows.
+    removed : ndarray, shape (n,), optional
+        As of `corrected_deviation`.
     """
 
-    def __init__(self, n: int, group: Indices, length: Indices) -> None:
-        self._group, self._length, self._squares = group, length, np.zeros((length.size, n))
+    def __init__(self, group: Indices, length: Indices, removed: Array | None = None) -> None:
+        self._group, self._length, self._squares = group, length, np.zeros(length.shape)
+        self._removed = np.zeros(length.shape[1]) if removed is None else removed
         self._begin()
 
     def _begin(self) -> None:
@@ -172,7 +178,7 @@ class ScoreWindows:
         """Add measurements of a segment."""
         if influence.time.size:
             self._start = float(influence.time[0]) if self._start is None else self._start
-            _add_scores(influence, self._start, self._group, self._windows)
+            _add_scores(influence, self._removed, self._start, self._group, self._windows)
 
     def end_segment(self) -> None:
         """Move the windows beyond the last measurement of a segment."""
@@ -180,8 +186,8 @@ class ScoreWindows:
         self._begin()
 
     def mean_squares(self) -> Array:
-        """Return the mean squares over all finished segments, shape (n_groups, n); zero for a group without windows."""
-        return self._squares / np.maximum(self._length, 1)[:, None]
+        """Return the mean squares over all finished segments, shape (n_groups, n); zero without windows."""
+        return self._squares / np.maximum(self._length, 1)
 
 
 class _Sums(NamedTuple):
@@ -189,16 +195,20 @@ class _Sums(NamedTuple):
 
     Attributes
     ----------
-    squares, number : ndarray, shape (n_channels,)
-        Sum of squared residuals, and their number.
+    number : ndarray, shape (n_channels,)
+        Number of residuals.
+    squares : ndarray, shape (n_channels, n_kinds)
+        Sum of squared residuals: first as they are, then less the effect of each fault that is removed.
     white : ndarray, shape (n_channels, n)
         Sum of squared influences.
-    products, pairs : ndarray, shape (_LAST_LAG + 1, n_channels)
-        Sum of products of bin averages at each lag, and their number.
+    products : ndarray, shape (_LAST_LAG + 1, n_channels, n_kinds)
+        Sum of products of bin averages at each lag.
+    pairs : ndarray, shape (_LAST_LAG + 1, n_channels)
+        Number of these products.
     """
 
-    squares: Array
     number: Array
+    squares: Array
     white: Array
     products: Array
     pairs: Array
@@ -211,66 +221,78 @@ class _Recent(NamedTuple):
     ----------
     bin : ndarray of int, shape (1,)
         Number of the current bin.
-    total, number : ndarray, shape (n_channels,)
-        Sum of the residuals in the current bin, and their number.
-    averages : ndarray, shape (_LAST_LAG + 1, n_channels)
+    number : ndarray, shape (n_channels,)
+        Number of residuals in the current bin.
+    total : ndarray, shape (n_channels, n_kinds)
+        Their sum.
+    averages : ndarray, shape (_LAST_LAG + 1, n_channels, n_kinds)
         Averages of previous bins, as a ring buffer; NaN without measurements.
     """
 
     bin: Indices
-    total: Array
     number: Array
+    total: Array
     averages: Array
 
 
-_SUMS = types.NamedTuple((_vector, _vector, _matrix, _matrix, _matrix), _Sums)
-_RECENT = types.NamedTuple((_indices, _vector, _vector, _matrix), _Recent)
+_SUMS = types.NamedTuple((_vector, *[_matrix] * 2, _stack, _matrix), _Sums)
+_RECENT = types.NamedTuple((_indices, _vector, _matrix, _stack), _Recent)
 
 
 @compiled(types.void(_SUMS, _RECENT))
 def _close_lag_bin(sums, recent):
     """Correlate the current bin with previous ones, and start the next."""
-    n_lags, n_channels = recent.averages.shape
+    n_lags, n_channels, n_kinds = recent.averages.shape
     place = recent.bin[0] % n_lags
     for c in range(n_channels):
-        average = np.nan
-        if recent.number[c] > 0.0:
-            average = recent.total[c] / recent.number[c]
-        recent.averages[place, c] = average
-        recent.total[c], recent.number[c] = 0.0, 0.0
-        if not np.isnan(average):
+        present = recent.number[c] > 0.0
+        for kind in range(n_kinds):
+            recent.averages[place, c, kind] = recent.total[c, kind] / recent.number[c] if present else np.nan
+            recent.total[c, kind] = 0.0
+        recent.number[c] = 0.0
+        if present:
             for lag in range(n_lags):
-                product = average * recent.averages[place - lag if lag <= place else place - lag + n_lags, c]
-                if not np.isnan(product):
-                    sums.products[lag, c] += product
+                earlier = place - lag if lag <= place else place - lag + n_lags
+                now, before = recent.averages[place, c], recent.averages[earlier, c]
+                if not np.isnan(before[0]):
                     sums.pairs[lag, c] += 1.0
+                    for kind in range(n_kinds):
+                        sums.products[lag, c, kind] += now[kind] * before[kind]
     recent.bin[0] += 1
 
 
-@compiled(types.void(INFLUENCE, types.float64, _SUMS, _RECENT))
-def _add_products(influence, start, sums, recent):
+@compiled(types.void(INFLUENCE, _vector, _indices, types.float64, _SUMS, _RECENT))
+def _add_products(influence, removed, under_test, start, sums, recent):
     """Add measurements of a segment with this start time to the sums."""
     for i in range(influence.time.size):
         while recent.bin[0] < bin_at(influence.time[i], start):
             _close_lag_bin(sums, recent)
         c, residual = influence.channel[i], influence.residual[i]
-        recent.total[c] += residual
         recent.number[c] += 1.0
-        sums.squares[c] += residual**2
         sums.number[c] += 1.0
+        recent.total[c, 0] += residual
+        sums.squares[c, 0] += residual**2
+        for j in range(under_test.size):
+            k = under_test[j]
+            left = residual - influence.rows[i, k] * removed[k]
+            recent.total[c, j + 1] += left
+            sums.squares[c, j + 1] += left**2
         for k in range(sums.white.shape[1]):
             sums.white[c, k] += influence.rows[i, k] ** 2
 
 
-@compiled(types.void(INFLUENCE, _vector, _vector, _matrix, _matrix))
+@compiled(types.void(INFLUENCE, _matrix, _vector, _matrix, _matrix))
 def _add_pairs(influence, time_constant, latest, decayed, pairs):
     """Add products of influences of the same channel, weighted by ``exp(-lag / time_constant)``."""
     for i in range(influence.time.size):
         c = influence.channel[i]
-        if time_constant[c] > 0.0:
-            factor = np.exp((latest[c] - influence.time[i]) / time_constant[c])
-            latest[c] = influence.time[i]
-            for k in range(decayed.shape[1]):
+        elapsed, former, factor = influence.time[i] - latest[c], 0.0, 0.0
+        latest[c] = influence.time[i]
+        for k in range(decayed.shape[1]):
+            if time_constant[c, k] > 0.0:
+                if time_constant[c, k] != former:
+                    former = time_constant[c, k]
+                    factor = np.exp(-elapsed / former)
                 row = influence.rows[i, k]
                 decayed[c, k] *= factor
                 pairs[c, k] += row * decayed[c, k]
@@ -278,15 +300,15 @@ def _add_pairs(influence, time_constant, latest, decayed, pairs):
 
 
 class _Autocovariance(NamedTuple):
-    """White plus exponentially correlated noise of each channel.
+    """White plus exponentially correlated noise of each channel, for each kind of residuals.
 
     Attributes
     ----------
-    variance : ndarray, shape (n_channels,)
+    variance : ndarray, shape (n_channels, n_kinds)
         Variance of the sum.
-    correlated : ndarray, shape (n_channels,)
+    correlated : ndarray, shape (n_channels, n_kinds)
         Variance of the correlated part.
-    time_constant : ndarray, shape (n_channels,)
+    time_constant : ndarray, shape (n_channels, n_kinds)
         s; 0 for a white channel.
     """
 
@@ -295,7 +317,9 @@ class _Autocovariance(NamedTuple):
     time_constant: Array
 
 
-def corrected_deviation(nominal: Array, segments: Sequence[Iterable[Influence]], n_channels: int) -> Array:
+def corrected_deviation(
+    nominal: Array, segments: Sequence[Iterable[Influence]], n_channels: int, removed: Array | None = None
+) -> Array:
     """Return standard deviations that allow for autocorrelated residuals.
 
     Parameters
@@ -305,19 +329,26 @@ def corrected_deviation(nominal: Array, segments: Sequence[Iterable[Influence]],
     segments : sequence of iterable of Influence
         Each is read once, and a second time if residuals are autocorrelated and there was no room to keep it.
     n_channels : int
+    removed : ndarray, shape (n,), optional
+        Score of a fault, by which its influences are multiplied and then subtracted from the residuals; 0 where the
+        residuals already belong to the estimate.
 
     Returns
     -------
     ndarray, shape (n,)
         At least `nominal`.
     """
+    removed = np.zeros(nominal.size) if removed is None else removed
+    under_test = np.flatnonzero(removed)
+    kind = np.zeros(nominal.size, dtype=np.int64)
+    kind[under_test] = 1 + np.arange(under_test.size)
     segments = [_InfluenceCache(segment, _CACHE_SIZE // len(segments)) for segment in segments]
-    sums, joint, duration = _first_pass(nominal.size, segments, n_channels)
-    noise = _fit_autocovariance(sums)
-    variance = noise.variance[:, None] * sums.white
-    if noise.correlated.any():
-        pairs, windowed = _second_pass(nominal.size, segments, noise.time_constant, duration)
-        variance = np.maximum(variance + 2.0 * noise.correlated[:, None] * pairs, windowed)
+    sums, joint, duration = _first_pass(removed, under_test, segments, n_channels)
+    variance, correlated, time_constant = (values[:, kind].copy() for values in _fit_autocovariance(sums))
+    variance *= sums.white
+    if correlated.any():
+        pairs, windowed = _second_pass(removed, segments, time_constant, duration)
+        variance = np.maximum(variance + 2.0 * correlated * pairs, windowed)
     largest = np.maximum(variance.sum(axis=0), joint)
     return np.sqrt(nominal**2 + np.maximum(largest - sums.white.sum(axis=0), 0.0))
 
@@ -338,18 +369,25 @@ class _InfluenceCache:
             self._influences = kept
 
 
-def _first_pass(n: int, segments: Sequence[Iterable[Influence]], n_channels: int) -> tuple[_Sums, Array, float]:
+def _first_pass(
+    removed: Array, under_test: Indices, segments: Sequence[Iterable[Influence]], n_channels: int
+) -> tuple[_Sums, Array, float]:
     """Return sums, mean squares of the scores of all channels together, shape (n,), and the duration of all data, s."""
-    of_channels, of_lags = np.zeros(n_channels), np.zeros((_LAST_LAG + 1, n_channels))
-    white, duration = np.zeros((n_channels, n)), 0.0
-    sums = _Sums(of_channels, of_channels.copy(), white, of_lags, of_lags.copy())
-    windows = ScoreWindows(n, np.zeros(n_channels, dtype=np.int64), np.array([_WINDOW]))
+    n, n_kinds = removed.size, 1 + under_test.size
+    sums = _Sums(
+        np.zeros(n_channels),
+        np.zeros((n_channels, n_kinds)),
+        np.zeros((n_channels, n)),
+        np.zeros((_LAST_LAG + 1, n_channels, n_kinds)),
+        np.zeros((_LAST_LAG + 1, n_channels)),
+    )
+    windows, duration = ScoreWindows(np.zeros(n_channels, dtype=np.int64), np.full((1, n), _WINDOW), removed), 0.0
     for segment in segments:
         recent = _Recent(
             bin=np.zeros(1, dtype=np.int64),
-            total=np.zeros(n_channels),
             number=np.zeros(n_channels),
-            averages=np.full((_LAST_LAG + 1, n_channels), np.nan),
+            total=np.zeros((n_channels, n_kinds)),
+            averages=np.full((_LAST_LAG + 1, n_channels, n_kinds), np.nan),
         )
         start, end = None, 0.0
         for influence in segment:
@@ -357,7 +395,7 @@ def _first_pass(n: int, segments: Sequence[Iterable[Influence]], n_channels: int
             if influence.time.size:
                 start = float(influence.time[0]) if start is None else start
                 end = float(influence.time[-1])
-                _add_products(influence, start, sums, recent)
+                _add_products(influence, removed, under_test, start, sums, recent)
         _close_lag_bin(sums, recent)
         windows.end_segment()
         duration += 0.0 if start is None else end - start
@@ -365,12 +403,12 @@ def _first_pass(n: int, segments: Sequence[Iterable[Influence]], n_channels: int
 
 
 def _second_pass(
-    n: int, segments: Sequence[Iterable[Influence]], time_constant: Array, duration: float
+    removed: Array, segments: Sequence[Iterable[Influence]], time_constant: Array, duration: float
 ) -> tuple[Array, Array]:
     """Return products of influences, and mean squares of scores over windows, by channel, shape (n_channels, n)."""
-    n_channels = time_constant.size
-    pairs = np.zeros((n_channels, n))
-    windows = ScoreWindows(n, np.arange(n_channels), _window_length(time_constant, duration))
+    n_channels = len(time_constant)
+    pairs = np.zeros(time_constant.shape)
+    windows = ScoreWindows(np.arange(n_channels), _window_length(time_constant, duration), removed)
     for segment in segments:
         latest, decayed = np.full(n_channels, -np.inf), np.zeros(pairs.shape)
         for influence in segment:
@@ -387,19 +425,21 @@ def _window_length(time_constant: Array, duration: float) -> Indices:
 
 
 def _fit_autocovariance(sums: _Sums) -> _Autocovariance:
-    variance = sums.squares / np.maximum(sums.number, 1.0)
-    correlated, time_constant = np.zeros(variance.size), np.zeros(variance.size)
-    for c, (products, pairs) in enumerate(zip(sums.products.T, sums.pairs.T, strict=True)):
+    variance = sums.squares / np.maximum(sums.number, 1.0)[:, None]
+    correlated, time_constant = np.zeros(variance.shape), np.zeros(variance.shape)
+    for c, pairs in enumerate(sums.pairs.T):
         enough = pairs >= _MIN_PAIRS * pairs[1:].max()
         enough[:_FIRST_LAG] = False
         lags = np.flatnonzero(enough & (pairs > 0.0))
         if not lags.size:
             continue
-        covariance = products[lags] / pairs[lags]
-        # Compared with the chance covariance of white averages.
-        if covariance[0] > _SIGNIFICANT * products[0] / pairs[0] / np.sqrt(pairs[lags[0]]):
-            below = np.flatnonzero(covariance < covariance[0] / np.e)
-            end = lags[below[0]] if below.size else lags[-1] + 1
-            time_constant[c] = BIN * (end - lags[0])
-            correlated[c] = min(covariance[0] * np.exp(BIN * lags[0] / time_constant[c]), variance[c])
+        for kind, products in enumerate(sums.products[:, c].T):
+            covariance = products[lags] / pairs[lags]
+            # Compared with the chance covariance of white averages.
+            if covariance[0] > _SIGNIFICANT * products[0] / pairs[0] / np.sqrt(pairs[lags[0]]):
+                below = np.flatnonzero(covariance < covariance[0] / np.e)
+                end = lags[below[0]] if below.size else lags[-1] + 1
+                time = BIN * (end - lags[0])
+                time_constant[c, kind] = time
+                correlated[c, kind] = min(covariance[0] * np.exp(BIN * lags[0] / time), variance[c, kind])
     return _Autocovariance(variance, correlated, time_constant)

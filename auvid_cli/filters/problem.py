@@ -259,12 +259,16 @@ class FaultScores(NamedTuple):
         the joint estimate of all faults is ``information^-1 score``.
     effect : ndarray, shape (n_parameters, n_faults)
         Error of the parameters, true less estimated, per unit of each fault.
+    inflation : ndarray, shape (n_faults,) or (0,)
+        Factor of the standard deviation of each size by autocorrelated residuals, see
+        `auvid_cli.filters.autocorrelation`; empty if it was not computed.
     """
 
     labels: tuple[Any, ...]
     score: Array
     information: Array
     effect: Array
+    inflation: Array = np.zeros(0)
 
     def conditional_on(self, found: Mapping[Any, float]) -> "FaultScores":
         """Return the scores of the other faults where some are estimated together with the parameters.
@@ -285,6 +289,7 @@ class FaultScores(NamedTuple):
             self.score[~estimated],
             self.information[np.ix_(~estimated, ~estimated)] - self.information[np.ix_(~estimated, estimated)] @ taken,
             self.effect[:, ~estimated] - self.effect[:, estimated] @ taken,
+            self.inflation[~estimated] if self.inflation.size else self.inflation,
         )
 
 

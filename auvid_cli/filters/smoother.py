@@ -31,6 +31,7 @@ from auvid_cli.filters.problem import (
     PREDICTION,
     AlternativeEstimate,
     ConvergenceStatus,
+    FaultScores,
     FilterOutcome,
     Gaussian,
     JointProblem,
@@ -57,6 +58,9 @@ _FOLLOWING_PRIOR = 1e-3
 _N_MINIMA = 2
 # Largest cost increase of a reported minimum: it is at least 1 % as probable.
 _MAX_COST_INCREASE = -2.0 * np.log(0.01)
+# Size of a fault beyond which its effect is removed from the residuals that its standard deviation allows for, in
+# standard deviations with white residuals.
+_SIGNIFICANT = 3.0
 # Smallest variance of a difference, relative to that of the segment: below is rounding.
 _ROUNDING = 1e-6
 
@@ -124,7 +128,7 @@ def run_smoother(
     if convergence is not None:
         return outcome._replace(failure=NOT_CONVERGED, convergence=convergence)
     scores = None if faults is None else score(smoothing, estimate, faults)
-    corrected = _corrected_deviation(problem, smoothing, estimate)
+    corrected, scores = _corrected_deviation(problem, smoothing, estimate, faults, scores)
     return outcome._replace(faults=scores, others=tuple(alternatives), corrected=corrected)
 
 
@@ -287,15 +291,39 @@ def _records(chunk: Smoothed, sensors: Sensors) -> Records:
     return Records(chunk.step, chunk.variance, *of_measurements)
 
 
-def _corrected_deviation(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> Array:
-    """Return standard deviations of the parameters that allow for autocorrelated innovations."""
-    nominal = np.sqrt(np.diagonal(filtered.final.covariance())[: problem.n_parameters])
-    return corrected_deviation(nominal, influences(problem, smoothing, filtered), problem.sensors.variance.size)
+def _corrected_deviation(
+    problem: JointProblem,
+    smoothing: LinearSmoothing,
+    filtered: Filtered,
+    faults: Faults | None,
+    scores: FaultScores | None,
+) -> tuple[Array, FaultScores | None]:
+    """Return standard deviations of the parameters that allow for autocorrelated innovations, and such scores."""
+    nominal, n = np.sqrt(np.diagonal(filtered.final.covariance())[: problem.n_parameters]), problem.n_parameters
+    n_channels = problem.sensors.variance.size
+    if faults is None or scores is None:
+        return corrected_deviation(nominal, influences(problem, smoothing, filtered), n_channels), None
+    own, observable = np.sqrt(np.diagonal(scores.information)), np.diagonal(scores.information) > 0.0
+    removed = np.where(np.abs(scores.score) > _SIGNIFICANT * own, scores.score, 0.0)
+    deviation = corrected_deviation(
+        np.append(nominal, 1.0 / np.where(observable, own, np.inf)),
+        influences(problem, smoothing, filtered, (faults, scores)),
+        n_channels,
+        np.append(np.zeros(n), removed),
+    )
+    return deviation[:n], scores._replace(inflation=np.where(observable, deviation[n:] * own, 1.0))
 
 
-def influences(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> list[Iterable[Influence]]:
-    """Return the influence functions of each segment on the parameters."""
-    return [_SegmentInfluences(problem, smoothing, filtered, segment) for segment in range(len(problem.segments))]
+def influences(
+    problem: JointProblem,
+    smoothing: LinearSmoothing,
+    filtered: Filtered,
+    tested: tuple[Faults, FaultScores] | None = None,
+) -> list[Iterable[Influence]]:
+    """Return the influence functions of each segment on the parameters, then on the sizes of tested faults."""
+    return [
+        _SegmentInfluences(problem, smoothing, filtered, segment, tested) for segment in range(len(problem.segments))
+    ]
 
 
 @dataclass(frozen=True)
@@ -306,16 +334,28 @@ class _SegmentInfluences:
     smoothing: LinearSmoothing
     filtered: Filtered
     segment: int
+    tested: tuple[Faults, FaultScores] | None
 
     def __iter__(self) -> Iterator[Influence]:
         n, n_moving = self.problem.n_parameters, self.problem.n_moving
-        covariance = self.filtered.final.covariance()[:n, :n]
-        error, moved = self.filtered.by_parameters[self.segment].copy(), np.empty((n_moving, n))
+        influence = self.filtered.final.covariance()[:n, :n]
+        if self.tested is not None:
+            # With a fault of unit size, the parameters change by its effect.
+            information = np.diagonal(self.tested[1].information)
+            by_size = np.divide(1.0, information, out=np.zeros(information.size), where=information > 0.0)
+            whole = np.vstack([self.tested[1].effect, np.eye(by_size.size)]) * by_size
+            influence = np.hstack([np.vstack([influence, np.zeros((by_size.size, n))]), whole])
+        moved = np.empty((n_moving, len(influence)))
+        error = np.zeros(moved.shape)
+        error[:, :n] = self.filtered.by_parameters[self.segment]
         conditional = ConditionalFilter(self.problem, self.smoothing, self.filtered, self.segment)
         for timeline, about, motion, _, forward_pass in conditional.forward():
             effects = FaultEffects(about.transition[..., :n].copy(), about.rows[..., :n].copy())
+            if self.tested is not None:
+                pairs = zip(effects, self.tested[0].effects(self.segment, timeline, about), strict=True)
+                effects = FaultEffects(*(np.concatenate(pair, axis=-1) for pair in pairs))
             carry_errors(timeline, motion, forward_pass, effects, error, moved)
             deviation = np.sqrt(forward_pass.total)
-            rows = (effects.on_measurements / deviation[..., None]) @ covariance
+            rows = (effects.on_measurements / deviation[..., None]) @ influence
             present = ~np.isnan(motion.residual)
             yield Influence.of_present(timeline, present, forward_pass.error / deviation, rows)

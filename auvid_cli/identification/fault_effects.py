@@ -176,6 +176,7 @@ def _score_tests(faults: FaultScores, header: EstimateHeader, deviation: Array) 
             shift = np.abs(scores.effect[coefficients, f]) / deviation[coefficients]
             sigma, worst = float(scores.information[f, f] ** -0.5), int(shift.argmax())
             size = float(scores.score[f]) * sigma**2
+            sigma *= float(scores.inflation[f]) if scores.inflation.size else 1.0
             symbol = header.state[coefficients[worst]]
             tests.append(FaultTest(model.fault, model.unit, size, sigma, symbol, float(shift[worst]) * sigma))
     return tests

@@ -163,3 +163,24 @@ def test_error_at_the_beginning_is_corrected():
     ratio = np.sqrt(np.mean(np.square(errors)) / np.mean(np.square(corrected)))
     assert 0.8 < ratio < 1.5
     assert (np.abs(errors) < 2.0 * np.array(corrected)).mean() > 0.9
+
+
+def test_effect_of_a_fault_is_removed_from_the_residuals_of_its_size(regression):
+    """A large fault would else look like autocorrelated noise, with a standard deviation as large as itself."""
+    noise, rows = regression.noise(np.random.default_rng(8), 0.5, 1.0), regression.rows
+    information = 1.0 / (rows[:, 0] @ rows[:, 0])
+    (honest,) = regression.influences(noise)
+    (faulty,) = regression.influences(noise)
+    size = 100.0 * regression.nominal[0]
+    # The signature of a fault that no parameter compensates, and the size that its score test finds.
+    signature = information * rows[:, 0]
+    faulty = faulty._replace(residual=honest.residual + size * signature)
+    score = np.zeros(rows.shape[1])
+    score[0] = signature @ faulty.residual
+    corrected = corrected_deviation(regression.nominal, [[faulty]], CHANNELS, score)
+    left = honest._replace(residual=faulty.residual - score[0] / information * signature)
+    expected = corrected_deviation(regression.nominal, [[left]], CHANNELS)
+    as_noise = corrected_deviation(regression.nominal, [[faulty]], CHANNELS)
+    assert_allclose(corrected[0], expected[0], rtol=1e-9)
+    assert_allclose(corrected[1:], as_noise[1:], rtol=1e-9)
+    assert as_noise[0] > 10.0 * corrected[0]

@@ -140,6 +140,19 @@ def test_clean_data_have_no_fault(clean):
     assert all(fault.susceptibility >= 0.0 for fault in found.values())
 
 
+@pytest.mark.slow
+def test_autocorrelated_errors_of_an_ahrs_are_no_fault_and_hide_none(simulated_with):
+    """On a zigzag white tests find a lever arm of the DVL by 6 of their standard deviations."""
+    honest = simulated_with("manoeuvre=manoeuvres/zigzag_20_20.yaml", "manoeuvre.speed=3.9 m/s", "seed=202")
+    sound, doubtful = (identify(data.without_truth(), FilterName.SMOOTHER) for data in (honest, biased(honest)))
+    assert judge([sound])["smoother"].grade == "sound"
+    assert max(abs(test.z) for test in sound.faults) < LARGEST_FAULT
+    worst = max(doubtful.faults, key=lambda test: abs(test.z))
+    assert str(worst.fault) == "bias of r"
+    assert abs(worst.z) > 5.0 * LARGEST_FAULT
+    assert abs(worst.size - 0.05 * DEGREE) < 4.0 * worst.standard_deviation
+
+
 def changing(data):
     """Another rudder trim in the second half, as after a blow."""
     values = data.inputs.values.copy()
