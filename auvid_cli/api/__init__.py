@@ -47,18 +47,10 @@ class Progress:
 
 
 class Destination(NamedTuple):
-    """Where and how a step writes its results.
+    """Where and how a step writes its results."""
 
-    Attributes
-    ----------
-    folder : pathlib.Path or None
-        Results folder. None: the default one of the step.
-    overwrite : bool
-        Whether results of other data or settings are replaced, with all files derived from them.
-    """
-
-    folder: Path | None
-    overwrite: bool
+    folder: Path | None  # results folder. None: the default one of the step.
+    overwrite: bool  # whether results of other data or settings are replaced, with all files derived from them
     progress: Progress
     figure_formats: tuple[FigureFormat, ...] = ()
 

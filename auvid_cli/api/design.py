@@ -10,12 +10,12 @@ from time import monotonic
 from typing import NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while a design is searched for
 from auvid_cli._version import __version__
 from auvid_cli.api import Destination
 from auvid_cli.api.files import SimulatedData, read_dataset, read_estimate
+from auvid_cli.arrays import Array
 from auvid_cli.campaign.cluster import dask_client
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import dump_experiment
@@ -45,7 +45,6 @@ from auvid_cli.identification.run import resolve_settings
 from auvid_cli.report.figures.draw import drawing
 from auvid_cli.report.screens import sentences
 
-Array = NDArray[np.float64]
 MISSION_FILES = ("manoeuvre.yaml", "inputs.csv", "track.geojson", "timeline.md", "checklist.md", "result.md")
 SEARCH_FILE = "search.json"
 

@@ -33,21 +33,11 @@ from auvid_cli.export.recording import RECORDING_LOSSES, topics_of, write_mcap
 
 
 class Export(NamedTuple):
-    """A model or a run in one format.
+    """A model or a run in one format."""
 
-    Attributes
-    ----------
-    file_name : str
-        Default name of the file.
-    remarks : list of str
-        Caveats, and features that the format does not support.
-    write : callable
-        Writes a file; an existing one is replaced.
-    """
-
-    file_name: str
-    remarks: list[str]
-    write: Callable[[Path], None]
+    file_name: str  # default name of the file
+    remarks: list[str]  # caveats, and features that the format does not support
+    write: Callable[[Path], None]  # writes a file; an existing one is replaced
 
 
 def _model_export(

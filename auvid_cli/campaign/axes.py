@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.campaign import CampaignAxis, Distribution
 from auvid_cli.config.loading import Change
 from auvid_cli.config.source_positions import KeyPath, Mistake, Tree, mistakes_text
@@ -15,7 +15,6 @@ from auvid_cli.errors import ConfigError
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 Label: TypeAlias = str | float | int | bool
 
 
@@ -35,25 +34,13 @@ def diverged(rows: "pd.DataFrame") -> "pd.Series":
 
 
 class CellErrors(NamedTuple):
-    """Errors of the runs of a campaign with the same settings and filter.
+    """Errors of the runs of a campaign with the same settings and filter."""
 
-    Attributes
-    ----------
-    key : tuple
-        Value of each axis.
-    filter : str
-        Name of the filter variant.
-    errors : ndarray, shape (n,)
-        Mean steady-state errors of runs that ended and have one, %.
-    ended, runs : int
-        Number of runs that ended, and of all.
-    """
-
-    key: tuple[Any, ...]
-    filter: str
-    errors: Array
-    ended: int
-    runs: int
+    key: tuple[Any, ...]  # value of each axis
+    filter: str  # name of the filter variant
+    errors: Array  # shape (n,); mean steady-state errors of runs that ended and have one, %
+    ended: int  # number of runs that ended, and of all
+    runs: int  # number of runs that ended, and of all
 
     @property
     def lost(self) -> float:

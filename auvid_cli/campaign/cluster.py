@@ -54,23 +54,12 @@ class Cluster(NamedTuple):
 
 
 class RunResult(NamedTuple):
-    """Outcome of a run.
-
-    Attributes
-    ----------
-    run : CampaignRun
-    rows : list of Measure
-        Empty if the run failed.
-    failure : str
-        Reason; empty if the run did not fail.
-    estimate : Estimate or None
-        Only with `with_estimates`.
-    """
+    """Outcome of a run."""
 
     run: CampaignRun
-    rows: list[Measure]
-    failure: str
-    estimate: Estimate | None
+    rows: list[Measure]  # empty if the run failed
+    failure: str  # reason; empty if the run did not fail
+    estimate: Estimate | None  # only with `with_estimates`
 
 
 def run_group(group: RunGroup, with_estimates: bool = False) -> list[RunResult]:

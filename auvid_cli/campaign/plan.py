@@ -36,21 +36,11 @@ _IDENTITY_LENGTH = 24  # hexadecimal digits, 96 bits
 
 
 class CampaignRun(NamedTuple):
-    """One filter on one set of data.
+    """One filter on one set of data."""
 
-    Attributes
-    ----------
-    identity : str
-        Hash of the resolved settings of data and filter, the seed, and auvid's version.
-    labels : dict
-        Values of the axes of the campaign, by column.
-    filter : str
-        Name of the variant.
-    """
-
-    identity: str
-    labels: dict[str, Label]
-    filter: str
+    identity: str  # hash of the resolved settings of data and filter, the seed, and auvid's version
+    labels: dict[str, Label]  # values of the axes of the campaign, by column
+    filter: str  # name of the variant
     seed: int
 
     def settings(self) -> str:
@@ -59,41 +49,22 @@ class CampaignRun(NamedTuple):
 
 
 class RunGroup(NamedTuple):
-    """Runs on the same data.
+    """Runs on the same data."""
 
-    Attributes
-    ----------
-    simulated : str
-        Experiment of the data, as JSON.
-    assumed : list of str
-        Experiment that the filter of each run assumes, as JSON; its identification has only that filter.
-    version : str
-        Version of auvid; workers must have the same.
-    """
-
-    simulated: str
+    simulated: str  # experiment of the data, as JSON
     runs: list[CampaignRun]
+    # Experiment that the filter of each run assumes, as JSON; its identification has only that filter
     assumed: list[str]
-    version: str = __version__
+    version: str = __version__  # version of auvid; workers must have the same
 
 
 class _Resolved(NamedTuple):
-    """Settings of one combination for any seed.
-
-    Attributes
-    ----------
-    simulated : dict
-        Settings of the data.
-    data : str
-        Hash of `simulated`.
-    assumed : list of (dict, str)
-        Settings that each filter assumes, and their hash.
-    """
+    """Settings of one combination for any seed."""
 
     labels: dict[str, Label]
-    simulated: dict[str, Any]
-    data: str
-    assumed: list[tuple[dict[str, Any], str]]
+    simulated: dict[str, Any]  # settings of the data
+    data: str  # hash of `simulated`
+    assumed: list[tuple[dict[str, Any], str]]  # settings that each filter assumes, and their hash
 
 
 _SeededOption: TypeAlias = Callable[[int], Option]

@@ -9,13 +9,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import binom, binomtest, chi2, false_discovery_control, wilcoxon
 
+from auvid_cli.arrays import Array
 from auvid_cli.campaign.axes import diverged, ended, failed
 
 # Quantiles of a 90 % interval.
 LOW = 0.05
 HIGH = 0.95
 CONFIDENCE = 0.95
-Array = NDArray[np.float64]
 MEASURES = ("steady_state_error_percent", "rmse_percent")
 # Smaller differences do not matter, as a share of the measure.
 MIN_DIFFERENCE = 0.01
@@ -241,20 +241,11 @@ def _conclusion(row: dict) -> str:
 
 
 class CampaignSummary(NamedTuple):
-    """Statistics of a campaign.
+    """Statistics of a campaign."""
 
-    Attributes
-    ----------
-    columns : list of str
-        Axes, without those that are drawn for each seed.
-    runs : DataFrame
-        A row for each run: axes, filter, seed, status and mean steady-state error.
-    filters, coefficients, comparisons : DataFrame
-        See `by_filter`, `by_coefficient` and `compare_filters`.
-    """
-
-    columns: list[str]
-    runs: pd.DataFrame
+    columns: list[str]  # axes, without those that are drawn for each seed
+    runs: pd.DataFrame  # A row for each run: axes, filter, seed, status and mean steady-state error
+    # filters, coefficients, comparisons: see `by_filter`, `by_coefficient` and `compare_filters`
     filters: pd.DataFrame
     coefficients: pd.DataFrame
     comparisons: pd.DataFrame

@@ -9,8 +9,6 @@ from auvid_cli.data.dataset import InputRecord
 from auvid_cli.vehicle.actuator_motion import follow_commands
 from auvid_cli.vehicle.actuators import IDEAL, N_ACTUATORS, Actuators
 
-Array = NDArray[np.float64]
-
 # Steps of constant actuator position per time constant; the mean over each is exact.
 _SUBSTEPS = 4
 _SETTLED = 40.0  # time constants until a lag has decayed

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.units import magnitude_of
 from auvid_cli.errors import InvalidDataError
 from auvid_cli.vehicle.parameters import SENSORS
@@ -12,7 +13,6 @@ from auvid_cli.vehicle.parameters import SENSORS
 MAX_TIME = 1e8  # s, from the beginning of the data: three years
 # Of a standard deviation, so that its square and the inverse of it are finite.
 _SIZES = 1e-100, 1e100
-Array = NDArray[np.float64]
 
 
 def check_type(where: str, value: object, expected: type) -> None:

@@ -141,30 +141,15 @@ def _read(path: Path, key: tuple[str, ...]) -> ResultTable:
 
 
 class Check(NamedTuple):
-    """A row of ``checks.csv``.
-
-    Attributes
-    ----------
-    filter : str
-    subject : str
-        Sensor, input, or "coefficients".
-    check : str
-        Name of the statistic.
-    statistic, threshold : str
-        Its value and its limit.
-    passed : bool or None
-        None for a note.
-    advice : str
-        Empty if passed.
-    """
+    """A row of ``checks.csv``."""
 
     filter: str
-    subject: str
-    check: str
-    statistic: str
-    threshold: str
-    passed: bool | None
-    advice: str
+    subject: str  # sensor, input, or "coefficients"
+    check: str  # name of the statistic
+    statistic: str  # its value and its limit
+    threshold: str  # its value and its limit
+    passed: bool | None  # none for a note
+    advice: str  # empty if passed
 
     @classmethod
     def of(

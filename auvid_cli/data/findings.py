@@ -26,25 +26,14 @@ MIN_HELD_OUT_GAIN = 3.0
 
 
 class TunedNoise(NamedTuple):
-    """Estimate of one noise level.
+    """Estimate of one noise level."""
 
-    Attributes
-    ----------
-    setting : str
-        Key as after ``--set``, with an index for an element of a list.
-    unit : str
-        SI.
-    stated, tuned : float
-        In the settings, and most likely.
-    low, high : float
-        95 % interval; low is 0 if any smaller noise is as likely (for a time constant: white noise), high is infinite
-        if any larger one is.
-    """
-
-    setting: str
-    unit: str
-    stated: float
-    tuned: float
+    setting: str  # key as after ``--set``, with an index for an element of a list
+    unit: str  # SI
+    stated: float  # in the settings, and most likely
+    tuned: float  # in the settings, and most likely
+    # low, high: 95 % interval; low is 0 if any smaller noise is as likely (for a time constant: white noise), high is
+    # infinite if any larger one is
     low: float
     high: float
 
@@ -61,21 +50,11 @@ class TunedNoise(NamedTuple):
 
 
 class DisturbanceChoice(NamedTuple):
-    """Choice between models with and without an autocorrelated disturbance, by the Bayesian information criterion.
+    """Choice between models with and without an autocorrelated disturbance, by the Bayesian information criterion."""
 
-    Attributes
-    ----------
-    gain : float
-        In log-likelihood by the disturbance.
-    n_parameters : int
-        Of the disturbance.
-    needed : float
-        Least gain: half the logarithm of the number of measurements for each parameter.
-    """
-
-    gain: float
-    n_parameters: int
-    needed: float
+    gain: float  # in log-likelihood by the disturbance
+    n_parameters: int  # of the disturbance
+    needed: float  # least gain: half the logarithm of the number of measurements for each parameter
 
     @property
     def is_kept(self) -> bool:
@@ -85,28 +64,14 @@ class DisturbanceChoice(NamedTuple):
 
 @dataclass(frozen=True)
 class Tuning:
-    """Most likely noise.
-
-    Attributes
-    ----------
-    noises : tuple of TunedNoise
-    log_likelihood : float
-        Up to a constant of the data.
-    gain : float
-        In log-likelihood over the stated noise.
-    converged : bool
-    experiment : RunSettings
-        With the tuned noise.
-    choice : DisturbanceChoice or None
-        None if the disturbance was not a choice.
-    """
+    """Most likely noise."""
 
     noises: tuple[TunedNoise, ...]
-    log_likelihood: float
-    gain: float
+    log_likelihood: float  # up to a constant of the data
+    gain: float  # in log-likelihood over the stated noise
     converged: bool
-    experiment: RunSettings
-    choice: DisturbanceChoice | None = None
+    experiment: RunSettings  # with the tuned noise
+    choice: DisturbanceChoice | None = None  # none if the disturbance was not a choice
 
     def rows(self) -> NamedRows:
         """Return a row for each noise."""
@@ -135,40 +100,22 @@ class Tuning:
 
 
 class ScoredTerm(NamedTuple):
-    """Candidate for an additional term; a row of ``terms.csv``.
+    """Candidate for an additional term; a row of ``terms.csv``."""
 
-    Attributes
-    ----------
-    look : int
-        Number of the search step; each starts with the terms found in the steps before.
-    term, unit, equation : str
-    size, standard_deviation : float
-        Of its coefficient if no other term is added, SI: from a fit to all data if one was made, otherwise from
-        linearisation about the fit without the term, which is rough for large terms.
-    gain : float
-        In log-likelihood of the fitted data, by linearisation.
-    made_up_share : float
-        Share of the effect of the term that the coefficients of the model can reproduce, 0 to 1.
-    like : str
-        Other terms with nearly the same effect on these data.
-    held_out_gain : float or None
-        In log-likelihood of the held-out data, from refitting with the term; None if not refitted.
-    evidence_gain : float or None
-        In marginal log-likelihood of all data, from refitting with the term.
-    found : bool
-    """
-
-    look: int
+    look: int  # number of the search step; each starts with the terms found in the steps before
     term: str
     unit: str
     equation: str
+    # size, standard_deviation: of its coefficient if no other term is added, SI: from a fit to all data if one was
+    # made, otherwise from linearisation about the fit without the term, which is rough for large terms
     size: float
     standard_deviation: float
-    gain: float
-    made_up_share: float
-    like: str
+    gain: float  # in log-likelihood of the fitted data, by linearisation
+    made_up_share: float  # share of the effect of the term that the coefficients of the model can reproduce, 0 to 1
+    like: str  # other terms with nearly the same effect on these data
+    # In log-likelihood of the held-out data, from refitting with the term; None if not refitted
     held_out_gain: float | None
-    evidence_gain: float | None
+    evidence_gain: float | None  # in marginal log-likelihood of all data, from refitting with the term
     found: bool
 
     @property
@@ -179,24 +126,13 @@ class ScoredTerm(NamedTuple):
 
 @dataclass(frozen=True)
 class TermFindings:
-    """Result of a search for missing terms.
+    """Result of a search for missing terms."""
 
-    Attributes
-    ----------
-    scored : tuple of ScoredTerm
-        The best candidates of each step by linearisation, best first.
-    n_candidates : int
-    fitted, held_out : tuple of (float, float)
-        Spans of the data, s.
-    experiment : RunSettings
-        With the found terms, to be estimated.
-    """
-
-    scored: tuple[ScoredTerm, ...]
+    scored: tuple[ScoredTerm, ...]  # the best candidates of each step by linearisation, best first
     n_candidates: int
-    fitted: Spans
-    held_out: Spans
-    experiment: RunSettings
+    fitted: Spans  # spans of the data, s
+    held_out: Spans  # spans of the data, s
+    experiment: RunSettings  # with the found terms, to be estimated
 
     @property
     def found(self) -> tuple[ScoredTerm, ...]:
@@ -222,21 +158,11 @@ class TermFindings:
 
 
 class SearchState(NamedTuple):
-    """State of a search for a manoeuvre, from which it can be continued.
+    """State of a search for a manoeuvre, from which it can be continued."""
 
-    Attributes
-    ----------
-    key : str
-        Hash of all inputs of the search.
-    elapsed : float
-        s.
-    costs : tuple of tuple of float
-        Of all manoeuvres, by generation.
-    """
-
-    key: str
-    elapsed: float
-    costs: tuple[tuple[float, ...], ...]
+    key: str  # hash of all inputs of the search
+    elapsed: float  # s
+    costs: tuple[tuple[float, ...], ...]  # of all manoeuvres, by generation
 
 
 def _check_sizes(costs: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:

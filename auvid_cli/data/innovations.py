@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.array_checks import (
     check_deviations,
     check_sensor,
@@ -19,8 +20,6 @@ from auvid_cli.data.array_checks import (
 from auvid_cli.errors import InvalidDataError
 from auvid_cli.vehicle.parameters import SENSORS
 
-Array = NDArray[np.float64]
-
 NIS_WINDOW = 20.0  # s
 N_LAGS = 20
 _MIN_SAMPLES = 50  # of an autocorrelation
@@ -29,25 +28,15 @@ _MIN_SHARE_OF_NOISE = 0.999
 
 
 class InnovationSums(NamedTuple):
-    """Sums over all innovations of a sensor.
+    """Sums over all innovations of a sensor."""
 
-    Attributes
-    ----------
-    start : float
-        Time of the first, s.
-    squares, components : ndarray, shape (k,)
-        Sum of the NIS, and number of components used, in each `NIS_WINDOW` from `start` on.
-    measurements : int
-        Number of measurements used.
-    rejected : int
-        Number of components beyond the gate, or with a weight below 0.5.
-    """
-
-    start: float
+    start: float  # time of the first, s
+    # squares, components: shape (k,); sum of the NIS, and number of components used, in each `NIS_WINDOW` from `start`
+    # on
     squares: Array
     components: Array
-    measurements: int
-    rejected: int
+    measurements: int  # number of measurements used
+    rejected: int  # number of components beyond the gate, or with a weight below 0.5
 
     @property
     def mean_nis(self) -> float:
@@ -67,18 +56,10 @@ class InnovationSums(NamedTuple):
 
 
 class Autocorrelation(NamedTuple):
-    """Autocorrelation of the normalised innovations of a sensor.
+    """Autocorrelation of the normalised innovations of a sensor."""
 
-    Attributes
-    ----------
-    correlation : ndarray, shape (c, N_LAGS)
-        By component, at lags of 1 to `N_LAGS` used samples.
-    samples : ndarray, shape (c,)
-        Number of samples; 0 if there are too few.
-    """
-
-    correlation: Array
-    samples: Array
+    correlation: Array  # shape (c, N_LAGS); by component, at lags of 1 to `N_LAGS` used samples
+    samples: Array  # shape (c,); number of samples; 0 if there are too few
 
     def plus(self, other: "Autocorrelation") -> "Autocorrelation":
         """Return the autocorrelation including later innovations, without products across the boundary."""
@@ -89,34 +70,18 @@ class Autocorrelation(NamedTuple):
 
 @dataclass(frozen=True)
 class Innovations:
-    """Innovations of one sensor.
+    """Innovations of one sensor."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-    innovation, variance : ndarray, shape (k, c)
-        SI; NaN where a component is missing or the filter had ended. Where the gate rejected a component, or its
-        weight is below 0.5, only the variance is NaN.
-    nis : ndarray, shape (k,)
-        Normalised innovation squared.
-    standard_deviation : ndarray, shape (c,)
-        Measurement noise assumed by the filter.
-    all_sums : InnovationSums or None
-        Over all innovations, if these are thinned.
-    all_autocorrelation : Autocorrelation or None
-        Of all innovations, if these are thinned.
-    weight : ndarray, shape (k, c), or None
-        Weight of each component in a robust fit; 1 where missing.
-    """
-
-    time: Array
+    time: Array  # shape (k,)
+    # innovation, variance: shape (k, c); SI; NaN where a component is missing or the filter had ended. Where the gate
+    # rejected a component, or its weight is below 0.5, only the variance is NaN.
     innovation: Array
     variance: Array
-    nis: Array
-    standard_deviation: Array
-    all_sums: InnovationSums | None = None
-    all_autocorrelation: Autocorrelation | None = None
-    weight: Array | None = None
+    nis: Array  # shape (k,); normalised innovation squared
+    standard_deviation: Array  # shape (c,); measurement noise assumed by the filter
+    all_sums: InnovationSums | None = None  # over all innovations, if these are thinned
+    all_autocorrelation: Autocorrelation | None = None  # of all innovations, if these are thinned
+    weight: Array | None = None  # shape (k, c), or None; weight of each component in a robust fit; 1 where missing
 
     def __post_init__(self) -> None:
         arrays = {"time": 1, "innovation": 2, "variance": 2, "nis": 1, "standard_deviation": 1}

@@ -6,8 +6,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import VECTORS, Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
@@ -17,8 +17,6 @@ from auvid_cli.vehicle.parameters import SENSORS, Quantity
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 
 class LabelledSeries(NamedTuple):

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from auvid_cli._version import __version__
+from auvid_cli.arrays import Array
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.units import parse_quantity
 from auvid_cli.data.files import replacing
@@ -31,7 +32,6 @@ _CHUNK_ROWS = 8192
 _BLOCK_ROWS = 50_000
 _MAX_NAMES = 1000
 _LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "h5py", "pydantic", "pint", "matplotlib")
-Array = NDArray[np.float64]
 
 
 @contextmanager

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import SensorRecord
 
-Array = NDArray[np.float64]
 # Standard deviation of a normal variable per median of its absolute value.
 _PER_MEDIAN = 1.4826022185056018
 # Smaller differences are rounding errors, as a share of the largest value.
@@ -33,18 +33,10 @@ TURN_RATE_WINDOW = 1.0  # s
 
 
 class Noise(NamedTuple):
-    """Noise of a signal.
+    """Noise of a signal."""
 
-    Attributes
-    ----------
-    standard_deviation : float
-        NaN if unknown.
-    step : float
-        Quantisation step, if the standard deviation follows from it; otherwise 0.
-    """
-
-    standard_deviation: float
-    step: float = 0.0
+    standard_deviation: float  # NaN if unknown
+    step: float = 0.0  # quantisation step, if the standard deviation follows from it; otherwise 0
 
 
 def estimate_noise(values: Array, is_angle: bool = False) -> Noise:

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.geometry import FinSettings
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope, Zigzag
 from auvid_cli.config.vehicle import VehicleSettings
@@ -15,8 +15,6 @@ from auvid_cli.design.trials import measure_extent
 from auvid_cli.errors import DataError
 from auvid_cli.simulation.manoeuvres import ManoeuvrePlan, make_plan
 from auvid_cli.simulation.motion import Truth
-
-Array = NDArray[np.float64]
 
 _INPUT_RATE = 20.0  # Hz
 _TIMELINE_ROWS = 12
@@ -29,38 +27,22 @@ HIGH = 95.0
 
 
 class Band(NamedTuple):
-    """Range of a run over the drawn vehicles; the last axis is the 5th, 50th and 95th percentile.
+    """Range of a run over the drawn vehicles; the last axis is the 5th, 50th and 95th percentile."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        s, one a second.
-    position : ndarray, shape (n, 3, 3)
-        North, east, down, m, from the start.
-    turned, turn_rate, pitch, roll, speed : ndarray, shape (n, 3)
-        Change of heading (rad), rad/s, rad, rad, m/s.
-    box : tuple of float
-        Extent north and east, m, of 95 of 100 vehicles.
-    depths : tuple of float
-        Shallowest and deepest point of 95 of 100 vehicles, m below the start.
-    length, energy : tuple of float
-        Distance through the water, m, and work of the thrust, J: 5th and 95th percentile.
-    number : int
-        Number of vehicles.
-    """
-
-    time: Array
-    position: Array
+    time: Array  # shape (n,); s, one a second
+    position: Array  # shape (n, 3, 3); north, east, down, m, from the start
+    # turned, turn_rate, pitch, roll, speed: shape (n, 3); change of heading (rad), rad/s, rad, rad, m/s
     turned: Array
     turn_rate: Array
     pitch: Array
     roll: Array
     speed: Array
-    box: tuple[float, float]
-    depths: tuple[float, float]
+    box: tuple[float, float]  # extent north and east, m, of 95 of 100 vehicles
+    depths: tuple[float, float]  # shallowest and deepest point of 95 of 100 vehicles, m below the start
+    # length, energy: distance through the water, m, and work of the thrust, J: 5th and 95th percentile
     length: tuple[float, float]
     energy: tuple[float, float]
-    number: int
+    number: int  # number of vehicles
 
 
 def summarise_runs(runs: Sequence[Truth]) -> Band:

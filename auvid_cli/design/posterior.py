@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.identification.states import coefficient_priors
 from auvid_cli.numerics import compiled, types
@@ -14,52 +14,27 @@ from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.jacobian import N_COLUMNS, transition_step, transition_work
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION, SENSORS
 
-Array = NDArray[np.float64]
-
 _COUNTED_SENSORS = ("gyroscope", "dvl", "attitude")
 
 
 class FilterAssumptions(NamedTuple):
-    """Priors and noise levels of a filter, SI.
+    """Priors and noise levels of a filter, SI."""
 
-    Attributes
-    ----------
-    prior_std : ndarray, shape (m,)
-        Prior standard deviation of each coefficient; 0 if it is fixed.
-    initial_std : ndarray, shape (9,)
-        Standard deviation of the motion at the start.
-    noise_density : ndarray, shape (9,)
-        Process noise, per square root of a second.
-    measured_density : ndarray, shape (9,)
-        Measurement noise of each motion state: standard deviation divided by the square root of the rate; infinite
-        without a sensor.
-    covariance : ndarray, shape (m, m)
-        Covariance of the coefficients before the run, in units of `prior_std`.
-    """
-
-    prior_std: Array
-    initial_std: Array
-    noise_density: Array
+    prior_std: Array  # shape (m,); prior standard deviation of each coefficient; 0 if it is fixed
+    initial_std: Array  # shape (9,); standard deviation of the motion at the start
+    noise_density: Array  # shape (9,); process noise, per square root of a second
+    # Shape (9,); measurement noise of each motion state: standard deviation divided by the square root of the rate;
+    # infinite without a sensor
     measured_density: Array
-    covariance: Array
+    covariance: Array  # shape (m, m); covariance of the coefficients before the run, in units of `prior_std`
 
 
 class Posterior(NamedTuple):
-    """Accuracy of the coefficients along a run, SI.
+    """Accuracy of the coefficients along a run, SI."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        s.
-    deviation : ndarray, shape (n, m)
-        Standard deviations at these times.
-    covariance : ndarray, shape (m, m)
-        Covariance at the end.
-    """
-
-    time: Array
-    deviation: Array
-    covariance: Array
+    time: Array  # shape (n,); s
+    deviation: Array  # shape (n, m); standard deviations at these times
+    covariance: Array  # shape (m, m); covariance at the end
 
 
 def filter_assumptions(experiment: Experiment, earlier_information: Array | None = None) -> FilterAssumptions:
@@ -120,30 +95,16 @@ _matrix = types.float64[:, ::1]
 
 
 class _Workspace(NamedTuple):
-    """Arrays of a pass.
+    """Arrays of a pass."""
 
-    Attributes
-    ----------
-    covariance : ndarray, shape (m + 9, m + 9)
-        Coefficients in units of their priors, then the motion, SI.
-    moved : ndarray, shape (9, m + 9)
-        Rows of the motion after multiplication by the transition matrix.
-    by_coefficients : ndarray, shape (9, m)
-        Sensitivity of the motion after a step to the coefficients, in units of their priors.
-    column : ndarray, shape (m + 9,)
-    motion : ndarray, shape (9,)
-    transition : ndarray, shape (9, N_COLUMNS + terms)
-    step : ndarray
-        Workspace of `transition_step`.
-    """
-
-    covariance: Array
-    moved: Array
+    covariance: Array  # shape (m + 9, m + 9); coefficients in units of their priors, then the motion, SI
+    moved: Array  # shape (9, m + 9); rows of the motion after multiplication by the transition matrix
+    # Shape (9, m); sensitivity of the motion after a step to the coefficients, in units of their priors
     by_coefficients: Array
-    column: Array
-    motion: Array
-    transition: Array
-    step: Array
+    column: Array  # shape (m + 9,)
+    motion: Array  # shape (9,)
+    transition: Array  # shape (9, N_COLUMNS + terms)
+    step: Array  # workspace of `transition_step`
 
 
 _WORKSPACE = types.NamedTuple((_matrix, _matrix, _matrix, _vector, _vector, _matrix, _vector), _Workspace)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope
 from auvid_cli.config.vehicle import VehicleSettings
@@ -17,7 +18,6 @@ from auvid_cli.errors import ConfigError, DataError, SimulationError
 from auvid_cli.simulation.motion import Truth
 from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
 
-Array = NDArray[np.float64]
 _DEFAULT_SPREAD = 0.3  # standard deviation of a value whose file states none, as a share of it
 HELD_OUT = 8  # vehicles that judge the result and are not part of the search
 # Random streams of the drawn vehicles.
@@ -29,25 +29,14 @@ EarlierInformation = Callable[[Mapping[str, float]], Array]
 
 
 class ParameterDistribution(NamedTuple):
-    """Distribution of the coefficients before a run.
-
-    Attributes
-    ----------
-    mean : ndarray, shape (m,)
-        Mean of a normal coefficient, median of a lognormal one, SI.
-    covariance : ndarray, shape (m, m)
-        Covariance of the values, SI, or of the logarithm of a lognormal coefficient's size.
-    logarithmic : ndarray of bool, shape (m,)
-        Coefficients that are lognormal, because their sign is certain.
-    origin : str
-        Source of the distribution, in words.
-    """
+    """Distribution of the coefficients before a run."""
 
     symbols: tuple[str, ...]
-    mean: Array
+    mean: Array  # shape (m,); mean of a normal coefficient, median of a lognormal one, SI
+    # Shape (m, m); covariance of the values, SI, or of the logarithm of a lognormal coefficient's size
     covariance: Array
-    logarithmic: NDArray[np.bool_]
-    origin: str
+    logarithmic: NDArray[np.bool_]  # shape (m,); coefficients that are lognormal, because their sign is certain
+    origin: str  # source of the distribution, in words
 
     def draw(self, number: int, seed: Sequence[int]) -> list[dict[str, float]]:
         """Draw the coefficients of `number` vehicles, by symbol, SI."""
@@ -129,60 +118,34 @@ def draw_vehicles(
 
 
 class Requirement(NamedTuple):
-    """Requirements on a designed run.
+    """Requirements on a designed run."""
 
-    Attributes
-    ----------
-    duration : float
-        s.
-    fin_angle, fin_rate : float or None
-        Limits of the fins, rad and rad/s. None: those of the experiment.
-    chosen : tuple of str
-        Coefficients that count; all if empty.
-    criterion : {"D", "worst"}
-    draws : int
-        Number of vehicles in the search.
-    spread : float or None
-        See `distribution_from_vehicle`.
-    """
-
-    duration: float
+    duration: float  # s
     envelope: Envelope
+    # fin_angle, fin_rate: limits of the fins, rad and rad/s. None: those of the experiment.
     fin_angle: float | None
     fin_rate: float | None
-    chosen: tuple[str, ...]
+    chosen: tuple[str, ...]  # coefficients that count; all if empty
     criterion: Criterion
-    draws: int
-    spread: float | None
+    draws: int  # number of vehicles in the search
+    spread: float | None  # see `distribution_from_vehicle`
 
 
 class DesignProblem(NamedTuple):
-    """Input of a search, and the vehicles that judge its result.
-
-    Attributes
-    ----------
-    chosen : tuple of str
-        Coefficients that count.
-    nominal : VehicleSettings
-        The vehicle with the mean coefficients.
-    slowest : float
-        Least speed, m/s.
-    search_set, held_out_set : TrialSet
-        Vehicles of the search, in an envelope with a margin, and vehicles that judge the result.
-    standard_trials : dict of Trial
-        Standard manoeuvres on the vehicles of the search: ``spiral`` (the experiment's own), ``doublets``, ``zigzag``.
-    """
+    """Input of a search, and the vehicles that judge its result."""
 
     experiment: Experiment
     requirement: Requirement
     distribution: ParameterDistribution
     assumptions: FilterAssumptions
-    chosen: tuple[str, ...]
-    nominal: VehicleSettings
+    chosen: tuple[str, ...]  # coefficients that count
+    nominal: VehicleSettings  # the vehicle with the mean coefficients
     space: SearchSpace
-    slowest: float
+    slowest: float  # least speed, m/s
+    # search_set, held_out_set: vehicles of the search, in an envelope with a margin, and vehicles that judge the result
     search_set: TrialSet
     held_out_set: TrialSet
+    # Standard manoeuvres on the vehicles of the search: ``spiral`` (the experiment's own), ``doublets``, ``zigzag``
     standard_trials: dict[str, Trial]
 
     @property

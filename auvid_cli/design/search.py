@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import cma
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.design.posterior import Posterior, predict_posterior
 from auvid_cli.design.problem import DesignProblem
@@ -15,7 +15,6 @@ from auvid_cli.design.variables import SearchSpace
 from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.simulation.motion import Truth
 
-Array = NDArray[np.float64]
 POPULATION = 12  # manoeuvres of a generation
 _INITIAL_STEP = 0.2  # of the unit cube
 WORTH_WHILE = 1.1  # gain from which a designed run is better than the spiral
@@ -30,22 +29,12 @@ _LONGER = (2.0, 4.0)  # durations of longer runs, relative to the run
 
 
 class SearchProgress(NamedTuple):
-    """State of a search after a generation.
+    """State of a search after a generation."""
 
-    Attributes
-    ----------
-    generation : int
-        Counted from 1.
-    evaluations : int
-        Number of manoeuvres that were tried.
-    costs : tuple of tuple of float
-        Costs of all manoeuvres, by generation; a search continues from them.
-    """
-
-    generation: int
-    evaluations: int
+    generation: int  # counted from 1
+    evaluations: int  # number of manoeuvres that were tried
     best: Trial
-    costs: tuple[tuple[float, ...], ...] = ()
+    costs: tuple[tuple[float, ...], ...] = ()  # costs of all manoeuvres, by generation; a search continues from them
 
 
 def search(
@@ -104,43 +93,24 @@ class WeakCoefficient(NamedTuple):
 
 
 class Design(NamedTuple):
-    """Result of a search.
+    """Result of a search."""
 
-    Attributes
-    ----------
-    manoeuvre : AnyManoeuvre
-        The recommended manoeuvre: the best of all, or the experiment's own if that is as good.
-    chosen : str
-        Its name among the trials.
-    gain : float
-        Standard deviations after the experiment's own manoeuvre divided by those after the best other one: geometric
-        mean over vehicles that the search has not seen.
-    trials : dict of Trial
-        ``designed``, ``spiral``, ``doublets`` and ``zigzag`` on these vehicles.
-    truth : Truth
-        Motion of the nominal vehicle in the recommended manoeuvre.
-    posterior : Posterior
-        Accuracy along this motion.
-    time_to_match : float or None
-        Time, s, until the run is as accurate as the whole of the experiment's own; None if never.
-    accuracy_over_time : tuple of (float, float)
-        Time, s, and geometric mean of the standard deviations, %: along the run, then for runs of twice and four times
-        its duration if the vehicle can do them.
-    symbols : tuple of str
-        Coefficients.
-    """
-
-    manoeuvre: AnyManoeuvre
-    chosen: str
+    manoeuvre: AnyManoeuvre  # the recommended manoeuvre: the best of all, or the experiment's own if that is as good
+    chosen: str  # its name among the trials
+    # Standard deviations after the experiment's own manoeuvre divided by those after the best other one: geometric mean
+    # over vehicles that the search has not seen
     gain: float
-    trials: dict[str, Trial]
+    trials: dict[str, Trial]  # ``designed``, ``spiral``, ``doublets`` and ``zigzag`` on these vehicles
     weak_coefficients: tuple[WeakCoefficient, ...]
-    truth: Truth
-    posterior: Posterior
+    truth: Truth  # motion of the nominal vehicle in the recommended manoeuvre
+    posterior: Posterior  # accuracy along this motion
+    # Time, s, until the run is as accurate as the whole of the experiment's own; None if never
     time_to_match: float | None
+    # Time, s, and geometric mean of the standard deviations, %: along the run, then for runs of twice and four times
+    # its duration if the vehicle can do them
     accuracy_over_time: tuple[tuple[float, float], ...]
     progress: SearchProgress
-    symbols: tuple[str, ...]
+    symbols: tuple[str, ...]  # coefficients
 
     @property
     def keeps_spiral(self) -> bool:

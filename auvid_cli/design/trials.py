@@ -6,8 +6,8 @@ from math import ceil, floor
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Envelope, ManoeuvreSettings
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.design.posterior import FilterAssumptions, predict_posterior
@@ -17,7 +17,6 @@ from auvid_cli.simulation.manoeuvres import make_plan
 from auvid_cli.simulation.motion import Truth, simulate_motion
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
-Array = NDArray[np.float64]
 Criterion = Literal["D", "worst"]
 
 # A torpedo moves slowly, and a search simulates it thousands of times.
@@ -115,35 +114,21 @@ def options_to_relax(extents: Sequence[Extent], envelope: Envelope, slowest: flo
 
 
 class TrialRun(NamedTuple):
-    """A manoeuvre on one vehicle.
+    """A manoeuvre on one vehicle."""
 
-    Attributes
-    ----------
-    percent : ndarray, shape (m,)
-        Standard deviation of each coefficient after the run, % of its size; NaN if the vehicle is lost.
-    extent : Extent or None
-        None if the vehicle is lost.
-    """
-
+    # Shape (m,); standard deviation of each coefficient after the run, % of its size; NaN if the vehicle is lost
     percent: Array
-    extent: Extent | None
+    extent: Extent | None  # none if the vehicle is lost
 
 
 class Trial(NamedTuple):
-    """A manoeuvre on all vehicles.
-
-    Attributes
-    ----------
-    measure : ndarray, shape (n,)
-        Logarithm of the standard deviation by the criterion, for each vehicle; infinite if it is lost.
-    excess : list of dict
-        For each vehicle that is not lost, the share by which each limit is exceeded.
-    """
+    """A manoeuvre on all vehicles."""
 
     manoeuvre: AnyManoeuvre
     runs: list[TrialRun]
+    # Shape (n,); logarithm of the standard deviation by the criterion, for each vehicle; infinite if it is lost
     measure: Array
-    excess: list[dict[str, float]]
+    excess: list[dict[str, float]]  # for each vehicle that is not lost, the share by which each limit is exceeded
 
     @property
     def n_lost(self) -> int:

@@ -3,14 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Autopilot, Doublets, Envelope, Excitation, Spiral, Zigzag
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
-
-Array = NDArray[np.float64]
 
 _MIN_DURATION = 20.0  # s
 # A fin signal may exceed the fin limit; a slow vehicle is then excited more by the clipped signal.
@@ -27,20 +25,12 @@ _DIGITS = 6
 
 
 class Variable(NamedTuple):
-    """A setting that varies within bounds, SI.
+    """A setting that varies within bounds, SI."""
 
-    Attributes
-    ----------
-    name : str
-        Path in the manoeuvre's settings.
-    logarithmic : bool
-        Whether equal steps are equal ratios.
-    """
-
-    name: str
+    name: str  # path in the manoeuvre's settings
     low: float
     high: float
-    logarithmic: bool = False
+    logarithmic: bool = False  # whether equal steps are equal ratios
 
     def at(self, place: float) -> float:
         """Return the value at a place from 0 (`low`) to 1 (`high`)."""
@@ -63,15 +53,9 @@ class Variable(NamedTuple):
 
 
 class SearchSpace(NamedTuple):
-    """Spirals around a base that differ in some variables.
+    """Spirals around a base that differ in some variables."""
 
-    Attributes
-    ----------
-    base : Spiral
-        The experiment's own, with the duration and the fin limits of the design.
-    """
-
-    base: Spiral
+    base: Spiral  # the experiment's own, with the duration and the fin limits of the design
     variables: tuple[Variable, ...]
 
     def manoeuvre(self, places: Array) -> Spiral:

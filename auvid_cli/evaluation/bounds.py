@@ -5,10 +5,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag, solve_triangular
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import Cause
 from auvid_cli.errors import DataError
@@ -22,7 +22,6 @@ from auvid_cli.identification.noise import process_noises
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
 
-Array = NDArray[np.float64]
 _NEIGHBOURS = 8  # samples of a spline beyond its span
 _FIXED_SPREAD = 1e-4  # of a fixed parameter, relative to its prior
 _MAX_PASSES = 20
@@ -107,22 +106,13 @@ def _between(time: Array, motion: Array) -> Callable[[Array], Array]:
 
 
 class Bounds(NamedTuple):
-    """Cramer-Rao bounds of the coefficients of an estimate, SI, by symbol; all empty if there are none.
+    """Cramer-Rao bounds of the coefficients of an estimate, SI, by symbol; all empty if there are none."""
 
-    Attributes
-    ----------
-    of_data : dict of float
-        From the data alone; infinite where they say nothing.
-    with_prior : dict of float
-        From the data and the prior that the filter was given, which helps a coefficient through others, too. Empty
-        where that prior is an earlier estimate.
-    remark : str
-        Why there are none.
-    """
-
-    of_data: dict[str, float]
+    of_data: dict[str, float]  # from the data alone; infinite where they say nothing
+    # From the data and the prior that the filter was given, which helps a coefficient through others, too. Empty where
+    # that prior is an earlier estimate.
     with_prior: dict[str, float]
-    remark: str = ""
+    remark: str = ""  # why there are none
 
 
 class BoundsOf:
@@ -188,21 +178,12 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
 
 
 class DataInformation(NamedTuple):
-    """Information of the data about parameters, without the prior, with process noise.
+    """Information of the data about parameters, without the prior, with process noise."""
 
-    Attributes
-    ----------
-    symbols : tuple of str
-        The coefficients, then the constant errors of sensors and actuators, and delays that are sought.
-    matrix : ndarray, shape (n, n)
-        In units of the prior's standard deviations.
-    prior_std : ndarray, shape (n,)
-        SI.
-    """
-
+    # The coefficients, then the constant errors of sensors and actuators, and delays that are sought
     symbols: tuple[str, ...]
-    matrix: Array
-    prior_std: Array
+    matrix: Array  # shape (n, n); in units of the prior's standard deviations
+    prior_std: Array  # shape (n,); SI
 
     def bound(self, held: Collection[str] = ()) -> dict[str, float]:
         """Return the least standard deviation of each, SI, with some of them known; infinite where data say nothing."""

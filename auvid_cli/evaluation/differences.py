@@ -15,22 +15,13 @@ _LEFT_OUT = ("cpu_time_s", "microseconds_per_step", "reason", "remedy")
 
 
 class Tolerance(NamedTuple):
-    """How far results may be apart and still count as the same.
+    """How far results may be apart and still count as the same."""
 
-    Attributes
-    ----------
-    everywhere : float or None
-        Share of the larger of two values, in every column but those that measure time or are sentences; None for 0.01,
-        and nothing of an estimate and its error in percent.
-    by_column : mapping
-        The same of single columns, by name; infinite of one that is not compared.
-    deviations : float
-        Tolerance of an estimate, in standard deviations of the second result.
-    """
-
+    # Share of the larger of two values, in every column but those that measure time or are sentences; None for 0.01,
+    # and nothing of an estimate and its error in percent
     everywhere: float | None = None
-    by_column: Mapping[str, float] = {}
-    deviations: float = DEVIATIONS
+    by_column: Mapping[str, float] = {}  # the same of single columns, by name; infinite of one that is not compared
+    deviations: float = DEVIATIONS  # tolerance of an estimate, in standard deviations of the second result
 
     def share(self, column: str) -> float:
         """Return the share of the larger of two values that they may differ by."""
@@ -44,25 +35,15 @@ class Tolerance(NamedTuple):
 
 
 class ComparedValue(NamedTuple):
-    """A value in both results.
-
-    Attributes
-    ----------
-    row : str
-        Filter and, if it is of one, coefficient or component.
-    column : str
-        Empty where a whole row is missing.
-    first, second : str
-        As in the tables; empty where there is none.
-    difference, allowed : float
-        First minus second, and the tolerance; NaN if they are not numbers.
-    """
+    """A value in both results."""
 
     table: str
-    row: str
-    column: str
+    row: str  # filter and, if it is of one, coefficient or component
+    column: str  # empty where a whole row is missing
+    # first, second: as in the tables; empty where there is none
     first: str
     second: str
+    # difference, allowed: first minus second, and the tolerance; NaN if they are not numbers
     difference: float
     allowed: float
     agrees: bool
@@ -76,16 +57,10 @@ class ComparedValue(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """All compared values.
-
-    Attributes
-    ----------
-    only_first : list of str
-        Filters, rows and columns that only the first result has; they do not count as differences.
-    """
+    """All compared values."""
 
     values: list[ComparedValue]
-    only_first: list[str]
+    only_first: list[str]  # filters, rows and columns that only the first result has; they do not count as differences
 
     def differing(self) -> list[ComparedValue]:
         """Return the values that do not agree, the worst first."""

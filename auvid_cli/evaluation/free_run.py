@@ -5,8 +5,8 @@ from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.extra_states import CURRENT, DVL_ARM, DVL_SCALE, DVL_YAW, ERROR_BLOCKS
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import Estimate
@@ -21,7 +21,6 @@ from auvid_cli.vehicle.equations import N_WORK, factors, vehicle_constants
 from auvid_cli.vehicle.kinematics import current_in_body_axes, dvl_axes
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, MOTION_SYMBOLS, N_MOTION, SENSORS, state_of
 
-Array = NDArray[np.float64]
 # Motion state whose measurements an additive error shifts, by symbol of the error.
 _ADDED = {
     quantity.symbol: state_of(measured)
@@ -36,18 +35,10 @@ _MOST_KEPT = 100_000
 
 
 class MeasurementErrors(NamedTuple):
-    """Errors between a motion and the measurements of it; zero where no filter looked.
+    """Errors between a motion and the measurements of it; zero where no filter looked."""
 
-    Attributes
-    ----------
-    offset : ndarray, shape (10,)
-        Adds to the measurements of each motion state and of the depth, SI.
-    dvl : ndarray, shape (7,)
-        Those of `VELOCITY_ERRORS`, SI.
-    """
-
-    offset: Array
-    dvl: Array
+    offset: Array  # shape (10,); adds to the measurements of each motion state and of the depth, SI
+    dvl: Array  # shape (7,); those of `VELOCITY_ERRORS`, SI
 
 
 def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:

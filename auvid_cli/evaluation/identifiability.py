@@ -6,8 +6,8 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.extra_states import BiasName, ProcessNoise
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
@@ -34,8 +34,6 @@ from auvid_cli.identification.prepared_data import PreparedData, prepare
 from auvid_cli.identification.run import resolve_settings
 from auvid_cli.identification.states import natural_magnitude
 from auvid_cli.vehicle.coefficients import CoefficientSet
-
-Array = NDArray[np.float64]
 
 
 class Assessed(NamedTuple):

@@ -141,20 +141,11 @@ def _quantity(value: float | None, unit: str) -> str | float | None:
 
 
 class Format(NamedTuple):
-    """An export format.
+    """An export format."""
 
-    Attributes
-    ----------
-    suffix : str
-        Suffix of its files, unique.
-    losses : callable
-        Returns the parts of a model that it cannot hold.
-    text : callable
-        Returns the file from the model, these losses, and a printable file name without suffix.
-    """
-
-    suffix: str
-    losses: Callable[[IdentifiedModel], UnsupportedFeatures]
+    suffix: str  # suffix of its files, unique
+    losses: Callable[[IdentifiedModel], UnsupportedFeatures]  # returns the parts of a model that it cannot hold
+    # Returns the file from the model, these losses, and a printable file name without suffix
     text: Callable[[IdentifiedModel, UnsupportedFeatures, str], str]
 
     def file_text(self, model: IdentifiedModel, losses: UnsupportedFeatures, stem: str) -> str:

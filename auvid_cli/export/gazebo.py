@@ -5,15 +5,14 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.export.losses import UnsupportedFeatures, certainty, heading_lines, unsupported_features, xml_comment
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.export.model_parts import FinSurface, fin_surfaces
 from auvid_cli.text import printable
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient
 
-Array = NDArray[np.float64]
 # Mass of a fin as a share of that of the vehicle; Gazebo needs a mass for every link.
 _FIN_MASS = 1e-3
 # The inertia of a fin is that of a ball, which does not change with its angle.
@@ -41,7 +40,7 @@ def as_text(*values: float) -> str:
 
 
 def add_inertial(
-    link: ElementTree.Element, mass: float, centre: tuple[float, float, float], moments: NDArray[np.float64]
+    link: ElementTree.Element, mass: float, centre: tuple[float, float, float], moments: Array
 ) -> ElementTree.Element:
     """Append mass, kg, centre of gravity, m, and the inertia about it, kg m^2, shape (3, 3), to a link."""
     inertial = child_of(link, "inertial")
@@ -211,7 +210,7 @@ class _Hull(NamedTuple):
 
     mass: float
     centre: tuple[float, float, float]
-    moments: NDArray[np.float64]
+    moments: Array
 
 
 def _hull(model: IdentifiedModel) -> _Hull:

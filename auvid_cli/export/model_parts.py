@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.data.acting_inputs import as_acting
 from auvid_cli.data.dataset import InputRecord
@@ -13,31 +13,18 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, PROPULSION_SIGNALS, CoefficientSet
 from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUT_SYMBOLS, MOTION_SYMBOLS
 
-Array = NDArray[np.float64]
 # Inputs by the factors of terms with other names.
 FACTOR_INPUTS = {"thrust": "surge_force", **PROPULSION_SIGNALS}
 _FORCE = INPUT_SYMBOLS.index("surge_force")
 
 
 class FinSurface(NamedTuple):
-    """A pair of fins as one surface.
+    """A pair of fins as one surface."""
 
-    Attributes
-    ----------
-    name : str
-        "rudder" or "elevator".
-    symbols : tuple of str
-        Coefficients of its force and its moment.
-    force : float
-        Coefficient of the force to starboard or down, kg/(m rad).
-    place : float
-        Centre of pressure forward of the origin, m: moment divided by force.
-    """
-
-    name: str
-    symbols: tuple[str, str]
-    force: float
-    place: float
+    name: str  # "rudder" or "elevator"
+    symbols: tuple[str, str]  # coefficients of its force and its moment
+    force: float  # coefficient of the force to starboard or down, kg/(m rad)
+    place: float  # centre of pressure forward of the origin, m: moment divided by force
 
 
 def fin_surfaces(coefficients: Mapping[str, float]) -> list[FinSurface]:
@@ -75,25 +62,14 @@ def surface_changes(coefficients: Mapping[str, float], motion: Array, inputs: Ar
 
 
 class TermSize(NamedTuple):
-    """Size of the term of a coefficient.
-
-    Attributes
-    ----------
-    row : str
-        "X", "Y", "Z", "K", "M" or "N".
-    unit : str
-        "N" or "N*m".
-    rms : float
-        RMS of the force or moment.
-    percent : float
-        RMS in percent of the root of the sum of the mean squares of all terms of the row. The sum of the terms would be
-        small where they balance.
-    """
+    """Size of the term of a coefficient."""
 
     symbol: str
-    row: str
-    unit: str
-    rms: float
+    row: str  # "X", "Y", "Z", "K", "M" or "N"
+    unit: str  # "N" or "N*m"
+    rms: float  # RMS of the force or moment
+    # RMS in percent of the root of the sum of the mean squares of all terms of the row. The sum of the terms would be
+    # small where they balance.
     percent: float
 
 
@@ -159,24 +135,13 @@ def held_inputs(time: Array, input_time: Array, values: Array) -> Array:
 
 
 class Actuation(NamedTuple):
-    """Effect of the actuators between the inputs and the forces.
+    """Effect of the actuators between the inputs and the forces."""
 
-    Attributes
-    ----------
-    thrust : float
-        Scale of the stated surge force.
-    thrust_rms : float
-        RMS of the change of the surge force by this scale, N.
-    actuators : ActuatorSettings
-        Dynamics of fins and propeller.
-    changes : dict of float
-        RMS of the change by these dynamics in `surge_force`, and in the force or moment of each coefficient of an
-        input, N or N m.
-    """
-
-    thrust: float
-    thrust_rms: float
-    actuators: ActuatorSettings
+    thrust: float  # scale of the stated surge force
+    thrust_rms: float  # RMS of the change of the surge force by this scale, N
+    actuators: ActuatorSettings  # dynamics of fins and propeller
+    # RMS of the change by these dynamics in `surge_force`, and in the force or moment of each coefficient of an input,
+    # N or N m
     changes: dict[str, float]
 
 

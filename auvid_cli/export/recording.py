@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.files import replacing
@@ -20,8 +20,6 @@ from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError, FileError
 from auvid_cli.vehicle.kinematics import dead_reckoned
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS
-
-Array = NDArray[np.float64]
 
 _LATEST = 2.0**31  # s; seconds of a ROS time have 31 bits
 _NANOSECONDS = 10**9
@@ -49,28 +47,14 @@ class TopicKind(Enum):
 
 
 class Topic(NamedTuple):
-    """Messages of one kind over time.
+    """Messages of one kind over time."""
 
-    Attributes
-    ----------
-    name : str
-        Begins with a slash.
-    frame : str
-        Frame of the estimated or true vehicle.
-    fields : tuple of str
-        Columns of a table: lower case letters, digits and single underscores, as required by ROS.
-    time : ndarray, shape (n,)
-        s.
-    values : ndarray, shape (n, k)
-        SI.
-    """
-
-    name: str
+    name: str  # begins with a slash
     kind: TopicKind
-    frame: str
-    fields: tuple[str, ...]
-    time: Array
-    values: Array
+    frame: str  # frame of the estimated or true vehicle
+    fields: tuple[str, ...]  # columns of a table: lower case letters, digits and single underscores, as required by ROS
+    time: Array  # shape (n,); s
+    values: Array  # shape (n, k); SI
 
 
 def topics_of(dataset: Dataset, estimate: Estimate) -> list[Topic]:

@@ -18,6 +18,7 @@ from scipy.linalg import LinAlgWarning
 from scipy.linalg.lapack import dpotrf  # pyright: ignore[reportAttributeAccessIssue]
 
 from auvid_cli.angles import wrap
+from auvid_cli.arrays import Array
 from auvid_cli.filters.problem import (
     OK,
     PREDICTION,
@@ -31,7 +32,6 @@ from auvid_cli.filters.problem import (
     empty_records,
 )
 
-Array = NDArray[np.float64]
 # Sensor and missing components of a measurement: bit c for component c.
 Kind = tuple[int, int]
 # Events from one check for a positive definite covariance to the next.

@@ -8,12 +8,12 @@ import scipy.optimize
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.problem import Gaussian, Indices, JointProblem, segment_indices
 from auvid_cli.filters.sensitivities import Response, responses
 from auvid_cli.filters.smoother_forward import weight
 from auvid_cli.numerics import compiled, types
 
-Array = NDArray[np.float64]
 _matrix = types.float64[:, ::1]
 # Rows of one QR step: with the triangle they fit into the first-level cache.
 _CHUNK = 96
@@ -60,20 +60,12 @@ def _compress(triangle, rows, columns):
 
 
 class Uncertainty(NamedTuple):
-    """Covariance ``root root'``, and infinite variance along unobserved directions.
+    """Covariance ``root root'``, and infinite variance along unobserved directions."""
 
-    Attributes
-    ----------
-    root : ndarray, shape (n, m)
-    unobserved : ndarray, shape (n, q)
-        Directions without information as columns; those of a whole state are orthonormal in units of `unit`.
-    unit : ndarray, shape (n,)
-        Scale of each entry of the state.
-    """
-
-    root: Array
+    root: Array  # shape (n, m)
+    # Shape (n, q); directions without information as columns; those of a whole state are orthonormal in units of `unit`
     unobserved: Array
-    unit: Array
+    unit: Array  # shape (n,); scale of each entry of the state
 
     def deviation(self, combinations: Array) -> Array:
         """Return standard deviations of linear combinations, shape (..., n); infinite if unobserved."""
@@ -103,23 +95,12 @@ class Information(NamedTuple):
     With the whitened derivative J and innovation r of all measurements, it equals ``|J dx - r|^2`` for every dx. At the
     true state ``factor' factor`` is the Fisher information, whose inverse bounds the covariance of unbiased estimates
     (Cramer and Rao).
-
-    Attributes
-    ----------
-    factor : ndarray, shape (n, n)
-        ``factor' factor = J' J``; upper triangular if built from rows.
-    projected : ndarray, shape (n,)
-        ``factor' projected = J' r``.
-    remaining : float
-        Norm of the residual at the minimum.
-    n_measurements : int
-        Number of scalar measurements.
     """
 
-    factor: Array
-    projected: Array
-    remaining: float
-    n_measurements: int
+    factor: Array  # shape (n, n); ``factor' factor = J' J``; upper triangular if built from rows
+    projected: Array  # shape (n,); ``factor' projected = J' r``
+    remaining: float  # norm of the residual at the minimum
+    n_measurements: int  # number of scalar measurements
 
     @classmethod
     def empty(cls, n: int) -> "Information":
@@ -223,28 +204,14 @@ def join_segments(by_segment: Sequence[Information], n_parameters: int) -> Infor
 
 
 class LeastSquaresFit(NamedTuple):
-    """Least-squares estimate of the joint state.
+    """Least-squares estimate of the joint state."""
 
-    Attributes
-    ----------
-    state : ndarray, shape (n,)
-    information : Information
-        Information of the measurements, at this state.
-    cost : float
-        Sum of squares.
-    converged : bool
-    evaluations : int
-        Number of simulations of the motion.
-    fraction : float
-        Fraction of all events that were fitted.
-    """
-
-    state: Array
-    information: Information
-    cost: float
+    state: Array  # shape (n,)
+    information: Information  # information of the measurements, at this state
+    cost: float  # sum of squares
     converged: bool
-    evaluations: int
-    fraction: float = 1.0
+    evaluations: int  # number of simulations of the motion
+    fraction: float = 1.0  # fraction of all events that were fitted
 
     def deviation(self, n_parameters: int) -> Array:
         """Return the standard deviations of the parameters; infinite if unobserved."""

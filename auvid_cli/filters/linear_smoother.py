@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.problem import Gaussian, JointProblem, ModelData, Process, Sensors, Timeline
 from auvid_cli.filters.smoother_backward import Adjoint, backward
 from auvid_cli.filters.smoother_forward import (
@@ -21,7 +21,6 @@ from auvid_cli.filters.smoother_forward import (
 )
 from auvid_cli.filters.workspace import State
 
-Array = NDArray[np.float64]
 # Step of the difference quotient of decay rates.
 _RATE_STEP = 1e-5  # s
 # Events from one evaluation of the decay rates to the next.
@@ -100,20 +99,12 @@ def _decay_rates(problem: JointProblem, timeline: Timeline, states: Array) -> Ar
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Parameters and motion over all data.
+    """Parameters and motion over all data."""
 
-    Attributes
-    ----------
-    parameters : ndarray, shape (n_parameters,)
-    initial : list of ndarray, shape (n_moving,)
-        Initial moving states of each segment; those at its first event if no substeps lead to it.
-    moving : list of list of ndarray, shape (n_events, n_moving)
-        Moving states at each event, by segment and chunk.
-    """
-
-    parameters: Array
+    parameters: Array  # shape (n_parameters,)
+    # Shape (n_moving,); initial moving states of each segment; those at its first event if no substeps lead to it
     initial: list[Array]
-    moving: list[list[Array]]
+    moving: list[list[Array]]  # shape (n_events, n_moving); moving states at each event, by segment and chunk
 
     def stepped(self, step: "Trajectory", fraction: float) -> "Trajectory":
         """Return the trajectory after a fraction of a step."""
@@ -127,55 +118,31 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Filtered:
-    """Linear problem about a trajectory after its forward pass.
-
-    Attributes
-    ----------
-    trajectory : Trajectory
-    cost : float
-        Cost of the trajectory.
-    least : float
-        Cost at the minimum of the linear problem.
-    log_determinant : float
-        Sum of the logarithms of the innovations' variances. ``least + log_determinant`` is minus twice the
-        log-likelihood of the measurements in the linear problem, up to a constant.
-    before : list of list of State
-        Deviation from the trajectory before each chunk, by segment.
-    by_parameters : list of ndarray, shape (n_moving, n_parameters)
-        Derivative of each segment's initial moving states by the parameters, by the prior.
-    final : State
-        Deviation at the end; its parameters are the estimate.
-    """
+    """Linear problem about a trajectory after its forward pass."""
 
     trajectory: Trajectory
-    cost: float
-    least: float
+    cost: float  # cost of the trajectory
+    least: float  # cost at the minimum of the linear problem
+    # Sum of the logarithms of the innovations' variances. ``least + log_determinant`` is minus twice the log-likelihood
+    # of the measurements in the linear problem, up to a constant.
     log_determinant: float
-    before: list[list[State]]
+    before: list[list[State]]  # deviation from the trajectory before each chunk, by segment
+    # Shape (n_moving, n_parameters); derivative of each segment's initial moving states by the parameters, by the prior
     by_parameters: list[Array]
-    final: State
+    final: State  # deviation at the end; its parameters are the estimate
 
 
 class Smoothed(NamedTuple):
-    """Smoothed chunk of a linear problem.
-
-    Attributes
-    ----------
-    segment : int
-    timeline : Timeline
-    forward_pass : ForwardPass
-    step, variance : ndarray, shape (n_events, n_moving)
-        Smoothed deviation of the moving states and its variance; zero if variances were not asked for.
-    adjoint : ndarray, shape (n,)
-        Adjoint before the chunk.
-    """
+    """Smoothed chunk of a linear problem."""
 
     segment: int
     timeline: Timeline
     forward_pass: ForwardPass
+    # step, variance: shape (n_events, n_moving); smoothed deviation of the moving states and its variance; zero if
+    # variances were not asked for
     step: Array
     variance: Array
-    adjoint: Array
+    adjoint: Array  # shape (n,); adjoint before the chunk
 
 
 class LinearSmoothing:
@@ -364,26 +331,13 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
 
 
 class ConditionalChunk(NamedTuple):
-    """Chunk of the motion given the parameters.
-
-    Attributes
-    ----------
-    timeline : Timeline
-    about : Linearised
-        Linearisation with the parameters.
-    motion : Linearised
-        Linearisation of the motion alone.
-    before : ndarray, shape (n_moving, n_moving)
-        Covariance of the deviation before the chunk.
-    forward_pass : ForwardPass
-        Forward pass of the motion alone.
-    """
+    """Chunk of the motion given the parameters."""
 
     timeline: Timeline
-    about: Linearised
-    motion: Linearised
-    before: Array
-    forward_pass: ForwardPass
+    about: Linearised  # linearisation with the parameters
+    motion: Linearised  # linearisation of the motion alone
+    before: Array  # shape (n_moving, n_moving); covariance of the deviation before the chunk
+    forward_pass: ForwardPass  # forward pass of the motion alone
 
 
 class ConditionalFilter:

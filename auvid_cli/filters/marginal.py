@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
 from auvid_cli.filters.linear_smoother import (
     ConditionalFilter,
@@ -41,7 +41,6 @@ from auvid_cli.filters.smoother_forward import (
 )
 from auvid_cli.numerics import compiled, types
 
-Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
@@ -56,17 +55,10 @@ _MOTION_PASSES = 10
 
 
 class GradientResponse(NamedTuple):
-    """Change of the estimate by a gradient added to half the cost, times minus one.
+    """Change of the estimate by a gradient added to half the cost, times minus one."""
 
-    Attributes
-    ----------
-    parameters : ndarray, shape (n_parameters,)
-    innovations : list of list of ndarray, shape (n_measurements, c)
-        By segment and chunk; zero if missing.
-    """
-
-    parameters: Array
-    innovations: list[list[Array]]
+    parameters: Array  # shape (n_parameters,)
+    innovations: list[list[Array]]  # shape (n_measurements, c); by segment and chunk; zero if missing
 
 
 def apply_gradient(smoothing: LinearSmoothing, filtered: Filtered, gradient: Trajectory) -> GradientResponse:
@@ -171,21 +163,11 @@ def _propagate_back(timeline, about, forward_pass, gradient, adjoint, by_states,
 
 
 class MarginalEstimate(NamedTuple):
-    """Maximum of the marginal posterior.
+    """Maximum of the marginal posterior."""
 
-    Attributes
-    ----------
-    problem : JointProblem
-        With process memory, see `auvid_cli.filters.linear_smoother`.
-    filtered : Filtered
-        About the estimated parameters and the most probable motion given them.
-    convergence : ConvergenceStatus or None
-        None if it converged.
-    """
-
-    problem: JointProblem
-    filtered: Filtered
-    convergence: ConvergenceStatus | None
+    problem: JointProblem  # with process memory, see `auvid_cli.filters.linear_smoother`
+    filtered: Filtered  # about the estimated parameters and the most probable motion given them
+    convergence: ConvergenceStatus | None  # none if it converged
 
 
 def marginal_estimate(

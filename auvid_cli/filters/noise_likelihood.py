@@ -12,12 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, gauss_newton, with_process_memory
 from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores, with_time_constants
 from auvid_cli.filters.problem import JointProblem
 from auvid_cli.filters.smoother import most_probable
-
-Array = NDArray[np.float64]
 
 # Largest change of log factors between two trajectories at convergence.
 _MAX_CHANGE = 0.05
@@ -44,25 +43,14 @@ _LONG = 5.0
 
 
 class NoiseFactors(NamedTuple):
-    """Maximum-likelihood factors of groups of noise.
+    """Maximum-likelihood factors of groups of noise."""
 
-    Attributes
-    ----------
-    factor : ndarray, shape (k,)
-    low, high : ndarray, shape (k,)
-        Ends of 95 % intervals; 0 if no noise is as likely, infinite if any larger factor is.
-    log_likelihood : float
-        Up to a constant of the data.
-    gain : float
-        Increase of the log-likelihood over that of factors of 1.
-    converged : bool
-    """
-
-    factor: Array
+    factor: Array  # shape (k,)
+    # low, high: shape (k,); ends of 95 % intervals; 0 if no noise is as likely, infinite if any larger factor is
     low: Array
     high: Array
-    log_likelihood: float
-    gain: float
+    log_likelihood: float  # up to a constant of the data
+    gain: float  # increase of the log-likelihood over that of factors of 1
     converged: bool
 
 

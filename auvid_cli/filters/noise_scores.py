@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.fault_scores import FaultEffects, fault_signatures
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, noise_variance, variance_by_time_constant
 from auvid_cli.filters.problem import TIMELINE, JointProblem, ModelData, Process, Timeline
@@ -32,8 +33,6 @@ from auvid_cli.filters.smoother_forward import (
 )
 from auvid_cli.numerics import compiled, types
 
-Array = NDArray[np.float64]
-
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 _indices = types.int64[::1]
@@ -43,25 +42,14 @@ _TIME_CONSTANT_STEP = 1e-4
 
 
 class NoiseGroup(NamedTuple):
-    """Noise with a common factor.
+    """Noise with a common factor."""
 
-    Attributes
-    ----------
-    moving : tuple of int
-        Moving states whose noise densities have the factor.
-    sensor : int
-        Row of the sensor whose standard deviations have the factor; negative if none.
-    rates : tuple of int
-        Indices of decay rates among the constants of the process, one for each of `moving`. If given, the factor is
-        that of the time constants, with constant stationary variance.
-    min_log_factor : float
-        Logarithm of the smallest factor; such noise is negligible.
-    """
-
-    moving: tuple[int, ...] = ()
-    sensor: int = -1
+    moving: tuple[int, ...] = ()  # moving states whose noise densities have the factor
+    sensor: int = -1  # row of the sensor whose standard deviations have the factor; negative if none
+    # Indices of decay rates among the constants of the process, one for each of `moving`. If given, the factor is that
+    # of the time constants, with constant stationary variance.
     rates: tuple[int, ...] = ()
-    min_log_factor: float = -14.0
+    min_log_factor: float = -14.0  # logarithm of the smallest factor; such noise is negligible
 
     @property
     def correlated(self) -> tuple[int, ...]:
@@ -70,65 +58,37 @@ class NoiseGroup(NamedTuple):
 
 
 class NoiseScores(NamedTuple):
-    """Derivatives of the log-likelihood by the logarithms of noise factors.
+    """Derivatives of the log-likelihood by the logarithms of noise factors."""
 
-    Attributes
-    ----------
-    slope : ndarray, shape (k,)
-        First derivatives.
-    information : ndarray, shape (k, k)
-        Average information matrix.
-    """
-
-    slope: Array
-    information: Array
+    slope: Array  # shape (k,); first derivatives
+    information: Array  # shape (k, k); average information matrix
 
 
 class _SmoothedNoise(NamedTuple):
-    """Smoothed noise of a chunk, divided by its variance, and the variance of that.
+    """Smoothed noise of a chunk, divided by its variance, and the variance of that."""
 
-    Attributes
-    ----------
-    process, process_variance : ndarray, shape (n_events, n_moving)
-    sensor, sensor_variance : ndarray, shape (n_measurements, c)
-        0 if missing.
-    transition, transition_variance : ndarray, shape (n_events, n_correlated)
-        ``r dF`` of each correlated state, and ``Lambda F P dF``.
-    state : ndarray, shape (n_events, n_correlated)
-        Smoothed deviation of the correlated states.
-    later : ndarray, shape (n_events, n_correlated)
-        Sum of ``r dF`` at later events, multiplied by the transitions to them.
-    """
-
-    process: Array
-    process_variance: Array
-    sensor: Array
-    sensor_variance: Array
+    process: Array  # shape (n_events, n_moving)
+    process_variance: Array  # shape (n_events, n_moving)
+    sensor: Array  # shape (n_measurements, c); 0 if missing
+    sensor_variance: Array  # shape (n_measurements, c); 0 if missing
+    # transition, transition_variance: shape (n_events, n_correlated); ``r dF`` of each correlated state, and ``Lambda F
+    # P dF``
     transition: Array
     transition_variance: Array
-    state: Array
+    state: Array  # shape (n_events, n_correlated); smoothed deviation of the correlated states
+    # Shape (n_events, n_correlated); sum of ``r dF`` at later events, multiplied by the transitions to them
     later: Array
 
 
 class _Correlated(NamedTuple):
-    """Correlated states whose time constants have a factor, in a chunk.
+    """Correlated states whose time constants have a factor, in a chunk."""
 
-    Attributes
-    ----------
-    rows : ndarray of int, shape (n_correlated,)
-        Rows among the moving states.
-    change : ndarray, shape (n_events, n_moving, n_correlated)
-        dF: derivative of their columns of the transition by the logarithm of the time constant.
-    later : ndarray, shape (n_correlated,)
-        As in `_SmoothedNoise`, after the chunk; afterwards before it.
-    before : ndarray, shape (n_moving, n)
-        Moving rows of the covariance before the chunk.
-    """
-
-    rows: NDArray[np.int64]
+    rows: NDArray[np.int64]  # shape (n_correlated,); rows among the moving states
+    # Shape (n_events, n_moving, n_correlated); dF: derivative of their columns of the transition by the logarithm of
+    # the time constant
     change: Array
-    later: Array
-    before: Array
+    later: Array  # shape (n_correlated,); as in `_SmoothedNoise`, after the chunk; afterwards before it
+    before: Array  # shape (n_moving, n); moving rows of the covariance before the chunk
 
 
 _SMOOTHED_NOISE = types.NamedUniTuple(_matrix, len(_SmoothedNoise._fields), _SmoothedNoise)

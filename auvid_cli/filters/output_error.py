@@ -9,8 +9,8 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
 from auvid_cli.filters.least_squares import Information, LeastSquaresFit, Uncertainty, fit_free_motion
 from auvid_cli.filters.problem import (
@@ -33,7 +33,6 @@ from auvid_cli.filters.smoother_forward import MIN_WEIGHT, weight
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.filters.workspace import cubature
 
-Array = NDArray[np.float64]
 # Smallest variance of a residual, relative to the noise: below, the fit meets the measurement exactly.
 _ROUNDING = 1e-9
 # Events of the first span of a segment, some 40 s at 100 Hz: enough to correct the parameters of a CKF.
@@ -181,21 +180,11 @@ def run_output_error(
 
 
 class _Start(NamedTuple):
-    """Start of a fit.
+    """Start of a fit."""
 
-    Attributes
-    ----------
-    state : ndarray, shape (n,)
-        Joint state.
-    deviation : ndarray, shape (n_parameters,), or 0
-        Standard deviations of its parameters.
-    span : int
-        Number of events to fit first.
-    """
-
-    state: Array
-    deviation: Array | float = 0.0
-    span: int = _FIRST_SPAN
+    state: Array  # shape (n,); joint state
+    deviation: Array | float = 0.0  # shape (n_parameters,), or 0; standard deviations of its parameters
+    span: int = _FIRST_SPAN  # number of events to fit first
 
 
 def _is_near(fit: LeastSquaresFit, start: _Start, n_parameters: int) -> bool:

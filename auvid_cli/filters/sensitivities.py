@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     MODEL_DATA,
@@ -22,8 +22,6 @@ from auvid_cli.filters.problem import (
 from auvid_cli.filters.sigma_points import wrapped
 from auvid_cli.numerics import compiled, types
 
-Array = NDArray[np.float64]
-
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
@@ -33,27 +31,14 @@ _LARGEST = 1e100
 
 
 class Response(NamedTuple):
-    """Free motion over a chunk of the data, up to its end or until the motion diverges.
+    """Free motion over a chunk of the data, up to its end or until the motion diverges."""
 
-    Attributes
-    ----------
-    timeline : Timeline
-        The whole chunk.
-    mean : ndarray, shape (events, n)
-        State after each event.
-    sensitivity : ndarray, shape (events, n_moving, n)
-        Derivative of the moving states by the initial state.
-    innovation : ndarray, shape (measurements, c)
-        Measured less predicted; NaN if missing.
-    whitened : ndarray, shape (measurements, c, n + 1)
-        Derivative of each predicted component by the initial state, then the innovation, both divided by the standard
-        deviation of the noise; zero if missing.
-    """
-
-    timeline: Timeline
-    mean: Array
-    sensitivity: Array
-    innovation: Array
+    timeline: Timeline  # the whole chunk
+    mean: Array  # shape (events, n); state after each event
+    sensitivity: Array  # shape (events, n_moving, n); derivative of the moving states by the initial state
+    innovation: Array  # shape (measurements, c); measured less predicted; NaN if missing
+    # Shape (measurements, c, n + 1); derivative of each predicted component by the initial state, then the innovation,
+    # both divided by the standard deviation of the noise; zero if missing
     whitened: Array
 
     @property
@@ -121,40 +106,20 @@ def responses(
 
 
 class _SegmentState(NamedTuple):
-    """State at the beginning of a chunk; afterwards at its end.
+    """State at the beginning of a chunk; afterwards at its end."""
 
-    Attributes
-    ----------
-    mean : ndarray, shape (n,)
-    sensitivity : ndarray, shape (n_moving, n)
-        As in `Response`.
-    """
-
-    mean: Array
-    sensitivity: Array
+    mean: Array  # shape (n,)
+    sensitivity: Array  # shape (n_moving, n); as in `Response`
 
 
 class _Workspace(NamedTuple):
-    """Scratch arrays.
+    """Scratch arrays."""
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (n, n)
-        Transition matrix.
-    moved : ndarray, shape (n_moving, n)
-    predictions : ndarray, shape (c,)
-        Predicted measurement of a sensor.
-    derivative : ndarray, shape (c, n)
-        Its derivative by the state.
-    process : ndarray
-        Scratch of the process.
-    """
-
-    matrix: Array
-    moved: Array
-    predictions: Array
-    derivative: Array
-    process: Array
+    matrix: Array  # shape (n, n); transition matrix
+    moved: Array  # shape (n_moving, n)
+    predictions: Array  # shape (c,); predicted measurement of a sensor
+    derivative: Array  # shape (c, n); its derivative by the state
+    process: Array  # scratch of the process
 
 
 _RESPONSE = types.NamedTuple((TIMELINE, _matrix, _stack, _matrix, _stack), Response)

@@ -13,12 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.factor import LEAST, orthogonalise
 from auvid_cli.filters.problem import TIMELINE
 from auvid_cli.filters.smoother_forward import FORWARD_PASS, LINEARISED
 from auvid_cli.numerics import compiled, types, zeros_on_lines
-
-Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
@@ -29,23 +28,13 @@ _COLUMN_TILE = 16
 
 
 class Adjoint(NamedTuple):
-    """Adjoint of the deviation at an event, from the data after it.
+    """Adjoint of the deviation at an event, from the data after it."""
 
-    Attributes
-    ----------
-    mean : ndarray, shape (n,)
-        r.
-    root : ndarray, shape (n, multiple of `_COLUMN_TILE`)
-        W in the first `n_columns` columns, then zeros; empty without variances.
-    n_columns : ndarray of int, shape (1,)
-    work : ndarray, shape as of `root`
-        Scratch.
-    """
-
-    mean: Array
+    mean: Array  # shape (n,); r
+    # Shape (n, multiple of `_COLUMN_TILE`); W in the first `n_columns` columns, then zeros; empty without variances
     root: Array
-    n_columns: NDArray[np.int64]
-    work: Array
+    n_columns: NDArray[np.int64]  # shape (1,)
+    work: Array  # scratch
 
     @classmethod
     def zeros(cls, n: int, with_variance: bool) -> "Adjoint":

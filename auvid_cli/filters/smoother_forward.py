@@ -9,8 +9,8 @@ its noise has the variance ``s^2 / w`` (Huber, Ann. Math. Statist. 35(1), 1964).
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.factor import TILE, carlson_update, triangularise
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
@@ -29,7 +29,6 @@ from auvid_cli.numerics import compiled, types, zeros_on_lines
 THRESHOLD = 2.0
 # Smallest weight of a regular component; Gaussian noise has a smaller one once in ten thousand times.
 MIN_WEIGHT = 0.5
-Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
@@ -44,61 +43,36 @@ def weight(square: Any, threshold: float) -> Any:
 
 
 class Linearised(NamedTuple):
-    """Chunk of the data, linearised about a trajectory.
+    """Chunk of the data, linearised about a trajectory."""
 
-    Attributes
-    ----------
-    parameters : ndarray, shape (n_parameters,)
-    before : ndarray, shape (n_moving,)
-        Moving states of the trajectory at the event before the chunk.
-    moving : ndarray, shape (n_events, n_moving)
-        Moving states at each event.
-    residual : ndarray, shape (n_measurements, c)
-        Measured less predicted; NaN if missing.
-    rows : ndarray, shape (n_measurements, c, n)
-        Measurement matrix.
-    defect : ndarray, shape (n_events, n_moving)
-        Prediction by the process from the previous event, less the trajectory; zero without substeps.
-    transition : ndarray, shape (n_events, n_moving, n)
-        Moving rows of the transition matrix from the previous event; undefined without substeps.
-    """
-
-    parameters: Array
-    before: Array
-    moving: Array
-    residual: Array
-    rows: Array
+    parameters: Array  # shape (n_parameters,)
+    before: Array  # shape (n_moving,); moving states of the trajectory at the event before the chunk
+    moving: Array  # shape (n_events, n_moving); moving states at each event
+    residual: Array  # shape (n_measurements, c); measured less predicted; NaN if missing
+    rows: Array  # shape (n_measurements, c, n); measurement matrix
+    # Shape (n_events, n_moving); prediction by the process from the previous event, less the trajectory; zero without
+    # substeps
     defect: Array
+    # Shape (n_events, n_moving, n); moving rows of the transition matrix from the previous event; undefined without
+    # substeps
     transition: Array
 
 
 class ForwardPass(NamedTuple):
-    """Results of the forward pass through a chunk.
+    """Results of the forward pass through a chunk."""
 
-    Attributes
-    ----------
-    filtered : ndarray, shape (n_events, n)
-        Deviation after the measurements of each event.
-    covariance : ndarray, shape (n_events, n_moving, n)
-        Moving rows of its covariance.
-    gain : ndarray, shape (n_measurements, c, n)
-        Covariance of the state with each component's innovation, in sequential updates.
-    total, error : ndarray, shape (n_measurements, c)
-        Variance and value of each innovation in sequential updates.
-    innovation, variance : ndarray, shape (n_measurements, c)
-        Innovation of each component before any update with its measurement, and its variance; NaN if missing.
-    weight : ndarray, shape (n_measurements, c)
-        Huber's weights.
-    """
-
-    filtered: Array
-    covariance: Array
+    filtered: Array  # shape (n_events, n); deviation after the measurements of each event
+    covariance: Array  # shape (n_events, n_moving, n); moving rows of its covariance
+    # Shape (n_measurements, c, n); covariance of the state with each component's innovation, in sequential updates
     gain: Array
+    # total, error: shape (n_measurements, c); variance and value of each innovation in sequential updates
     total: Array
     error: Array
+    # innovation, variance: shape (n_measurements, c); innovation of each component before any update with its
+    # measurement, and its variance; NaN if missing
     innovation: Array
     variance: Array
-    weight: Array
+    weight: Array  # shape (n_measurements, c); Huber's weights
 
     @classmethod
     def of(cls, about: Linearised) -> "ForwardPass":
@@ -115,41 +89,23 @@ class ForwardPass(NamedTuple):
 
 
 class SmootherWorkspace(NamedTuple):
-    """Scratch arrays.
+    """Scratch arrays."""
 
-    Attributes
-    ----------
-    point : ndarray, shape (n,)
-    matrix : ndarray, shape (n, n)
-    transposed : ndarray, shape (n_tiles, width * _ROWS)
-        Moving rows of a transition or of the factor, as tiles of `_ROWS` rows, transposed and padded with zeros.
-    moved : ndarray, shape (n_tiles, _ROWS)
-        Moving rows of the mean.
-    product : ndarray, shape (n_tiles, 4 * _ROWS)
-        Product of the tiles with four columns, or rows, of the factor.
-    spread : ndarray, shape (n_moving, whole tiles)
-    lower : ndarray, shape (n_moving, n_moving)
-    gain : ndarray, shape (width,)
-    measured, ratio, share : ndarray, shape (width + 1,)
-    predictions : ndarray, shape (c,)
-        Predicted measurement of a sensor.
-    process : ndarray
-        Scratch of the process.
-    """
-
-    point: Array
-    matrix: Array
+    point: Array  # shape (n,)
+    matrix: Array  # shape (n, n)
+    # Shape (n_tiles, width * _ROWS); moving rows of a transition or of the factor, as tiles of `_ROWS` rows, transposed
+    # and padded with zeros
     transposed: Array
-    moved: Array
-    product: Array
-    spread: Array
-    lower: Array
-    gain: Array
-    measured: Array
-    ratio: Array
-    share: Array
-    predictions: Array
-    process: Array
+    moved: Array  # shape (n_tiles, _ROWS); moving rows of the mean
+    product: Array  # shape (n_tiles, 4 * _ROWS); product of the tiles with four columns, or rows, of the factor
+    spread: Array  # shape (n_moving, whole tiles)
+    lower: Array  # shape (n_moving, n_moving)
+    gain: Array  # shape (width,)
+    measured: Array  # shape (width + 1,)
+    ratio: Array  # shape (width + 1,)
+    share: Array  # shape (width + 1,)
+    predictions: Array  # shape (c,); predicted measurement of a sensor
+    process: Array  # scratch of the process
 
     @classmethod
     def of(cls, process: Process, n: int, n_components: int) -> "SmootherWorkspace":

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.factor import triangularise
 from auvid_cli.filters.problem import (
     OK,
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-Array = NDArray[np.float64]
 
 
 @compiled(reassociate=True, inline=True)

@@ -3,8 +3,8 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.factor import TILE
 from auvid_cli.filters.problem import (
     MODEL_DATA,
@@ -18,7 +18,6 @@ from auvid_cli.filters.problem import (
 )
 from auvid_cli.numerics import LANES, compiled, types, zeros_on_lines
 
-Array = NDArray[np.float64]
 # Antipodal pairs in a block of lanes; the last block has one of `FEWER` or `PAIRS`.
 PAIRS = LANES // 2
 FEWER = PAIRS // 4, PAIRS // 2
@@ -28,24 +27,13 @@ _indices = types.int64[::1]
 
 
 class PointSet(NamedTuple):
-    """Half of an antipodal set for a standard normal vector.
+    """Half of an antipodal set for a standard normal vector."""
 
-    Attributes
-    ----------
-    directions : ndarray, shape (n, n)
-        Column k is ``delta_k``; the points are +delta_k and -delta_k.
-    weight : float
-        Weight of each of the 2 n points; ``2 weight directions @ directions.T == I``.
-    centred : bool
-        Whether deviations are taken from the mean of the points (cubature) or from the centre (unscented).
-    curvature : float
-        Weight, in the covariance, of the squared shift of the mean from the centre: ``beta - alpha^2`` of the scaled
-        unscented transformation; not used by centred sets.
-    """
-
-    directions: Array
-    weight: float
-    centred: bool
+    directions: Array  # shape (n, n); column k is ``delta_k``; the points are +delta_k and -delta_k
+    weight: float  # weight of each of the 2 n points; ``2 weight directions @ directions.T == I``
+    centred: bool  # whether deviations are taken from the mean of the points (cubature) or from the centre (unscented)
+    # Weight, in the covariance, of the squared shift of the mean from the centre: ``beta - alpha^2`` of the scaled
+    # unscented transformation; not used by centred sets
     curvature: float
 
 
@@ -83,32 +71,18 @@ def unscented(n: int, alpha: float, beta: float, kappa: float) -> PointSet:
 
 
 class Basis(NamedTuple):
-    """Point set as tiles of `PAIRS` pairs; the dimension m is n padded to whole tiles.
+    """Point set as tiles of `PAIRS` pairs; the dimension m is n padded to whole tiles."""
 
-    Attributes
-    ----------
-    directions : ndarray, shape (n_tiles, m * PAIRS)
-        Tile t holds coordinate j of the pairs from ``t * PAIRS`` on at ``j * PAIRS``; the last tile at ``j * last``.
-    transposed : ndarray, shape (n_tiles, m * PAIRS)
-        The same for the transposed directions.
-    present : ndarray, shape (m,)
-        One for each pair, zero for padding.
-    last : int
-        Number of pairs in the last tile: one of `FEWER`, or `PAIRS`.
-    length : float
-        Length of directions along axes; zero for a rotated set.
-    weight, centred, curvature
-        As in `PointSet`.
-    """
-
+    # Shape (n_tiles, m * PAIRS); tile t holds coordinate j of the pairs from ``t * PAIRS`` on at ``j * PAIRS``; the
+    # last tile at ``j * last``
     directions: Array
-    transposed: Array
-    present: Array
-    last: int
-    length: float
-    weight: float
-    centred: bool
-    curvature: float
+    transposed: Array  # shape (n_tiles, m * PAIRS); the same for the transposed directions
+    present: Array  # shape (m,); one for each pair, zero for padding
+    last: int  # number of pairs in the last tile: one of `FEWER`, or `PAIRS`
+    length: float  # length of directions along axes; zero for a rotated set
+    weight: float  # as in `PointSet`
+    centred: bool  # as in `PointSet`
+    curvature: float  # as in `PointSet`
 
 
 BASIS = types.NamedTuple(
@@ -156,21 +130,11 @@ def lanes_of(basis, block):
 
 
 class Components(NamedTuple):
-    """Sparse measurement matrices by component; a nonlinear sensor selects the appended rows of the factor.
+    """Sparse measurement matrices by component; a nonlinear sensor selects the appended rows of the factor."""
 
-    Attributes
-    ----------
-    begin : ndarray of int, shape (n_sensors * c + 1,)
-        Index of the first entry of component i of sensor s, at ``s * c + i``.
-    place : ndarray of int
-        Row of the factor of each entry.
-    weight : ndarray
-        Value of each entry.
-    """
-
-    begin: Indices
-    place: Indices
-    weight: Array
+    begin: Indices  # shape (n_sensors * c + 1,); index of the first entry of component i of sensor s, at ``s * c + i``
+    place: Indices  # row of the factor of each entry
+    weight: Array  # value of each entry
 
     @classmethod
     def of(cls, sensors: Sensors) -> "Components":
@@ -204,21 +168,12 @@ MODEL = types.NamedTuple(
 
 
 class State(NamedTuple):
-    """Gaussian in the layout of the compiled loops.
+    """Gaussian in the layout of the compiled loops."""
 
-    Attributes
-    ----------
-    n : int
-        Dimension.
-    mean : ndarray, shape (width,)
-        The state, then the prediction of a nonlinear sensor, then padding.
-    columns : ndarray, shape (m, width)
-        Row j holds column j of the lower-triangular factor of the covariance, then entry j of the prediction's rows.
-        Zero elsewhere.
-    """
-
-    n: int
-    mean: Array
+    n: int  # dimension
+    mean: Array  # shape (width,); the state, then the prediction of a nonlinear sensor, then padding
+    # Shape (m, width); row j holds column j of the lower-triangular factor of the covariance, then entry j of the
+    # prediction's rows. Zero elsewhere.
     columns: Array
 
     @classmethod
@@ -243,44 +198,24 @@ STATE = types.NamedTuple((types.int64, _vector, _matrix), State)
 
 
 class Workspace(NamedTuple):
-    """Scratch arrays; r is the larger of the numbers of moving states and of components.
+    """Scratch arrays; r is the larger of the numbers of moving states and of components."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (n_tiles + 1, n * LANES)
-        Sigma points; the last block is the centre.
-    images : ndarray, shape (n_tiles + 1, c * LANES)
-        Predicted measurements of the points.
-    odd, regression : ndarray, shape (r, m)
-        With r the number of moving states or of components of a sensor, whichever is more. Three spare rows, because
-        matrix products come four rows at a time.
-    spread : ndarray, shape (r, padded)
-    lower : ndarray, shape (r, r)
-        Without spare rows.
-    product : ndarray, shape (4 * PAIRS,)
-    process : ndarray
-        Scratch of the process.
-    gain : ndarray, shape (width,)
-    measured, ratio, share : ndarray, shape (m + 1,)
-    component : ndarray of int, shape (c,)
-        Indices of the selected components.
-    noise, error : ndarray, shape (c,)
-        Noise variance and innovation of the selected components.
-    """
-
-    points: Array
-    images: Array
+    points: Array  # shape (n_tiles + 1, n * LANES); sigma points; the last block is the centre
+    images: Array  # shape (n_tiles + 1, c * LANES); predicted measurements of the points
+    # odd, regression: shape (r, m); with r the number of moving states or of components of a sensor, whichever is more.
+    # Three spare rows, because matrix products come four rows at a time.
     odd: Array
     regression: Array
-    spread: Array
-    lower: Array
-    product: Array
-    process: Array
-    gain: Array
-    measured: Array
-    ratio: Array
-    share: Array
-    component: Indices
+    spread: Array  # shape (r, padded)
+    lower: Array  # shape (r, r); without spare rows
+    product: Array  # shape (4 * PAIRS,)
+    process: Array  # scratch of the process
+    gain: Array  # shape (width,)
+    measured: Array  # shape (m + 1,)
+    ratio: Array  # shape (m + 1,)
+    share: Array  # shape (m + 1,)
+    component: Indices  # shape (c,); indices of the selected components
+    # noise, error: shape (c,); noise variance and innovation of the selected components
     noise: Array
     error: Array
 

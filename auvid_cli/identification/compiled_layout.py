@@ -10,8 +10,8 @@ from collections import namedtuple
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.extra_states import ERROR_BLOCKS, FURTHER_STATES
 from auvid_cli.identification.states import StateLayout
 from auvid_cli.numerics import LANES, compiled, types
@@ -19,7 +19,6 @@ from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.equations import N_CONSTANTS, N_FACTORS, NO_ERRORS, n_terms, term_place, with_table_at_end
 from auvid_cli.vehicle.parameters import DISTURBANCE, N_MOTION
 
-Array = NDArray[np.float64]
 _vector = types.float64[::1]
 # States that compiled code looks up by name: moving states other than the motion, and errors that are not additive.
 _SYMBOLS = (
@@ -45,17 +44,10 @@ _indices = types.int64[::1]
 
 
 class KnownSensor(NamedTuple):
-    """A sensor with a constant vector.
+    """A sensor with a constant vector."""
 
-    Attributes
-    ----------
-    sensor : int
-        Row in `auvid_cli.filters.problem.Sensors`; negative if it is not used.
-    vector : tuple of float
-        Position of an accelerometer in body axes, m; for a magnetometer the field north, east and down, T.
-    """
-
-    sensor: int
+    sensor: int  # row in `auvid_cli.filters.problem.Sensors`; negative if it is not used
+    # Position of an accelerometer in body axes, m; for a magnetometer the field north, east and down, T
     vector: tuple[float, float, float]
 
 

@@ -12,8 +12,8 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.extra_states import DELAYS
 from auvid_cli.config.identification import INPUTS_DELAY
 from auvid_cli.data.dataset import InputRecord
@@ -25,8 +25,6 @@ from auvid_cli.filters.smoother import most_probable
 from auvid_cli.identification.fault_effects import VehicleFaults
 from auvid_cli.identification.prepared_data import FoundDelays, PreparedData
 from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
-
-Array = NDArray[np.float64]
 
 # Rudder and elevator are the first inputs.
 _N_FINS = 2
@@ -42,20 +40,11 @@ _RESOLUTION = 1e-7  # s, of delays in the settings
 
 
 class _Fit(NamedTuple):
-    """Fit of the smoother with given delays.
+    """Fit of the smoother with given delays."""
 
-    Attributes
-    ----------
-    cost : float
-        Twice the negative log-likelihood per event, up to a constant.
-    scores : FaultScores
-    scale : ndarray, shape (n_parameters,)
-        SI value of one unit of each parameter.
-    """
-
-    cost: float
+    cost: float  # twice the negative log-likelihood per event, up to a constant
     scores: FaultScores
-    scale: Array
+    scale: Array  # shape (n_parameters,); SI value of one unit of each parameter
 
 
 def estimate_delays(prepared: PreparedData) -> PreparedData:

@@ -8,8 +8,8 @@ acceleration. Strang splitting in each substep: half a push, motion and decay, h
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.identification.compiled_layout import ROW, depth_is_state, fading_rate, first_moving_row, row_of
 from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.equations import n_terms, named_constants, sine_cosine
@@ -18,7 +18,6 @@ from auvid_cli.vehicle.parameters import DISTURBANCE, N_MOTION
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-Array = NDArray[np.float64]
 _N_AXES = len(DISTURBANCE)
 _ROWS = tuple(getattr(ROW, quantity.symbol) for quantity in DISTURBANCE)
 # Ends of the vectors in the scratch.
@@ -62,25 +61,14 @@ def sink_rate(motion, sensitivity, duration, sinking):
 
 
 class _Workspace(NamedTuple):
-    """Derivatives by the initial disturbances, accumulated over the substeps of one state.
+    """Derivatives by the initial disturbances, accumulated over the substeps of one state."""
 
-    Attributes
-    ----------
-    by_force : ndarray, shape (9, N_COLUMNS + terms)
-        Derivative of the motion by the initial force or moment of each axis. Columns after the first six are not used;
-        `transition_step` fills them.
-    sinking : ndarray, shape (N_COLUMNS + terms + 1,)
-        Derivative of the depth, in the same columns.
-    remaining : ndarray, shape (6,)
-        Share of each initial force or moment that has not decayed.
-    motion : ndarray, shape (9,)
-        Scratch.
-    """
-
+    # Shape (9, N_COLUMNS + terms); derivative of the motion by the initial force or moment of each axis. Columns after
+    # the first six are not used; `transition_step` fills them.
     by_force: Array
-    sinking: Array
-    remaining: Array
-    motion: Array
+    sinking: Array  # shape (N_COLUMNS + terms + 1,); derivative of the depth, in the same columns
+    remaining: Array  # shape (6,); share of each initial force or moment that has not decayed
+    motion: Array  # shape (9,); scratch
 
 
 @compiled(types.int64(types.int64))

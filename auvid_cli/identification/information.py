@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.errors import DataError
 from auvid_cli.filters.least_squares import Information, join_segments
 from auvid_cli.filters.problem import Gaussian
@@ -14,8 +14,6 @@ from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.prepared_data import PreparedData, Segment
 from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
 from auvid_cli.identification.timeline import CHUNK
-
-Array = NDArray[np.float64]
 
 # Least number of stages of a segment at which the bound is computed.
 _MIN_STAGES = 12
@@ -25,32 +23,16 @@ _ROUNDING_FACTOR = 1.05
 
 @dataclass(frozen=True)
 class DatasetInformation:
-    """Fisher information of a dataset about the coefficients and the initial motion of each segment.
+    """Fisher information of a dataset about the coefficients and the initial motion of each segment."""
 
-    Attributes
-    ----------
-    state : tuple of str
-        Symbols: the parameters, then the moving states at the first event of a segment.
-    scale : ndarray, shape (n,)
-        SI value of one unit of each component in which the information is given.
-    prior : Gaussian
-        Prior of the joint state of the segments, in the same units.
-    by_sensor : dict of Information
-        From each sensor, about the joint state, see `auvid_cli.filters.problem`.
-    total : Information
-        From all sensors.
-    growing : tuple of (float, Information)
-        Duration of the data so far, s, and information from all sensors about the state of the current segment.
-    lost_after : float or None
-        Duration of the data in use, s, if sensitivities of an unstable motion exceed double precision after it.
-    """
-
-    state: tuple[str, ...]
-    scale: Array
-    prior: Gaussian
-    by_sensor: dict[str, Information]
-    total: Information
+    state: tuple[str, ...]  # symbols: the parameters, then the moving states at the first event of a segment
+    scale: Array  # shape (n,); SI value of one unit of each component in which the information is given
+    prior: Gaussian  # prior of the joint state of the segments, in the same units
+    by_sensor: dict[str, Information]  # from each sensor, about the joint state, see `auvid_cli.filters.problem`
+    total: Information  # from all sensors
+    # Duration of the data so far, s, and information from all sensors about the state of the current segment
     growing: tuple[tuple[float, Information], ...]
+    # Duration of the data in use, s, if sensitivities of an unstable motion exceed double precision after it
     lost_after: float | None
 
     def bound(self, sensor: str | None = None) -> dict[str, float]:

@@ -35,18 +35,9 @@ _MARGIN = 1.01
 
 
 class AdjustableNoise(NamedTuple):
-    """Noise level that may be tuned.
+    """Noise level that may be tuned."""
 
-    Attributes
-    ----------
-    path : tuple of str
-        Keys of the setting below `identification`; for an element of a list its index at the end.
-    unit : str
-    stated : float
-    group : NoiseGroup
-    """
-
-    path: tuple[str, ...]
+    path: tuple[str, ...]  # keys of the setting below `identification`; for an element of a list its index at the end
     unit: str
     stated: float
     group: NoiseGroup

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import FURTHER_STATES
 from auvid_cli.config.identification import Identification, Use
@@ -17,28 +17,16 @@ from auvid_cli.errors import DataError
 from auvid_cli.identification.timeline import Timelines, initial_motion, measuring_sensors, value_at_start
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
-Array = NDArray[np.float64]
 Span = tuple[float, float]
 
 
 class FoundDelays(NamedTuple):
-    """Estimated delays, SI. They shift times and are therefore not states of a filter.
-
-    Attributes
-    ----------
-    symbols : tuple of str
-    value : ndarray, shape (d,)
-        s.
-    covariance : ndarray, shape (d, d)
-        s^2.
-    effect : ndarray, shape (n_parameters, d)
-        Derivative of the estimated parameters by the delays, SI per second.
-    """
+    """Estimated delays, SI. They shift times and are therefore not states of a filter."""
 
     symbols: tuple[str, ...]
-    value: Array
-    covariance: Array
-    effect: Array
+    value: Array  # shape (d,); s
+    covariance: Array  # shape (d, d); s^2
+    effect: Array  # shape (n_parameters, d); derivative of the estimated parameters by the delays, SI per second
 
     @property
     def deviation(self) -> Array:
@@ -162,21 +150,11 @@ def _slow(dvl: SensorRecord, least: float) -> list[Span]:
 
 
 class Segment(NamedTuple):
-    """A used segment of the data and its initial motion.
+    """A used segment of the data and its initial motion."""
 
-    Attributes
-    ----------
-    dataset : Dataset
-        Samples of all sensors within the segment.
-    timelines : Timelines
-        Measurements of the sensors in use, and acting inputs.
-    measured : dict of float
-        First measurements of motion and depth by symbol, SI.
-    """
-
-    dataset: Dataset
-    timelines: Timelines
-    measured: dict[str, float]
+    dataset: Dataset  # samples of all sensors within the segment
+    timelines: Timelines  # measurements of the sensors in use, and acting inputs
+    measured: dict[str, float]  # first measurements of motion and depth by symbol, SI
 
     @property
     def motion(self) -> Array:
@@ -186,23 +164,12 @@ class Segment(NamedTuple):
 
 @dataclass(frozen=True)
 class PreparedData:
-    """The part of a dataset that filters use.
-
-    Attributes
-    ----------
-    dataset : Dataset
-    measuring : dict of SensorRecord
-        The sensors in use by name, with all of their samples.
-    segments : tuple of Segment
-        At least one, in time order.
-    delays : FoundDelays or None
-        Estimated delays, which the settings then state.
-    """
+    """The part of a dataset that filters use."""
 
     dataset: Dataset
-    measuring: dict[str, SensorRecord]
-    segments: tuple[Segment, ...]
-    delays: FoundDelays | None = None
+    measuring: dict[str, SensorRecord]  # the sensors in use by name, with all of their samples
+    segments: tuple[Segment, ...]  # at least one, in time order
+    delays: FoundDelays | None = None  # estimated delays, which the settings then state
 
     @property
     def experiment(self) -> RunSettings:

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TIMELINE, TRANSITION_SIGNATURE, Process
 from auvid_cli.identification.compiled_layout import (
     NONE_KNOWN,
@@ -48,7 +48,6 @@ from auvid_cli.vehicle.equations import (
 from auvid_cli.vehicle.jacobian import N_COLUMNS, motion_jacobian, transition_step, transition_work
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, N_MOTION
 
-Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
@@ -58,32 +57,16 @@ N_PREDICTED = len(MOTION_AND_DEPTH)
 
 
 class _Workspace(NamedTuple):
-    """Scratch arrays of a transition.
+    """Scratch arrays of a transition."""
 
-    Attributes
-    ----------
-    coefficients : ndarray, shape (N_FACTORS + terms,)
-        Coefficients, estimated or held, actuator errors and ballast.
-    sensitivity : ndarray, shape (9, N_COLUMNS + terms)
-        Derivative of the motion by the initial motion and by the coefficients.
-    sinking : ndarray, shape (N_COLUMNS + terms + 1,)
-        Derivative of the depth, then its change.
-    block : ndarray, shape (N_BLOCK + LANES,)
-        Motion and depth in the first lane.
-    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK + terms * LANES,)
-    step : ndarray
-        For a Runge-Kutta step, with or without the transition matrix.
-    disturbance : ndarray
-        Of length `disturbance_work`.
-    """
-
-    coefficients: Array
+    coefficients: Array  # shape (N_FACTORS + terms,); coefficients, estimated or held, actuator errors and ballast
+    # Shape (9, N_COLUMNS + terms); derivative of the motion by the initial motion and by the coefficients
     sensitivity: Array
-    sinking: Array
-    block: Array
-    coefficient_block: Array
-    step: Array
-    disturbance: Array
+    sinking: Array  # shape (N_COLUMNS + terms + 1,); derivative of the depth, then its change
+    block: Array  # shape (N_BLOCK + LANES,); motion and depth in the first lane
+    coefficient_block: Array  # shape (N_COEFFICIENT_BLOCK + terms * LANES,)
+    step: Array  # for a Runge-Kutta step, with or without the transition matrix
+    disturbance: Array  # of length `disturbance_work`
 
 
 def _scratch_size(terms: int) -> int:

@@ -7,9 +7,7 @@ the rotation matrix from body to earth axes, Fossen 2011, ch. 2.
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from auvid_cli.arrays import Array
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
 from auvid_cli.identification.compiled_layout import (
     ACCELEROMETER,
@@ -40,7 +38,6 @@ from auvid_cli.vehicle.jacobian import N_COLUMNS, N_JACOBIAN_WORK, motion_jacobi
 from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import N_MOTION
 
-Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
@@ -53,30 +50,15 @@ _three = types.UniTuple(types.float64, 3)
 
 
 class _Workspace(NamedTuple):
-    """Scratch arrays of `measure_forces` and `linearise_force`.
+    """Scratch arrays of `measure_forces` and `linearise_force`."""
 
-    Attributes
-    ----------
-    slope : ndarray, shape (N_SLOPE,)
-        Time derivative of the motion.
-    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK + terms * LANES,)
-    block : ndarray, shape (N_BLOCK,)
-        One state in the first lane.
-    coefficients : ndarray, shape (N_FACTORS + terms,)
-    jacobian : ndarray, shape (9, N_COLUMNS + terms)
-        See `motion_jacobian`.
-    for_jacobian : ndarray, shape (N_JACOBIAN_WORK,)
-    force : ndarray, shape (3 * LANES,)
-        Specific force, without bias.
-    """
-
-    slope: Array
-    coefficient_block: Array
-    block: Array
-    coefficients: Array
-    jacobian: Array
-    for_jacobian: Array
-    force: Array
+    slope: Array  # shape (N_SLOPE,); time derivative of the motion
+    coefficient_block: Array  # shape (N_COEFFICIENT_BLOCK + terms * LANES,)
+    block: Array  # shape (N_BLOCK,); one state in the first lane
+    coefficients: Array  # shape (N_FACTORS + terms,)
+    jacobian: Array  # shape (9, N_COLUMNS + terms); see `motion_jacobian`
+    for_jacobian: Array  # shape (N_JACOBIAN_WORK,)
+    force: Array  # shape (3 * LANES,); specific force, without bias
 
 
 @compiled(inline=True)

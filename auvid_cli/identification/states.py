@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.coefficients import Prior
 from auvid_cli.config.extra_states import FURTHER_STATES, ErrorBlock
 from auvid_cli.config.identification import Identification
@@ -20,7 +20,6 @@ from auvid_cli.vehicle.coefficients import Coefficient
 from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import MOTION, Quantity
 
-Array = NDArray[np.float64]
 # Per radian; lift-curve slope of a short fin: about 3 at the aspect ratios of AUV fins (Hoerner, Fluid-Dynamic Lift,
 # 1985, ch. 3), on a fin area of about the hull diameter squared.
 _LIFT_SLOPE = 3.0
@@ -194,35 +193,18 @@ def earlier_gaussian(
 
 @dataclass(frozen=True)
 class StateBlock:
-    """Components of the augmented state that belong together.
-
-    Attributes
-    ----------
-    name : str
-    quantities : tuple of Quantity
-        Symbol, SI unit and meaning of each component.
-    prior_std : tuple of float
-        Prior standard deviation of each component, SI; about the first measurement if `starts_as_measured`.
-    noise_density : tuple of float
-        Square root of the power spectral density of the noise that drives each, SI; empty for parameters.
-    prior_mean : tuple of float
-        SI; empty if zero or measured.
-    scaled : bool
-        Whether filters see each as a multiple of its `prior_std`. Coefficients span 1e-3 to 1e3.
-    starts_as_measured : bool
-        Whether the prior mean is the first measurement.
-    error : ErrorBlock or None
-        Effect of an error of a sensor or an actuator.
-    """
+    """Components of the augmented state that belong together."""
 
     name: str
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[Quantity, ...]  # symbol, SI unit and meaning of each component
+    # Prior standard deviation of each component, SI; about the first measurement if `starts_as_measured`
     prior_std: tuple[float, ...]
+    # Square root of the power spectral density of the noise that drives each, SI; empty for parameters
     noise_density: tuple[float, ...] = ()
-    prior_mean: tuple[float, ...] = ()
-    scaled: bool = False
-    starts_as_measured: bool = False
-    error: ErrorBlock | None = None
+    prior_mean: tuple[float, ...] = ()  # SI; empty if zero or measured
+    scaled: bool = False  # whether filters see each as a multiple of its `prior_std`. Coefficients span 1e-3 to 1e3.
+    starts_as_measured: bool = False  # whether the prior mean is the first measurement
+    error: ErrorBlock | None = None  # effect of an error of a sensor or an actuator
 
     @property
     def is_moving(self) -> bool:
@@ -237,11 +219,6 @@ class StateLayout:
     ----------
     blocks : iterable of StateBlock
         In any order.
-
-    Attributes
-    ----------
-    blocks : tuple of StateBlock
-        In the order of the state.
     """
 
     def __init__(self, blocks: Iterable[StateBlock]) -> None:

@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.coefficients import Term
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.identification import Use
@@ -25,7 +26,6 @@ from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
 from auvid_cli.vehicle.coefficients import Coefficient, admissible_terms, regressor_ahead
 
-Array = NDArray[np.float64]
 # Share of the data that is held out, at their end.
 HELD_OUT = 1.0 / 3.0
 # Factors of the process noise that are tried in turn.
@@ -71,22 +71,12 @@ class Fit:
 
 
 class Model(NamedTuple):
-    """Result of fitting a model to the training data and to all data, without the large factors of a `Fit`.
-
-    Attributes
-    ----------
-    settings : RunSettings
-    training : float
-        Log marginal likelihood of the training data, up to a constant.
-    whole : float
-        Log marginal likelihood of all data, up to the same constant.
-    terms : dict of tuple of float
-        Value and standard deviation of each estimated term beyond the 22, by symbol, SI, from all data.
-    """
+    """Result of fitting a model to the training data and to all data, without the large factors of a `Fit`."""
 
     settings: RunSettings
-    training: float
-    whole: float
+    training: float  # log marginal likelihood of the training data, up to a constant
+    whole: float  # log marginal likelihood of all data, up to the same constant
+    # Value and standard deviation of each estimated term beyond the 22, by symbol, SI, from all data
     terms: dict[str, tuple[float, float]]
 
     @property
@@ -255,23 +245,13 @@ def _converged(fit: _Fitted | None) -> _Fitted:
 
 
 class _CandidateScores(NamedTuple):
-    """Score tests of candidate terms about a fit.
-
-    Attributes
-    ----------
-    gains : ndarray, shape (n,)
-        Predicted gain of the log-likelihood.
-    shares : ndarray, shape (n,)
-        Share of each term that the estimated coefficients explain.
-    order : list of int
-        Candidates by falling gain.
-    """
+    """Score tests of candidate terms about a fit."""
 
     candidates: tuple[Coefficient, ...]
     scores: FaultScores
-    gains: Array
-    shares: Array
-    order: list[int]
+    gains: Array  # shape (n,); predicted gain of the log-likelihood
+    shares: Array  # shape (n,); share of each term that the estimated coefficients explain
+    order: list[int]  # candidates by falling gain
 
     @classmethod
     def about(cls, fit: Fit, candidates: tuple[Coefficient, ...]) -> "_CandidateScores":

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, shared_clock
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
@@ -16,7 +17,6 @@ from auvid_cli.identification.states import StateLayout
 from auvid_cli.vehicle.kinematics import GRAVITY, body_to_earth
 from auvid_cli.vehicle.parameters import COMPASSES, MOTION_SYMBOLS, SENSORS, state_of
 
-Array = NDArray[np.float64]
 # Times in whole nanoseconds.
 Ticks = NDArray[np.int64]
 

@@ -5,9 +5,9 @@ from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import EstimateHistory, Innovations
 from auvid_cli.evaluation.results import FreeRun
@@ -23,7 +23,6 @@ from auvid_cli.vehicle.parameters import (
     state_of,
 )
 
-Array = NDArray[np.float64]
 # Share of a run's estimates inside the limits of an axis; brief excursions beyond are cut off.
 SHOWN_PERCENT = 98.0  # %
 # Start of a logarithmic time axis.
@@ -38,50 +37,28 @@ _SPAN = 1e9  # largest ratio of the limits
 
 
 class CoefficientLine(NamedTuple):
-    """Line of one filter in the plot of a coefficient.
-
-    Attributes
-    ----------
-    completed : bool
-        Whether the filter reached the end of the data.
-    time, values : ndarray, shape (n,)
-        s, and values in the unit of the plot; NaN breaks the line.
-    end : float
-        Value at the last time.
-    band_time, band : ndarray, shape (m,)
-        s, and the upper edge of two standard deviations; empty without a band.
-    """
+    """Line of one filter in the plot of a coefficient."""
 
     filter: str
-    completed: bool
+    completed: bool  # whether the filter reached the end of the data
+    # time, values: shape (n,); s, and values in the unit of the plot; NaN breaks the line
     time: Array
     values: Array
-    end: float
+    end: float  # value at the last time
+    # band_time, band: shape (m,); s, and the upper edge of two standard deviations; empty without a band
     band_time: Array = np.empty(0)
     band: Array = np.empty(0)
 
 
 class CoefficientPlot(NamedTuple):
-    """Description of the plot of one coefficient over time, for figures and pages.
-
-    Attributes
-    ----------
-    lines : list of CoefficientLine
-        One for each filter.
-    true : float or None
-        SI.
-    limits : (float, float) or None
-        Limits of the ordinate; None for automatic ones.
-    begin, end : float
-        Limits of the time axis, s.
-    """
+    """Description of the plot of one coefficient over time, for figures and pages."""
 
     symbol: str
-    lines: list[CoefficientLine]
-    true: float | None
-    limits: tuple[float, float] | None
-    begin: float
-    end: float
+    lines: list[CoefficientLine]  # one for each filter
+    true: float | None  # SI
+    limits: tuple[float, float] | None  # limits of the ordinate; None for automatic ones
+    begin: float  # limits of the time axis, s
+    end: float  # limits of the time axis, s
 
 
 def estimate_plot(
@@ -202,22 +179,13 @@ def interpolated(time: Array, run: FreeRun, column: int) -> Array:
 
 
 class ComponentInnovations(NamedTuple):
-    """Finite innovations of a component of a sensor that the filter used.
+    """Finite innovations of a component of a sensor that the filter used."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        s.
-    values, deviation : ndarray, shape (n,)
-        Innovations and their standard deviations, SI.
-    normalised : ndarray, shape (n,)
-        Ratio of both.
-    """
-
-    time: Array
+    time: Array  # shape (n,); s
+    # values, deviation: shape (n,); innovations and their standard deviations, SI
     values: Array
     deviation: Array
-    normalised: Array
+    normalised: Array  # shape (n,); ratio of both
 
     @property
     def percent_within(self) -> float:
@@ -240,22 +208,12 @@ HORIZON_ERRORS = ("rmse", "prior_rmse", "vehicle_file_rmse", "constant_velocity_
 
 
 class HorizonPlot(NamedTuple):
-    """Errors of predictions of one signal over the horizon.
-
-    Attributes
-    ----------
-    scale : Scale
-        Unit of the errors.
-    horizons : ndarray, shape (n,)
-        s; empty if the signal was not measured ahead.
-    errors : dict of ndarray, shape (n,)
-        By field of `HORIZON_ERRORS`; NaN where unknown.
-    """
+    """Errors of predictions of one signal over the horizon."""
 
     quantity: Quantity
-    scale: Scale
-    horizons: Array
-    errors: dict[str, Array]
+    scale: Scale  # unit of the errors
+    horizons: Array  # shape (n,); s; empty if the signal was not measured ahead
+    errors: dict[str, Array]  # shape (n,); by field of `HORIZON_ERRORS`; NaN where unknown
 
 
 def horizon_plots(predictions: Sequence[Prediction]) -> list[HorizonPlot]:
@@ -275,21 +233,11 @@ def horizon_plots(predictions: Sequence[Prediction]) -> list[HorizonPlot]:
 
 
 class TravelledPath(NamedTuple):
-    """A path.
+    """A path."""
 
-    Attributes
-    ----------
-    filter : str or None
-        None of the true one.
-    time : ndarray, shape (n,)
-        s.
-    position : ndarray, shape (n, 3)
-        North, east, down, m.
-    """
-
-    filter: str | None
-    time: Array
-    position: Array
+    filter: str | None  # none of the true one
+    time: Array  # shape (n,); s
+    position: Array  # shape (n, 3); north, east, down, m
 
 
 def travelled_paths(truth: TruthRecord | None, motions: Iterable[EstimateHistory]) -> list[TravelledPath]:

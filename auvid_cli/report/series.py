@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.report.table import unit_text
 from auvid_cli.vehicle.parameters import Quantity
 
-Array = NDArray[np.float64]
 _DEGREES = float(np.rad2deg(1.0))
 # A line is broken where time advances by more than both of these.
 _JUMP = 20.0  # median intervals

@@ -38,28 +38,16 @@ def contradiction_sentences(checks: Iterable[Check]) -> list[str]:
 
 
 class SharedCheck(NamedTuple):
-    """A check that did not pass, and the estimates that share it.
+    """A check that did not pass, and the estimates that share it."""
 
-    Attributes
-    ----------
-    check : Check
-        Check of the smoother if it is among them, else of the first estimate.
-    """
-
-    check: Check
+    check: Check  # check of the smoother if it is among them, else of the first estimate
     filters: tuple[str, ...]
 
 
 class Advice(NamedTuple):
-    """Advice that several checks share.
+    """Advice that several checks share."""
 
-    Attributes
-    ----------
-    shared : tuple of SharedCheck
-        All failed or all worth knowing, of the same estimates.
-    """
-
-    shared: tuple[SharedCheck, ...]
+    shared: tuple[SharedCheck, ...]  # all failed or all worth knowing, of the same estimates
     text: str
 
     @property

@@ -122,24 +122,14 @@ class Column(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A table with its heading.
+    """A table with its heading."""
 
-    Attributes
-    ----------
-    key : str
-        Short name, used in the LaTeX label.
-    rows, totals : list of lists of Cell
-        Body, and the rows below the rule.
-    notes : tuple of str
-        Sentences below the table.
-    """
-
-    key: str
+    key: str  # short name, used in the LaTeX label
     title: str
     columns: tuple[Column, ...]
-    rows: list[list[Cell]]
-    totals: Sequence[list[Cell]] = ()
-    notes: tuple[str, ...] = ()
+    rows: list[list[Cell]]  # body, and the rows below the rule
+    totals: Sequence[list[Cell]] = ()  # body, and the rows below the rule
+    notes: tuple[str, ...] = ()  # sentences below the table
 
     def without(self, *headers: str) -> "Table":
         """Return the table without the columns of these headings."""
@@ -192,30 +182,18 @@ def number(value: float, digits: int = DIGITS) -> str | None:
 
 
 class CellStyle(NamedTuple):
-    """How a medium writes cells.
+    """How a medium writes cells."""
 
-    Attributes
-    ----------
-    missing : str
-        Text of an unknown value.
-    symbol, unit, text : callable
-        Return the text of a symbol, of a unit, and of plain text.
-    number : callable
-        Returns the text of a number that already has its digits.
-    plus_minus, mark : str
-        Sign before a standard deviation, and the mark of an unidentified value.
-    digits : int
-        Significant digits of a value.
-    """
-
-    missing: str
+    missing: str  # text of an unknown value
+    # symbol, unit, text: return the text of a symbol, of a unit, and of plain text
     symbol: Callable[[str], str]
     unit: Callable[[str], str]
     text: Callable[[str], str]
-    number: Callable[[str], str] = str
+    number: Callable[[str], str] = str  # returns the text of a number that already has its digits
+    # plus_minus, mark: sign before a standard deviation, and the mark of an unidentified value
     plus_minus: str = "±"
     mark: str = " †"
-    digits: int = DIGITS
+    digits: int = DIGITS  # significant digits of a value
 
     def number_text(self, value: float, digits: int) -> str:
         """Return a number with `digits` significant digits, or the sign of a missing value."""

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.campaign.axes import CellErrors, errors_by_cell
 from auvid_cli.report.figures import style
 from auvid_cli.report.table import setting_text
@@ -17,8 +17,6 @@ from auvid_cli.report.table import setting_text
 if TYPE_CHECKING:
     # Other figures do not need it.
     import pandas as pd
-
-Array = NDArray[np.float64]
 
 _HATCHES = ("", "////", "xxxx", "....", "----", "++++", "oo")
 # Share of the distance between two groups that the boxes of a group fill.

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
-from numpy.typing import NDArray
 
 from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.evaluation.results import CLASSES, Identifiability
@@ -17,7 +16,6 @@ from auvid_cli.report import plot_data
 from auvid_cli.report.figures import style
 from auvid_cli.report.table import symbol_math
 
-Array = NDArray[np.float64]
 _COLUMNS = 4
 _ROOM = style.Room(across=0.15)
 _ESTIMATE_ROOM = style.Room(across=0.55)

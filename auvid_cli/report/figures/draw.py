@@ -6,9 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
+from auvid_cli.arrays import Array
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import Estimate, EstimateHistory
@@ -29,8 +27,6 @@ if TYPE_CHECKING:
     from auvid_cli.evaluation.results import FreeRun, Identifiability
     from auvid_cli.inspection.inspection import Inspection
     from auvid_cli.validation.results import Prediction, Validation
-
-Array = NDArray[np.float64]
 
 _MAX_SAMPLES = 100_000  # of one sensor, as many as any figure can show
 

@@ -10,9 +10,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.axes3d import Axes3D
-from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import SensorRecord, TruthRecord
 from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.evaluation.results import FreeRun
@@ -22,7 +22,6 @@ from auvid_cli.report.plot_data import travelled, travelled_paths
 from auvid_cli.report.table import filter_label, symbol_math
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity
 
-Array = NDArray[np.float64]
 _HEIGHT = 5.8
 _PATH_POINTS = 1000
 _SPACE_POINTS = 500

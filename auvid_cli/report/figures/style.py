@@ -11,13 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.enums import FilterName
 from auvid_cli.report.table import filter_label
 from auvid_cli.text import printable
 
-Array = NDArray[np.float64]
 DPI = 150
 WIDTH = 11.0  # inch, of all figures
 _MAX_HANDLES = 9  # in a row of the legend

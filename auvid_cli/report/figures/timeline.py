@@ -9,8 +9,8 @@ from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.inspection.inspection import Inspection, Mark, MarkKind
 from auvid_cli.report.figures.style import BAND_SHADE, WIDTH, head, legend_above, new_figure, plain_log_ticks, tidy
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     # It loads the compiled core.
     from auvid_cli.design.mission import Band
 
-Array = NDArray[np.float64]
 _DESIGNED = "#0072B2"
 _SPIRAL = "#E69F00"
 _POINTS = 3000

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.results import FreeRun
@@ -24,7 +24,6 @@ from auvid_cli.report.table import filter_label, symbol_math
 from auvid_cli.validation.results import Prediction
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
 
-Array = NDArray[np.float64]
 _HALF_HEIGHT = 4.0  # of a strip, standard deviations; innovations beyond are counted
 _BINS = 32
 _SAMPLES_PER_BIN = 40  # of time

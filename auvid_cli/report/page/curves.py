@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import N_LAGS, Innovations
@@ -17,7 +17,6 @@ from auvid_cli.report.table import filter_label
 from auvid_cli.text import sentence
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 
-Array = NDArray[np.float64]
 _MOTION_PARTS = 700  # content of a run whose extremes are drawn
 _MAX_RESIDUALS = 100_000  # about as many as a free run keeps
 HOW_TO_LOOK = (

@@ -5,12 +5,11 @@ from math import ceil, floor, log10
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.report.series import spaced
 from auvid_cli.report.table import Table
 
-Array = NDArray[np.float64]
 _MAX_POINTS = 600  # of a path, more than a screen shows
 _FEW_DECADES = 2.0  # length of a logarithmic axis that also has numbers at 2 and 5
 _MAX_TEXT_COLUMNS = 4  # that a narrow screen has room for
@@ -67,26 +66,15 @@ Shape: TypeAlias = Stroke | Rule | Box | Dot | TextLabel
 
 
 class Picture(NamedTuple):
-    """A picture.
-
-    Attributes
-    ----------
-    says : str
-        Description in words.
-    width, height : float
-        Units of the shapes' coordinates, y down; also the most pixels that it takes.
-    shapes : sequence of Shape
-        The first is the lowest.
-    legend : sequence of (str, str)
-        Looks and labels.
-    """
+    """A picture."""
 
     title: str
-    says: str
+    says: str  # description in words
+    # width, height: units of the shapes' coordinates, y down; also the most pixels that it takes
     width: float
     height: float
-    shapes: Sequence[Shape]
-    legend: Sequence[tuple[str, str]] = ()
+    shapes: Sequence[Shape]  # the first is the lowest
+    legend: Sequence[tuple[str, str]] = ()  # looks and labels
 
 
 class Axis(NamedTuple):
@@ -145,90 +133,47 @@ def frame(across: Axis, down: Axis, x_label: str, y_label: str) -> list[Shape]:
 
 
 class PlotLine(NamedTuple):
-    """A series of a plot.
-
-    Attributes
-    ----------
-    look : str
-        Colour and dashes: the name of a filter or another class of page.css, such as "measured" or "true".
-    time, values : ndarray, shape (n,)
-        Abscissa, increasing, and ordinate; NaN breaks the line.
-    kind : str
-        Drawn as a line, as steps or as dots.
-    of : str
-        Filter whose selection shows the line; empty if it is always shown.
-    key : str
-        Entry for this look in a legend below the plot; empty if the legend is above all plots.
-    """
+    """A series of a plot."""
 
     label: str
-    look: str
+    look: str  # colour and dashes: the name of a filter or another class of page.css, such as "measured" or "true"
+    # time, values: shape (n,); abscissa, increasing, and ordinate; NaN breaks the line
     time: Array
     values: Array
-    kind: Literal["line", "steps", "dots"] = "line"
-    of: str = ""
-    key: str = ""
+    kind: Literal["line", "steps", "dots"] = "line"  # drawn as a line, as steps or as dots
+    of: str = ""  # filter whose selection shows the line; empty if it is always shown
+    key: str = ""  # entry for this look in a legend below the plot; empty if the legend is above all plots
 
 
 class Plot(NamedTuple):
-    """A plot with zoom.
-
-    Attributes
-    ----------
-    says : str
-        Description in words, for readers who do not see the plot.
-    unit : str
-        Unit of the ordinate.
-    marks : sequence of (float, float)
-        Spans of the abscissa to be shaded.
-    limits : (float, float) or None
-        Limits of the ordinate; `says` counts the values beyond.
-    """
+    """A plot with zoom."""
 
     title: str
-    says: str
-    unit: str
+    says: str  # description in words, for readers who do not see the plot
+    unit: str  # unit of the ordinate
     lines: Sequence[PlotLine]
     x_label: str = "time (s)"
     log_x: bool = False
     log_y: bool = False
-    marks: Sequence[tuple[float, float]] = ()
-    limits: tuple[float, float] | None = None
+    marks: Sequence[tuple[float, float]] = ()  # spans of the abscissa to be shaded
+    limits: tuple[float, float] | None = None  # limits of the ordinate; `says` counts the values beyond
 
 
 class Plots(NamedTuple):
-    """Plots side by side.
-
-    Attributes
-    ----------
-    linked : str
-        Plots with the same word are zoomed together; empty for a plot by itself.
-    choice : mapping of str
-        Labels of the filters, by name, of which one is shown at a time; empty if all are.
-    wide : bool
-        Whether each takes the whole width.
-    """
+    """Plots side by side."""
 
     plots: Sequence[Plot]
-    linked: str = ""
-    choice: Mapping[str, str] = {}
-    wide: bool = False
+    linked: str = ""  # plots with the same word are zoomed together; empty for a plot by itself
+    choice: Mapping[str, str] = {}  # labels of the filters, by name, of which one is shown at a time; empty if all are
+    wide: bool = False  # whether each takes the whole width
 
 
 class PathTrack(NamedTuple):
-    """A path.
+    """A path."""
 
-    Attributes
-    ----------
-    label, look : str
-        As of `PlotLine`.
-    position : ndarray, shape (n, 3)
-        North, east, down, m.
-    """
-
-    label: str
-    look: str
-    position: Array
+    label: str  # as of `PlotLine`
+    look: str  # as of `PlotLine`
+    position: Array  # shape (n, 3); north, east, down, m
 
 
 class Space(NamedTuple):
@@ -306,14 +251,8 @@ class Section(NamedTuple):
 
 
 class Page(NamedTuple):
-    """A page.
-
-    Attributes
-    ----------
-    sections : sequence of Section
-        Those without parts are left out.
-    """
+    """A page."""
 
     title: str
     subtitle: str
-    sections: Sequence[Section]
+    sections: Sequence[Section]  # those without parts are left out

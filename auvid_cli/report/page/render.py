@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from auvid_cli._version import __version__
+from auvid_cli.arrays import Array
 from auvid_cli.data.files import write_text
 from auvid_cli.data.results import refuse_other_page
 from auvid_cli.report.page.parts import Page, Part, PlotLine, Plots, Section, Space
@@ -37,7 +37,6 @@ from auvid_cli.report.table import (
 from auvid_cli.text import one_line, printable, printable_lines
 from auvid_cli.vehicle.coefficients import SYMBOLS, is_name_of_term
 
-Array = NDArray[np.float64]
 _LARGEST = float(np.finfo(np.float32).max)
 MISSING = "—"
 _LONG = 40  # characters; a longer word does not fit on a narrow screen

@@ -6,9 +6,9 @@ from hashlib import sha256
 from importlib.metadata import version
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli._version import __version__
+from auvid_cli.arrays import Array
 from auvid_cli.config.campaign import Campaign, dump_campaign
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.config.experiment import Experiment
@@ -30,7 +30,6 @@ from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
 _MAX_ADVICES = 6  # next to the cards; the list of checks has all advice
 _LIBRARIES = ("numpy", "scipy", "numba", "h5py")
-Array = NDArray[np.float64]
 _MAX_PAIRS = 8  # number of listed pairs
 _STRONG = 0.7  # smallest correlation of a listed pair
 _MIN_WEIGHT = 0.3  # smallest listed weight of a combination, relative to the largest
