@@ -20,11 +20,11 @@ import pandas as pd
 import auvid_cli as auvid
 from auvid_cli.api.data import suggest_map
 from auvid_cli.api.evaluation import judge
-from auvid_cli.api.simulation import simulate_log
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.simulation.field_log import field_log
 from docs.resumable import all_rows, asked
 from docs.section import replace_section
 
@@ -55,7 +55,7 @@ def fill_in(text: str) -> str:
 
 def survey_of(experiment: Experiment, folder: Path) -> Dataset:
     """Write the logs of an experiment, and read them by the map that is there, or else is suggested."""
-    for name, text in simulate_log(experiment).items():
+    for name, text in field_log(auvid.simulate(experiment)).items():
         (folder / name).write_text(text, encoding="utf-8")
     chart = folder / "map.yaml"
     if not chart.exists():

@@ -212,12 +212,11 @@ class Interrupting(MetaPathFinder):
 
 raised = []
 sys.meta_path.insert(0, Interrupting())
-import typer
 from auvid_cli.cli.data import import_log
 try:
     import_log(map_file="map.yaml", quiet=False, verbose=False)
-except typer.Exit as end:
-    print(raised, end.exit_code)
+except SystemExit as end:
+    print(raised, end.code)
 """
     imported = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert imported.stdout == "['auvid_cli.config.log_map'] 130\n", imported.stderr
