@@ -23,10 +23,11 @@ from auvid_cli.numerics import compile_elsewhere, is_compiled
 
 # Where nothing is compiled yet, in two processes, as commands do it: the workers of the tests do not run before.
 if not is_compiled(COMPILED_FILTERS[0]):
-    _partner = compile_elsewhere(*COMPILED_FILTERS)
-    import auvid_cli.simulation.simulate  # noqa: F401
-
+    _partner = compile_elsewhere(*COMPILED_FILTERS, "auvid_cli.filters.marginal")
     load_vehicles()
+    import auvid_cli.design.posterior
+    import auvid_cli.identification.sensors  # noqa: F401
+
     _partner.wait()
 
 from auvid_cli.api import evaluation, results
