@@ -209,8 +209,11 @@ def _errors(meaning: str, *table: ErrorBlock) -> type[ErrorSettings]:
         spread = _Share if unit == "1" else Annotated[float, Amount(unit), _SPREAD]
         fields[f"{block.prefix}spread"] = spread, block.prior_std
         fields[f"{block.prefix}walk"] = Annotated[float, Amount(f"{unit}/s^0.5"), _WALK], block.walk
-    settings = create_model("ErrorSettings", __base__=ErrorSettings, __doc__=meaning, **fields)
+    name = f"ErrorSettings[{', '.join(block.name for block in table)}]"
+    settings = create_model(name, __base__=ErrorSettings, __module__=__name__, __doc__=meaning, **fields)
     settings.table = table
+    # Pickle finds a class by its name in the module.
+    globals()[name] = settings
     return settings
 
 
