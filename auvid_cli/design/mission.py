@@ -31,17 +31,15 @@ class Band(NamedTuple):
 
     time: Array  # shape (n,); s, one a second
     position: Array  # shape (n, 3, 3); north, east, down, m, from the start
-    # turned, turn_rate, pitch, roll, speed: shape (n, 3); change of heading (rad), rad/s, rad, rad, m/s
-    turned: Array
-    turn_rate: Array
-    pitch: Array
-    roll: Array
-    speed: Array
+    turned: Array  # shape (n, 3); change of the heading, rad
+    turn_rate: Array  # shape (n, 3); rad/s
+    pitch: Array  # shape (n, 3); rad
+    roll: Array  # shape (n, 3); rad
+    speed: Array  # shape (n, 3); m/s
     box: tuple[float, float]  # extent north and east, m, of 95 of 100 vehicles
     depths: tuple[float, float]  # shallowest and deepest point of 95 of 100 vehicles, m below the start
-    # length, energy: distance through the water, m, and work of the thrust, J: 5th and 95th percentile
-    length: tuple[float, float]
-    energy: tuple[float, float]
+    length: tuple[float, float]  # distance through the water, 5th and 95th percentile, m
+    energy: tuple[float, float]  # work of the thrust, 5th and 95th percentile, J
     number: int  # number of vehicles
 
 
@@ -54,7 +52,7 @@ def summarise_runs(runs: Sequence[Truth]) -> Band:
         If `runs` is empty.
     """
     if not runs:
-        raise DataError("every drawn vehicle is lost in this manoeuvre; draw them nearer to each other (--spread)")
+        raise DataError("every drawn vehicle is lost in this manoeuvre; draw them from a smaller --spread")
     time = np.arange(0.0, runs[0].time[-1] + 1e-9, 1.0)
     ticks = np.searchsorted(runs[0].time, time - 1e-9)
     motion, position = np.array([run.motion[ticks] for run in runs]), np.array([run.position[ticks] for run in runs])
@@ -260,7 +258,7 @@ After
 
 
 def _by_heading(manoeuvre: AnyManoeuvre) -> str:
-    """Return the line about a rudder that follows the heading and is therefore not in inputs.csv; empty without one."""
+    """Return the line on a zigzag, whose rudder follows the heading and is not in inputs.csv; empty without one."""
     if not isinstance(manoeuvre, Zigzag):
         return ""
     rudder, heading = np.rad2deg([manoeuvre.rudder, manoeuvre.heading])

@@ -78,7 +78,7 @@ def _initial_covariance(prior_std: Array, earlier_information: Array | None) -> 
 
 
 def uncounted_information(experiment: Experiment) -> list[str]:
-    """Name what an estimator would use or estimate in addition, but the prediction leaves out."""
+    """Return the names of data and errors that an estimator uses or estimates, but that the prediction ignores."""
     identification = experiment.identification
     names = [f"estimated errors ({name.value})" for name in identification.estimate.biases]
     if identification.attitude_from == "inertial":

@@ -122,9 +122,8 @@ class Requirement(NamedTuple):
 
     duration: float  # s
     envelope: Envelope
-    # fin_angle, fin_rate: limits of the fins, rad and rad/s. None: those of the experiment.
-    fin_angle: float | None
-    fin_rate: float | None
+    fin_angle: float | None  # limit of the fin angle, rad; none: that of the experiment
+    fin_rate: float | None  # limit of the fin rate, rad/s; none: that of the experiment
     chosen: tuple[str, ...]  # coefficients that count; all if empty
     criterion: Criterion
     draws: int  # number of vehicles in the search
@@ -142,9 +141,8 @@ class DesignProblem(NamedTuple):
     nominal: VehicleSettings  # the vehicle with the mean coefficients
     space: SearchSpace
     slowest: float  # least speed, m/s
-    # search_set, held_out_set: vehicles of the search, in an envelope with a margin, and vehicles that judge the result
-    search_set: TrialSet
-    held_out_set: TrialSet
+    search_set: TrialSet  # vehicles of the search, in an envelope with a margin
+    held_out_set: TrialSet  # vehicles that judge the result
     # Standard manoeuvres on the vehicles of the search: ``spiral`` (the experiment's own), ``doublets``, ``zigzag``
     standard_trials: dict[str, Trial]
 

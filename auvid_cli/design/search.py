@@ -16,14 +16,15 @@ from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.simulation.motion import Truth
 
 POPULATION = 12  # manoeuvres of a generation
-_INITIAL_STEP = 0.2  # of the unit cube
+_INITIAL_STEP = 0.2  # as a share of the edge of the unit cube
 WORTH_WHILE = 1.1  # gain from which a designed run is better than the spiral
-# Standard deviations in % of a coefficient's size. The worst `_N_WORST` are named too unless they are well known.
+# Standard deviations, % of a coefficient's size. Badly known coefficients are reported, and the `_N_WORST` worst ones
+# unless they are well known.
 _BADLY_KNOWN = 20.0
 _WELL_KNOWN = 1.0
 _N_WORST = 3
-_CONFOUNDED_FACTOR = 2.0  # least gain in accuracy if all other coefficients were known
-_INSENSITIVE_SHARE = 0.5  # of its prior that is left of a coefficient that hardly moves the vehicle
+_CONFOUNDED_FACTOR = 2.0  # gain in accuracy with all others known, from which a coefficient is confounded
+_INSENSITIVE_SHARE = 0.5  # share of the prior's standard deviation left, if a coefficient hardly moves the vehicle
 _PARTS = 4  # number of times at which the accuracy along the run is reported
 _LONGER = (2.0, 4.0)  # durations of longer runs, relative to the run
 
@@ -166,7 +167,7 @@ def _no_manoeuvre_fits(problem: DesignProblem, progress: SearchProgress) -> str:
     if best.n_lost:
         return (
             f"{tried}: even in the best one {best.n_lost} capsize, pitch to the vertical or run away; draw vehicles "
-            "nearer to each other (--spread 15%), or limit the fins (--fins)"
+            "from a smaller --spread (15%), or limit the fins (--fins)"
         )
     extents = [run.extent for run in best.runs if run.extent is not None]
     relaxed = options_to_relax(extents, *with_margin(requirement.envelope, problem.slowest))

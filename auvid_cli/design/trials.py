@@ -27,7 +27,7 @@ _WORST_WEIGHT = 0.2  # weight of the worst vehicle in the cost; the rest is the 
 _EXCESS_PENALTY = 10.0  # for a limit exceeded by 100 %
 _LOSS_PENALTY = 100.0  # for a lost vehicle
 _LEAST_SHARE_OF_CRUISE = 0.4  # default limit of the speed
-_MARGIN = 0.05  # of each limit, because other vehicles than the drawn ones go a little further
+_MARGIN = 0.05  # share of each limit kept in reserve, because vehicles that were not drawn may go further
 _THRUST = INPUT_SYMBOLS.index("surge_force")
 _UPPER_LIMITS = ("box", "depth", "pitch", "roll", "energy")
 # Unit of each limit on the command line, and its size in SI.
@@ -256,6 +256,6 @@ def simulate_trial(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre) -> Truth:
 
 
 def sizes_of(vehicle: VehicleSettings) -> Array:
-    """Return the size of each coefficient; of one that is 0 its natural magnitude for this hull."""
+    """Return the size of each coefficient; for a coefficient of 0, its natural magnitude for this hull."""
     values = vehicle.all_coefficients()
     return np.array([abs(values[c.symbol]) or natural_magnitude(c, vehicle.size) for c in vehicle.coefficient_set])

@@ -14,7 +14,7 @@ _MIN_DURATION = 20.0  # s
 # A fin signal may exceed the fin limit; a slow vehicle is then excited more by the clipped signal.
 _MAX_FIN_RATIO = 1.7  # amplitude relative to the limit of the fin
 _MAX_THRUST_RATIO = 0.5  # amplitude relative to the thrust at cruise
-_MAX_PITCH_RATIO = 0.8  # pitch relative to the limit of the envelope
+_MAX_PITCH_RATIO = 0.8  # pitch as a share of the limit of the envelope
 # Relative to speed divided by length.
 _MAX_TURN_RATE = 0.3  # rad
 _MAX_LOWEST = 0.2

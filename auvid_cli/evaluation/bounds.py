@@ -1,4 +1,4 @@
-"""Cramér-Rao bounds about the estimated motion, and the noise that the data show."""
+"""Cramér-Rao bounds about the true or most probable motion, and the score test of the process noise."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
@@ -23,9 +23,9 @@ from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
 
 _NEIGHBOURS = 8  # samples of a spline beyond its span
-_FIXED_SPREAD = 1e-4  # of a fixed parameter, relative to its prior
+_FIXED_SPREAD = 1e-4  # standard deviation of a fixed parameter, relative to its prior
 _MAX_PASSES = 20
-# Shares below this are rounding.
+# Smaller shares of information are rounding errors.
 _ROUNDING = 1e-9
 UNSTABLE = (
     "the motion is unstable in open loop, and after {:.3g} s its sensitivities exceed the range of floating point"
@@ -41,7 +41,7 @@ class ProbableMotion(NamedTuple):
     filtered: Filtered
 
     def motion(self) -> Callable[[Array], Array]:
-        """Return it as a function of the times of events, shape (n, 9)."""
+        """Return the motion as a function of the times of events, shape (n, 9)."""
         rows = self.augmented.layout.moving_rows_of("motion")
         time = [timeline.time for segment in self.augmented.segments for timeline in segment.timelines]
         motion = [chunk[:, rows] for chunks in self.filtered.trajectory.moving for chunk in chunks]
@@ -59,7 +59,7 @@ def probable_motion(prepared: PreparedData, values: Mapping[str, float]) -> Prob
     Returns
     -------
     ProbableMotion or None
-        None where no motion follows the data with these values and the process noise of the settings.
+        None if no motion follows the data with these values and the process noise of the settings.
     """
     augmented = augmented_problem(prepared)
     layout, prior = augmented.layout, augmented.prior
@@ -87,7 +87,7 @@ def true_motion(prepared: PreparedData) -> Callable[[Array], Array] | None:
 
 
 def true_initial_motions(prepared: PreparedData) -> list[Array] | None:
-    """Return the true motion next to where each segment starts, shape (9,); None without truth."""
+    """Return the true motion at the tick nearest to the start of each segment, shape (9,); None without truth."""
     truth = prepared.dataset.truth
     if truth is None:
         return None
@@ -106,25 +106,25 @@ def _between(time: Array, motion: Array) -> Callable[[Array], Array]:
 
 
 class Bounds(NamedTuple):
-    """Cramer-Rao bounds of the coefficients of an estimate, SI, by symbol; all empty if there are none."""
+    """Cramer-Rao bounds of the coefficients of an estimate, SI, by symbol; empty if they are unknown."""
 
-    of_data: dict[str, float]  # from the data alone; infinite where they say nothing
-    # From the data and the prior that the filter was given, which helps a coefficient through others, too. Empty where
-    # that prior is an earlier estimate.
+    of_data: dict[str, float]  # from the data alone; infinite for coefficients that the data do not determine
+    # From the data and the prior, which also helps a coefficient through its correlations with others. Empty if the
+    # prior is an earlier estimate.
     with_prior: dict[str, float]
-    remark: str = ""  # why there are none
+    remark: str = ""  # reason if the bounds are unknown
 
 
 class BoundsOf:
-    """Function from an estimate to its bounds: at the truth where there is one, else at the values it came to.
+    """Function from an estimate to its bounds, at the true values or, without truth, at the estimated ones.
 
-    White noise as large as the sensors state is presumed, and no process noise. At the truth the bounds of several
-    filters are the same, and are found only once.
+    The bounds assume white measurement noise of the stated size and no process noise. At the true values they are
+    equal for all filters, so they are computed once.
 
     Parameters
     ----------
     prepared : PreparedData
-        From which the estimates were made.
+        Data of the estimates.
     """
 
     def __init__(self, prepared: PreparedData) -> None:
@@ -180,13 +180,13 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
 class DataInformation(NamedTuple):
     """Information of the data about parameters, without the prior, with process noise."""
 
-    # The coefficients, then the constant errors of sensors and actuators, and delays that are sought
+    # Coefficients, then constant errors of sensors and actuators, then estimated delays
     symbols: tuple[str, ...]
     matrix: Array  # shape (n, n); in units of the prior's standard deviations
     prior_std: Array  # shape (n,); SI
 
     def bound(self, held: Collection[str] = ()) -> dict[str, float]:
-        """Return the least standard deviation of each, SI, with some of them known; infinite where data say nothing."""
+        """Return the bound of each parameter, SI, with those in `held` known; infinite if the data do not show it."""
         kept = [place for place, symbol in enumerate(self.symbols) if symbol not in held]
         values, directions = np.linalg.eigh(self.matrix[np.ix_(kept, kept)])
         informed, squares = values > _ROUNDING, directions**2
@@ -199,14 +199,14 @@ class DataInformation(NamedTuple):
 def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> dict[str, float]:
     """Return the bound of each coefficient with process noise, by symbol, SI.
 
-    A linear smoother about the most probable trajectory has the least covariance ``P`` of all that know the prior
-    ``P0``; the information of the data themselves is ``P^-1 - P0^-1``, which needs no sensitivities of a free motion.
-    Infinite for coefficients that the data do not determine.
+    A linear smoother about the most probable trajectory has the smallest covariance ``P`` of all estimators with the
+    prior ``P0``. The information of the data alone is ``P^-1 - P0^-1``, which needs no sensitivities of a free motion.
+    The bound is infinite for a coefficient that the data do not determine.
 
     Parameters
     ----------
     prepared : PreparedData
-        From which the estimate was made.
+        Data of the estimate.
     reference : Estimate
         Estimate of the smoother.
     """
@@ -248,12 +248,14 @@ def _beyond_prior(symbols: tuple[str, ...], factor: Array, covariance: Array) ->
 
 
 def efficiency_warning(prepared: PreparedData, estimate: Estimate, causes: list[Cause]) -> str:
-    """Return why a filter is far from the bound; process noise is called too large only if a score test says so.
+    """Return the likely reason why standard deviations are far above the bound, as a sentence.
+
+    It calls the process noise too large only if a score test shows this.
 
     Parameters
     ----------
     prepared : PreparedData
-        From which the estimate was made.
+        Data of the estimate.
     causes : list of Cause
         Likely causes of the innovations.
     """
@@ -277,7 +279,7 @@ def process_noise_score(prepared: PreparedData, estimate: Estimate) -> float | N
     Parameters
     ----------
     prepared : PreparedData
-        From which the estimate was made.
+        Data of the estimate.
 
     Returns
     -------

@@ -15,16 +15,16 @@ _LEFT_OUT = ("cpu_time_s", "microseconds_per_step", "reason", "remedy")
 
 
 class Tolerance(NamedTuple):
-    """How far results may be apart and still count as the same."""
+    """Largest differences between two results that count as equal."""
 
-    # Share of the larger of two values, in every column but those that measure time or are sentences; None for 0.01,
-    # and nothing of an estimate and its error in percent
+    # As a share of the larger of two values, for all columns except processor times and sentences. None: 0.01, and 0
+    # for an estimate and its error in percent, for which `deviations` is the tolerance.
     everywhere: float | None = None
-    by_column: Mapping[str, float] = {}  # the same of single columns, by name; infinite of one that is not compared
+    by_column: Mapping[str, float] = {}  # share for single columns, by name; infinite if not compared
     deviations: float = DEVIATIONS  # tolerance of an estimate, in standard deviations of the second result
 
     def share(self, column: str) -> float:
-        """Return the share of the larger of two values that they may differ by."""
+        """Return the largest difference in a column, as a share of the larger of the two values."""
         if column in self.by_column:
             return self.by_column[column]
         if column in _LEFT_OUT:
@@ -38,19 +38,17 @@ class ComparedValue(NamedTuple):
     """A value in both results."""
 
     table: str
-    row: str  # filter and, if it is of one, coefficient or component
-    column: str  # empty where a whole row is missing
-    # first, second: as in the tables; empty where there is none
-    first: str
-    second: str
-    # difference, allowed: first minus second, and the tolerance; NaN if they are not numbers
-    difference: float
-    allowed: float
+    row: str  # filter and, if there is one, coefficient or component
+    column: str  # empty if the whole row is missing
+    first: str  # cell of the first result; empty if missing
+    second: str  # cell of the second result; "a row" if the first has no such row
+    difference: float  # first minus second; NaN if one is not a number
+    allowed: float  # tolerance of the difference; NaN if one is not a number
     agrees: bool
 
     @property
     def severity(self) -> float:
-        """Return how many times as large as allowed the difference is; infinite where it is none of numbers."""
+        """Return the difference divided by the tolerance; 0 if the values agree, infinite without a tolerance."""
         if self.agrees:
             return 0.0
         return abs(self.difference) / self.allowed if self.allowed > 0.0 else inf

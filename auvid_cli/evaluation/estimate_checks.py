@@ -24,13 +24,13 @@ from auvid_cli.identification.states import natural_magnitude
 from auvid_cli.inspection.inspection import data_checks
 
 _GEOMETRY_SIGMAS = 4.0
-_LARGEST_SHARE = 0.5  # of the prior's standard deviation
-# Standard deviation of an estimate in terms of the least that data and prior allow: the bound is that of the true
-# values, and a filter linearises, hence some room below.
+_LARGEST_SHARE = 0.5  # share of the prior's standard deviation that may be left
+# Ratio of a standard deviation to the bound. Below 1 is possible, because the bound holds at the true values and a
+# filter linearises.
 _MIN_OF_BOUND = 0.8
 _MAX_OF_BOUND = 3.0
 _AT_LIMIT = 0.01  # standard deviations; a fit this close to a limit ended there
-_LARGEST_SIZE = 30.0  # natural magnitudes of a body of this size
+_LARGEST_SIZE = 30.0  # largest coefficient, in natural magnitudes of a body of this size
 _SIGNIFICANT = 3.0
 # Name of the check that repeats the judgement.
 JUDGED = "sound"
@@ -41,7 +41,7 @@ _OTHER_BOUND = "The bound holds at the true values, and the fit is far from them
 def near_its_geometry(estimate: Estimate) -> list[Check]:
     """Compare the estimated coefficients with values derived from hull and fins, if the vehicle file states these.
 
-    A difference above four standard deviations of both is noted: a drawing can be wrong as well.
+    A difference of more than four standard deviations (of both together) is a note: the drawing may be wrong too.
     """
     derived = {each.name: each for each in estimate.experiment.vehicle.derived_values()}
     distances = {
@@ -73,7 +73,7 @@ def near_its_geometry(estimate: Estimate) -> list[Check]:
 def check_estimates(
     prepared: PreparedData, estimates: Sequence[Estimate], bounds_of: Callable[[Estimate], Bounds]
 ) -> Checks:
-    """Return all verdicts on estimates of the same data, judged together."""
+    """Return all checks of estimates of the same data, which are judged against each other."""
     judgements, reference = judge(estimates), reference_among(estimates)
     causes_of_all = None if reference is None else likely_causes(reference)
     return Checks(
@@ -92,7 +92,7 @@ def check_estimates(
 def check_estimate(
     prepared: PreparedData, estimate: Estimate, bounds: Bounds, judgement: Judgement, causes: list[Cause]
 ) -> list[Check]:
-    """Return all verdicts on an estimate; of one that did not end well only those on data and innovations.
+    """Return all checks of an estimate; if it was not completed, only those of data and innovations.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def _finished(estimate: Estimate) -> Check:
 
 
 def _sound(estimate: Estimate, judgement: Judgement) -> Check:
-    """Return the judgement as a check; an unjudged estimate is only noted."""
+    """Return the judgement as a check: a note if the estimate is unjudged."""
     return Check.of(
         estimate.filter,
         "coefficients",
@@ -153,10 +153,8 @@ def _unexplained(estimate: Estimate, causes: list[Cause]) -> Check:
         estimate.filter,
         "innovations",
         "explained by noise",
-        statistic=f"{causes[0].name}, +{causes[0].gain:.0f} in log-likelihood"
-        if causes
-        else "nothing else is likelier",
-        threshold="nothing else is likelier",
+        statistic=f"{causes[0].name}, +{causes[0].gain:.0f} in log-likelihood" if causes else "no more likely cause",
+        threshold="no more likely cause",
         passed=None if causes else True,
         advice=f"Likely causes: {causes_text(causes)}.",
     )
@@ -220,7 +218,7 @@ def _against_bounds(prepared: PreparedData, estimate: Estimate, bounds: Bounds, 
 
 
 def _at_limits(estimate: Estimate) -> list[Check]:
-    """Name the coefficients of a fit that ended at the limits set for them."""
+    """Check that no coefficient of a free-run fit is at a limit of `identification.output_error.bounds`."""
     limits = estimate.experiment.identification.output_error.bounds
     if not estimate.is_free_run_fit or not limits:
         return []
@@ -263,7 +261,7 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
 
 
 def _plausibility(estimate: Estimate) -> list[Check]:
-    """Check signs by physics and the convention of fin angles, and sizes by the natural magnitude."""
+    """Check the signs of drag and fin coefficients, and all sizes against the natural magnitude."""
     final = {s: v for s, v in estimate.final_coefficients().items() if s in estimate.state}
     size = estimate.experiment.vehicle.size
     magnitudes = {

@@ -30,15 +30,15 @@ _ADDED = {
 }
 # Symbols of the errors of a DVL that are not additive, and of the current.
 VELOCITY_ERRORS = tuple(quantity.symbol for quantity in (DVL_SCALE, DVL_YAW, *CURRENT, *DVL_ARM))
-# Samples of a free run that are kept to be drawn.
+# Largest number of samples of a free run that are kept for figures.
 _MOST_KEPT = 100_000
 
 
 class MeasurementErrors(NamedTuple):
-    """Errors between a motion and the measurements of it; zero where no filter looked."""
+    """Errors of the measurements of a motion; zero if they were not estimated."""
 
-    offset: Array  # shape (10,); adds to the measurements of each motion state and of the depth, SI
-    dvl: Array  # shape (7,); those of `VELOCITY_ERRORS`, SI
+    offset: Array  # shape (10,); added to the measurements of motion states and depth, SI
+    dvl: Array  # shape (7,); errors in the order of `VELOCITY_ERRORS`, SI
 
 
 def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
@@ -81,12 +81,12 @@ def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
     Parameters
     ----------
     motion : ndarray, shape (..., 9) or (..., 10)
-        Its velocity is that through the water; not finite where a model blew up; the depth behind it, or not.
+        With the velocity through the water, SI, and optionally with the depth; not finite after the model diverged.
 
     Returns
     -------
     ndarray, shape (..., 9) or (..., 10)
-        Its velocity is that over ground.
+        With the velocity over ground, as the DVL measures it.
     """
     read = motion + errors.offset[: motion.shape[-1]]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -95,14 +95,14 @@ def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
 
 
 def motion_behind(measurement: Array, errors: MeasurementErrors) -> Array:
-    """Return the motion of noiseless measurements; inverts `measured_motion`."""
+    """Return the motion that leads to noiseless measurements; the inverse of `measured_motion`."""
     motion = measurement - errors.offset[: measurement.shape[-1]]
     motion[..., :3] = velocity_through_water(motion, errors.dvl)
     return motion
 
 
 class VelocityError(NamedTuple):
-    """A row of ``velocity_error.csv``; the error is None if not measured, or if the model blew up."""
+    """A row of ``velocity_error.csv``; the error is None if not measured, or if the model diverged."""
 
     filter: str
     component: str
@@ -111,12 +111,12 @@ class VelocityError(NamedTuple):
 
 
 class Keeper:
-    """Evenly spaced samples of a free run, no more than are drawn.
+    """Evenly spaced samples of a free run, as many as figures need.
 
     Parameters
     ----------
     measuring : dict of SensorRecord
-        Sensors whose measurements the run passes.
+        Sensors whose measurements are the events of the run.
     """
 
     def __init__(self, measuring: Mapping[str, SensorRecord]) -> None:
@@ -125,18 +125,18 @@ class Keeper:
         self._n_events = 0
 
     def keep(self, time: Array, motion: Array) -> None:
-        """Take the next chunk of the run."""
+        """Add the next chunk of the run."""
         kept = slice(-self._n_events % self._every, None, self._every)
         self._chunks.append(FreeRun(time[kept], motion[kept].copy()))
         self._n_events += time.size
 
     def interrupt(self) -> None:
-        """Break the line that is drawn through, where another segment begins."""
+        """Add a row of NaN after a segment, so that figures draw no line to the next one."""
         if self._chunks:
             self._chunks.append(FreeRun(self._chunks[-1].time[-1:], np.full((1, N_MOTION), np.nan)))
 
     def kept(self) -> FreeRun:
-        """Return the samples that were kept."""
+        """Return the kept samples."""
         return FreeRun(*(np.concatenate(rows) for rows in zip(*self._chunks, strict=True)))
 
 
@@ -148,23 +148,24 @@ def free_motion(
     actuators: ActuatorErrors = AS_STATED,
     of_vehicle: CoefficientSet = COEFFICIENTS,
 ) -> Iterator[tuple[Timeline, Array]]:
-    """Move a model by the inputs alone.
+    """Simulate a model with the inputs alone, without measurements, chunk by chunk.
 
     Parameters
     ----------
     timelines : iterable of Timeline
         In time order.
     motion : ndarray, shape (9,) or (10,)
-        At the start of the first; the depth behind it, or not.
+        Motion at the first event, SI, optionally followed by the depth.
     parameters, coefficients : mapping
         Parameters and coefficients of the model, SI, by symbol.
     of_vehicle : CoefficientSet
-        Set of the coefficients.
+        All coefficients of the vehicle.
 
     Yields
     ------
+    timeline : Timeline
     motion : ndarray, shape (events, 9) or (events, 10)
-        At its events; not finite from where the model blew up.
+        At the events of the timeline, SI; not finite after the model diverged.
     """
     constants = vehicle_constants(parameters, of_vehicle.terms)
     start = np.zeros(N_PREDICTED)
@@ -178,15 +179,14 @@ def free_motion(
 
 
 def free_run(prepared: PreparedData, estimate: Estimate) -> tuple[FreeRun, list[VelocityError]]:
-    """Run the model with an estimate's final coefficients from where the filter started, without any correction.
+    """Simulate the model with final coefficients of an estimate from the start of each segment, without correction.
 
-    Measurements are predicted with the sensors' errors and the current that the estimate ends with.
+    Measurements are predicted with the final estimates of sensor errors and current.
 
     Returns
     -------
     run : FreeRun
-        As the sensors would read it, where a current is estimated over ground; of a long run evenly spaced samples, no
-        more than are drawn.
+        Motion as the sensors measure it: over ground if a current is estimated. Evenly spaced samples of a long run.
     errors : list of VelocityError
         Mean absolute difference from every measurement of a velocity or rate, as in the paper's Table V.
     """

@@ -37,7 +37,7 @@ from auvid_cli.vehicle.coefficients import CoefficientSet
 
 
 class Assessed(NamedTuple):
-    """A coefficient: its value, its unit, and the size by which percentages go, SI."""
+    """A coefficient with its value and unit, and the size to which percentages refer, SI."""
 
     value: float
     unit: str
@@ -48,17 +48,17 @@ _KNOWN = CLASSES[-2][0]
 _MOTIONS = "surge", "sway", "heave", "roll", "pitch", "yaw"
 # Errors that every vehicle at sea has.
 _USUAL_ERRORS = BiasName.CURRENT, BiasName.FIN_TRIM, BiasName.BALLAST
-# Correlation from which coefficients are said to go together.
+# Correlation from which coefficients are confounded.
 LARGEST_CORRELATION = 0.95
 
 
 def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> Identifiability:
-    """Judge a dataset at given coefficients; else at its true ones or, without truth, at those of its vehicle.
+    """Return the bounds of a dataset at given coefficients; by default at the true ones, else at the vehicle file's.
 
     Raises
     ------
     DataError
-        If a coefficient to be estimated has no value, or the model blows up with these values.
+        If an estimated coefficient has no value, or the simulation diverges with these values.
     """
     vehicle, settings = dataset.experiment.vehicle, dataset.experiment.identification
     of_vehicle = vehicle.coefficient_set
@@ -127,12 +127,14 @@ def _presumed(prepared: PreparedData) -> list[str]:
 def coefficients_to_fix(
     information: DataInformation, values: Mapping[str, Assessed], stated: Collection[str], of_vehicle: CoefficientSet
 ) -> FixSuggestion | None:
-    """Choose the coefficients to hold, the least known first, until all that are left are known to 20 %.
+    """Return the coefficients to fix, the least known first, so that all others are known to 20 %.
+
+    None if nothing has to be fixed, or if no coefficient would be left.
 
     Parameters
     ----------
     stated : collection of str
-        Those of which the vehicle file has a value.
+        Coefficients that have a value in the vehicle file.
     """
     held: list[str] = []
     percents = _percents(information, values, held)
@@ -165,7 +167,7 @@ def assess(
     prior_stds: Mapping[str, tuple[int, float]],
     noisy: Mapping[str, float] = MappingProxyType({}),
 ) -> Identifiability:
-    """Judge information about a state that has the coefficients first.
+    """Return the bounds from information about a state whose first components are the coefficients.
 
     Parameters
     ----------
@@ -176,11 +178,11 @@ def assess(
     values : mapping of Assessed
         In the order of the state.
     to_si : ndarray, shape (n,)
-        Units of the state.
+        SI value of one unit of each component of the state.
     prior_stds : mapping of (int, float)
         Index in the state and prior standard deviation, SI, of each constant sensor error.
     noisy : mapping of float
-        Bounds of coefficients and constant errors where process noise moves the vehicle, SI.
+        Bounds of coefficients and constant errors with process noise, SI.
     """
     n = len(values)
     value, size = (
@@ -226,7 +228,7 @@ def assess(
 
 
 def _error_bound(deviation: float, prior_std: float) -> SensorErrorBound:
-    """Return the bound of a sensor error, and whether the data improve on its prior."""
+    """Return the bound of a sensor error, and whether the data observe it."""
     together = float(1.0 / np.hypot(1.0 / deviation, 1.0 / prior_std))
     return SensorErrorBound(deviation, prior_std, is_observed(together, prior_std))
 
@@ -274,7 +276,7 @@ def _collinear(
 
 
 def _as_text(names: Sequence[str], weights: Array) -> str:
-    """Write a linear combination, the heaviest first and without a factor."""
+    """Return a linear combination as text; the largest term is first and has no factor."""
     order = sorted(range(len(names)), key=lambda j: abs(weights[j] - 1.0))
     text = names[order[0]]
     for j in order[1:]:

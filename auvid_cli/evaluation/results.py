@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Bounds in percent of the value, and what a coefficient with such a bound is called.
+# Largest bound of each class, in percent of the value, and name of the class.
 CLASSES = ((1.0, "within 1 %"), (5.0, "within 5 %"), (20.0, "within 20 %"), (np.inf, "not identified"))
 
 
@@ -25,21 +25,21 @@ class CoefficientBound(NamedTuple):
     Attributes
     ----------
     value : float
-        At which the bound holds, SI.
+        Value at which the bound holds, SI.
     cramer_rao_bound : float
-        Smallest standard deviation of any unbiased estimate, SI; infinite where the data say nothing.
+        Smallest standard deviation of any unbiased estimate, SI; infinite if the data do not determine it.
     percent : float
-        In percent of the value or, if that is zero, of the natural magnitude of a body of this size.
+        Bound in percent of the value or, if that is zero, of the natural magnitude of a body of this size.
     percent_with_noise : float
-        The same where process noise moves the vehicle, too; NaN where that is not known.
+        The same with process noise; NaN if unknown.
     label : str
-        One of `CLASSES`, by the larger of these two; the column ``verdict``.
+        Name of the class in `CLASSES`, by the larger of the two percentages; the column ``verdict``.
     best_sensor : str
         Sensor with the largest share of the information.
     best_share : float
         Its share of the information, 0 to 1.
     group : str
-        Coefficients that it cannot be separated from.
+        Coefficients that are confounded with it.
     """
 
     coefficient: str
@@ -60,11 +60,11 @@ class Collinear(NamedTuple):
     Attributes
     ----------
     combination : str
-        The best determined one, for example ``Y_uvl + 0.9 Y_uudr``.
+        Linear combination that is determined best, for example ``Y_uvl + 0.9 Y_uudr``.
     percent : float
-        Its bound in percent of its own value.
+        Bound of the combination in percent of its value.
     worst_percent : float
-        Largest bound of a member alone.
+        Largest bound of a single member, in percent of its value.
     """
 
     members: tuple[str, ...]
@@ -78,10 +78,12 @@ class SensorErrorBound(NamedTuple):
 
     Attributes
     ----------
-    bound, prior : float
-        Standard deviation from the data alone, and before any data, SI.
+    bound : float
+        From the data alone, SI.
+    prior : float
+        Standard deviation before any data, SI.
     observed : bool
-        Whether both together leave less than half of the prior's.
+        Whether data and prior together leave less than half of the prior standard deviation.
     """
 
     bound: float
@@ -90,14 +92,16 @@ class SensorErrorBound(NamedTuple):
 
 
 class FixSuggestion(NamedTuple):
-    """Coefficients to estimate from data that do not determine all.
+    """Coefficients to fix and coefficients to estimate, for data that do not determine all.
 
     Attributes
     ----------
     held : tuple of str
         Coefficients to fix; with these at known values, the others are known to 20 %.
+    kept : tuple of str
+        Coefficients to estimate.
     worst_percent : float
-        Largest bound of one that is kept, in percent of its value.
+        Largest bound of a kept coefficient, in percent of its value.
     motions : tuple of str
         Motions with kept coefficients: "surge", "sway" and so on.
     unstated : tuple of str
@@ -117,17 +121,17 @@ class Identifiability(NamedTuple):
     Attributes
     ----------
     shares : dict of ndarray, shape (coefficients,)
-        Share of the information of each sensor, by sensor; the shares add up to one.
+        Share of each sensor in the information, by sensor; the shares add up to 1.
     correlation : ndarray, shape (coefficients, coefficients)
-        Correlation of the errors at the bound; NaN where there is none.
+        Correlation of the errors at the bound; NaN if undefined.
     growth : list of (float, ndarray)
         Duration, s, and bounds in percent after it.
     sensor_errors : dict of SensorErrorBound
         By symbol.
     remark : str
         Missing data and assumptions.
-    holding : Holding or None
-        Where some coefficients are better held; None if all are known, or none would be.
+    holding : FixSuggestion or None
+        None if all coefficients are known, or if fixing some does not help.
     """
 
     bounds: list[CoefficientBound]
@@ -183,7 +187,7 @@ class FreeRun(NamedTuple):
     ----------
     time : ndarray, shape (n,)
     motion : ndarray, shape (n, 9) or (n, 10)
-        Not finite from where the model blew up, if it did; the depth behind it where that is predicted.
+        Motion, and the depth if it is predicted, SI; not finite after the model diverged.
     """
 
     time: Array

@@ -32,13 +32,13 @@ from auvid_cli.filters.problem import (
     empty_records,
 )
 
-# Sensor and missing components of a measurement: bit c for component c.
+# Sensor of a measurement, and its missing components as bits: bit c for component c.
 Kind = tuple[int, int]
 # Events from one check for a positive definite covariance to the next.
 _CHECK_INTERVAL = 50
 # Events that are checked together.
 _BLOCK = 500
-# Errors of an inverse or a factor of a matrix that is singular, not positive definite or not finite.
+# Raised by the inversion or factorisation of a matrix that is singular, not positive definite or not finite.
 _MATRIX_ERRORS = (np.linalg.LinAlgError, ValueError)
 
 
@@ -133,7 +133,7 @@ class Stack:
         return np.einsum("kij,kj->ki", blocks, white), variance, np.add.reduceat(white**2, self.begins, axis=1)
 
     def first_failure(self, innovation: Array, covariance: Array) -> int:
-        """Return the first sensor whose innovation is not finite or not positive definite; else the last one."""
+        """Return the first sensor whose innovation or its covariance is invalid; else the last sensor."""
         ends = [*self.begins[1:], len(covariance)]
         whole = (np.isfinite(innovation[:end]).all() and is_definite(covariance[:end, :end]) for end in ends)
         return next((s for s, sound in zip(self.sensors, whole, strict=True) if not sound), self.sensors[-1])
@@ -346,7 +346,7 @@ class _Part:
         self._unchecked.clear()
 
     def _is_sound(self, first: int, last: int) -> bool:
-        """Whether states are finite, and variances finite and positive; turns these into standard deviations."""
+        """Whether all states and variances are finite, and variances positive; then stores standard deviations."""
         variance = self._records.standard_deviation[first:last]
         sound = isfinite(self._records.mean[first:last].sum() + variance.sum()) and variance.min() > 0.0
         np.sqrt(variance, out=variance)

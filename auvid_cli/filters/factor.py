@@ -50,7 +50,7 @@ def triangularise(rows, n, lower):
 
 @compiled(types.float64(_matrix, types.int64, _vector, types.float64, *[_vector] * 3), reassociate=True)
 def carlson_update(columns, n, measured, variance, gain, ratio, share):
-    """Condition a factor, and further rows that depend on the state, on a combination of its rows measured with noise.
+    """Update a factor, and further rows that depend on the state, with a noisy measurement of a combination of rows.
 
     Parameters
     ----------

@@ -17,9 +17,9 @@ from auvid_cli.numerics import compiled, types
 _matrix = types.float64[:, ::1]
 # Rows of one QR step: with the triangle they fit into the first-level cache.
 _CHUNK = 96
-# Smallest singular value of the scaled factor, relative to the largest: below is the rounding of a long run.
+# Smallest singular value of the scaled factor, relative to the largest; smaller ones are rounding of a long run.
 _ROUNDING = 1e-12
-# Smallest component of a combination of states along an unobserved direction, relative to its norm.
+# Component along an unobserved direction, relative to the norm, from which a combination of states is unobserved.
 _MIN_COMPONENT = 1e-9
 # scipy's type hints reject its own arguments.
 least_squares: Any = scipy.optimize.least_squares
@@ -63,7 +63,7 @@ class Uncertainty(NamedTuple):
     """Covariance ``root root'``, and infinite variance along unobserved directions."""
 
     root: Array  # shape (n, m)
-    # Shape (n, q); directions without information as columns; those of a whole state are orthonormal in units of `unit`
+    # Shape (n, q); each column is a direction without information. For a whole state they are orthonormal in `unit`.
     unobserved: Array
     unit: Array  # shape (n,); scale of each entry of the state
 
@@ -145,7 +145,7 @@ class Information(NamedTuple):
         return self.with_rows(np.vstack([rows, last]), other.n_measurements)
 
     def split(self, n: int) -> "tuple[Array, Information]":
-        """Separate rows that the other components can fit exactly from the information about the first n.
+        """Separate the information about the first n components from rows that the other components fit exactly.
 
         Returns
         -------

@@ -102,7 +102,7 @@ class Trajectory:
     """Parameters and motion over all data."""
 
     parameters: Array  # shape (n_parameters,)
-    # Shape (n_moving,); initial moving states of each segment; those at its first event if no substeps lead to it
+    # Shape (n_moving,); moving states at the start of each segment, or at its first event if no substeps lead there
     initial: list[Array]
     moving: list[list[Array]]  # shape (n_events, n_moving); moving states at each event, by segment and chunk
 
@@ -127,7 +127,8 @@ class Filtered:
     # of the measurements in the linear problem, up to a constant.
     log_determinant: float
     before: list[list[State]]  # deviation from the trajectory before each chunk, by segment
-    # Shape (n_moving, n_parameters); derivative of each segment's initial moving states by the parameters, by the prior
+    # Shape (n_moving, n_parameters); for each segment the derivative of the initial moving states by the parameters,
+    # from the correlations of the prior
     by_parameters: list[Array]
     final: State  # deviation at the end; its parameters are the estimate
 
@@ -138,10 +139,8 @@ class Smoothed(NamedTuple):
     segment: int
     timeline: Timeline
     forward_pass: ForwardPass
-    # step, variance: shape (n_events, n_moving); smoothed deviation of the moving states and its variance; zero if
-    # variances were not asked for
-    step: Array
-    variance: Array
+    step: Array  # shape (n_events, n_moving); smoothed deviation of the moving states
+    variance: Array  # shape (n_events, n_moving); variance of `step`; zero if not requested
     adjoint: Array  # shape (n,); adjoint before the chunk
 
 
@@ -173,7 +172,7 @@ class LinearSmoothing:
             state = new_state(gaussian)
             before.append([])
             for chunk, timeline in enumerate(self._segments[segment]):
-                # Arrays of the last trajectory are used again: the system hands out fresh ones slowly, page by page.
+                # Reuse the arrays of the last trajectory: new memory is slow, because it comes page by page.
                 former, forward_pass = self._cache.pop((segment, chunk), (None, None))
                 about = self._linearise(trajectory, segment, chunk, timeline, former)
                 before[-1].append(state.copy())
@@ -197,7 +196,7 @@ class LinearSmoothing:
             before = filtered.before[chunk.segment][0]
             factor = before.columns[: self._n, : self._n].T
             smoothed = before.mean[n : self._n] + factor[n:] @ (factor.T @ chunk.adjoint)
-            # The first chunk comes last, and its value stays.
+            # Chunks come from the last to the first, so the value of the first one remains.
             initial[chunk.segment] = smoothed if chunk.timeline.has_initial_substep else chunk.step[0]
         return Trajectory(filtered.final.mean[:n].copy(), initial, moving)
 
@@ -310,7 +309,7 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
     filtered : Filtered
         About the last trajectory.
     converged : bool
-        None instead of both if the cost of `start` is not finite.
+        The result is None if the cost of `start` is not finite.
     """
     current, passes = smoothing.filter(start), 1
     if current is None:

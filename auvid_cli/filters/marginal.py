@@ -48,21 +48,21 @@ _stack = types.float64[:, :, ::1]
 _STATE_STEP = 1e-4  # SI
 # Largest last step of the parameters, in standard deviations.
 _MAX_LAST_STEP = 0.05
-# Factor of the prior's standard deviations that keeps parameters constant.
+# Factor on the prior's standard deviations, so small that parameters remain constant.
 _FIXING_FACTOR = 1e-8
 # Maximum number of passes in which the motion adapts to new parameters.
 _MOTION_PASSES = 10
 
 
 class GradientResponse(NamedTuple):
-    """Change of the estimate by a gradient added to half the cost, times minus one."""
+    """Negative change of the estimate if a gradient is added to half the cost."""
 
     parameters: Array  # shape (n_parameters,)
     innovations: list[list[Array]]  # shape (n_measurements, c); by segment and chunk; zero if missing
 
 
 def apply_gradient(smoothing: LinearSmoothing, filtered: Filtered, gradient: Trajectory) -> GradientResponse:
-    """Return the effect of a gradient by all states of a trajectory on parameters and innovations."""
+    """Return the effect on parameters and innovations of a gradient with respect to all states of a trajectory."""
     n, n_moving = gradient.parameters.size, gradient.initial[0].size
     moved, scratch = np.zeros(n + n_moving), np.zeros(n_moving)
     innovations = list[list[Array]]()
@@ -175,7 +175,7 @@ def marginal_estimate(
 ) -> MarginalEstimate | None:
     """Return the marginal estimate, from the joint minimum; None if the motion diverges for the parameters.
 
-    The process noise gets the memory with which `auvid tune` estimates it; `smoothing` keeps that noise.
+    The process noise has the same memory as in `auvid tune`; `smoothing` has that noise afterwards.
     """
     with_memory = with_process_memory(problem, joint.trajectory.parameters, joint.trajectory.moving)
     smoothing.change_noise(with_memory.process, with_memory.sensors)

@@ -46,9 +46,8 @@ class NoiseFactors(NamedTuple):
     """Maximum-likelihood factors of groups of noise."""
 
     factor: Array  # shape (k,)
-    # low, high: shape (k,); ends of 95 % intervals; 0 if no noise is as likely, infinite if any larger factor is
-    low: Array
-    high: Array
+    low: Array  # shape (k,); lower end of the 95 % interval; 0 if the interval includes no noise
+    high: Array  # shape (k,); upper end of the 95 % interval; infinite if it includes any larger factor
     log_likelihood: float  # up to a constant of the data
     gain: float  # increase of the log-likelihood over that of factors of 1
     converged: bool
@@ -100,7 +99,7 @@ class _Likelihood:
         return trajectory if minimum is None else minimum[0].trajectory
 
     def set_process_memory(self, trajectory: Trajectory) -> None:
-        """Set the memory of the process noise by the motion along a trajectory."""
+        """Set the memory of the process noise from the motion along a trajectory."""
         self._problem = with_process_memory(self._problem, trajectory.parameters, trajectory.moving)
 
     def _scale(self, logarithms: Array) -> None:

@@ -71,10 +71,8 @@ class _SmoothedNoise(NamedTuple):
     process_variance: Array  # shape (n_events, n_moving)
     sensor: Array  # shape (n_measurements, c); 0 if missing
     sensor_variance: Array  # shape (n_measurements, c); 0 if missing
-    # transition, transition_variance: shape (n_events, n_correlated); ``r dF`` of each correlated state, and ``Lambda F
-    # P dF``
-    transition: Array
-    transition_variance: Array
+    transition: Array  # shape (n_events, n_correlated); ``r dF`` of each correlated state
+    transition_variance: Array  # shape (n_events, n_correlated); ``Lambda F P dF`` of each correlated state
     state: Array  # shape (n_events, n_correlated); smoothed deviation of the correlated states
     # Shape (n_events, n_correlated); sum of ``r dF`` at later events, multiplied by the transitions to them
     later: Array
@@ -84,8 +82,8 @@ class _Correlated(NamedTuple):
     """Correlated states whose time constants have a factor, in a chunk."""
 
     rows: NDArray[np.int64]  # shape (n_correlated,); rows among the moving states
-    # Shape (n_events, n_moving, n_correlated); dF: derivative of their columns of the transition by the logarithm of
-    # the time constant
+    # Shape (n_events, n_moving, n_correlated); dF: derivative of the transition's column of each correlated state by
+    # the logarithm of its time constant
     change: Array
     later: Array  # shape (n_correlated,); as in `_SmoothedNoise`, after the chunk; afterwards before it
     before: Array  # shape (n_moving, n); moving rows of the covariance before the chunk
@@ -97,7 +95,7 @@ _CORRELATED = types.NamedTuple((_indices, _stack, types.float64[::1], _matrix), 
 
 @compiled(reassociate=True)
 def _smooth_transition(event, f, transition, forward_pass, adjoint, noise, correlated):
-    """Fill in what the adjoint at an event gives for the transition of one correlated state."""
+    """Fill in the terms of one correlated state's transition, from the adjoint at an event."""
     mean, root, row, change = adjoint.mean, adjoint.root, correlated.rows[f], correlated.change[event]
     n, n_moving, n_columns = mean.size, noise.process.shape[1], adjoint.n_columns[0]
     n_parameters = n - n_moving

@@ -33,13 +33,13 @@ from auvid_cli.filters.smoother_forward import MIN_WEIGHT, weight
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.filters.workspace import cubature
 
-# Smallest variance of a residual, relative to the noise: below, the fit meets the measurement exactly.
+# Smallest variance of a residual, relative to the noise; with a smaller one the fit meets the measurement exactly.
 _ROUNDING = 1e-9
 # Events of the first span of a segment, some 40 s at 100 Hz: enough to correct the parameters of a CKF.
 _FIRST_SPAN = 4000
-# The same from the prior's parameters, with which the motion departs within seconds.
+# Events of the first span from the prior's parameters, with which the motion departs from the true one in seconds.
 _FIRST_SPAN_FROM_PRIOR = 250
-# Maximum number of evaluations for a span that is not the whole; it only has to come near the next one.
+# Maximum number of evaluations for a span of the data; its fit is only the start of the fit of the next span.
 _EVALUATIONS_OF_SPAN = 10
 # Largest distance of a fit from its start or from another fit, in standard deviations; beyond, other starts are tried.
 _MAX_DISTANCE = 2.5

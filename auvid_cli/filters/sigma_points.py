@@ -15,7 +15,7 @@ _wrap = compiled(inline=True)(wrap)
 
 
 def four_products(pairs: int) -> Callable:
-    """Return a compiled matrix product for right-hand rows of one length: a known length becomes vector instructions.
+    """Return a compiled matrix product for right-hand rows of `pairs` elements; a constant length vectorises.
 
     It takes four rows and four terms at a time, so that each number is loaded and stored a quarter as often.
     """
@@ -25,8 +25,7 @@ def four_products(pairs: int) -> Callable:
     def products(left, first, across, along, n_terms, right, out):
         """Fill `out` with four rows ``sum_j left_j right_j`` of a matrix product, each `pairs` long.
 
-        `n_terms` is rounded up to a multiple of four. The rows of `left` begin `across` apart, from `first` on; their
-        terms lie `along` apart.
+        `n_terms` is rounded up to a multiple of four. Term j of row i of `left` is at ``first + i across + j along``.
         """
         first, across, along, n_terms = np.uint64(first), np.uint64(across), np.uint64(along), np.uint64(n_terms)
         for k in range(_4 * row):

@@ -27,7 +27,7 @@ from auvid_cli.numerics import compiled, types, zeros_on_lines
 
 # Threshold of Huber's weights, in standard deviations of the noise: clean data lose 1 % of their information.
 THRESHOLD = 2.0
-# Smallest weight of a regular component; Gaussian noise has a smaller one once in ten thousand times.
+# Smallest weight of a component that is not an outlier; Gaussian noise has a smaller one once in 10 000 times.
 MIN_WEIGHT = 0.5
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
@@ -50,11 +50,9 @@ class Linearised(NamedTuple):
     moving: Array  # shape (n_events, n_moving); moving states at each event
     residual: Array  # shape (n_measurements, c); measured less predicted; NaN if missing
     rows: Array  # shape (n_measurements, c, n); measurement matrix
-    # Shape (n_events, n_moving); prediction by the process from the previous event, less the trajectory; zero without
-    # substeps
+    # Shape (n_events, n_moving); prediction from the previous event minus the trajectory; zero without substeps
     defect: Array
-    # Shape (n_events, n_moving, n); moving rows of the transition matrix from the previous event; undefined without
-    # substeps
+    # Shape (n_events, n_moving, n); moving rows of the transition from the previous event; undefined without substeps
     transition: Array
 
 
@@ -63,15 +61,13 @@ class ForwardPass(NamedTuple):
 
     filtered: Array  # shape (n_events, n); deviation after the measurements of each event
     covariance: Array  # shape (n_events, n_moving, n); moving rows of its covariance
-    # Shape (n_measurements, c, n); covariance of the state with each component's innovation, in sequential updates
-    gain: Array
-    # total, error: shape (n_measurements, c); variance and value of each innovation in sequential updates
-    total: Array
-    error: Array
-    # innovation, variance: shape (n_measurements, c); innovation of each component before any update with its
-    # measurement, and its variance; NaN if missing
-    innovation: Array
-    variance: Array
+    # `gain`, `total` and `error` are those of sequential updates, component by component.
+    gain: Array  # shape (n_measurements, c, n); covariance of the state with each innovation
+    total: Array  # shape (n_measurements, c); variance of each innovation
+    error: Array  # shape (n_measurements, c); value of each innovation
+    # `innovation` and `variance` are those before any update with the measurement.
+    innovation: Array  # shape (n_measurements, c); NaN if missing
+    variance: Array  # shape (n_measurements, c); variance of `innovation`; NaN if missing
     weight: Array  # shape (n_measurements, c); Huber's weights
 
     @classmethod
@@ -93,8 +89,8 @@ class SmootherWorkspace(NamedTuple):
 
     point: Array  # shape (n,)
     matrix: Array  # shape (n, n)
-    # Shape (n_tiles, width * _ROWS); moving rows of a transition or of the factor, as tiles of `_ROWS` rows, transposed
-    # and padded with zeros
+    # Shape (n_tiles, width * _ROWS); moving rows of a transition or of the factor in tiles of `_ROWS` rows, each
+    # transposed and padded with zeros
     transposed: Array
     moved: Array  # shape (n_tiles, _ROWS); moving rows of the mean
     product: Array  # shape (n_tiles, 4 * _ROWS); product of the tiles with four columns, or rows, of the factor

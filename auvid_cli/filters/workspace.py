@@ -73,11 +73,11 @@ def unscented(n: int, alpha: float, beta: float, kappa: float) -> PointSet:
 class Basis(NamedTuple):
     """Point set as tiles of `PAIRS` pairs; the dimension m is n padded to whole tiles."""
 
-    # Shape (n_tiles, m * PAIRS); tile t holds coordinate j of the pairs from ``t * PAIRS`` on at ``j * PAIRS``; the
-    # last tile at ``j * last``
+    # Shape (n_tiles, m * PAIRS); tile t holds the pairs from ``t * PAIRS`` on, with their coordinates j from
+    # ``j * PAIRS`` on, in the last tile from ``j * last`` on
     directions: Array
     transposed: Array  # shape (n_tiles, m * PAIRS); the same for the transposed directions
-    present: Array  # shape (m,); one for each pair, zero for padding
+    present: Array  # shape (m,); 1 for a pair, 0 for padding
     last: int  # number of pairs in the last tile: one of `FEWER`, or `PAIRS`
     length: float  # length of directions along axes; zero for a rotated set
     weight: float  # as in `PointSet`
@@ -172,8 +172,8 @@ class State(NamedTuple):
 
     n: int  # dimension
     mean: Array  # shape (width,); the state, then the prediction of a nonlinear sensor, then padding
-    # Shape (m, width); row j holds column j of the lower-triangular factor of the covariance, then entry j of the
-    # prediction's rows. Zero elsewhere.
+    # Shape (m, width); row j holds column j of the lower-triangular factor of the covariance, then column j of the
+    # prediction's rows; zero elsewhere
     columns: Array
 
     @classmethod
@@ -202,10 +202,9 @@ class Workspace(NamedTuple):
 
     points: Array  # shape (n_tiles + 1, n * LANES); sigma points; the last block is the centre
     images: Array  # shape (n_tiles + 1, c * LANES); predicted measurements of the points
-    # odd, regression: shape (r, m); with r the number of moving states or of components of a sensor, whichever is more.
-    # Three spare rows, because matrix products come four rows at a time.
-    odd: Array
-    regression: Array
+    # `odd` and `regression` have three spare rows, because matrix products come four rows at a time.
+    odd: Array  # shape (r + 3, m); odd part of the images: weighted difference of each pair
+    regression: Array  # shape (r + 3, m); derivative of each image by the columns of the factor
     spread: Array  # shape (r, padded)
     lower: Array  # shape (r, r); without spare rows
     product: Array  # shape (4 * PAIRS,)
@@ -215,9 +214,8 @@ class Workspace(NamedTuple):
     ratio: Array  # shape (m + 1,)
     share: Array  # shape (m + 1,)
     component: Indices  # shape (c,); indices of the selected components
-    # noise, error: shape (c,); noise variance and innovation of the selected components
-    noise: Array
-    error: Array
+    noise: Array  # shape (c,); noise variances of the selected components
+    error: Array  # shape (c,); innovations of the selected components
 
 
 WORKSPACE = types.NamedTuple((*[_matrix] * 6, *[_vector] * 6, types.int64[::1], *[_vector] * 2), Workspace)

@@ -1,4 +1,4 @@
-"""Constants of the compiled model, and the coefficients that it makes of a state.
+"""Constants of the compiled model, and the coefficients that it computes from a state.
 
 Order of the constants: those of the vehicle (`auvid_cli.vehicle.equations.vehicle_constants`), the 22 held values, one
 scale for each estimated coefficient, the table of the vehicle's own terms, the fastest rate of decay of a disturbance
@@ -37,7 +37,7 @@ SCALE = N_CONSTANTS + N_COEFFICIENTS
 _NOWHERE = -1
 _N_ROWS = len(ROW)
 _N_KNOWN = 4
-# Blocks that compiled code handles without a name.
+# Blocks that compiled code finds by their place in the state instead of a name.
 _OF_EVERY_MODEL = "coefficients", "motion"
 N_ERRORS = len(NO_ERRORS)
 _indices = types.int64[::1]
@@ -63,7 +63,7 @@ class KnownSensors(NamedTuple):
 
 NONE_KNOWN = KnownSensors()
 ACCELEROMETER, MAGNETOMETER = range(len(KnownSensors._fields))
-# Distances of the known sensors, the rates of decay and the fastest of these from the end of the constants.
+# Places counted from the end of the constants: of the known sensors, the decay rates, and the fastest of these.
 _SENSORS = 1 + _N_ROWS + _N_KNOWN * len(KnownSensors._fields)
 _FADING = _SENSORS + len(DISTURBANCE)
 _FASTEST = _FADING + 1

@@ -36,7 +36,7 @@ _MAX_HALVINGS = 4
 _COST_TOLERANCE = 1e-3
 # Largest factor on a Newton step. Far from the optimum coefficients compensate for a delay, and Newton steps are short.
 _MAX_STEP_FACTOR = 3.0
-_RESOLUTION = 1e-7  # s, of delays in the settings
+_RESOLUTION = 1e-7  # s, rounding of delays in the settings
 
 
 class _Fit(NamedTuple):

@@ -36,7 +36,7 @@ def sink(moving, place, n_lanes, duration):
 
 
 @compiled()
-def before_moving(sensitivity, sinking):
+def reset_sensitivity(sensitivity, sinking):
     """Set the sensitivity of the motion to the unit matrix, and that of the depth to zero."""
     for i in range(N_MOTION):
         for j in range(sensitivity.shape[1]):
@@ -134,7 +134,7 @@ def _fade_derivative(constants, duration, remaining):
 
 
 @compiled()
-def undisturbed(constants, scratch):
+def reset_disturbance(constants, scratch):
     """Reset the derivatives at the start of an interval."""
     work = _workspace(scratch, n_terms(constants))
     for i in range(N_MOTION):
@@ -152,8 +152,8 @@ def begin_step(mean, coefficients, inputs, constants, duration, scratch, for_ste
 
     The motion and its other derivatives are propagated between this and `end_step`.
 
-    `scratch`, of length `disturbance_work`, is that of the substep before, or from `undisturbed`; `for_step`, of length
-    `transition_work`, is overwritten.
+    `scratch`, of length `disturbance_work`, comes from the previous substep or from `reset_disturbance`; `for_step`, of
+    length `transition_work`, is overwritten.
     """
     work, moving = _workspace(scratch, n_terms(constants)), mean[first_moving_row(constants) :]
     if depth_is_state(constants):
@@ -181,7 +181,7 @@ def end_step(mean, constants, duration, scratch):
 def derive_at_once(constants, duration, scratch):
     """Set the derivatives by the disturbances to first order in the interval."""
     work = _workspace(scratch, n_terms(constants))
-    undisturbed(constants, scratch)
+    reset_disturbance(constants, scratch)
     _push_derivative(constants, duration, work.remaining, work.by_force)
     _fade_derivative(constants, duration, work.remaining)
 

@@ -17,7 +17,7 @@ from auvid_cli.identification.timeline import CHUNK
 
 # Least number of stages of a segment at which the bound is computed.
 _MIN_STAGES = 12
-# A bound that grows with more data by more than this factor is dominated by rounding.
+# Growth of a bound with more data, as a factor, above which rounding errors dominate it.
 _ROUNDING_FACTOR = 1.05
 
 
@@ -32,7 +32,7 @@ class DatasetInformation:
     total: Information  # from all sensors
     # Duration of the data so far, s, and information from all sensors about the state of the current segment
     growing: tuple[tuple[float, Information], ...]
-    # Duration of the data in use, s, if sensitivities of an unstable motion exceed double precision after it
+    # Duration of the used data, s, if the sensitivities of an unstable motion exceed double precision later; else None
     lost_after: float | None
 
     def bound(self, sensor: str | None = None) -> dict[str, float]:
@@ -70,12 +70,12 @@ def information_at(
         Initial motion of each segment, SI; by default as measured.
     along : callable, optional
         Function from times to motions, shape (n, 9), SI, about which each step is linearised. By default about the free
-        motion, from which an unstable vehicle departs by rounding.
+        motion, in which rounding errors of an unstable vehicle grow.
 
     Raises
     ------
     DataError
-        If the motion diverges with these coefficients.
+        If the simulated motion diverges with these coefficients.
     """
     problem = augmented_problem(prepared)
     start, n = _start(problem, coefficients, motions), len(problem.layout.symbols)
@@ -132,7 +132,7 @@ def _stages(
     for response in responses(problem.process, problem.sensors, timelines, start, path):
         time, measured_by = response.timeline.time, response.timeline.measurement_sensor
         if response.diverged:
-            raise DataError(f"with these coefficients the model blows up at t = {time[len(response.mean)]:.3f} s")
+            raise DataError(f"with these coefficients the motion diverges at t = {time[len(response.mean)]:.3f} s")
         by_sensor = {
             name: information.with_response(response, measured_by == sensor)
             for sensor, (name, information) in enumerate(by_sensor.items())

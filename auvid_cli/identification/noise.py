@@ -35,11 +35,11 @@ _MARGIN = 1.01
 
 
 class AdjustableNoise(NamedTuple):
-    """Noise level that may be tuned."""
+    """Noise level that can be estimated."""
 
-    path: tuple[str, ...]  # keys of the setting below `identification`; for an element of a list its index at the end
+    path: tuple[str, ...]  # keys of the setting below `identification`; the last is an index for an element of a list
     unit: str
-    stated: float
+    stated: float  # value in the settings
     group: NoiseGroup
 
 

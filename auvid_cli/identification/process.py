@@ -21,7 +21,6 @@ from auvid_cli.identification.compiled_layout import (
     row_of,
 )
 from auvid_cli.identification.disturbance import (
-    before_moving,
     begin_step,
     derive_at_once,
     disturbance_work,
@@ -29,9 +28,10 @@ from auvid_cli.identification.disturbance import (
     fade,
     fill_in_forces,
     push,
+    reset_disturbance,
+    reset_sensitivity,
     sink,
     sink_rate,
-    undisturbed,
 )
 from auvid_cli.identification.states import StateLayout
 from auvid_cli.numerics import LANES, compiled, types
@@ -131,9 +131,9 @@ def _exact_transition(mean, inputs, substep_input, substep_duration, constants, 
     work, n_columns = _workspace(scratch, n_terms(constants)), N_COLUMNS + n_terms(constants)
     depth, motion = row_of(constants, ROW.down), mean[first_moving_row(constants) :][:N_MOTION]
     fill_in_all(mean, constants, selection, work.coefficients)
-    before_moving(work.sensitivity, work.sinking)
+    reset_sensitivity(work.sensitivity, work.sinking)
     if is_disturbed(constants):
-        undisturbed(constants, work.disturbance)
+        reset_disturbance(constants, work.disturbance)
     for substep in range(substep_duration.size):
         held, duration = inputs[substep_input[substep]], substep_duration[substep]
         if depth_is_state(constants):
@@ -164,7 +164,7 @@ def first_order_transition(mean, inputs, substep_input, substep_duration, consta
     for substep in range(substep_duration.size):
         elapsed += substep_duration[substep]
     if depth_is_state(constants):
-        before_moving(sensitivity, work.sinking)
+        reset_sensitivity(sensitivity, work.sinking)
         sink_rate(motion, sensitivity, elapsed, work.sinking)
         fill_in_row(work.sinking, constants, selection, matrix[depth])
     motion_jacobian(

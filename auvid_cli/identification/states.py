@@ -45,10 +45,10 @@ def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
     Notes
     -----
     Drag is ``rho/2 C A`` with C = 1 on the frontal area for surge and on the lateral area for the cross-flow terms;
-    lift and control are ``rho/2 C_L d^2``. A moment, and every rate among the signals, multiplies by a lever: half the
-    length, for roll the diameter. A term with other than two velocities or rates is scaled to give such a force at
-    half the Froude speed ``sqrt(g l)``. A thrust counts as the drag on the frontal area at that speed. A propeller as
-    wide as the hull is assumed to turn once per diameter travelled.
+    lift and control are ``rho/2 C_L d^2``. A moment, and each rate among the signals, adds a lever as factor: half the
+    length, or the diameter in the roll equation. A term with more or fewer than two velocities and rates has the same
+    force at half the Froude speed ``sqrt(g l)``. A thrust counts as the drag on the frontal area at that speed. A
+    propeller as wide as the hull is assumed to turn once per diameter travelled.
     """
     pressure, speed = 0.5 * size.density, 0.5 * np.sqrt(GRAVITY * size.length)
     half_length = 0.5 * size.length

@@ -30,7 +30,7 @@ from auvid_cli.vehicle.coefficients import Coefficient, admissible_terms, regres
 HELD_OUT = 1.0 / 3.0
 # Factors of the process noise that are tried in turn.
 _NOISE_FACTORS = 3.0, 10.0, 30.0, 100.0, 300.0
-# Log-likelihood gain by the linear problem (two sigma) from which a term is worth a fit.
+# Gain of the log-likelihood, predicted by the linear problem, from which a term is fitted (two sigma).
 _MIN_LINEAR_GAIN = 2.0
 # Correlation from which two terms can hardly be distinguished.
 _INDISTINGUISHABLE = 0.95
@@ -38,7 +38,7 @@ _INDISTINGUISHABLE = 0.95
 _REPLACEABLE = 0.7
 # Number of distinguishable terms that are fitted in a round.
 _N_FITS = 3
-# Number of terms correlated with the best of these that are fitted then.
+# Number of further terms that are fitted then: those most correlated with the best one.
 _N_NEIGHBOURS = 3
 # Number of terms that are listed in a round.
 _N_LISTED = 5
@@ -175,11 +175,12 @@ def search_terms(
 ) -> TermFindings:
     """Search for terms that the model lacks; the truth of a simulation is not used.
 
-    Each round scores all candidates twice: about the fit, and about a fit with more process noise, where coefficients
-    are less biased by what is missing. The scores are rough if a large term is missing, so the model is then fitted
-    with each of the best, and with their closest relatives. A term is found if it improves the likelihood of the
-    held-out data, and that of all data by more than the best of all candidates does by chance; of several such terms,
-    the one with the largest likelihood of all data. Terms of earlier rounds that no longer improve it are dropped.
+    Each round scores all candidates twice: about the fit, and about a fit with more process noise, where a missing term
+    biases the coefficients less. The scores are rough if a large term is missing, so the model is then fitted with each
+    of the best candidates and with those most correlated with them. A term qualifies if it improves the likelihood of
+    the held-out data, and that of all data by more than the best of all candidates does by chance. The round finds the
+    qualified term with the largest likelihood of all data, and drops earlier terms that no longer improve the
+    likelihood of the held-out data.
 
     Parameters
     ----------
@@ -305,7 +306,7 @@ class _CandidateScores(NamedTuple):
 
 
 def _new(candidates: Sequence[Coefficient], settings: RunSettings) -> tuple[Coefficient, ...]:
-    """Return the candidates that the vehicle does not have, neither the product nor the name."""
+    """Return the candidates with a product and a name that no term of the vehicle has."""
     own = settings.vehicle.coefficient_set
     names, products = {c.identifier for c in own}, {regressor_ahead(c) for c in own}
     return tuple(c for c in candidates if c.identifier not in names and regressor_ahead(c) not in products)

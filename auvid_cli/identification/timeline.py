@@ -286,7 +286,7 @@ def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> t
 
 
 def _held(changes: Ticks, times: Ticks) -> Indices:
-    """Return the row of the inputs that holds from each time on; before the first input, that one."""
+    """Return the row of the inputs that holds from each time on; the first row for earlier times."""
     return np.maximum(np.searchsorted(changes, times, side="right") - 1, 0)
 
 

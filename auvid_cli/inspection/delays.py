@@ -25,24 +25,24 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 _LIKELIHOOD_MARGIN = 10.0  # increase of the log-likelihood at which another sign, fin or lag is preferred
 # Largest apparent delay of inputs that are not delayed, s.
 _MAX_GOOD_FIT_DELAY = 0.075  # where the vehicle file predicts the rotation well
-_MAX_DELAY_SHARE = 0.05  # of the vehicle's time constant, if that is longer
+_MAX_DELAY_SHARE = 0.05  # or this share of the vehicle's time constant, if that is longer
 _MAX_DELAY_WITHOUT_FILE = 0.3  # without coefficients in the vehicle file
 _MAX_POOR_FIT_DELAY = 0.6  # where the vehicle file predicts the rotation poorly
-_MAX_FIN_LAG = 0.6  # s, of slow fins: inputs may be that early
+_MAX_FIN_LAG = 0.6  # s, lag of slow fins, by which inputs may be early
 _MAX_INPUT_LAG = 3.0  # s, longest delay of the inputs that is considered
-_GOOD_FIT_CORRELATION = 0.9  # partial
-_MIN_INPUT_CORRELATION = 0.4  # partial, at which a response shows a lag
-_MIN_FIN_CHANGE = 0.1  # change of a fin within the delay, in standard deviations: more distorts coefficients
+_GOOD_FIT_CORRELATION = 0.9  # partial correlation from which the vehicle file predicts well
+_MIN_INPUT_CORRELATION = 0.4  # partial correlation from which a response shows a lag
+_MIN_FIN_CHANGE = 0.1  # change of a fin within the delay, in its standard deviations, that distorts coefficients
 _DELAY_SIGMAS = 2.0
 _MIN_WINDOWS = 15
 _MAX_ROWS = 10_000
-_MAX_EXPLAINED = 1.0 - 1e-9  # of a variance
+_MAX_EXPLAINED = 1.0 - 1e-9  # largest explained share of a variance
 _ROUNDING = 1e-9
 _OTHER_FIN = {"elevator": "rudder", "rudder": "elevator"}
-_SENSOR_DELAY_NOTE = 0.075  # s, as due to filters of an attitude reference
+_SENSOR_DELAY_NOTE = 0.075  # s, typical of the filters of an attitude reference
 _SENSOR_DELAY_FAILURE = 0.15  # s
 _MAX_SENSOR_LAG = 1.5  # s, longest delay of a sensor that is considered
-_AFT_SHARE = 0.25  # of the vehicle's time constant: apparent delay of a depth sensor far aft
+_AFT_SHARE = 0.25  # apparent delay of a depth sensor far aft, as a share of the vehicle's time constant
 _MIN_SENSOR_CORRELATION = 0.8
 _OTHER_REASONS = {
     "depth": " Or the depth sensor is far from the origin.",
@@ -51,7 +51,7 @@ _OTHER_REASONS = {
 
 
 def shifted(values: Array, cells: int) -> Array:
-    """Return values `cells` earlier, or later if negative; NaN at the end that becomes unknown."""
+    """Return values `cells` earlier, or later if negative; NaN at the end without values."""
     lost = np.full(min(abs(cells), values.size), np.nan)
     return np.concatenate([values[cells:], lost] if cells > 0 else [lost, values[: max(values.size + cells, 0)]])
 
@@ -278,7 +278,7 @@ class _Pair(NamedTuple):
     measured: Array
     expected: Array
     reversed_w: Array | None = None  # prediction with the sign of w reversed, which looks like a delay
-    swings: bool = False  # whether a lever arm between the sensors looks like a delay
+    is_of_lever_arm: bool = False  # whether a lever arm between the sensors looks like a delay
 
 
 def sensor_delay_checks(signals: Signals, time_constant: float | None, contradicted: bool) -> list[Check]:
@@ -295,7 +295,7 @@ def sensor_delay_checks(signals: Signals, time_constant: float | None, contradic
         by_sensors.setdefault((pair.sensor, pair.other), []).append(pair)
     # A DVL ahead of the accelerometer looks late. So a lag of these two is only a note, unless surge, which no lever
     # arm affects, shows it by itself.
-    surge = [pair for pair in by_sensors.get(("dvl", "accelerometer"), ()) if not pair.swings]
+    surge = [pair for pair in by_sensors.get(("dvl", "accelerometer"), ()) if not pair.is_of_lever_arm]
     lag = _lag(signals, surge, window)
     late = lag is not None and lag.least > _SENSOR_DELAY_FAILURE
     failure = {
@@ -325,7 +325,7 @@ def _pairs(signals: Signals, half: int) -> Iterator[_Pair]:
         acceleration = value[f"f{'xyz'['uvw'.index(velocity)]}"] - sum(force.others)
         measured = rate_of_change(value[velocity], step, half)
         expected = response_to_rates(acceleration, step, half)
-        yield _Pair("dvl", "accelerometer", measured, expected, swings=velocity != "u")
+        yield _Pair("dvl", "accelerometer", measured, expected, is_of_lever_arm=velocity != "u")
 
 
 class _Lag(NamedTuple):

@@ -27,17 +27,17 @@ MIN_SPREAD = 0.02  # m/s, and m/s^2 against the accelerometer
 _GAIN_TOLERANCE = 0.2
 _GAIN_SIGMAS = 3.0
 _MIN_CORRELATION = 0.7
-_SCALE_TIME = 3.0  # s, of a change of depth: long enough that smoothing and delays hardly matter
-_MIN_SCALE_INTERVALS = 10  # of depth and pitch in that time: interpolation flattens slower signals
+_SCALE_TIME = 3.0  # s, duration of a change of depth, so long that smoothing and delays hardly matter
+_MIN_SCALE_INTERVALS = 10  # samples of depth and pitch in that time; interpolation flattens slower signals
 _MAX_SCALE_ERROR = 0.01
-_MAX_SCALE_DEVIATION = 0.006  # standard error at which a scale is known
+_MAX_SCALE_DEVIATION = 0.006  # largest standard error of a known scale
 _SCALE_SIGMAS = 2.0
 _PITCH_OFFSET_NOTE = np.deg2rad(2.0)
 _PITCH_OFFSET_FAILURE = np.deg2rad(5.0)
 _PITCH_INTERVAL = 10.0  # s, shortest interval with a pitch offset of its own
 _MAX_PITCH_INTERVALS = 1000
 _MIN_PITCH_RUN = 2  # successive intervals with the same offset
-_AHEAD_SHARE = 0.5  # of the usual speed, at which the vehicle moves where its nose points
+_AHEAD_SHARE = 0.5  # share of the usual speed from which the vehicle moves where its nose points
 _PITCH_ITERATIONS = 4
 DEPTH_NAME = "depth against pitch and u"
 DEPTH_THRESHOLD = f"gain 1 +- {_GAIN_TOLERANCE}, correlation >= {_MIN_CORRELATION}"
@@ -47,7 +47,7 @@ class PitchOffset(NamedTuple):
     """Offset of theta, rad."""
 
     usual: float  # median over intervals of the run
-    temporary: float | None = None  # median over `span` if it is too large only there
+    temporary: float | None = None  # median over `span` if only this one is too large
     span: tuple[float, float] | None = None  # longest time span with a temporary offset, s
     rest: float | None = None  # median over the rest of the run
 

@@ -16,23 +16,23 @@ from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, SENSORS, Quantity
 
 _MIN_FIN = np.deg2rad(1.0)  # rad, RMS
-_MIN_THRUST_SHARE = 0.02  # RMS, of the mean
+_MIN_THRUST_SHARE = 0.02  # RMS as a share of the mean
 _MIN_THRUST = 1e-3  # N, RMS
 _MIN_ROLL_MOMENT = 1e-3  # N m, RMS
-_MIN_NOISE_RATIO = 3.0  # of a motion to the noise of its sensor
-_MOVING_SHARE = 0.2  # of the usual speed
-_MIN_MOVING_TIME = 0.5  # of the time
+_MIN_NOISE_RATIO = 3.0  # ratio of a motion to the noise of its sensor
+_MOVING_SHARE = 0.2  # share of the usual speed from which the vehicle is under way
+_MIN_MOVING_TIME = 0.5  # share of the time
 # By input: velocity whose damping balances it in steady motion, and the coefficient.
 _BALANCED = {"surge_force": ("u", "X_u|u|"), "roll_moment": ("p", "K_p|p|")}
-_MIN_MEASUREMENTS = 1.0  # per time constant of the vehicle
-_GOOD_MEASUREMENTS = 2.0  # per time constant of the vehicle
+_MIN_MEASUREMENTS = 1.0  # measurements per time constant of the vehicle; fewer fail
+_GOOD_MEASUREMENTS = 2.0  # measurements per time constant of the vehicle; fewer are noted
 # Ratio of an input to a reference. Thrust: the drag of a disc of the hull's diameter (a streamlined hull has about a
 # tenth of it) plus the inertia. Roll moment: weight times radius.
 _USUAL_RATIO = (3e-3, 10.0)
 _POSSIBLE_RATIO = (1e-4, 100.0)
 _REACHED_QUANTILE = 0.9
 _MIN_SPEED = 0.05  # m/s
-_MAX_THRUST_CORRELATION = 0.95  # with n |n|; above, thrust was computed from revolutions
+_MAX_THRUST_CORRELATION = 0.95  # with n |n|; a higher one means that thrust was computed from revolutions
 _MAX_FIN = 0.5 * np.pi
 _MAX_LIMITED_TIME = 0.01  # share of the time
 

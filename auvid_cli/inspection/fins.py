@@ -22,30 +22,32 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 _ACROSS = ("v", "w", "p", "q", "r")
 _LINEAR_STATES = ("u", *_ACROSS, "phi", "theta")
-_FORCE_ROWS = {"surge_force": 0, "roll_moment": 3}  # of the equations of motion
-_MEAN_MODULUS = np.sqrt(2.0 / np.pi)  # of a Gaussian signal, in standard deviations
-# By rate: states that move with it; others are held.
+_FORCE_ROWS = {"surge_force": 0, "roll_moment": 3}  # row of the equations of motion for each input
+_MEAN_MODULUS = np.sqrt(2.0 / np.pi)  # mean modulus of a Gaussian signal, in standard deviations
+# For each rate, the states that change with it; others are constant.
 _FREE_STATES = {"p": ("p", "phi"), "q": ("w", "q", "theta"), "r": ("v", "r")}
 _INPUTS = {axis.rate: axis.input for axis in AXES}
-_ROLL_STEP = 1e-4  # rad, of a difference quotient
+_ROLL_STEP = 1e-4  # rad, step of a difference quotient
 _STRENGTH_SIGMAS = 3.0
-_MIN_CORRELATION = 0.9  # partial, at which a strength is known
-_MIN_EXPLAINED_SHARE = 0.3  # of the change of the rate, by the fin
+_MIN_CORRELATION = 0.9  # partial correlation from which an effectiveness is known
+_MIN_EXPLAINED_SHARE = 0.3  # share of the change of the rate that the fin explains
 _MIN_INDEPENDENT_WINDOWS = 40.0  # fewer come from one turn, or from a fin that only follows the motion
 _MAX_TRIM = np.deg2rad(0.5)
 _TRIM_SIGMAS = 5.0
-# Smallest share of a constant rudder's effect that is independent of turning. Less: hardly any straight course, or
-# turns to one side only.
+# Smallest share of a constant rudder's effect that is independent of turning. It is smaller if there is hardly any
+# straight course, or if turns are to one side only.
 _MIN_TRIM_SHARE = 0.9
-_MAX_MEAN_ROLL = np.deg2rad(2.0)  # beyond, as due to propeller torque, the elevator turns the vehicle too
+_MAX_MEAN_ROLL = np.deg2rad(2.0)  # with more, for example from propeller torque, the elevator turns the vehicle too
 _YAW = AXES[2]
 
 
 class LinearMotion(NamedTuple):
     """Linear equations of motion."""
 
-    by_state: Array  # rates of change of u, v, w, p, q, r, roll and pitch, by each of them, shape (8, 8)
-    by_input: dict[str, Array]  # shape (8,); per force or moment, for a fin per angle and square of the speed
+    # Shape (8, 8); derivative of the rates of change of u, v, w, p, q, r, roll and pitch by these states
+    by_state: Array
+    # By input, shape (8,); derivative of these rates by a force or moment, or by a fin angle times speed squared
+    by_input: dict[str, Array]
 
     def pulse_responses(self, rate: str, states: Sequence[str], given: str, step: float, cells: int) -> Array:
         """Return the change of a rate at the end of `cells` steps due to a unit input in each step, shape (cells,).
@@ -140,7 +142,7 @@ def predicted_response(
 ) -> PredictedResponse | None:
     """Return the change of a rate over a window of cells with its prediction; None without moving input or rate.
 
-    Covariates are the motion at the begin of the window, linear and as cross-flow, so that an autopilot, whose inputs
+    Covariates are the motion at the start of the window, linear and as cross-flow, so that an autopilot, whose inputs
     follow the motion, does not count; for pitch also the effect of a turn.
     """
     force, rates = moment(signals, axis), rates_by_sensor(signals, axis.rate)
@@ -228,20 +230,20 @@ class RudderTrim(NamedTuple):
 
     @property
     def is_significant(self) -> bool:
-        """Whether it differs from zero beyond doubt, and by more than 0.5 deg."""
+        """Whether the trim is significantly larger than 0.5 deg."""
         return abs(self.angle) > _MAX_TRIM + _TRIM_SIGMAS * self.error
 
 
 def rudder_trim(signals: Signals, motion: LinearMotion | None, time_constant: float | None) -> RudderTrim | None:
-    """Return the rudder angle without turning of the heading: the vehicle and its mirror image turn alike.
+    """Return the recorded rudder angle at which the heading does not turn; 0 is expected of a symmetric vehicle.
 
-    None where the rudder does not move, the vehicle lies over, or there is hardly a straight course or turns to both
-    sides. `signals` have aligned inputs. `motion` weights the rudder over the time in which it acts. Turning comes from
-    the heading, because a gyroscope's bias would look like a turn.
+    None if the rudder does not move, the mean roll is large, hardly any course is straight, or all turns are to one
+    side. `signals` have aligned inputs. `motion` weights the rudder over the time in which it acts. The turn rate comes
+    from the heading, because a gyroscope's bias would look like a turn.
     """
     turns = moment(signals, _YAW)
     rates = {name: rate for name, rate in rates_by_sensor(signals, _YAW.rate).items() if name != "gyroscope"}
-    if turns is None or not rates or _lies_over(signals):
+    if turns is None or not rates or _heels(signals):
         return None
     ((name, rate),) = rates.items()
     window = response_window(signals, _YAW, time_constant)
@@ -259,7 +261,7 @@ def rudder_trim(signals: Signals, motion: LinearMotion | None, time_constant: fl
     return RudderTrim(fitted.gain, fitted.error)
 
 
-def _lies_over(signals: Signals) -> bool:
+def _heels(signals: Signals) -> bool:
     roll = signals.values.get("phi", np.zeros(1))
     finite = roll[np.isfinite(roll)]
     return bool(finite.size) and abs(float(finite.mean())) > _MAX_MEAN_ROLL
@@ -278,7 +280,7 @@ def rudder_trim_checks(trim: RudderTrim | None) -> list[Check]:
             threshold=f"<= {np.rad2deg(_MAX_TRIM):.2g} deg",
             passed=None if trim.is_significant else True,
             advice=f"The vehicle goes straight at a recorded rudder of {trim.angle:.3g} rad: its zero is wrong, the "
-            "hull is bent, or the vehicle lies over. Set `centre` or `offset` in the map, or estimate the trim "
+            "hull is bent, or the vehicle heels (mean roll). Set `centre` or `offset` in the map, or estimate the trim "
             "(`identification.estimate.biases: [fin_trim]`).",
         )
     ]

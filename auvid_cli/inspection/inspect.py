@@ -26,7 +26,7 @@ from auvid_cli.inspection.velocity import against_force, mean_speed, velocity_ch
 from auvid_cli.vehicle.parameters import SENSORS
 
 _MAX_INPUTS = 100_000  # samples of the inputs in a timeline
-_MAX_BINS = 600  # of a timeline
+_MAX_BINS = 600  # largest number of bins in a timeline
 _MEASUREMENTS_PER_BIN = 10
 
 
@@ -221,9 +221,8 @@ class _AxisEvidence(NamedTuple):
     agreement: tuple[str, ...]  # checks of the rate against an angle; the first that was determined counts
     response: tuple[str, str]  # subject and check of the response to the input
     others: tuple[tuple[str, str], ...]  # subject and check of other evidence on the direction of rotation
-    # symbols, positive: signals with the wrong sign if both contradict them, and their correct direction
-    symbols: str
-    positive: str
+    symbols: str  # signals with the wrong sign if response and other evidence contradict them
+    positive: str  # correct positive direction of these signals
     dependent: tuple[str, ...] = ()  # other checks that need the rate or the angle
 
 
@@ -255,7 +254,7 @@ _AXIS_EVIDENCE = (
 
 
 def weighted_evidence(checks: Sequence[Check]) -> list[Check]:
-    """Return checks without results that depend on a contradicted rate or angle, and without advice to mirror."""
+    """Return the checks, undetermined if they need a contradicted rate or angle; advice warns of a mirror image."""
     by_name = {(check.subject, check.check): check for check in checks}
     for axis in _AXIS_EVIDENCE:
         agreements = [check for name in axis.agreement for check in checks if check.check == name]

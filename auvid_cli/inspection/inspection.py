@@ -18,11 +18,11 @@ from auvid_cli.vehicle.parameters import SENSORS
 if TYPE_CHECKING:
     import pandas as pd
 
-# Check without a filter: data belong to none.
+# Check of data, which belong to no filter.
 judged = partial(Check.of, "")
 MarkKind = Literal["gap", "clock", "stuck", "spike", "step"]
 UNDETERMINED = "undetermined"
-# By SI unit: factor by which numbers in another unit are too large.
+# For each SI unit, other units and the factor by which their numbers are larger.
 _UNIT_FACTORS = {
     "m": {"feet": 1.0 / 0.3048, "mm": 1000.0, "cm": 100.0},
     "m/s": {"knots": 3600.0 / 1852.0, "ft/s": 1.0 / 0.3048, "km/h": 3.6, "mm/s": 1000.0, "cm/s": 100.0},
@@ -30,7 +30,7 @@ _UNIT_FACTORS = {
     "rad": {"degrees": 57.29577951308232, "mrad": 1000.0},
     "rad/s": {"deg/s": 57.29577951308232, "rad/min": 60.0, "revolutions per minute": 9.549296585513721},
 }
-_UNIT_TOLERANCE = log(1.1)  # of the logarithm of a factor
+_UNIT_TOLERANCE = log(1.1)  # tolerance of the logarithm of a factor
 
 
 def undetermined(
@@ -55,7 +55,7 @@ def mistaken_unit(symbol: str, unit: str, times: float) -> str:
 
 
 def mistaken_units(gain: float, above: tuple[str, str], below: tuple[str, str]) -> str:
-    """Return such sentences for a ratio of two signals, each a symbol and its SI unit."""
+    """Return the sentences of `mistaken_unit` for a ratio of two signals, each a symbol and its SI unit."""
     if gain == 0.0:
         return ""
     size = abs(gain)
@@ -63,7 +63,7 @@ def mistaken_units(gain: float, above: tuple[str, str], below: tuple[str, str]) 
 
 
 def suggested_units(gain: float, above: tuple[str, str], below: tuple[str, str]) -> str:
-    """Return what `mistaken_units` finds as the end of an advice; empty if that is nothing."""
+    """Return the sentences of `mistaken_units` as the end of an advice; empty if there are none."""
     units = mistaken_units(gain, above, below)
     return f" The gain suggests: {units}" if units else ""
 

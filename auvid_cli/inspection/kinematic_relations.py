@@ -15,14 +15,14 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
 _STEP = 0.1  # s, cell of the grid
 _MAX_SPAN = 14 * 86400.0  # s
-_MAX_EMPTY = 1_000_000  # cells of a grid, for any number of samples
+_MAX_EMPTY = 1_000_000  # cells that a grid may have with any number of samples
 _MAX_CELLS_PER_SAMPLE = 10
-_MAX_BRIDGE = 3.0  # median intervals of a sensor between two measurements that may be interpolated
-_MAX_ROWS = 20_000  # of a regression
-_MIN_WINDOWS = 15  # of a regression
+_MAX_BRIDGE = 3.0  # longest interval that is interpolated, in median intervals of the sensor
+_MAX_ROWS = 20_000  # largest number of samples in a regression
+_MIN_WINDOWS = 15  # smallest number of windows in a regression
 _HUBER_TUNING = 1.345  # robust standard deviations: 95 % as efficient as least squares for Gaussian noise
 _HUBER_ITERATIONS = 12
-_MIN_POWER = 1e-20  # of a regressor, relative: less is rounding
+_MIN_POWER = 1e-20  # unexplained share of a regressor's power; less is rounding
 
 
 class Grid(NamedTuple):
@@ -148,7 +148,7 @@ def change(values: Array, window: int) -> Array:
 
 
 def mean_between_middles(values: Array, window: int) -> Array:
-    """Return the mean from the middle of each cell to that of the cell `window` later: half of both counts."""
+    """Return the mean from the middle of each cell to that of the cell `window` later; these two cells count half."""
     means = smoothed(values, window)
     return 0.5 * (means + np.append(means[1:], np.nan))
 
@@ -162,10 +162,9 @@ def without_mean(values: Array, window: int) -> Array:
 class Regression(NamedTuple):
     """Regression of one signal on another, given further regressors."""
 
-    # gain, error: slope and its standard error; samples within one window count as one
-    gain: float
-    error: float
-    correlation: float  # partial
+    gain: float  # slope
+    error: float  # standard error of the slope; samples within one window count as one
+    correlation: float  # partial correlation
     spread: float  # standard deviation of the regressor, without the part that the further regressors explain
     independent: float  # effective number of windows: small if a single event dominates
 
@@ -216,9 +215,8 @@ class _Weighted(NamedTuple):
     gain: float
     residual: Array
     variance: float
-    # power, power_of_values: mean square of regressor and values, without the part that the further regressors explain
-    power: float
-    power_of_values: float
+    power: float  # mean square of the regressor, without the part that the further regressors explain
+    power_of_values: float  # the same of the values
     evenness: float  # effective share of the samples: 1 if all have the same weight in the fit
 
 
@@ -245,7 +243,7 @@ def _unit(values: Array) -> Array:
 
 
 class Relation(NamedTuple):
-    """Terms whose sum a signal equals: `main` plus `others`."""
+    """Right-hand side of a kinematic relation: a signal equals `main` plus the sum of `others`."""
 
     main: Array
     others: tuple[Array, ...]
@@ -289,7 +287,10 @@ def rates_by_sensor(signals: Signals, symbol: str) -> dict[str, Array]:
 
 
 def measured_forces(signals: Signals) -> dict[str, Relation]:
-    """Return specific force from DVL and attitude, by velocity, whose change is the main term; empty without them."""
+    """Return the specific force along u, v and w from DVL and attitude; the main term is the change of the velocity.
+
+    Empty without these sensors or an accelerometer.
+    """
     if not signals.has("phi", "theta", "psi", "u", "v", "w", "fx", "fy", "fz"):
         return {}
     rates = attitude_rates(signals)

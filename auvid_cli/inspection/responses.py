@@ -18,14 +18,14 @@ from auvid_cli.inspection.kinematic_relations import (
     smoothed,
 )
 
-_MAX_FLOW_ANGLE = np.deg2rad(2.0)  # rad, due to a current that needs no note
+_MAX_FLOW_ANGLE = np.deg2rad(2.0)  # rad, largest effect of a current that needs no note
 _CURRENT_SIGMAS = 5.0
 _SIGN_SIGMAS = 5.0  # standard errors of a gain from 0 at which its sign is known
 _MIN_SIGN_CORRELATION = 0.4  # partial correlation at which the sign of a gain is known
 MIN_DEFLECTION = 1e-3  # rad, standard deviation of a fin that moves
 _ROLL_SYMBOLS = "phi", "p"
 _MIN_RESPONSE_TIME = 0.3  # s
-_USUAL_RESPONSE_TIME = 1.0  # s, of a vehicle without known time constant
+_USUAL_RESPONSE_TIME = 1.0  # s, for a vehicle with an unknown time constant
 _MAX_RESPONSE_TIME = 3.0  # s
 
 
@@ -64,7 +64,7 @@ def estimate_current(signals: Signals) -> Current | None:
 
 
 def is_significant(signals: Signals, current: Current) -> bool:
-    """Whether a current is there beyond doubt and turns the flow by more than 2 deg."""
+    """Whether a current is significant and turns the flow by more than 2 deg."""
     return current.speed > _max_current(signals) + _CURRENT_SIGMAS * current.error
 
 
@@ -107,11 +107,10 @@ def _max_current(signals: Signals) -> float:
 class RotationAxis(NamedTuple):
     """An axis of rotation."""
 
-    # rate, angle, input: symbols of the turn rate, the angle and the input about this axis
-    rate: str
-    angle: str
-    input: str
-    sign: int  # of the rate after a positive input; a positive fin pushes the stern to starboard or up
+    rate: str  # symbol of the turn rate about this axis
+    angle: str  # symbol of the angle
+    input: str  # symbol of the input
+    sign: int  # sign of the rate after a positive input; a positive fin pushes the stern to starboard or up
     covariates: tuple[str, ...]  # symbols of other signals that change the moment
 
 
@@ -157,9 +156,9 @@ def _response_time(time_constant: float | None) -> float:
 def response_fits(signals: Signals, axis: RotationAxis, time_constant: float | None) -> dict[str, Regression | None]:
     """Return the regression of the change of a rate on an input, by the sensor of the rate.
 
-    The change over a window is regressed on the mean input, given the motion at its begin, so that an autopilot, whose
-    inputs follow the motion, does not reverse the sign. Roll is restored and damped within the window: there the means
-    of the motion count, as in the integral of the moments.
+    The change over a window is regressed on the mean input, given the motion at the start of the window, so that an
+    autopilot, whose inputs follow the motion, does not reverse the sign. Roll is restored and damped within the window,
+    so its covariates are means over the window.
     """
     by_sensor = rates_by_sensor(signals, axis.rate)
     force, window = moment(signals, axis), response_window(signals, axis, time_constant)

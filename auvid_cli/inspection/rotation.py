@@ -33,19 +33,19 @@ _GAIN_TOLERANCE = 0.2
 _GAIN_SIGMAS = 3.0
 _MIN_CORRELATION = 0.7
 _MIN_SPREAD = np.deg2rad(0.3)  # rad/s, of a rate from attitude
-_MIN_NOISE_RATIO = 3.0  # of that spread to the part due to noise of the angle
+_MIN_NOISE_RATIO = 3.0  # ratio of the spread of a rate to the part due to noise of the angle
 _AGREEMENT_THRESHOLD = f"gain 1 +- {_GAIN_TOLERANCE}, correlation >= {_MIN_CORRELATION}"
 _MIN_EXCURSION = np.deg2rad(3.0)
-_MIN_EXCURSION_NOISE = 8.0  # times the noise
+_MIN_EXCURSION_NOISE = 8.0  # smallest excursion, times the noise
 _DRIFT_TIME = 12.0  # s; slower changes of the difference of two headings are drift
 _EXCURSION_THRESHOLD = (
     f"<= {np.rad2deg(_MIN_EXCURSION):.2g} deg or {_MIN_EXCURSION_NOISE:g} times the noise, without drift over "
     f"{_DRIFT_TIME:g} s"
 )
 _HEADING_SENSORS = {"psi": "attitude", "heading": "magnetometer"}
-_AVERAGING_TIME = 5.0  # s, of rates; shorter errors count as noise
+_AVERAGING_TIME = 5.0  # s, over which rates are averaged; shorter errors count as noise
 _MIN_AVERAGES = 6
-_MAX_ERROR_RATIO = 2.0  # of averages, to the part due to the stated noise
+_MAX_ERROR_RATIO = 2.0  # ratio of averaged errors to the part due to the stated noise
 _MAX_PITCH = np.deg2rad(80.0)
 
 
@@ -200,7 +200,7 @@ def stability_checks(signals: Signals) -> list[Check]:
 
 
 def excursion_checks(signals: Signals, stepped: Collection[str]) -> tuple[list[Check], list[Mark]]:
-    """Check each heading for excursions from the integrated turn rate, or without one psi from the other heading.
+    """Check headings for excursions from the integrated turn rate; without one, check psi against the other heading.
 
     A heading in `stepped` already failed for its steps. One that does not turn like its reference fails elsewhere.
     """
@@ -286,9 +286,8 @@ class RateError(NamedTuple):
     """Autocorrelated error of a rate of the gyroscope: difference to attitude, averaged over some seconds."""
 
     rate: str
-    # size, expected: root mean square, and the part due to the stated noise, rad/s
-    size: float
-    expected: float
+    size: float  # root mean square, rad/s
+    expected: float  # part of the root mean square due to the stated noise, rad/s
     gain: float  # increase of the log-likelihood if noise were of that size; 0 up to the stated size
 
     @property
@@ -339,7 +338,7 @@ def _unexplained(signals: Signals, euler_rate: Array, angle: Array) -> tuple[Arr
 
 
 def _noise_of_average(signals: Signals, sensors: Mapping[str, SensorRecord], rate: str, angle: str) -> float:
-    """Return the standard deviation of such a difference due to the stated white noise, rad/s."""
+    """Return the standard deviation of an average from `_unexplained` due to the stated white noise, rad/s."""
     stated = (_component(sensors, symbol) for symbol in (rate, angle))
     of_rate, of_angle = (float(record.standard_deviation[component]) for record, component, _ in stated)
     in_a_cell = max(signals.grid.step / signals.interval[angle], 1.0)

@@ -18,18 +18,18 @@ from auvid_cli.inspection.timing import clock_jumps
 from auvid_cli.vehicle.kinematics import euler_rates
 from auvid_cli.vehicle.parameters import SENSORS, Quantity
 
-_MAX_AVERAGING_SHARE = 0.1  # of the record; longer averages are too few
+_MAX_AVERAGING_SHARE = 0.1  # longest averaging time as a share of the record; longer averages are too few
 _MIN_INSTABILITY_SAMPLES = 100
 # Ratio of the Allan deviation of flicker noise to its bias instability, IEEE Std 952-1997, annex C.
 _FLICKER = (2.0 * np.log(2.0) / np.pi) ** 0.5
 _MAX_SPIKE = 15.0  # robust standard deviations
-_MIN_NOISE_SHARE = 0.2  # of the stated noise: smallest scale of a spike
+_MIN_NOISE_SHARE = 0.2  # smallest scale of a spike as a share of the stated noise
 _MAX_SPAN_OF_FIVE = 1.75  # median spans of five measurements
 _DIFFERENCE_ORDERS = (2, 4, 6, 8)
 MIN_NOISE_SAMPLES = _DIFFERENCE_ORDERS[-1]  # more samples than this determine a noise floor
-_MAX_NOISE_RATIO = 2.0  # to the stated noise
+_MAX_NOISE_RATIO = 2.0  # ratio of the noise floor to the stated noise
 _MAX_LEVEL_SAMPLES = 100_000
-_MAX_QUANTISATION_RATIO = 12.0**0.5  # to the stated noise: the rounding error is then as large
+_MAX_QUANTISATION_RATIO = 12.0**0.5  # ratio of the step to the stated noise; the rounding error is then as large
 _MIN_ANGLE_STEP = np.deg2rad(3.0)
 _MIN_ANGLE_STEP_SIGMAS = 10.0  # robust standard deviations
 _MAX_EXCURSION = 5.0  # s
@@ -109,7 +109,7 @@ def continuous(values: Array, quantity: Quantity) -> Array:
 def noise_floor(values: Array) -> float:
     """Return an upper bound of the standard deviation of white noise.
 
-    The smallest median absolute difference over several orders of differences, so that neither spikes nor motion count.
+    It is the smallest median absolute difference over several orders of differences: neither spikes nor motion count.
     """
     # `logs.noise` states noise for a filter from second differences alone. They contain some motion; there too much
     # noise is safe. This function checks a stated noise, so motion must not count.
@@ -131,7 +131,7 @@ def level_distance(values: Array) -> float:
 def spike_sizes(time: Array, values: Array, noise: float) -> Array:
     """Return the distance of each measurement from its neighbours, in robust standard deviations of that distance.
 
-    The smaller of the distances to the median of five and to the cubic through two neighbours on either side. The
+    It is the smaller of the distances to the median of five and to the cubic through two neighbours on either side. The
     median ignores the ends of a step, the cubic a smooth extreme. A distance counts if it is larger than the change
     between these neighbours, as at the sharp extreme of a slow record. Of five in a row only the largest counts,
     because a spike distorts the cubics next to it; none counts next to a gap.
@@ -289,7 +289,7 @@ def _integrated(time: Array, rate: Array, until: Array) -> Array:
 
 
 def step_check(name: str, symbol: str, before: Array, size: Array) -> Check:
-    """Check an angle for steps; count those that are taken back within seconds."""
+    """Check an angle for steps; count those that are reversed within seconds."""
     starts = _excursions(before, size)
     statistic = "none"
     if starts.size:
@@ -315,7 +315,7 @@ def step_check(name: str, symbol: str, before: Array, size: Array) -> Check:
 
 
 def _excursions(time: Array, size: Array) -> NDArray[np.int64]:
-    """Return the steps that the next one takes back; of several in turn, the shortest."""
+    """Return the steps that the next step reverses; of several in a row, the one with the shortest duration."""
     back = np.abs(size[1:] + size[:-1]) < 0.5 * np.abs(size[1:])
     duration = np.where(back & (np.diff(time) <= _MAX_EXCURSION), np.diff(time), np.inf)
     least = np.minimum(np.append(np.inf, duration[:-1]), np.append(duration[1:], np.inf))

@@ -9,11 +9,11 @@ from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.data.signals import gap_limit, quantisation_step, repeats
 from auvid_cli.inspection.inspection import judged
 
-_MAX_JITTER = 0.5  # of the median interval
+_MAX_JITTER = 0.5  # share of the median interval
 _MAX_INPUT_INTERVAL = 0.5  # s, for any vehicle
 _MAX_MISSING_SHARE = 0.01  # above: a note
 _FAILED_MISSING_SHARE = 0.5  # above: fails
-# Ratio of changes over a long interval to changes from sample to sample at which the two can be told apart.
+# Smallest ratio of changes over a long interval to changes from sample to sample that distinguishes the two.
 _MIN_CHANGE_RATIO = 3.0
 _MAX_CONTINUOUS_CHANGE = 3.0  # robust standard deviations of a change from sample to sample
 
@@ -21,8 +21,8 @@ _MAX_CONTINUOUS_CHANGE = 3.0  # robust standard deviations of a change from samp
 def new_measurement_rate(record: SensorRecord) -> float:
     """Return the rate of measurements that differ from the previous one, 1/s; 0 with fewer than two.
 
-    The usual rate times the share of new measurements. Rounded measurements may be equal by chance: for them the
-    inverse of the median interval between new ones.
+    It is the usual rate times the share of new measurements; for rounded measurements, which may be equal by chance, it
+    is the inverse of the median interval between new ones.
     """
     starts = repeats(record)[:, 0]
     if starts.size < 2:
@@ -35,7 +35,7 @@ def new_measurement_rate(record: SensorRecord) -> float:
 
 
 def clock_jumps(record: SensorRecord) -> NDArray[np.int64]:
-    """Return the indices of the samples before each jump of the time that the measurements do not show."""
+    """Return the index of the sample before each jump of the time at which the measurements do not jump."""
     time = record.time
     intervals = np.diff(time)
     if not intervals.size:
@@ -173,8 +173,8 @@ def _clock(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> Check:
 def _missing_share(record: SensorRecord) -> float:
     """Return the share of missing values, among components that are measured at all.
 
-    A component with time stamps of its own is empty at those of others. So at most the share that is missing from its
-    own rate counts.
+    A component with time stamps of its own has no values at the time stamps of others. Therefore its share is at most
+    that of the values missing from its own rate.
     """
     present = np.isfinite(record.values)
     of_rows = 1.0 - float(present.any(axis=1).mean())

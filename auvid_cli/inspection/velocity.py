@@ -20,14 +20,14 @@ from auvid_cli.inspection.kinematic_relations import (
 )
 from auvid_cli.inspection.responses import Current
 
-_UNDER_WAY_SHARE = 0.2  # of the usual speed
+_UNDER_WAY_SHARE = 0.2  # share of the usual speed from which the vehicle is under way
 _MIN_SPEED = 0.05  # m/s
 _MAX_SPEED = 15.0  # m/s
-_MAX_SIDEWAYS_SHARE = 0.5  # of u
+_MAX_SIDEWAYS_SHARE = 0.5  # largest v or w as a share of u
 _MAX_FORCE_GAIN = 3.0  # an accelerometer checks signs and units, not scales
 _MAX_ARM = 0.15  # m, between DVL and accelerometer
 _ARM_SIGMAS = 3.0
-_ARM_SOURCES = (("v", "fy", "r"), ("w", "fz", "q"))  # velocity, specific force, turn rate
+_ARM_SOURCES = (("v", "fy", "r"), ("w", "fz", "q"))  # symbols of velocity, specific force and turn rate
 _MAX_HEADING_OFFSET = np.deg2rad(2.0)
 _MAX_DVL_AHEAD = 0.25  # lengths of the vehicle, from its pivot point to a DVL near the nose
 
@@ -35,7 +35,7 @@ _MAX_DVL_AHEAD = 0.25  # lengths of the vehicle, from its pivot point to a DVL n
 def velocity_checks(
     signals: Signals, length: float, time_constant: float | None, accelerometer_ahead: float = 0.0
 ) -> list[Check]:
-    """Check the DVL and everything that depends on it; with implausible velocities only these.
+    """Check the DVL and everything that depends on it; if the velocities are implausible, nothing else is checked.
 
     Parameters
     ----------

@@ -30,8 +30,8 @@ _INITIAL_TILT = np.deg2rad(3.0)  # standard deviation, rad
 def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, times: Array) -> SensorRecord:
     """Return estimated roll, pitch and yaw at some times, s.
 
-    `records` has those of gyroscope, accelerometer, magnetometer and dvl; `sensors` has their noise, not their biases.
-    The standard deviation of the result is that in `sensors.attitude`, which must be larger than the scatter, because
+    `records` holds gyroscope, accelerometer, magnetometer and dvl; `sensors` has their noise, not their biases.
+    The result has the standard deviation of `sensors.attitude`. It must be larger than the scatter, because
     the errors of an AHRS are autocorrelated.
     """
     settings = sensors.attitude
@@ -75,7 +75,7 @@ class _Ahrs(NamedTuple):
     """State of the filter, and work arrays; vectors have shape (3,) unless noted."""
 
     rotation: Array  # body to NED, shape (3, 3)
-    covariance: Array  # of the errors of attitude (NED) and gyro bias, shape (6, 6)
+    covariance: Array  # shape (6, 6); covariance of the errors of attitude (NED) and gyro bias
     moved: Array  # work array, shape (6, 6)
     rate: Array  # last measurement, NaN before the first
     velocity: Array  # last measurement, NaN before the first

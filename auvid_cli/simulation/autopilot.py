@@ -14,9 +14,9 @@ from auvid_cli.vehicle.matrices import mass_matrix
 class Controls(NamedTuple):
     """Gains and limits of an autopilot, SI; a gain is 0 if its loop is off."""
 
-    drag: float  # thrust by the square of the speed setpoint
-    surge_gain: float  # thrust by the speed error
-    length_time: float  # vehicle's length by the speed of the manoeuvre, s
+    drag: float  # thrust divided by the square of the speed setpoint
+    surge_gain: float  # thrust divided by the speed error
+    length_time: float  # vehicle's length divided by the speed of the manoeuvre, s
     rudder_gain: float
     elevator_gain: float
     pitch: float  # setpoint without a depth loop, rad
@@ -25,7 +25,7 @@ class Controls(NamedTuple):
     fin_rate: float  # limit, rad/s
     largest_force: float  # limit, N
     shared_fins: float  # 1 if each fin turns for both rudder and elevator, as on an x tail, else 0
-    torque: float  # roll moment of the propeller by its thrust, m
+    torque: float  # roll moment of the propeller divided by its thrust, m
     zigzag_rudder: float  # rad
     zigzag_heading: float  # heading at which the rudder is reversed, rad
     zigzag_start: float  # s
@@ -48,7 +48,7 @@ def autopilot_controls(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: 
         # The recorded inputs include all thrust and torque.
         torque = drag = 0.0
     if manoeuvre.propeller is not None:
-        # Terms with the revolutions balance the drag.
+        # The terms with revolutions, not the autopilot, balance the drag.
         drag = 0.0
     return Controls(
         drag=drag,

@@ -15,7 +15,7 @@ from auvid_cli.numerics import compiled, types
 from auvid_cli.vehicle.parameters import DISTURBANCE
 
 _vector = types.float64[::1]
-# Samples of noise drawn at once; that of ten hours at 100 Hz would take 86 MB.
+# Samples of noise drawn at once; all samples of ten hours at 100 Hz would take 86 MB.
 BLOCK = 50_000
 
 
@@ -95,7 +95,7 @@ def with_delay(record: SensorRecord, settings: SensorSettings, name: str, seed: 
 
 
 def draw_disturbance(settings: Disturbance, time: Array, seed: int) -> Array:
-    """Return force (N) and moment (N m) from each time to the next, shape (n, 6), each from its own stream."""
+    """Draw disturbing force, N, and moment, N m, shape (n, 6); each component has its own random stream."""
     drawn = np.zeros((time.size, len(DISTURBANCE)))
     for column, (quantity, (size, time_constant)) in enumerate(zip(DISTURBANCE, settings.per_axis(), strict=True)):
         if size > 0.0:

@@ -48,13 +48,11 @@ class ManoeuvrePlan(NamedTuple):
     time: Array  # start of each tick, s, shape (n,); inputs are constant during a tick
     # Shape (n, 4); rudder, elevator (rad), surge force (N), roll moment (N m), without the autopilot's part
     feedforward: Array
-    # speed, turn_rate: shape (n,); setpoints of the thrust and rudder loops, m/s and rad/s. Thrust may be negative, to
-    # brake.
-    speed: Array
-    turn_rate: Array
+    speed: Array  # shape (n,); setpoint of the thrust loop, m/s; to brake, the thrust may be negative
+    turn_rate: Array  # shape (n,); setpoint of the rudder loop, rad/s
     propulsion: Array  # shape (n, 2) or (n, 0); revolutions (turn/s) and voltage (V), if the manoeuvre has them
     pitch: float = 0.0  # setpoint of the elevator loop, rad; not used by a depth loop
-    # Rudder (rad), heading (rad) and approach (s) of a zigzag; rudder 0 for none
+    # Rudder (rad), heading (rad) and approach (s) of a zigzag; the rudder is 0 without a zigzag
     zigzag: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
@@ -146,8 +144,8 @@ def _excitation(excitation: Excitation, time: Array) -> Array:
 def orthogonal_multisine(settings: Multisine, time: Array, index: int, channels: int) -> Array:
     """Return a multisine of a channel's own harmonics, shifted in time so that it starts and ends at zero.
 
-    It has `settings.lines` harmonics, evenly spaced in its band, or all if there are fewer. `time` covers the run,
-    whose length is the common period. Channel `index`, from 0, has every `channels`-th harmonic.
+    It has `settings.lines` harmonics, evenly spaced in its band, or all of the band if there are fewer. `time` covers
+    the run, whose length is the common period. Channel `index`, from 0, has every `channels`-th harmonic.
 
     Different harmonics are orthogonal over the run (Morelli, Flight test maneuver design for efficient aerodynamic
     modeling, 2012).

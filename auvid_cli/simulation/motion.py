@@ -50,13 +50,12 @@ class Truth(NamedTuple):
 
     time: Array  # shape (n,)
     inputs: Array  # shape (n, 4) or (n, 6); mean actual inputs from this tick to the next, SI
-    commands: Array  # shape (n, 4) or (n, 6); commands of the actuators; equal to `inputs` if these are ideal
+    commands: Array  # shape (n, 4) or (n, 6); commands of the actuators; equal to `inputs` if the actuators are ideal
     motion: Array  # shape (n, 9); u, v, w, p, q, r, phi, theta, psi
     position: Array  # shape (n, 3); north, east, down, m
     disturbance: Array  # shape (n, 6); acceleration by the disturbance from this tick to the next, m/s^2 and rad/s^2
-    # constants, coefficients: vehicle, as of `vehicle_constants` and `factors`
-    constants: Array
-    coefficients: Array
+    constants: Array  # from `vehicle_constants`
+    coefficients: Array  # from `factors`
 
 
 _TRUTH = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 2), Truth)
@@ -65,11 +64,11 @@ _TRUTH = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 2), Truth)
 class _Workspace(NamedTuple):
     """Work arrays of a simulation."""
 
-    memory: Array  # of the autopilot, see `INITIAL_MEMORY`
-    block: Array  # motion in the first lane, shape (N_BLOCK,)
-    velocity: Array  # over ground at the beginning, middle and end of a substep, m/s, shape (3, 3)
-    step: Array  # for a Runge-Kutta step, shape (N_WORK,)
-    positions: Array  # of the actuators, SI, shape (N_ACTUATORS,)
+    memory: Array  # memory of the autopilot, see `INITIAL_MEMORY`
+    block: Array  # shape (N_BLOCK,); motion in the first lane
+    velocity: Array  # shape (3, 3); velocity over ground at the start, middle and end of a substep, m/s
+    step: Array  # shape (N_WORK,); scratch of a Runge-Kutta step
+    positions: Array  # shape (N_ACTUATORS,); positions of the actuators, SI
 
 
 _WORKSPACE = types.NamedTuple((_vector, _vector, _matrix, _vector, _vector), _Workspace)
@@ -91,6 +90,7 @@ def simulate_motion(
     disturbance : ndarray, shape (n, 6)
         Force (N) and moment (N m) in addition to those of the model, from each tick to the next.
     longest_step : float
+        s.
     trim : ndarray, shape (4,)
         Part of the planned inputs that is not a command and bypasses the actuators, SI.
 
@@ -99,7 +99,7 @@ def simulate_motion(
     SimulationError
         If roll, pitch or speed leave the range of the model; the message has the time.
     ConfigError
-        If the vehicle has no positive-definite mass matrix or lacks coefficients, or the manoeuvre inputs of its terms.
+        If the mass matrix is not positive definite, a coefficient has no value, or an input of an own term is missing.
     """
     if message := manoeuvre.missing_propulsion(vehicle.coefficient_set):
         raise ConfigError(message)

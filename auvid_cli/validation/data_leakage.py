@@ -14,7 +14,7 @@ from auvid_cli.identification.prepared_data import used_data, used_segments
 from auvid_cli.identification.timeline import measuring_sensors
 
 _MIN_RUN = 8  # consecutive equal measurements that are copies, for finely resolved values
-_MAX_PLACES = 1000  # places of a record that are searched for
+_MAX_PLACES = 1000  # runs of a record that are searched for in the other
 _COINCIDENCE = 1e-6  # probability of an equal run without copying
 _SAME_VALUE = 1e-6  # relative difference of equal parameters
 _ADVICE = "validate on data that are new to the model: name another run, or another time with --use"
@@ -59,7 +59,7 @@ def check_unseen(dataset: Dataset, estimate: Estimate, training: Dataset | None 
 
 
 def _clock_shift(dataset: Dataset, estimate: Estimate) -> float | None:
-    """Return the offset from a dataset's times to those of an estimate of the same log, s; None if it is another."""
+    """Return the offset from a dataset's times to those of an estimate, s; None if they are not of the same log."""
     if estimate.dataset_sha256 and estimate.dataset_sha256 == dataset.sha256:
         return 0.0
     run, other = dataset.experiment, estimate.experiment
@@ -73,7 +73,8 @@ def _clock_shift(dataset: Dataset, estimate: Estimate) -> float | None:
 def have_run_in_common(some: Array, others: Array) -> bool:
     """Whether two records, shape (n, c) and (m, c), share consecutive measurements, at any times.
 
-    Ignored are components that one record never has, and repeated measurements. `some` is sampled evenly.
+    Repeated measurements, and components that one record never has, are ignored. Runs at evenly spaced places
+    of `some` are searched for in `others`.
     """
     both = np.isfinite(some).any(axis=0) & np.isfinite(others).any(axis=0)
     if not both.any():
@@ -109,7 +110,7 @@ def _significant_run(record: Array) -> int:
 
 
 def _coincidence(names: NDArray[np.int64]) -> float:
-    """Return the probability that two different places have the same name."""
+    """Return the probability that two measurements at random places are equal; `names` numbers the distinct ones."""
     counts = np.unique(names, return_counts=True)[1]
     return float((counts * (counts - 1)).sum() / (names.size * (names.size - 1)))
 

@@ -26,13 +26,13 @@ _WITHOUT_RESTORING = "psi", DEPTH.symbol  # errors of the model accumulate in th
 class FreeRunFit(NamedTuple):
     """Fit of the free runs to all measurements of a segment."""
 
-    # Run of the identified model, with the sensors' errors (over ground where a current is estimated), and with the
-    # depth if measured. Evenly spaced samples of a long run.
+    # Run of the identified model as the sensors measure it: with their errors, over ground if a current is estimated,
+    # and with the depth if measured. Evenly spaced samples of a long run.
     run: FreeRun
     length: float  # s
     fits: dict[str, dict[str, PredictionFit]]  # by model and motion symbol
-    # By signal without heading and depth: largest distance of the run from the mean of the measurements, over that of
-    # the measurements; infinite if not finite
+    # By signal except heading and depth: largest distance of the run from the mean of the measurements, divided by the
+    # largest distance of the measurements; infinite if the run is not finite
     excursion: dict[str, float]
 
 
@@ -102,12 +102,12 @@ class _Farthest:
         self._distance = np.zeros(len(MOTION_AND_DEPTH))
 
     def take(self, predicted: Array) -> None:
-        """Take the next chunk of the run."""
+        """Add the next chunk of the run."""
         with np.errstate(invalid="ignore"):
             self._distance = np.maximum(self._distance, np.abs(predicted - self._centres).max(axis=0))
 
     def relative(self) -> dict[str, float]:
-        """Return the distances over those of the measurements, without heading and depth."""
+        """Return the distances divided by the largest ones of the measurements, without heading and depth."""
         reach = {s: float(np.abs(g.values - g.values.mean()).max()) + g.deviation for s, g in self._signals.items()}
         return {
             symbol: float(np.nan_to_num(self._distance[column], nan=np.inf)) / reach[symbol]

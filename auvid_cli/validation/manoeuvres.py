@@ -15,17 +15,17 @@ from auvid_cli.vehicle.kinematics import body_to_earth
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
 
 _RUDDER = INPUT_SYMBOLS.index("rudder")
-_MIN_RUDDER = np.deg2rad(2.0)  # rad, maximum of a manoeuvre
-_HOLD_TOLERANCE = 0.1  # of the level of a held rudder
-_MIN_HELD_SHARE = 0.8  # of the samples of a hold
+_MIN_RUDDER = np.deg2rad(2.0)  # rad, smallest maximum of the rudder in a manoeuvre
+_HOLD_TOLERANCE = 0.1  # tolerance of a held rudder, as a share of its level
+_MIN_HELD_SHARE = 0.8  # share of the samples of a hold within the tolerance
 _MIN_HOLD = 1.0  # s
 _MAX_REVERSAL = 3.0  # s
-_MAX_HEADING_SPREAD = 0.2  # of the heading at reversals of a zigzag, relative to its mean size
-_TRANSIENT = np.pi  # rad, turned before a turn is steady
+_MAX_HEADING_SPREAD = 0.2  # spread of the heading at reversals of a zigzag, relative to its mean size
+_TRANSIENT = np.pi  # rad, change of heading before a turn is steady
 _MIN_STEADY_TURN = np.pi  # rad
-_FIT_TIME = 0.5  # s on either side, of a parabola for the heading
+_FIT_TIME = 0.5  # s on either side, fitted by a parabola of the heading
 _MIN_FIT = 5  # measurements
-_APPROACH = 10.0  # s before a turn, with the approach speed
+_APPROACH = 10.0  # s before a turn, over which the approach speed is averaged
 TILT = "phi", "theta"
 
 

@@ -20,14 +20,13 @@ FREE_RUN, AHEAD = "free_run", "ahead"
 UNCERTAINTY_NOT_TOO_LARGE = "uncertainty not too large"
 MAX_NIS = 1.5  # mean per component of a sensor, up to which the settings hold
 _MIN_ERROR = 3.0  # standard deviations of a measurement, above which an error is more than noise
-_MAX_ERROR_RATIO = 1.1  # to another model; over short horizons the start makes all models nearly equal
-_MAX_EXCURSION_RATIO = 10.0  # to the measurements' largest distance from their mean
-_MIN_BAND_SHARE = (
-    0.85  # of the errors within two standard deviations; ideally 0.95, but successive starts are correlated
-)
+_MAX_ERROR_RATIO = 1.1  # ratio to the error of another model; over short horizons all models are nearly equal
+_MAX_EXCURSION_RATIO = 10.0  # ratio to the largest distance of the measurements from their mean
+# Smallest share of the errors within two standard deviations: below 0.95, because successive starts are correlated.
+_MIN_BAND_SHARE = 0.85
 _MAX_BAND_SHARE = 0.995
-_MIN_MEASUREMENTS = 60  # of a share; with fewer, one of dozens of rows is too small by chance
-_MAX_NOISE_SHARE = 0.7  # of a band: more noise hides whether the model's uncertainty is too large
+_MIN_MEASUREMENTS = 60  # for a share within the band; with fewer, one of dozens of rows is too small by chance
+_MAX_NOISE_SHARE = 0.7  # share of noise in a band; more hides whether the model's uncertainty is too large
 # With this number of independent errors a correct band misses at least one with a probability of 95 %, 1 - 0.95^59.
 _MIN_INDEPENDENT = 59.0
 
@@ -65,7 +64,7 @@ class PredictionFit(NamedTuple):
 
     @classmethod
     def of(cls, measured: Array, predicted: Array) -> "PredictionFit":
-        """Return the sums over measurements and predictions, shape (n,), one unit; angles without jumps of a turn."""
+        """Return the sums over measurements and predictions, shape (n,), in one unit; angles are unwrapped."""
         if not measured.size:
             return cls()
         mean = float(measured.mean())
@@ -107,31 +106,23 @@ class PredictionFit(NamedTuple):
 class Prediction(NamedTuple):
     """A row of ``validation.csv``; None for unknown values, and for those of a model that diverged."""
 
-    # signal, unit: motion state, or the depth (``down``), and its SI unit
-    signal: str
-    unit: str
+    signal: str  # motion state, or the depth (``down``)
+    unit: str  # SI
     kind: str  # `FREE_RUN`: all measurements of the run; `AHEAD`: a horizon after many starts
     horizon_s: float  # time from the start to the measurements; for a free run its length
     measurements: int
     noise: float  # stated standard deviation of a measurement: a lower bound of the RMSE
-    # fit_percent, rmse: errors of the identified model; the fit is relative to the spread of the measurements of the
-    # whole run
-    fit_percent: float | None
-    rmse: float | None
-    # prior_rmse, vehicle_file_rmse, constant_velocity_rmse: RMSE of the prior's mean, of the coefficients in the
-    # vehicle file, and of the unchanged motion at the start
-    prior_rmse: float | None
-    vehicle_file_rmse: float | None
-    constant_velocity_rmse: float | None
-    # Due to the uncertainties of coefficients, start and measurements, plus the larger of process noise and of the
-    # excess errors of predictions of the estimate's own data, if available
+    fit_percent: float | None  # fit of the identified model, relative to the measurements of the whole run
+    rmse: float | None  # RMSE of the identified model
+    prior_rmse: float | None  # RMSE of the prior's mean
+    vehicle_file_rmse: float | None  # RMSE of the coefficients in the vehicle file
+    constant_velocity_rmse: float | None  # RMSE of the unchanged motion at the start
+    # RMSE due to the uncertainties of coefficients, start and measurements, and to the larger of process noise and the
+    # excess errors in predictions of the estimate's own data, if available
     expected_rmse: float | None = None
-    # Share of the errors within two of these standard deviations; 0.95 with correct uncertainties
-    share_within_band: float | None = None
-    # draws, draws_blown_up: sets of coefficients drawn from the estimate's covariance, and those that diverged after
-    # any start; the band is without these
-    draws: int | None = None
-    draws_blown_up: int | None = None
+    share_within_band: float | None = None  # share of the errors within 2 `expected_rmse`; ideally 0.95
+    draws: int | None = None  # number of sets of coefficients drawn from the estimate's covariance
+    draws_blown_up: int | None = None  # number of these that diverged after any start; the band is without them
     independent: float | None = None  # effective number of independent errors of all starts, see `independent_errors`
 
 
@@ -140,7 +131,7 @@ class ManoeuvreNumber(NamedTuple):
 
     manoeuvre: str  # ``zigzag 20`` (rudder in degrees) or ``turning circle 15``
     number: str  # for example ``overshoot 1`` or ``radius``
-    time_s: float  # reversal of the rudder, or begin of the steady turn
+    time_s: float  # reversal of the rudder, or start of the steady turn
     unit: str
     measured: float
     predicted: float | None  # from the free run; None if not finite

@@ -1,6 +1,6 @@
 """Response of fins and propeller to their commands, compiled: saturation, dead band, rate limit, lag, stall.
 
-It depends on the commands alone and not on the state, so that estimators compute it once in advance.
+The response depends on the commands alone, not on the state of the vehicle, so estimators compute it once in advance.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ _vector = types.float64[::1]
 
 @compiled()
 def demanded(actuator, command):
-    """Return the demanded position for a command: saturation, then dead zone, rad or N."""
+    """Return the demanded position for a command: saturation, then dead band, rad or N."""
     return np.copysign(max(min(abs(command), actuator.saturation) - actuator.dead_band, 0.0), command)
 
 
@@ -46,7 +46,7 @@ def moved(actuator, position, demand, duration):
 
 @compiled()
 def effective(actuator, position):
-    """Return the deflection of a fin without stall that has the same force, rad.
+    """Return the deflection, rad, that gives the same force on a fin that does not stall.
 
     The lift is piecewise linear, as in Gazebo's LiftDrag and the UUV Simulator's LiftDragTwoLines: beyond stall its
     slope is `stall_slope` times that below, until the lift is zero. The angle of attack is the deflection alone, as in
@@ -60,7 +60,7 @@ def effective(actuator, position):
 
 @compiled(types.void(ACTUATOR, _vector, _vector, _vector))
 def follow_commands(actuator, commands, durations, acting):
-    """Fill in the mean effective position during each command of an actuator that starts at rest at the first."""
+    """Fill in the mean effective position of an actuator during each command, from the first demanded position on."""
     position = demanded(actuator, commands[0])
     for k in range(commands.size):
         position, mean = moved(actuator, position, demanded(actuator, commands[k]), durations[k])

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 class ActuatorErrors(NamedTuple):
     """Errors of the recorded inputs."""
 
-    thrust: float = 1.0  # acting over recorded surge force
-    # rudder_trim, elevator_trim: constant offset between actual and recorded deflection, rad
-    rudder_trim: float = 0.0
-    elevator_trim: float = 0.0
+    thrust: float = 1.0  # ratio of the acting to the recorded surge force
+    rudder_trim: float = 0.0  # actual minus recorded deflection, constant, rad
+    elevator_trim: float = 0.0  # actual minus recorded deflection, constant, rad
 
     def acting(self, inputs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the acting inputs for recorded ones, shape (..., 4) or (..., 6)."""
@@ -30,7 +29,7 @@ class Actuator(NamedTuple):
     dead_band: float = 0.0  # largest command without effect, rad or N
     saturation: float = np.inf  # largest effective command, rad or N
     rate_limit: float = np.inf  # rad/s or N/s
-    time_constant: float = 0.0  # of a first-order lag, s
+    time_constant: float = 0.0  # time constant of a first-order lag, s
     stall: float = np.inf  # largest deflection with a proportional force, rad
     stall_slope: float = 0.0  # slope of the force beyond stall over the slope below
 

@@ -11,8 +11,8 @@ from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 CoefficientGroup = Literal["damping", "lift", "control", "term"]
 # Surge, sway and heave forces; roll, pitch and yaw moments.
 EQUATION_ROWS = "XYZKMN"
-# Possible factors, bare or as a modulus: body velocities and rates, fins, propeller thrust, propeller revolutions
-# per second (n), battery voltage.
+# Possible factors of a term, with or without a modulus: body velocities and rates, fins, propeller thrust, propeller
+# revolutions per second (n), battery voltage.
 SIGNALS = ("u", "v", "w", "p", "q", "r", "rudder", "elevator", "thrust", "n", "voltage")
 # Signals that not every dataset has, with the names of these inputs.
 PROPULSION_SIGNALS = {"n": "revolutions", "voltage": "voltage"}
@@ -29,7 +29,7 @@ _DIMENSIONS: dict[str, tuple[int, ...]] = dict(
 )
 # Row, and for each signal its exponent and whether its sign matters. Two terms with the same regressor are the same.
 Regressor = tuple[int, frozenset[tuple[str, int, bool]]]
-# A row of the equations, an underscore, and a word.
+# Valid name of a term: a row of the equations, an underscore, and a word.
 TERM_NAME = rf"^[{EQUATION_ROWS}]_[A-Za-z0-9_|]{{1,40}}$"
 _VELOCITIES = ("u", "v", "w", "p", "q", "r")
 _FINS = ("rudder", "elevator")
@@ -156,10 +156,10 @@ def _power(unit: str, exponent: int) -> str:
 
 
 SYMBOLS: tuple[str, ...] = COEFFICIENTS.symbols
-# Damping of a motion by itself. It dissipates energy, so that its sign is certain.
+# Damping of a motion by its own velocity. It dissipates energy, so its sign is certain.
 DRAG_SYMBOLS = tuple(c.symbol for c in COEFFICIENTS if c.group == "damping" and SIGNALS.index(c.signals[0]) == c.row)
 N_COEFFICIENTS = len(COEFFICIENTS)
-# Symbol of each identifier that a term of the vehicle's own cannot have.
+# Identifiers that an own term of a vehicle must not have, with the symbols that use them.
 RESERVED_NAMES = {c.identifier: c.symbol for c in COEFFICIENTS} | {symbol: symbol for symbol in PARAMETER_SYMBOLS}
 
 

@@ -31,9 +31,9 @@ _IN_PLANE = [0, 2, 4]
 _ACROSS = [1, 3, 5]
 # Entries of a term in the table: held value, row, number of factors, codes of the factors.
 TERM_WIDTH = 3 + MAX_FACTORS
-# Actuator errors and ballast of a vehicle without any.
+# Values of actuator errors and ballast that change nothing.
 NO_ERRORS = (*AS_STATED, *NO_BALLAST)
-# Number of factors that do not depend on the vehicle: the 22 coefficients, actuator errors, ballast.
+# Number of factors that every vehicle has: the 22 coefficients, actuator errors, ballast.
 N_FACTORS = len(COEFFICIENTS) + len(NO_ERRORS)
 _vector = types.float64[::1]
 # First element of the row of each factor in a block. Signed like every index into a block: the loop does not vectorise
@@ -52,15 +52,13 @@ N_SLOPE = N_BLOCK + LANES
 class Constants(NamedTuple):
     """Constants of a vehicle in the compiled equations."""
 
-    # mass, inverse: shape (36,); mass matrix and its inverse by rows. With matrices `motion_derivative` would take a
-    # third more time.
-    mass: Array
-    inverse: Array
+    # The two matrices are stored by rows: as two-dimensional arrays `motion_derivative` would take a third more time.
+    mass: Array  # shape (36,); mass matrix
+    inverse: Array  # shape (36,); inverse of the mass matrix
     excess: float  # W - B, N
-    # lever_x, lever_y, lever_z: xG W - xB B and the same for y and z, N m
-    lever_x: float
-    lever_y: float
-    lever_z: float
+    lever_x: float  # xG W - xB B, N m
+    lever_y: float  # yG W - yB B, N m
+    lever_z: float  # zG W - zB B, N m
 
 
 def _coupling(inverse: Array) -> Array:
@@ -104,14 +102,14 @@ def vehicle_constants(parameters: Mapping[str, float], terms: Sequence[Coefficie
 
 
 def with_table_at_end(vehicle: Array, held: Array, between: Array) -> Array:
-    """Return constants with others inserted before the table of own terms, and the held values of these terms.
+    """Return vehicle constants with `between` inserted before the table of own terms, and `held` as values of these.
 
     Parameters
     ----------
     vehicle : ndarray
         From `vehicle_constants`.
     held : ndarray, shape (terms,)
-        SI.
+        Values of the own terms, SI.
     between : ndarray
         Constants to insert.
     """

@@ -17,9 +17,9 @@ VISCOSITY = 1.19e-6  # m^2/s, kinematic, of sea water at 15 degrees Celsius
 _CYLINDER_DRAG = 1.1
 # Distance of the centre of lift of a hull from the nose, as a share of the length: Hoerner's 0.6 to 0.7.
 _CENTRE_OF_LIFT = 0.65
-# Drag of a vehicle with unknown appendages over that of its bare hull.
+# Ratio of the drag of a vehicle with unknown appendages to that of its bare hull.
 _WITH_UNKNOWN_APPENDAGES = 2.2
-# Relative standard deviation of a difference of large integrals, with respect to the integral of absolute values.
+# Standard deviation of a difference of large integrals, as a share of the integral of absolute values.
 _RELATIVE_TO_GROSS = 0.3
 _SIGNIFICANT_DIGITS = 4
 # Terms beyond the 22 coefficients.
@@ -28,7 +28,7 @@ _UNITS = {quantity.symbol: quantity.unit for quantity in (*PARAMETERS, *COEFFICI
 
 
 class SpheroidFactors(NamedTuple):
-    """Lamb's k1, k2 and k': added mass or inertia of a prolate spheroid over that of the water that it displaces."""
+    """Lamb's k1, k2 and k': added mass or inertia of a prolate spheroid divided by that of the displaced water."""
 
     surge: float
     sway: float
@@ -36,7 +36,7 @@ class SpheroidFactors(NamedTuple):
 
 
 def spheroid_factors(slenderness: float) -> SpheroidFactors:
-    """Return Lamb's factors of a spheroid of length over diameter greater than 1, in the form of Imlay (1961)."""
+    """Return Lamb's factors for a ratio of length to diameter greater than 1, in the form of Imlay (1961)."""
     squared = 1.0 - slenderness**-2
     e = np.sqrt(squared)
     logarithm = np.log((1.0 + e) / (1.0 - e))
@@ -161,9 +161,8 @@ class DerivedValue(NamedTuple):
 
     name: str  # symbol, such as ``Y_v|v|``
     unit: str
-    # mean, standard_deviation: rounded to four digits, as in a vehicle file
-    mean: float
-    standard_deviation: float
+    mean: float  # rounded to four digits, as in a vehicle file
+    standard_deviation: float  # rounded to four digits
     formula: str  # number of the formula in docs/theory.md, such as ``G8``, and its description
     source: str  # publication of the formula
 
@@ -228,7 +227,7 @@ def _rounded(number: float) -> float:
 
 
 def _share(name: str, mean: float, share: float, formula: _Formula) -> _Derived:
-    """Return a value with a standard deviation relative to it."""
+    """Return a value whose standard deviation is `share` times its size."""
     return _Derived(name, mean, share * abs(mean), formula)
 
 

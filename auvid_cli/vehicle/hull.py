@@ -7,11 +7,11 @@ import numpy as np
 
 from auvid_cli.arrays import Array
 
-# For integrals to 1e-4 with the square root of a round nose.
+# Enough for integrals accurate to 1e-4 in spite of the square root in the radius of a round nose.
 _N_STATIONS = 2001
-# Per radian; lift-curve slope of a fin of infinite span: 2 pi, times 0.9 for the boundary layer (Hoerner).
+# Lift-curve slope of a fin of infinite span, per radian: 2 pi, times 0.9 for the boundary layer (Hoerner).
 _SECTION_SLOPE = 0.9 * 2.0 * np.pi
-# Distance of the hinge from the leading edge, as a share of the chord, of the REMUS.
+# Distance of the hinge of a REMUS fin from the leading edge, as a share of the chord.
 _HINGE = 0.36
 
 
@@ -19,7 +19,7 @@ class Hull(NamedTuple):
     """The contour of a hull."""
 
     station: Array  # shape (n,); distances from the nose, rising from 0 to the length, m
-    radius: Array  # m, shape (n,)
+    radius: Array  # shape (n,); radius at each station, m
 
     @property
     def length(self) -> float:
@@ -60,13 +60,11 @@ class Hull(NamedTuple):
 class MyringLengths(NamedTuple):
     """Parameters of a Myring contour, with Prestero's symbols."""
 
-    # nose, nose_offset, middle, tail, tail_offset: a, a_0, b, c and c_0, m; the offsets are the lengths cut off at the
-    # ends
-    nose: float
-    nose_offset: float
-    middle: float
-    tail: float
-    tail_offset: float
+    nose: float  # a, m
+    nose_offset: float  # a_0, length cut off at the nose, m
+    middle: float  # b, m
+    tail: float  # c, m
+    tail_offset: float  # c_0, length cut off at the tail, m
     diameter: float  # d, m
     exponent: float  # n of the nose; 2 gives an ellipse
     tail_angle: float  # half angle at the uncut end of the tail, rad
@@ -156,10 +154,10 @@ class TailFins(NamedTuple):
 
 
 class Appendage(NamedTuple):
-    """A part outside the hull: its area, m^2, and the drag coefficient with that area."""
+    """A part outside the hull."""
 
-    area: float
-    drag_coefficient: float
+    area: float  # m^2
+    drag_coefficient: float  # relative to `area`
 
 
 class Geometry(NamedTuple):

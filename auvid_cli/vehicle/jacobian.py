@@ -1,4 +1,4 @@
-"""Jacobian of the equations of motion, and the transition matrix of a Runge-Kutta step, by motion and coefficients."""
+"""Derivatives of the equations of motion and of a Runge-Kutta step by motion and coefficients."""
 
 from itertools import accumulate
 from typing import NamedTuple
@@ -30,9 +30,9 @@ _matrix = types.float64[:, ::1]
 _constant = types.Array(types.float64, 1, "C", readonly=True)
 
 
-# Columns of a derivative by the motion and all factors, without those by the vehicle's own terms.
+# Number of columns of a derivative by the motion and all factors except the vehicle's own terms.
 N_COLUMNS = N_MOTION + N_FACTORS
-# Columns of the derivative of the forces: velocities, roll and pitch; actuator errors and ballast.
+# Columns of the derivative of the forces: eight by velocities, roll and pitch, then by actuator errors and ballast.
 _N_ATTITUDE = 8
 _N_FORCE_COLUMNS = _N_ATTITUDE + N_FACTORS - N_COEFFICIENTS
 _N_FORCE = 6 * _N_FORCE_COLUMNS
@@ -48,7 +48,7 @@ _THRUST = N_COEFFICIENTS + ActuatorErrors._fields.index("thrust")
 _TRIM = N_COEFFICIENTS + ActuatorErrors._fields.index("rudder_trim") - SIGNALS.index("rudder")
 _THRUST_SIGNAL = SIGNALS.index("thrust")
 _N_SIGNAL = SIGNALS.index("n")
-# Column of a factor among those of the forces minus its index among the factors.
+# Column of a factor in the derivative of the forces, minus its index among the factors.
 _OF_ERRORS = _N_ATTITUDE - N_COEFFICIENTS
 # Column of the state or factor that changes each signal; the slopes of revolutions and voltage are zero.
 _COLUMNS = np.array([*range(6), *(_OF_ERRORS + _TRIM + which for which in (6, 7)), _OF_ERRORS + _THRUST, 0, 0])
@@ -189,21 +189,18 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
 class TransitionWorkspace(NamedTuple):
     """Scratch arrays of `transition_step`."""
 
-    # start_transition, stage_transition: shape (9, N_COLUMNS); transition matrix at the start of the step and of a
-    # stage, without the columns by own terms
-    start_transition: Array
-    stage_transition: Array
+    # Columns by own terms have arrays of their own, so that the row length of these four is constant and their loops
+    # vectorise.
+    start_transition: Array  # shape (9, N_COLUMNS); transition matrix at the start of the step
+    stage_transition: Array  # shape (9, N_COLUMNS); transition matrix of a stage
     rate: Array  # shape (9, N_COLUMNS); time derivative of the transition matrix
     jacobian: Array  # shape (9, N_COLUMNS)
-    # start_of_terms, stage_of_terms, rate_of_terms, by_terms: shape (9, terms); the same four by own terms. They are
-    # separate so that the row length of the others is constant and their loops vectorise.
-    start_of_terms: Array
-    stage_of_terms: Array
-    rate_of_terms: Array
-    by_terms: Array
-    # start, stage: shape (9,); motion at the start of the step and of a stage
-    start: Array
-    stage: Array
+    start_of_terms: Array  # shape (9, terms); columns of `start_transition` by own terms
+    stage_of_terms: Array  # shape (9, terms); columns of `stage_transition` by own terms
+    rate_of_terms: Array  # shape (9, terms); columns of `rate` by own terms
+    by_terms: Array  # shape (9, terms); columns of `jacobian` by own terms
+    start: Array  # shape (9,); motion at the start of the step
+    stage: Array  # shape (9,); motion of a stage
     block: Array  # shape (N_BLOCK,); motion of a stage in the first lane
     slope: Array  # shape (N_SLOPE,); time derivative of the motion
     coefficient_block: Array  # shape (N_COEFFICIENT_BLOCK + terms * LANES,)

@@ -71,7 +71,7 @@ INPUTS: tuple[Quantity, ...] = (
     Quantity("roll_moment", "N*m", "propeller torque and roll excitation", "tau_propulsion"),
 )
 INPUT_SYMBOLS: tuple[str, ...] = tuple(q.symbol for q in INPUTS)
-# Further inputs of the vehicle's own terms; recorded after the others if they are known.
+# Further inputs, for the vehicle's own terms; recorded after the others if known.
 PROPULSION: tuple[Quantity, ...] = (
     Quantity("revolutions", "turn/s", "revolutions of the propeller", "terms of the vehicle's own"),
     Quantity("voltage", "V", "voltage of the battery", "terms of the vehicle's own"),

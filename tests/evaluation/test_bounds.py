@@ -168,20 +168,20 @@ def test_the_settings_are_those_of_the_estimate_and_an_earlier_one_is_not_looked
     assert few.with_prior == {}
 
 
-def test_coefficients_whose_model_blows_up_have_no_bound_and_that_is_said(short_run, ckf):
+def test_coefficients_whose_model_diverges_have_no_bound_and_that_is_said(short_run, ckf):
     ckf = replace(ckf, mean=ckf.mean.copy())
     ckf.mean[-1, ckf.state.index("X_u|u|")] = 1e6
     dataset = short_run.without_truth()
     bounds = BoundsOf(prepare(dataset))(ckf)
     assert bounds.of_data == bounds.with_prior == {}
-    assert "blows up" in bounds.remark
+    assert "diverges" in bounds.remark
     (check,) = (
         check
         for check in check_estimate(prepare(dataset), ckf, bounds, judge_one(ckf, None), [])
         if check.check == "bound"
     )
     assert check.passed is None
-    assert "blows up" in check.advice
+    assert "diverges" in check.advice
 
 
 @pytest.fixture(scope="module")

@@ -222,5 +222,5 @@ def test_the_information_is_taken_at_the_motion_that_is_given(white_run):
 
 
 def test_information_where_the_model_blows_up_is_refused(white_run):
-    with pytest.raises(DataError, match="blows up at t = "):
+    with pytest.raises(DataError, match="diverges at t = "):
         information_at(prepare(white_run), white_run.truth.coefficients | {"X_u|u|": 1e6})
