@@ -38,7 +38,7 @@ def test_lossy_format_states_its_losses(target, model):
         "multiply the stated surge force by 1.2; this changes it by 14.5 N RMS along the estimated motion.",
         "put fins of dead band 0.01, time constant 0.1 and a propeller of saturation 80 between the commands and the",
         "changes surge_force by 0.2 N, Y_uudr by 3.14 N,",
-        "Z_uude by 2.72 N, M_uude by 1.62 N*m, N_uudr by 0.58 N*m RMS.",
+        "Z_uude by 2.72 N, M_uude by 1.62 N*m, N_uudr by 0.58 N*m RMS along the estimated motion.",
         "  thrust_scale: 0.2, standard deviation 0.012",
         "  current_north: -0.25 m/s, standard deviation 0.011 m/s",
         "  bias_p: 0.0035 rad/s, standard deviation 0.0001 rad/s",
