@@ -6,8 +6,8 @@ import sys
 
 from auvid_cli.cli.streams import INTERRUPTED, WRONG_INPUT, finish, prepare_streams, print_os_error
 
-# Linear algebra in one thread, because filters and figures already run in parallel (a tenth of the processor time).
-# Set before NumPy is loaded; child processes inherit it.
+# Use one thread for linear algebra, because filters and figures already run in parallel: this saves a tenth of the
+# processor time. NumPy reads these variables when it is loaded, and child processes inherit them.
 for _library in ("OPENBLAS", "MKL", "OMP"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
@@ -23,7 +23,7 @@ if "__mp_main__" in sys.modules:
 
 def main() -> None:
     """Run the command line."""
-    # Short slices, so that a filter in Python does not keep compiled filters waiting for data.
+    # Switch threads often, so that a filter in Python does not keep compiled filters waiting for data.
     sys.setswitchinterval(1e-3)
     prepare_streams()
     code: int | str | None
@@ -37,7 +37,7 @@ def main() -> None:
     except KeyboardInterrupt:
         code = INTERRUPTED
     except OSError as error:
-        # For example while printing the help, outside of a command.
+        # Raised outside of a command, for example while the help is printed.
         print_os_error(error)
         code = WRONG_INPUT
     finally:

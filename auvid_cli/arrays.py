@@ -1,4 +1,4 @@
-"""Type of the arrays of most functions."""
+"""Type of arrays of doubles."""
 
 import numpy as np
 from numpy.typing import NDArray

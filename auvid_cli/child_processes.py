@@ -26,8 +26,8 @@ _PARENT = "AUVID_PARENT"
 _SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 _PR_SET_PDEATHSIG = 1
 _POLL_INTERVAL = 0.2  # s
-_GRACE = 1.0  # s
-# All threads share the environment.
+_GRACE = 1.0  # s, for workers to end after SIGTERM
+# Held while the environment is changed, because all threads share it.
 _lock = threading.RLock()
 
 
@@ -53,7 +53,7 @@ def _blocked_sigint() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    # Multiprocessing starts the tracker with its first process and then unblocks SIGINT; children inherit the mask.
+    # Start the tracker first: otherwise `multiprocessing` starts it with its first process and then unblocks SIGINT.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -110,7 +110,7 @@ class Workers(Executor):
             try:
                 worker = self._worker()
                 result, error = worker.call(request)
-            # The errors of the function are in `error`; these are of the process.
+            # The process failed; an error of the function itself is in `error`.
             except (EOFError, OSError) as death:
                 reason = death
                 if worker is not None:
@@ -197,7 +197,7 @@ def end_with_parent() -> None:
     parent = int(os.environ.pop(_PARENT, os.getppid()))
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        # The parent may have ended before the call.
+        # The parent may have ended before `prctl` was called.
         if os.getppid() != parent:
             os._exit(1)
     else:

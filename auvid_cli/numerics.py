@@ -40,13 +40,13 @@ try:
         from numba.core import config
         from numba.core import event as compiler_event
 except Exception as _error:
-    # Values that numba finds invalid raise anything.
+    # Invalid values raise exceptions of any class in numba.
     if _names := sorted(name for name in os.environ if name.startswith("NUMBA_")):
         _reason = str(_error).splitlines()[0].rstrip(".")
         raise ConfigError(f"environment: {_reason}; correct or unset {', '.join(_names)}") from None
     raise
 
-LANES = 64
+LANES = 64  # states per row of a block
 LINE = 64  # bytes of a cache line, the length of the longest vector registers
 
 CORE = (
@@ -59,11 +59,11 @@ CORE = (
     "angles.py",
     "numerics.py",
 )
-"""Folders and modules of the package with compiled functions, or with constants of these."""
-FOLDERS_KEPT = 5  # of versions of the core
+"""Folders and modules of the package with compiled functions, or with constants that these use."""
+FOLDERS_KEPT = 5  # versions of the core in the cache
 OLDEST_NUMBA = (0, 61)
 FIRST_UNTESTED_NUMBA = (0, 69)
-_SETTINGS: Any = config  # numba's, whose attributes are made when it is loaded
+_SETTINGS: Any = config  # settings of numba; `Any`, because numba makes their attributes when it is loaded
 
 _IMPORT_ALL = """
 import gc, importlib, sys
@@ -81,7 +81,7 @@ def check_numba(version: str = numba.__version__) -> None:
     Raises
     ------
     ImportError
-        If it is too old or too new.
+        If the version is too old or too new.
     """
     major, minor = (int(part) for part in version.split(".")[:2])
     if not OLDEST_NUMBA <= (major, minor) < FIRST_UNTESTED_NUMBA:
@@ -93,7 +93,7 @@ check_numba()
 
 
 def zeros_on_lines(*shape: int) -> NDArray[np.float64]:
-    """Return an array of zeros that begins at a cache line, so that no vector of it straddles two."""
+    """Return an array of zeros that begins at a cache line, so that no vector register needs two lines."""
     size = int(np.prod(shape))
     spare = np.zeros(size + LINE // 8)
     begin = -spare.ctypes.data % LINE // 8
@@ -102,7 +102,7 @@ def zeros_on_lines(*shape: int) -> NDArray[np.float64]:
 
 @cache
 def cache_folder() -> Path:
-    """Return the folder for machine code of the core as it is now; create it if missing."""
+    """Return the cache folder of the present version of the core; create it if missing."""
     content = hashlib.sha256()
     package = Path(__file__).parent
     for path in sorted(path for part in CORE for path in [package / part, *(package / part).glob("*.py")]):
@@ -136,10 +136,10 @@ def compiled(signature: Any = None, *, reassociate: bool = False, inline: bool =
     ----------
     signature : numba signature, optional
         Compile for these types at once, or load the machine code from the cache. Without one, only compiled functions
-        may call the function: it is compiled with the first of them and kept inside each.
+        may call the function: it is compiled with the first caller, and is part of the machine code of each.
     reassociate : bool
-        Whether sums may be reordered, which vectorises dot products. Only linear algebra asks for it, because it
-        cancels the range reduction of a sine. Fused multiply-add is always allowed.
+        Whether sums may be reordered, which vectorises dot products. Only linear algebra uses this, because
+        reordering makes the range reduction of a sine wrong. Fused multiply-add is always allowed.
     inline : bool
         Whether to force inlining: passing a tuple of many arrays costs as much as a short function.
 
@@ -152,11 +152,11 @@ def compiled(signature: Any = None, *, reassociate: bool = False, inline: bool =
         "error_model": "numpy",
         "fastmath": {"contract", "reassoc"} if reassociate else {"contract"},
         "forceinline": inline,
-        # Without reference counts of arrays: no function of the core makes or keeps one.
+        # No reference counts for arrays, because no function of the core creates or keeps an array.
         "_nrt": False,
     }
     if signature is None:
-        # Wrappers for calls from Python and C take a fifth of the time of compiling everything.
+        # Leave out the wrappers for calls from Python and C: they take a fifth of the compilation time.
         options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         return numba.njit(**options)
 
@@ -165,7 +165,7 @@ def compiled(signature: Any = None, *, reassociate: bool = False, inline: bool =
         try:
             return numba.njit(signature, cache=True, **options)(function)
         except Exception:
-            # Unpickling a damaged file may raise anything. Remove it, and do without the cache in this session.
+            # A damaged cache file may raise any exception. Remove it, and compile without the cache in this session.
             for path in cache_folder().glob(f"*/{Path(function.__code__.co_filename).stem}.{function.__qualname__}-*"):
                 path.unlink(missing_ok=True)
             return numba.njit(signature, **options)(function)
@@ -203,6 +203,6 @@ def on_compilation(call: Callable[[], None]) -> Iterator[None]:
 def compile_elsewhere(*modules: str) -> subprocess.Popen:
     """Start another process that compiles modules into the cache.
 
-    Where that fails, this process does not find them there, compiles them itself, and reports the error.
+    If that fails, this process compiles them itself and reports the error.
     """
     return start_python("-c", _IMPORT_ALL, *modules, environment={"NUMBA_CACHE_DIR": str(cache_folder().parent)})

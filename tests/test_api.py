@@ -149,7 +149,7 @@ def test_filter_may_be_text_or_enum(short_run, estimate):
     ("wrong", "complaint"),
     [
         (lambda run, e: auvid.identify(run, "tufk"), "unknown filter 'tufk'; auvid knows ekf"),
-        (lambda run, e: auvid.export_model(run, e, "rust"), "unknown form of a model 'rust'; auvid knows yaml"),
+        (lambda run, e: auvid.export_model(run, e, "rust"), "unknown format of a model 'rust'; auvid knows yaml"),
         (lambda run, e: auvid.export_model(run, e, "matlab", "9.m"), "'9': not a valid name"),
         (lambda run, e: auvid.export_model(run, e, "mcap"), "mcap: is a format of runs"),
         (lambda run, e: auvid.load_experiment("spirale"), "'spirale' is neither a file nor an experiment"),

@@ -25,7 +25,7 @@ class Advance(Protocol):
 
 
 class Progress:
-    """Callbacks of long work, which do nothing; a subclass overrides the ones that it needs."""
+    """Callbacks during long work. They do nothing here; a subclass overrides the ones that it needs."""
 
     def message(self, sentence: str) -> None:
         """Receive a sentence about a result or a written file."""
@@ -49,8 +49,8 @@ class Progress:
 class Destination(NamedTuple):
     """Where and how a step writes its results."""
 
-    folder: Path | None  # results folder. None: the default one of the step.
-    overwrite: bool  # whether results of other data or settings are replaced, with all files derived from them
+    folder: Path | None  # results folder; None for the default folder of the step
+    overwrite: bool  # whether to replace results of other data or settings, and all files derived from these results
     progress: Progress
     figure_formats: tuple[FigureFormat, ...] = ()
 

@@ -100,7 +100,7 @@ def _seconds_of_a_run(plan: CampaignPlan) -> tuple[float | None, str]:
     for example in plan.examples(N_PROBES):
         group, share = shortened_group(example, PROBE_DURATION)
         if not taken:
-            # Not measured, because the first run also loads modules.
+            # The first run also loads modules, so it is not measured.
             run_group(group)
         start = perf_counter()
         performed = run_group(group)
@@ -113,7 +113,7 @@ def _seconds_of_a_run(plan: CampaignPlan) -> tuple[float | None, str]:
 
 
 def run_campaign(plan: CampaignPlan, folder: Path, options: CampaignOptions, progress: Progress) -> CampaignResult:
-    """Do the remaining runs; evaluate all runs and write the results.
+    """Perform the remaining runs, evaluate all runs, and write the results.
 
     Raises
     ------

@@ -170,7 +170,7 @@ def compare_results(
     Parameters
     ----------
     relative : float or None
-        Largest relative difference. None: 0.01; estimates are compared by `deviations` instead.
+        Largest relative difference. None: 0.01, except for estimates, which are compared by `deviations`.
     by_column : mapping of float
         Largest relative difference of single columns.
     deviations : float or None

@@ -52,8 +52,8 @@ SEARCH_FILE = "search.json"
 def _information_in_hand(experiment: Experiment, named: Mapping[str, Dataset]) -> EarlierInformation | None:
     """Return a function that computes the Fisher information of existing datasets, by file name; None without any.
 
-    The information is about the coefficients of the experiment, with process noise, linearised along the estimated
-    trajectory. Sensor errors that are estimated as well have only their priors.
+    The information is about the coefficients of the experiment. It takes process noise into account and is linearised
+    along the estimated trajectory. Sensor errors that are estimated too are known only by their priors.
     """
     if not named:
         return None
@@ -121,7 +121,7 @@ def designing(
     estimate : Estimate, optional
         Estimate that trial vehicles are drawn from.
     given : mapping of Dataset, optional
-        Existing datasets, whose information is available, by the names of their files.
+        Existing datasets whose information counts as well, by name of their file.
     spread : callable, optional
         Parallel `map`. Default: threads on all cores.
     """
@@ -134,7 +134,7 @@ def designing(
 
 
 class SearchLimits(NamedTuple):
-    """End of a search: number of generations, or if that is None a time, s."""
+    """Limits of a search: a number of generations, or a time, s, if that is None."""
 
     generations: int | None
     time: float | None
@@ -162,7 +162,7 @@ def _search_until(
                 latest, elapsed = reached, monotonic() - start
                 if reached.generation > len(before):
                     write_search(file, SearchState(key, elapsed, reached.costs))
-                note = f", {reached.evaluations} manoeuvres, x{task.gain_over_spiral(reached.best):.2f} so far"
+                note = f", {reached.evaluations} manoeuvres, gain x{task.gain_over_spiral(reached.best):.2f} so far"
                 done, total = (elapsed, limits.time) if limits.time else (reached.generation, limits.generations)
                 assert total is not None, "a search has a limit"
                 advance(min(done, total), total, note)
@@ -179,12 +179,12 @@ def _search_until(
 
 
 def searching(task: DesignProblem, before: tuple[tuple[float, ...], ...] = ()) -> Iterator[SearchProgress]:
-    """Yield better and better manoeuvres without an end; continue from the costs of an earlier search."""
+    """Yield better and better manoeuvres, endlessly; `before` has the costs of an earlier search to continue."""
     return search(task.space, task.search_set, task.experiment.seed, before)
 
 
 def _search_key(experiment: Experiment, wish: Requirement, files: Iterable[Path]) -> str:
-    """Return a digest of all that determines a search: version, settings, requirement, contents of files."""
+    """Return a digest of the inputs of a search: version, settings, requirement and contents of files."""
     parts = [__version__, dump_experiment(experiment), repr(wish), *map(digest, files)]
     return sha256("\n".join(parts).encode()).hexdigest()
 

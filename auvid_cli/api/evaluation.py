@@ -159,8 +159,8 @@ def validate(
         Dataset of the estimate. With it, copies of this dataset or of its parts are refused as `data` (data in memory
         are not recognised otherwise), and the error bands include its prediction errors.
     anew : bool
-        Whether thrust, fin trims and ballast, if estimated, are estimated again in each run, even constant ones. A trim
-        may differ between days.
+        Whether estimated thrust, fin trims and ballast are estimated again in each run, even if they are constant in a
+        run: a trim may differ between days.
 
     Returns
     -------

@@ -43,9 +43,9 @@ class Export(NamedTuple):
 def _model_export(
     dataset: Dataset, estimate: Estimate, target: FormatName, source: Path | None
 ) -> tuple[Export, Callable[[Path], str]]:
-    """Return a model, and a function that makes its text: the file name becomes that of the function or model.
+    """Return the export of a model, and a function that returns the text for a file, named like the file.
 
-    The file of the estimate is `source`; ``smoother.h5`` in the same folder judges it. None: it is only in memory.
+    `source` is the file of the estimate, which ``smoother.h5`` in the same folder judges; None if it is only in memory.
     """
     sha256, reference = ("", None) if source is None else (digest(source), read_reference(source, estimate))
     if target.is_of_a_run:
@@ -123,7 +123,7 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     >>> "def " in text
     True
     """
-    form = named(FormatName, target, "form of a model")
+    form = named(FormatName, target, "format of a model")
     found, source = estimate_and_file(estimate)
     check_same_dataset(dataset, [found])
     export, text_of = _model_export(dataset, found, form, source)

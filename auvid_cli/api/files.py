@@ -36,7 +36,7 @@ def checked(function: Callable[Parameters, Result]) -> Callable[Parameters, Resu
     TypeError
         For an argument of another type; the message names the argument, the expected type and the actual type.
     InvalidDataError
-        For an estimate with impossible values; a dataset cannot have any.
+        For an estimate with impossible values; a dataset is checked when it is made.
     """
     names = list(signature(function).parameters)
     validated = validate_call(config=ConfigDict(arbitrary_types_allowed=True, strict=True))(function)

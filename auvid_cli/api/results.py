@@ -175,7 +175,7 @@ def check_into(folder: Path, progress: Progress) -> tuple[Checks, Path]:
 
 
 class BoundsResult(NamedTuple):
-    """Bounds of a dataset, a description of the coefficients that they hold at, and the written files."""
+    """Bounds of a dataset, the source of the coefficients that they hold at (`where`), and the written files."""
 
     dataset: Dataset
     bounds: Identifiability
@@ -192,7 +192,7 @@ def identifiability_into(place: Destination, source: DataSource, at: Path | None
     source : DataSource
         An experiment is simulated into the folder.
     at : pathlib.Path or None
-        Estimate file with the coefficients that the bounds hold at. None: true coefficients, or the vehicle file.
+        Estimate file whose coefficients the bounds hold at. None: true coefficients, or else those of the vehicle file.
     """
     earlier = [] if at is None else [at]
     if isinstance(source, RecordedData):

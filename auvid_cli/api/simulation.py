@@ -89,7 +89,7 @@ def simulate_into(
 
 
 def simulate_log_into(folder: Path, source: SimulatedData, overwrite: bool, progress: Progress) -> list[Path]:
-    """Simulate an experiment, and write CSV logs like those of a real vehicle into a folder; returns their paths."""
+    """Simulate an experiment, write CSV logs like those of a real vehicle into a folder, and return their paths."""
     with locked(folder):
         with progress.stage("simulate"):
             logs = field_log(simulation.simulate(source.experiment))

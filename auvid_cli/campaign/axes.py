@@ -38,13 +38,13 @@ class CellErrors(NamedTuple):
 
     key: tuple[Any, ...]  # value of each axis
     filter: str  # name of the filter variant
-    errors: Array  # shape (n,); mean steady-state errors of runs that ended and have one, %
-    ended: int  # number of runs that ended, and of all
-    runs: int  # number of runs that ended, and of all
+    errors: Array  # mean steady-state error of each run that ended and has one, shape (n,), %
+    ended: int  # number of runs that reached the end of their data
+    runs: int  # number of all runs
 
     @property
     def lost(self) -> float:
-        """Return the share of runs that failed."""
+        """Return the share of runs that failed or diverged."""
         return 1.0 - self.ended / self.runs
 
 
@@ -82,7 +82,7 @@ def axis_options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any
     written : Tree
         The axis in the campaign file, with positions.
     experiment : mapping
-        Resolved settings, the numbers of which a relative axis multiplies.
+        Resolved settings; a relative axis multiplies their numbers.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def axis_options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any
 
     if axis.draw is not None:
         place, distribution = _at(written, ("draw",)), axis.draw
-        # The name of the column instead of its index: further axes do not change the draws.
+        # Use the name of the column, not its index, so that further axes do not change the draws.
         key = list(axis.column.encode())
 
         def drawn(seed: int) -> Option:
@@ -157,7 +157,7 @@ def _scaled(factor: Any, setting: KeyPath, experiment: Mapping[str, Any], place:
         message = f"`relative` multiplies by numbers, got {factor!r}"
         raise ConfigError(mistakes_text([Mistake(place.at, setting, message)]))
     if not numbers or not all(isinstance(number, int | float) for number in numbers):
-        message = "`relative` multiplies a number, and the experiment states none there"
+        message = "`relative` multiplies a number, but the experiment has no number there"
         raise ConfigError(mistakes_text([Mistake(place.at, setting, message)]))
     scaled = [factor * float(number) for number in numbers]
     return scaled if isinstance(value, list) else scaled[0]

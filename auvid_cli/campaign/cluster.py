@@ -38,9 +38,9 @@ if TYPE_CHECKING:
 
 # Identification settings that the Cramer-Rao bound depends on.
 _BOUND_SETTINGS = {"coefficients", "attitude_from", "use", "estimate", "integration_step", "inputs", "delays"}
-# Groups that wait for each worker, so that none is idle.
+# Number of groups that wait for each worker, so that no worker is idle.
 _GROUPS_PER_WORKER = 3
-# Workers that may die in one group of runs before it fails.
+# Number of workers that may die in one group of runs before the group fails.
 _ATTEMPTS = 4
 START_TIME = 60.0  # s
 _GONE = "the scheduler is gone; finished runs are kept, and the same command continues with a new scheduler"
@@ -114,7 +114,7 @@ def _perform(simulated: str, run: CampaignRun, assumed_text: str, with_estimates
     except AuvidError as error:
         return RunResult(run, [], str(error), None)
     except Exception as error:
-        # The campaign goes on, so the failure needs its place.
+        # The campaign continues, so the message must name the place of the error.
         place = traceback.extract_tb(error.__traceback__)[-1]
         return RunResult(run, [], f"{type(error).__name__}: {error} ({place.name}, line {place.lineno})", None)
     return RunResult(run, rows, "", estimate if with_estimates else None)
@@ -136,7 +136,7 @@ def _as_assumed(dataset: Dataset, assumed: Experiment) -> Dataset:
 
 
 def _judging(assumed: Experiment) -> str:
-    """Return the experiment of the judge of a filter as JSON; empty if it has none."""
+    """Return the experiment of the judge of a filter as JSON; empty if the filter has no judge."""
     settings = assumed.identification
     if JUDGE not in settings.with_judge(settings.filters):
         return ""
@@ -213,10 +213,10 @@ def dask_client(scheduler: str, start_time: float = START_TIME) -> "Iterator[Cli
     ClusterError
         If the scheduler does not answer, or has no workers with this version of auvid.
     """
-    # Takes a second to load, which a campaign on this machine saves.
+    # Imported here because it takes a second, and a campaign on this machine does not need it.
     from distributed import Client
 
-    # Errors become one line here.
+    # Silence the log of Dask: its errors become a ClusterError in one line.
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as stack:

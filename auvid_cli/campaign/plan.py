@@ -1,4 +1,4 @@
-"""Plan of a campaign: the data to simulate, the filters to run on them, and the settings that these assume."""
+"""Plan of a campaign: the data to simulate, the filters to run on them, and the settings that filters assume."""
 
 import hashlib
 import json
@@ -26,11 +26,11 @@ from auvid_cli.config.source_positions import Mistake, Tree, mistakes_text
 from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import ConfigError
 
-# The settings of each combination are in memory.
+# Limited, because the settings of each combination are kept in memory.
 MAX_COMBINATIONS = 10_000
-# The identity of each run is in memory.
+# Limited, because the identity of each run is kept in memory.
 MAX_RUNS = 1_000_000
-# Runs that a worker performs on the same data; few, so that little is lost with a worker.
+# Runs that a worker performs on the same data; few, so that little work is lost if the worker dies.
 MAX_GROUP = 6
 _IDENTITY_LENGTH = 24  # hexadecimal digits, 96 bits
 
@@ -187,7 +187,7 @@ class CampaignPlan:
     def _runs(self, cells: Iterable[_Resolved], seed: int) -> Iterator[_Triple]:
         for cell in cells:
             for variant, (assumed, key) in zip(self.filters, cell.assumed, strict=True):
-                # The name of the variant does not count: the same settings are the same run.
+                # Without the name of the variant: equal settings are the same run under any name.
                 identity = _hash(__version__, cell.data, key, seed)
                 yield cell, assumed, CampaignRun(identity, cell.labels, variant.name, seed)
 
@@ -225,7 +225,7 @@ def _are_numbers(values: Sequence[Any] | None) -> bool:
 
 
 def _one_at_a_time(axes: Sequence[Sequence[_SeededOption]]) -> list[tuple[_SeededOption, ...]]:
-    """Return combinations with each option of each axis once: their sum instead of their product."""
+    """Return combinations that contain each option of each axis: the sum of the options, not their product."""
     first = tuple(axis[0] for axis in axes)
     return [first, *((*first[:k], other, *first[k + 1 :]) for k, axis in enumerate(axes) for other in axis[1:])]
 
@@ -256,7 +256,7 @@ def _hash_of_assumed(settings: dict[str, Any]) -> str:
 
 
 def _digest(settings: dict[str, Any], key: str) -> str:
-    """Return the hash of the file of a setting, because another content is another run."""
+    """Return the hash of the file that a setting names: another content is another run."""
     return digest(Path(settings[key])) if key in settings else ""
 
 

@@ -23,7 +23,7 @@ from auvid_cli.errors import FileError
 from auvid_cli.regular_files import check_regular_file
 
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
-# Files of single groups that are merged into one.
+# Number of files of single groups at which they are merged into one.
 MAX_PARTS = 50
 # Key in the metadata of a file for the names of the files merged into it.
 _MERGED = b"auvid.merged"
@@ -40,11 +40,11 @@ class Failure(NamedTuple):
 
 
 class Store:
-    """Results of groups of runs, none of which is lost if the process is killed.
+    """Results of groups of runs on disk, which are kept if the process is killed.
 
     Each group is first a file in ``incoming``. From time to time these are merged into ``results``, where readers
-    see each run once, also after a kill. Runs that are not in the current plan are in ``earlier``, so that all runs in
-    ``results`` can be compared.
+    see each run once, even after the process was killed. Runs that are not in the current plan are in ``earlier``, so
+    that all runs in ``results`` can be compared.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Store:
         )
         self._parts = len(_files(self._incoming))
         finished = self.finished()
-        # After a kill a run may be both in the results and in this list.
+        # If the process was killed, a run may be both in the results and in this list.
         self._failures = {failure.run: failure for failure in self._read_failures() if failure.run not in finished}
 
     @property
@@ -80,7 +80,7 @@ class Store:
         return _runs(self._results) | _runs(self._incoming) | _runs(self._earlier)
 
     def match_plan(self, labels: Mapping[str, Mapping[str, Label]]) -> None:
-        """Move the runs of the current plan into the results with their current labels, and all others out.
+        """Move the runs of the current plan into the results, with their current labels, and move all others out.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class Store:
         present = _runs(self._results)
         for path in _files(self._earlier):
             table = _read(path)
-            # After a kill here a run may be on both sides.
+            # If the process was killed here before, a run may be in both folders.
             if back := [run for run in _unique(table) if run in labels and run not in present]:
                 returning = ds.field("run").isin(pa.array(back, pa.string()))
                 _write(self._relabelled(table.filter(returning), labels), _new(self._results))
@@ -182,7 +182,7 @@ class Store:
         return [{name: run[name] for name in names} for run in runs] != current
 
     def _relabelled(self, table: pa.Table, labels: Mapping[str, Mapping[str, Label]]) -> pa.Table:
-        # The metadata have the names of the merged files.
+        # Keep the metadata: they contain the names of the merged files.
         relabelled = self._table(row | dict(labels[row["run"]]) for row in table.to_pylist())
         return relabelled.replace_schema_metadata(table.schema.metadata)
 
@@ -231,7 +231,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _new(folder: Path) -> Path:
-    """Return a unique name, by which merged files are recognised."""
+    """Return a path with a unique name; merged files are recognised by their names."""
     return folder / f"{uuid4().hex}.parquet"
 
 

@@ -17,9 +17,9 @@ LOW = 0.05
 HIGH = 0.95
 CONFIDENCE = 0.95
 MEASURES = ("steady_state_error_percent", "rmse_percent")
-# Smaller differences do not matter, as a share of the measure.
+# Differences below this share of the measure do not matter.
 MIN_DIFFERENCE = 0.01
-# Share of false ones among the significant differences.
+# Allowed share of false differences among the significant ones.
 FALSE_DISCOVERIES = 0.05
 
 
@@ -244,11 +244,10 @@ class CampaignSummary(NamedTuple):
     """Statistics of a campaign."""
 
     columns: list[str]  # axes, without those that are drawn for each seed
-    runs: pd.DataFrame  # A row for each run: axes, filter, seed, status and mean steady-state error
-    # filters, coefficients, comparisons: see `by_filter`, `by_coefficient` and `compare_filters`
-    filters: pd.DataFrame
-    coefficients: pd.DataFrame
-    comparisons: pd.DataFrame
+    runs: pd.DataFrame  # a row for each run: axes, filter, seed, status and mean steady-state error
+    filters: pd.DataFrame  # see `by_filter`
+    coefficients: pd.DataFrame  # see `by_coefficient`
+    comparisons: pd.DataFrame  # see `compare_filters`
 
 
 def summarize(rows: pd.DataFrame, columns: Sequence[str]) -> CampaignSummary:

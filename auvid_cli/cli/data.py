@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from auvid_cli.data.dataset import Dataset
 
 
-_IMPORTED = "Dataset, or with --suggest the map. Default: results/NAME/dataset.h5; a map is printed."
+_IMPORTED = "Output file. Default: results/NAME/dataset.h5; with --suggest the map is printed."
 _EXPORTED = "Output file. Default: export/VEHICLE_FILTER.* in the results folder."
 _MODELS = ", ".join(form.value for form in FormatName if not form.is_of_a_run)
 _FORM = f"Format of the model: {_MODELS}; or mcap for the whole run."
@@ -42,7 +42,7 @@ def import_log(
     overwrite: options.OverwriteOption = False,
     console: options.TerminalOptions,
 ) -> None:
-    """Convert logs of a vehicle to a dataset, or suggest the map that this needs."""
+    """Convert logs of a vehicle to a dataset with a map file, or suggest a map file."""
     with interrupts_deferred():
         from auvid_cli.api.data import MappedLogs, import_into, suggest_into
         from auvid_cli.report.screens import print_import_report
@@ -76,7 +76,7 @@ def inspect(
     dataset: options.DatasetArgument,
     use: Annotated[
         list[str] | None,
-        options.optional("BEGIN:END", "Inspect only this part of the data, s, such as 0:80. Default: all."),
+        options.optional("BEGIN:END", "Inspect only the data from BEGIN to END, s, such as 0:80. Default: all."),
     ] = None,
     output: options.OutputOptions,
     figures: options.FigureOptions,
@@ -84,9 +84,9 @@ def inspect(
 ) -> int:
     """Check recorded data before identification: signs, units, axes, clocks, gaps, spikes, excitation.
 
-    Prints each check that did not pass, with advice. Fix a FAIL first (exit code 1); a note is for information. Writes
-    all verdicts (tables/inspection.csv), a timeline of the samples (figures/timeline) and a page (inspection.html)
-    into the results folder.
+    Prints each check that did not pass, with advice. First fix every FAIL (exit code 1); a note is for information.
+    Writes all verdicts (tables/inspection.csv), a timeline of the samples (figures/timeline) and a page
+    (inspection.html) into the results folder.
     """
     from auvid_cli.api.data import inspect_into
     from auvid_cli.report.screen import print_checks

@@ -32,7 +32,7 @@ class EnvelopeOptions:
     depth: Annotated[str | None, _limit("Largest range of depth. Default: 40 m.")] = None
     pitch: Annotated[str | None, _limit("Largest pitch angle. Default: 40 deg.")] = None
     roll: Annotated[str | None, _limit("Largest roll angle. Default: 40 deg.")] = None
-    speed: Annotated[str | None, _limit("Lowest speed. Default: 0.4 of the cruise speed.")] = None
+    speed: Annotated[str | None, _limit("Lowest speed. Default: 0.4 times the cruise speed.")] = None
     energy: Annotated[str | None, _limit("Largest work of the thrust, without losses. Default: none.")] = None
     fins: Annotated[str | None, _limit("Largest fin angle. Default: limit of the manoeuvre.")] = None
     fin_rate: Annotated[str | None, _limit("Largest fin rate. Default: limit of the manoeuvre.")] = None
@@ -46,15 +46,21 @@ class AimOptions:
         list[str] | None, options.optional("COEFFICIENT", "Design for this coefficient only; repeatable.", "--for")
     ] = None
     criterion: Annotated[
-        str, typer.Option(metavar="D|worst", help="Minimise the mean log standard deviation (D) or the largest.")
+        str,
+        typer.Option(
+            metavar="D|worst", help="Minimise the mean log standard deviation (D) or the largest one (worst)."
+        ),
     ] = "D"
     at: Annotated[Path | None, options.optional("ESTIMATE", "Draw trial vehicles from this estimate (.h5).")] = None
     given: Annotated[
         list[Path] | None,
-        options.optional("DATASET", "Dataset (.h5) whose information is already available; repeatable."),
+        options.optional("DATASET", "Earlier dataset (.h5) whose information counts as well; repeatable."),
     ] = None
     spread: Annotated[
-        str | None, _limit("Spread of trial vehicles around the vehicle file. Default: its uncertainties, or 30 %.")
+        str | None,
+        _limit(
+            "Standard deviation of trial vehicles, share of each value in the vehicle file. Default: its own, or 30 %."
+        ),
     ] = None
     draws: Annotated[int, typer.Option(metavar="N", min=1, max=1000, help="Number of trial vehicles.")] = 8
 
@@ -89,10 +95,10 @@ def design(
 ) -> None:
     """Search for the most informative manoeuvre, and write the mission files for the crew.
 
-    Each manoeuvre is tried in simulation on several vehicles, drawn from the prior knowledge, with process noise. All
-    of them must keep the limits. The result is compared with spiral, doublets and zigzag on vehicles that the search
-    did not use; if the spiral is as good, the spiral is written. Ctrl-C ends the search and keeps the best manoeuvre.
-    A search that was killed continues with the same command.
+    Each manoeuvre is simulated, with process noise, on several trial vehicles that are drawn from the prior knowledge.
+    All of them must stay within the limits. The result is compared with spiral, doublets and zigzag on vehicles that
+    the search did not use; if the spiral is as good, the spiral is written. Ctrl-C ends the search and keeps the best
+    manoeuvre. A search that was killed continues with the same command.
     """
     terminal = console.terminal()
     source = experiment.load()

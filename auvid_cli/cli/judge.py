@@ -11,8 +11,8 @@ from auvid_cli.cli.terminal import Terminal
 from auvid_cli.errors import ConfigError
 
 _RELATIVE = (
-    "Largest relative difference of all columns, or of one (inf: not compared); repeatable. Default: 0.01; estimates "
-    "are compared by --deviations."
+    "Largest relative difference allowed in all columns, or in one column (inf: not compared); repeatable. Default: "
+    "0.01, except for estimates, see --deviations."
 )
 
 
@@ -20,8 +20,8 @@ _RELATIVE = (
 def check(*, results: options.ResultsArgument = Path("results/spiral"), console: options.VerdictTerminalOptions) -> int:
     """Check every estimate of a results folder; exit code 1 if a check fails.
 
-    Prints each check that did not pass, with advice. FAIL: do not trust the estimate; note: for information. Writes all
-    verdicts into tables/checks.csv.
+    Prints each check that did not pass, with advice. FAIL means: do not trust the estimate. A note is for information.
+    Writes all verdicts into tables/checks.csv.
     """
     terminal = console.terminal()
     with terminal.compiling():
@@ -50,8 +50,8 @@ def identifiability(
 ) -> None:
     """Compute the best possible accuracy of each coefficient (Cramér-Rao bound), before any filter runs.
 
-    Takes a dataset file, or an experiment, which is simulated first. The bounds are computed at the true coefficients
-    of a simulation, or at the coefficients of the vehicle file.
+    Takes a dataset file, or an experiment, which is simulated first. Without --at, the bounds hold at the true
+    coefficients of a simulation, or at those of the vehicle file.
     """
     source = options.data_source(data, options.overrides(settings.settings, seed, settings.use))
     terminal = console.terminal()
@@ -90,10 +90,10 @@ def validate(
 ) -> int:
     """Test how well an identified model predicts another run; exit code 1 if it fails.
 
-    The model is simulated with the recorded inputs only: once over the whole run (free run), and from many starts over
-    horizons of 0.5 to 50 s. The errors are compared with those of the prior, with those of an unchanged motion, and
-    with the uncertainty of the estimate. Several datasets are judged together; --use applies to all of them. The
-    results are written next to the first dataset.
+    The model is simulated with the recorded inputs only: once over the whole run (free run), and from many starting
+    times over horizons of 0.5 to 50 s. The errors are compared with the uncertainty of the estimate, with the errors
+    of the prior, and with the errors if the motion did not change. Several datasets are judged together; --use applies
+    to all of them. The results are written next to the first dataset.
     """
     for path in dataset_files:
         options.refuse_log(path)
@@ -121,7 +121,9 @@ def compare(
     relative: Annotated[list[str] | None, options.optional("SHARE|COLUMN=SHARE", _RELATIVE, "--relative", "-r")] = None,
     deviations: Annotated[
         float | None,
-        options.optional("N", "Largest difference of an estimate, in its standard deviations. Default: 0.01.", min=0.0),
+        options.optional(
+            "N", "Largest difference allowed in an estimate, in its standard deviations. Default: 0.01.", min=0.0
+        ),
     ] = None,
     quiet: options.QuietOption = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print all values, not only those that differ.")] = (

@@ -34,7 +34,7 @@ def optional(metavar: str, text: str, *names: str, **more: Any) -> Any:
 
 
 def _offering(names: Callable[[], Iterable[str]], suffixes: tuple[str, ...]) -> Callable[[str], list[str]]:
-    """Return a completion by names, then by files of this folder with one of the suffixes."""
+    """Return a completion by names, then by files in the working folder with one of the suffixes."""
 
     def complete(incomplete: str) -> list[str]:
         files = sorted(path.name for path in Path().iterdir() if path.suffix in suffixes)
@@ -70,7 +70,7 @@ DataArgument = Annotated[
     str | None,
     typer.Argument(
         metavar="EXPERIMENT|DATASET",
-        help="Dataset file (.h5), or a simulated experiment. Default: spiral.",
+        help="Dataset file (.h5), or experiment (file or shipped name). Default: spiral.",
         autocompletion=_complete_data,
         show_default=False,
     ),
@@ -82,10 +82,11 @@ _FILTERS = (
 FilterOption = Annotated[list[FilterName] | None, optional("FILTER", _FILTERS, "--filter", "-f")]
 SeedOption = Annotated[int | None, optional("N", "Seed of all noise. Default: seed of the experiment.", min=0)]
 _USE = (
-    "Use only this part of the data, s; BEGIN or END may be left out. Repeatable; each part has its own initial state."
+    "Use only the data from BEGIN to END, s; one of them may be missing. Repeatable; each part has its own initial "
+    "state."
 )
 UseOption = Annotated[list[str] | None, optional("BEGIN:END", _USE)]
-_SET = 'Override a setting, e.g. --set sensors.dvl.rate="5 Hz", or all settings of a YAML file; repeatable.'
+_SET = 'Override a setting, e.g. --set sensors.dvl.rate="5 Hz", or all settings that a YAML file contains; repeatable.'
 SetOption = Annotated[list[str] | None, optional("KEY=VALUE|FILE", _SET, "--set", autocompletion=_complete_setting)]
 _OUTPUT = "Results folder. Default: results/NAME, or the folder of the dataset."
 OverwriteOption = Annotated[
@@ -95,7 +96,7 @@ _FORMATS = f"Format of figures: {', '.join(FigureFormat)}; repeatable. Default: 
 FigureFormatOption = Annotated[list[FigureFormat] | None, optional("FORMAT", _FORMATS)]
 _SCHEDULER = (
     "Dask scheduler, such as tls://HOST:8786. Default: this machine only. "
-    "At tcp://, everyone who reaches the scheduler can run code."
+    "With tcp://, anyone who can reach the scheduler can run code on it."
 )
 SchedulerOption = Annotated[str | None, optional("ADDRESS", _SCHEDULER)]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors.")]
@@ -148,7 +149,7 @@ def _without_types(params: list[Any]) -> list[Any]:
 def command(function: Callable[..., int | None]) -> Callable[..., None]:
     """Return a function for typer that has one option for each field of the option groups of `function`.
 
-    The result of `function` is the exit code; its errors are printed.
+    The result of `function` is the exit code; errors that it raises are printed.
     """
     hints = get_type_hints(function, include_extras=True)
     groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}

@@ -48,8 +48,8 @@ def init(
 ) -> None:
     """Make a first folder: a vehicle from a few dimensions, sensors, an experiment, a log map and a README.
 
-    Length, diameter, mass, fin span and fin area are required, unless --like names a vehicle. On a terminal, missing
-    values are asked for. A number without a unit is in SI units.
+    Length, diameter, mass, fin span and fin area are required, unless --like names a vehicle. On a terminal, auvid asks
+    for missing values. A number without a unit is in SI units.
     """
     from auvid_cli.config.outline import option
     from auvid_cli.data.files import refuse_filled

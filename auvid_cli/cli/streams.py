@@ -30,11 +30,11 @@ class _Output(FileIO):
 
 
 def prepare_streams() -> None:
-    """Open closed streams, escape characters that a terminal cannot show, and outlive the readers of the output."""
+    """Open closed streams, escape characters that a terminal cannot show, and ignore the end of the reader."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         stream = getattr(sys, name)
         if stream is None:
-            # Otherwise the next opened file gets its number, and the output of libraries is written into that file.
+            # Otherwise the next opened file gets the number of the stream, and libraries write their output into it.
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8", errors="backslashreplace"))  # noqa: PTH123, SIM115
         elif mode == "w" and isinstance(stream, TextIOWrapper):
             output = TextIOWrapper(

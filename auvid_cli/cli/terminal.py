@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from auvid_cli.config.vehicle import VehicleSettings
 
 _LEAST_MEMORY = 1_500_000_000  # bytes
-INDENT = 2  # columns, of all lines of a sentence except the first
+INDENT = 2  # columns; indent of all lines of a sentence except the first
 
 
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
@@ -43,8 +43,8 @@ def _signals_go_to(handler: Callable[[int, FrameType | None], None]) -> Iterator
 @contextmanager
 def reporting_errors() -> Iterator[None]:
     """Turn errors that a user can fix into one message and exit code 2, and signals into 128 + their number."""
-    # SIGTERM and SIGHUP act like Ctrl-C, so that half-written files are removed. Of all exceptions only
-    # KeyboardInterrupt passes through an import.
+    # SIGTERM and SIGHUP act like Ctrl-C, so that half-written files are removed. They raise KeyboardInterrupt, because
+    # an import may suppress any other exception.
     received: list[int] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -70,7 +70,7 @@ def reporting_errors() -> Iterator[None]:
 
 
 def _check_address_space() -> None:
-    """Raise a ConfigError below `_LEAST_MEMORY`, with which some libraries wait forever while they are loaded."""
+    """Raise a ConfigError if memory is limited to less than `_LEAST_MEMORY`: some libraries then load forever."""
     if sys.platform == "win32":
         return
     import resource
@@ -182,8 +182,8 @@ class Terminal(Progress):
         """Import compiled modules in this block; print a message if they must be compiled first.
 
         Yields the function that prints the message. An interrupt during compilation ends the process at once, because
-        numba may swallow it. An interrupt during imports takes effect at the end of the block, because imports may
-        swallow it as well.
+        numba may suppress it. An interrupt during imports takes effect at the end of the block, because imports may
+        suppress it as well.
         """
         from auvid_cli.numerics import on_compilation
 

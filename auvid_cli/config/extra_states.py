@@ -30,8 +30,12 @@ FIN_TRIMS = (
     Quantity("rudder_trim", "rad", "actual minus recorded rudder angle", "tau_control"),
     Quantity("elevator_trim", "rad", "actual minus recorded elevator angle", "tau_control"),
 )
-EXCESS_BUOYANCY = Quantity("excess_buoyancy", "N", "buoyancy less weight, beyond the stated", "g(eta), eq. (13)")
-TRIM_MOMENT = Quantity("trim_moment", "N*m", "moment of a level vehicle, bow up, beyond the stated", "g(eta), eq. (13)")
+EXCESS_BUOYANCY = Quantity(
+    "excess_buoyancy", "N", "buoyancy minus weight, beyond the stated difference", "g(eta), eq. (13)"
+)
+TRIM_MOMENT = Quantity(
+    "trim_moment", "N*m", "pitching moment at zero pitch, bow up, beyond the stated moment", "g(eta), eq. (13)"
+)
 THRUST_SCALE = Quantity("thrust_scale", "1", "scale error of the stated surge force", "tau_propulsion")
 DelayedName = Literal[
     "inputs", "dvl", "gyroscope", "attitude", "accelerometer", "magnetometer", "magnetic_field", "depth"
@@ -77,7 +81,7 @@ class Disturbance(Settings):
 
 
 class ProcessNoise(Settings):
-    """White process noise of the motion, as amplitude spectral densities: one for three states or one each."""
+    """White process noise of the motion, as amplitude spectral densities: one number for three states, or one each."""
 
     velocity: Annotated[Positive, AmountPerAxis("m/s^2/Hz^0.5"), Field(description="density of u, v, w")] = (1e-4,)
     rate: Annotated[Positive, AmountPerAxis("rad/s^2/Hz^0.5"), Field(description="density of p, q, r")] = (1e-4,)
@@ -113,7 +117,7 @@ class InitialMotion(Settings):
 
 
 class FurtherState(NamedTuple):
-    """Kinematic state in addition to the nine motion states, used if `sensor`, which measures only it, is used.
+    """Kinematic state in addition to the nine motion states; used if `sensor` is, which measures no other state.
 
     `name` is its key in `ProcessNoise` and `InitialMotion`.
     """

@@ -104,8 +104,8 @@ class FinSettings(Settings):
         Literal["+", "x"],
         Field(description="+: vertical rudders and horizontal stern planes; x: all fins turn for both inputs"),
     ] = "+"
-    taper: Annotated[float, Field(ge=0, le=1, description="taper ratio: tip chord by root chord")] = 1.0
-    chord: Annotated[PositiveLength | None, Field(description="mean chord, m; default: area by span")] = None
+    taper: Annotated[float, Field(ge=0, le=1, description="taper ratio: tip chord divided by root chord")] = 1.0
+    chord: Annotated[PositiveLength | None, Field(description="mean chord, m; default: area divided by span")] = None
     tip_radius: Annotated[
         PositiveLength | None,
         Field(description="radius of the tips from the axis, m; default: hull radius at the hinges plus span"),
@@ -172,7 +172,7 @@ class GeometrySettings(Settings):
         hull = self.hull.hull(length, diameter)
         if not _MIN_SLENDERNESS <= hull.slenderness <= _MAX_SLENDERNESS:
             limits = f"{_MIN_SLENDERNESS:g} to {_MAX_SLENDERNESS:g}"
-            raise ValueError(f"length by diameter of the hull is {hull.slenderness:.3g}; expected {limits}")
+            raise ValueError(f"length divided by diameter of the hull is {hull.slenderness:.3g}; expected {limits}")
         centre = hull.centre if self.centre_of_buoyancy is None else self.centre_of_buoyancy
         if centre > hull.length:
             raise ValueError(f"centre_of_buoyancy is {centre:g} m, but the hull is {hull.length:g} m long")

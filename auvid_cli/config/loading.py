@@ -1,4 +1,4 @@
-"""Settings from files, text and overrides to validated objects, and back to text."""
+"""Read settings from files, text and overrides, validate them, and write them as text."""
 
 import os
 import shlex
@@ -33,9 +33,9 @@ from auvid_cli.errors import ConfigError
 from auvid_cli.regular_files import read_bytes
 from auvid_cli.text import shortened
 
-# File of an experiment that is a folder.
+# Settings file in the folder of an experiment.
 EXPERIMENT_FILE = "experiment.yaml"
-# Sections that may name a file, with the kind of such files that ship.
+# Sections that may name a file, and the folder of the shipped files of that section.
 SECTIONS = {"vehicle": "vehicles", "sensors": "sensors", "manoeuvre": "manoeuvres"}
 SUFFIXES = (".yaml", ".yml")
 MAX_BYTES = 1_000_000  # size of a settings file
@@ -53,7 +53,7 @@ class Override:
 
     text: str  # text of the user
     changes: tuple[Change, ...] = ()
-    mistakes: tuple[Mistake, ...] = ()  # errors of the text itself; `changes` are then those that could be read
+    mistakes: tuple[Mistake, ...] = ()  # errors of the text; `changes` has the parts without errors
 
     @classmethod
     def parse(cls, text: str) -> "Override":
@@ -137,7 +137,7 @@ def assemble(source: ConfigSource, overrides: Iterable[str] = ()) -> tuple[Tree,
 
 
 def with_changes(tree: Tree, changes: Iterable[Change], folder: Path) -> tuple[Tree, list[Mistake]]:
-    """Put values into the settings of an experiment, in turn, and insert the files that are then named.
+    """Put values into the settings of an experiment one by one, and insert the files that these values name.
 
     A file that a value names is relative to the source of the value, or else to `folder`.
     """

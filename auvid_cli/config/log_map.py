@@ -30,7 +30,7 @@ from auvid_cli.vehicle.parameters import SENSORS
 
 
 def _axes(value: Any) -> Any:
-    """Return the value unchanged; ValueError with a suggestion if it is nearly the name of axes."""
+    """Return the value unchanged; ValueError with a suggestion if it resembles a name of axes."""
     axes = ("FRD", "FLU", "NED", "ENU")
     near = get_close_matches(value.upper(), axes, n=1) if isinstance(value, str) and value not in axes else ()
     if near:
@@ -45,7 +45,7 @@ MOUNTS = {"upside down": {"roll": "180 deg"}, "backward": {"yaw": "180 deg"}}
 
 
 class Mount(Settings):
-    """Attitude of a sensor in the body, by yaw, then pitch, then roll; or `upside down` or `backward`."""
+    """Attitude of a sensor in the body: turns by yaw, pitch and roll, in this order; or `upside down` or `backward`."""
 
     roll: Annotated[float, Unit("rad"), Field(description="angle about the forward axis")] = 0.0
     pitch: Annotated[float, Unit("rad"), Field(description="angle about the starboard axis")] = 0.0
@@ -103,7 +103,7 @@ else:
 
 
 class SensorMap(LogRows):
-    """Settings of each sensor."""
+    """Settings that all sensors share."""
 
     sensor: ClassVar[str] = ""
     if TYPE_CHECKING:
@@ -121,9 +121,7 @@ class SensorMap(LogRows):
     valid: Annotated[RowChoice | None, Field(description="column that marks valid rows")] = None
     repeats: Annotated[
         Literal["keep", "drop"],
-        Field(
-            description="drop: leave out rows that repeat the row before, as in a table that is faster than the sensor"
-        ),
+        Field(description="drop: leave out rows that repeat the row before, if the table has a higher rate"),
     ] = "keep"
     exclude: Annotated[Spans, Field(description="spans [begin, end] without this sensor, in the dataset's time")] = ()
 

@@ -21,7 +21,7 @@ PositiveRadians = Annotated[float, Amount("rad"), Field(gt=0)]
 
 
 class Envelope(Settings):
-    """Limits that a designed run must keep for all drawn vehicles; the keys are the options that set them."""
+    """Limits of a designed run, valid for all trial vehicles; each key is an option of `auvid design`."""
 
     box: Annotated[_Length, Field(description="largest extent of the track, north and east")] = 200.0
     depth: Annotated[_Length, Field(description="largest difference in depth")] = 40.0
@@ -30,7 +30,7 @@ class Envelope(Settings):
     speed: Annotated[
         float | None,
         Amount("m/s"),
-        Field(gt=0, description="lowest speed after the start; default: 0.4 of the cruising speed"),
+        Field(gt=0, description="lowest speed after the start; default: 0.4 times the cruising speed"),
     ] = None
     energy: Annotated[
         float | None,
@@ -40,7 +40,7 @@ class Envelope(Settings):
 
 
 class Limits(Settings):
-    """Largest commands of the autopilot; a vehicle's `actuators` are the dynamics of fins and thrust."""
+    """Largest commands of the autopilot. The dynamics of fins and thrust are set in `vehicle.actuators`."""
 
     fin_angle: Annotated[PositiveRadians, Field(lt=1.6, description="largest fin angle")] = 0.35
     fin_rate: Annotated[float, Amount("rad/s"), Field(gt=0, description="largest fin rate")] = 1.0
@@ -100,7 +100,7 @@ class TurnMultisine(Multisine):
 class Propeller(Settings):
     """Revolutions and voltage along a run, independent of the autopilot, for own terms of the vehicle.
 
-    The surge force then does not balance the drag; it consists of the speed loop and the excitation only.
+    The surge force then has no part that balances the drag: only those of the speed loop and of the excitation.
     """
 
     revolutions: Annotated[float, Unit("turn/s"), Field(description="mean revolutions after the fade-in")]
@@ -112,11 +112,11 @@ class Propeller(Settings):
 class Excitation(Settings):
     """Excitation added to the autopilot's commands, for each channel."""
 
-    fade_in: Annotated[Pause, Field(description="time in which excitation, turn rate and speed grow")] = 0.0
+    fade_in: Annotated[Pause, Field(description="time in which excitation, turn rate and speed build up")] = 0.0
     orthogonal: Annotated[
         bool,
         Field(
-            description="use different harmonics of the run's length for each channel, so that channels are orthogonal "
+            description="use other harmonics of the run's duration in each channel, so that channels are orthogonal "
             "and start and end at zero"
         ),
     ] = False

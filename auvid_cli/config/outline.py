@@ -14,8 +14,8 @@ from auvid_cli.config.units import Amount, Unit
 from auvid_cli.config.vehicle import Drawing, Size
 
 # A mass outside these limits has a wrong unit.
-MIN_MASS_SHARE = 0.5  # of the mass of water that the hull displaces
-MAX_MASS_SHARE = 1.5  # of the mass of water that the hull displaces
+MIN_MASS_SHARE = 0.5  # share of the mass of water that the hull displaces
+MAX_MASS_SHARE = 1.5  # share of the mass of water that the hull displaces
 # Defaults of the shape; the hinges are at about the same place as on the REMUS.
 _NOSE = 1.0  # diameters
 _TAIL = 2.5  # diameters

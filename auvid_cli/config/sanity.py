@@ -25,7 +25,7 @@ _MAX_OFFSET = 0.1  # share of the length
 # Range of the formulas that derive coefficients from a drawing.
 MIN_SLENDERNESS = 4.0  # length per diameter
 MAX_SLENDERNESS = 15.0  # length per diameter
-# Coefficients with an error of a third stay within these limits.
+# The limits accept coefficients with an error of one third.
 MIN_FIN_STRENGTH = 0.55  # share of the strength in the vehicle file
 MAX_FIN_STRENGTH = 1.8  # share of the strength in the vehicle file
 
@@ -100,7 +100,8 @@ def _inertia(k: Mapping[str, float], length: float, diameter: float) -> Iterator
 
 def _centres(k: Mapping[str, float], length: float, diameter: float) -> Iterator[SanityWarning]:
     if k["zG"] <= k["zB"]:
-        yield SanityWarning("zG", f"{k['zG']:.4g} m", f"below the centre of buoyancy, more than zB = {k['zB']:.4g} m")
+        expected = f"more than zB = {k['zB']:.4g} m: a centre of gravity below the centre of buoyancy"
+        yield SanityWarning("zG", f"{k['zG']:.4g} m", expected)
     for axis, reach in {"x": length, "y": diameter, "z": diameter}.items():
         for centre in "GB":
             if abs(lever := k[f"{axis}{centre}"]) > reach:

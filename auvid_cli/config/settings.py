@@ -27,7 +27,7 @@ Lever = Annotated[tuple[float, float, float], BeforeValidator(_three_lengths)]
 
 
 def three(values: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the numbers of three axes from three numbers, or one number for all axes."""
+    """Return one number for each of three axes; a single number is repeated."""
     return values if len(values) == 3 else values * 3
 
 

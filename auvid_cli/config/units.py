@@ -1,4 +1,4 @@
-"""Quantities such as ``7 Hz``, ``0.1 cm/s`` or a bare SI number, to floats in SI within plausible limits."""
+"""Convert quantities such as ``7 Hz``, ``0.1 cm/s`` or a bare SI number to plausible floats in SI."""
 
 import json
 import math
@@ -237,12 +237,12 @@ def _factor(text: str, unit: str) -> float:
 
 @cache
 def _usual_units() -> dict[str, list[Any]]:
-    """Return `size_of_unit` of the units in shipped files, for which pint (0.3 s to import) is then not needed."""
+    """Return `size_of_unit` of the units in shipped files, so that these need no pint (0.3 s to import)."""
     return json.loads(_USUAL_UNITS_FILE.read_text(encoding="utf-8"))
 
 
 def with_standard_gravity(unit: str) -> str:
-    """Replace g, which is not a gram in the unit of an acceleration, by standard gravity."""
+    """Replace g by standard gravity: in the unit of an acceleration it is not a gram."""
     return _STANDARD_GRAVITY.sub(r"\1g_0", unit)
 
 
@@ -258,7 +258,7 @@ def _base(unit: str) -> tuple[float, dict[str, float], float]:
 
 
 def size_of_unit(unit: str) -> tuple[float, dict[str, float], float]:
-    """Return the size in SI base units, their exponents without the radian, and the exponent of the radian.
+    """Return the size of a unit in SI base units, their exponents without the radian, and that of the radian.
 
     Raises
     ------

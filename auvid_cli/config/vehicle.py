@@ -66,7 +66,8 @@ class Stall(Settings):
         Field(
             ge=-100,
             lt=1,
-            description="slope of the force beyond that angle, relative to that below it; negative: down to no force",
+            description="slope of the force beyond that angle, divided by the slope below it; if negative, the force "
+            "falls to 0",
         ),
     ] = 0.0
 
@@ -202,7 +203,7 @@ class Size(Settings):
 
 
 class _WithGeometry(Settings):
-    """Settings of which the geometry must match `size`, a field before it."""
+    """Settings with a geometry that must match `size`; `size` must be declared before it."""
 
     @field_validator("geometry", mode="after", check_fields=False)
     @classmethod
@@ -278,7 +279,7 @@ class VehicleSettings(_WithGeometry):
         return self.coefficients.deviations() | of_terms
 
     def with_coefficients(self, values: Mapping[str, float]) -> "VehicleSettings":
-        """Return the vehicle with other values, SI, of all its coefficients."""
+        """Return the vehicle with these values of all its coefficients, SI."""
         terms = tuple(term.model_copy(update={"value": values[term.name]}) for term in self.terms)
         table = self.coefficients.model_validate({c.symbol: values[c.symbol] for c in COEFFICIENTS})
         return self.model_copy(update={"coefficients": table, "terms": terms})

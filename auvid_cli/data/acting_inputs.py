@@ -11,7 +11,7 @@ from auvid_cli.vehicle.actuators import IDEAL, N_ACTUATORS, Actuators
 
 # Steps of constant actuator position per time constant; the mean over each is exact.
 _SUBSTEPS = 4
-_SETTLED = 40.0  # time constants until a lag has decayed
+_SETTLED = 40.0  # time constants after which the response of a lag is constant
 
 
 def as_acting(inputs: InputRecord, experiment: RunSettings) -> InputRecord:
@@ -45,7 +45,7 @@ def _substeps(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def with_actuator_dynamics(commands: InputRecord, actuators: Actuators, step: float) -> InputRecord:
-    """Return the positions of fins and propeller as they follow commands, from rest at the first.
+    """Return the positions of fins and propeller that follow commands; they start at rest at the first command.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from auvid_cli.errors import InvalidDataError
 from auvid_cli.vehicle.parameters import SENSORS
 
 MAX_TIME = 1e8  # s, from the beginning of the data: three years
-# Of a standard deviation, so that its square and the inverse of it are finite.
+# Limits of a standard deviation, within which its square and the inverse of its square are finite.
 _SIZES = 1e-100, 1e100
 
 
@@ -35,7 +35,7 @@ def real_array(where: str, value: Any, ndim: int) -> Array:
         raise InvalidDataError(
             f"{where}: expected {ndim} {'dimension' if ndim == 1 else 'dimensions'}, got {array.ndim}"
         )
-    # Compiled functions take no other layout, and no array that is read only.
+    # Compiled functions accept only contiguous, writable arrays.
     return np.require(array, np.float64, ["C", "W"])
 
 
@@ -78,7 +78,7 @@ def check_finite(where: str, *arrays: Array) -> None:
 
 
 def check_magnitude(where: str, values: Array, unit: str) -> None:
-    """Check that no value is beyond every real sensor and actuator; NaN and infinity are missing values."""
+    """Check that no value exceeds the plausible maximum of its unit; NaN and infinity are missing values."""
     limit = magnitude_of(unit).largest
     sizes = np.abs(values)
     largest = float(np.fmax.reduce(sizes, initial=0.0))

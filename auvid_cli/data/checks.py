@@ -42,7 +42,7 @@ def csv_text(header: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
 
 
 def csv_cell(value: Any) -> Any:
-    """Return a printable cell; text like a formula gets an apostrophe, which `csv_value` removes."""
+    """Return a printable cell; text that looks like a formula gets an apostrophe, which `csv_value` removes."""
     if isinstance(value, float) and isnan(value):
         return None
     if not isinstance(value, str) or _NUMBER.fullmatch(value):
@@ -66,7 +66,7 @@ class NamedRows(NamedTuple):
         return csv_text(self.columns, self.rows)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a pandas table; flags that are None are missing."""
+        """Return a pandas table; None is a missing value in columns of flags."""
         import pandas as pd
 
         frame = pd.DataFrame(list(self.rows), columns=list(self.columns))
@@ -75,7 +75,7 @@ class NamedRows(NamedTuple):
 
 
 def frames(tables: dict[str, NamedRows]) -> "dict[str, pd.DataFrame]":
-    """Return pandas tables by the same names."""
+    """Return a pandas table for each table, by name."""
     return {name: table.to_pandas() for name, table in tables.items()}
 
 
@@ -105,7 +105,7 @@ def _folder_of_tables(folder: Path, results_name: str) -> Path:
             return home
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; name a results folder, such as results/spiral")
-    raise FileError(f"{folder}: no tables (coefficients.csv); make those of a results folder with `auvid report`")
+    raise FileError(f"{folder}: no tables (coefficients.csv); `auvid report` writes the tables of a results folder")
 
 
 def _read(path: Path, key: tuple[str, ...]) -> ResultTable:
@@ -146,9 +146,9 @@ class Check(NamedTuple):
     filter: str
     subject: str  # sensor, input, or "coefficients"
     check: str  # name of the statistic
-    statistic: str  # its value and its limit
-    threshold: str  # its value and its limit
-    passed: bool | None  # none for a note
+    statistic: str  # value of the statistic
+    threshold: str  # limit of the statistic
+    passed: bool | None  # None for a note
     advice: str  # empty if passed
 
     @classmethod
@@ -181,7 +181,7 @@ class Check(NamedTuple):
         fails: bool = True,
         is_least: bool = False,
     ) -> "Check":
-        """Return the check that no value is beyond a limit; its statistic lists those beyond, the worst first."""
+        """Return the check that no value is beyond a limit; its statistic lists values beyond it, worst first."""
         sign = -1.0 if is_least else 1.0
         ordered = sorted(values, key=lambda name: -sign * values[name])
         beyond = [name for name in ordered if not sign * values[name] <= sign * limit]

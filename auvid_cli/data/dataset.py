@@ -36,7 +36,7 @@ _TIME_ROUNDING = 1e-9  # s
 
 
 class Vector(NamedTuple):
-    """Description of a field of `SensorRecord` with three components, zero where it is not needed."""
+    """Description of a field of `SensorRecord` with three components; zero for sensors that do not need it."""
 
     name: str
     meaning: str
@@ -106,7 +106,7 @@ class SensorRecord:
             check_magnitude(f"{where}/{vector.name}", components, vector.unit)
 
     def check_as(self, sensor: str) -> None:
-        """Raise an InvalidDataError unless it can be a record of this sensor."""
+        """Raise an InvalidDataError unless this is a valid record of a sensor."""
         check_sensor(sensor)
         where, quantities = f"/sensors/{sensor}", SENSORS[sensor]
         self.check(where)
@@ -161,7 +161,7 @@ class InputRecord:
         return ALL_INPUTS[: self.values.shape[1]]
 
     def ends_before(self, last: float) -> bool:
-        """Whether the last input holds longer than 1 s, and than any other input, until a last measurement, s."""
+        """Whether the last input holds longer than 1 s and longer than any other until a measurement at `last`, s."""
         longest = float(np.diff(self.time).max(initial=0.0))
         return last - float(self.time[-1]) > max(_MAX_LAST_HOLD, longest) + _TIME_ROUNDING
 
@@ -240,13 +240,13 @@ class Dataset:
     inputs : InputRecord
         Rudder and elevator, rad, surge force, N, and roll moment, N m; revolutions and voltage if recorded.
     sensors : dict of SensorRecord
-        By the name of the sensor, see `SENSORS`; SI.
+        Records by name of the sensor, see `SENSORS`; SI.
     experiment : RunSettings
         Settings of the run and of its identification.
     truth : TruthRecord or None
-        Of a simulation.
+        Truth of a simulation; None for recorded data.
     sha256 : str
-        Of the file that it was read from; empty if it was not read from a file.
+        Digest of the file that the dataset was read from; empty if it was not read from a file.
     """
 
     inputs: InputRecord
@@ -343,7 +343,7 @@ class Dataset:
 
 
 def cut(dataset: Dataset, begin: float, end: float) -> Dataset:
-    """Return a dataset from `begin` to `end`, s, with the inputs that hold at both.
+    """Return a dataset from `begin` to `end`, s, with the inputs that hold at these times.
 
     Raises
     ------

@@ -30,7 +30,7 @@ def write_dataset(path: Path, dataset: Dataset) -> None:
     """Write a dataset completely or not at all; raise a FileError also if `read_dataset` would refuse it."""
     experiment = dataset.experiment
     with netcdf.new_file(path, "dataset", dump_experiment(experiment), experiment.seed) as file:
-        # Its arrays may have changed since it was made.
+        # The arrays of the dataset may have changed since it was made.
         dataset.validate()
         inputs = file.create_group("inputs")
         netcdf.write_dimension(inputs, "time", dataset.inputs.time, "start of the interval in which inputs hold", "s")

@@ -22,7 +22,7 @@ _KINDS = {
     stat.S_IFIFO: "a pipe",
     stat.S_IFSOCK: "a socket",
 }
-# A temporary name holds the machine and the process that writes it.
+# The name of a temporary file contains the machine and the process that writes it.
 _PREFIX = f".auvid-{hashlib.sha256(platform.node().encode()).hexdigest()[:8]}-"
 _TEMPORARY = re.compile(rf"{re.escape(_PREFIX)}(\d+)-[0-9a-f]{{16}}")
 _LOCK_PATIENCE = 1.0  # s
@@ -36,12 +36,12 @@ _TABLES = (
     *("inspection", "identifiability", "collinear", "validation", "manoeuvres", "validation_checks", "tuning", "terms"),
 )
 _PAGES = ("report", "identifiability", "inspection", "validation")
-# In the head of every page.
+# Mark in the head of every page.
 _GENERATOR = b'<meta name="generator" content="auvid '
-_HEAD = 2000  # bytes
+_HEAD = 2000  # bytes that are searched for the mark
 _EXPORTS = (".yaml", ".json", ".py", ".m", ".sdf", ".mcap")
-_MAX_EXPORT = 10_000_000  # characters; an MCAP names its dataset before that
-# In the heading of an exported model, in its JSON, or at the beginning of an MCAP.
+_MAX_EXPORT = 10_000_000  # characters that are searched for the digest; an MCAP has it before that
+# Digest of the dataset: in the heading of an exported model, in its JSON, or at the beginning of an MCAP.
 _EXPORTED_FROM = re.compile(r'dataset(?: with SHA-256 |_sha256": ")([0-9a-f]{64})\b')
 
 
@@ -56,7 +56,7 @@ def damage_as_file_error(message: Callable[[str], str]) -> Iterator[None]:
     """
     try:
         yield
-    # On damaged files libraries raise anything: errors of unpacking, attributes, memory or SQLite, even Exception.
+    # Libraries raise any exception on damaged files: of unpacking, attributes, memory or SQLite, even Exception.
     except Exception as error:
         reason = one_line(str(error)).rstrip(".") or type(error).__name__
         if isinstance(error, MemoryError) or "out of memory" in reason:
@@ -191,7 +191,7 @@ def refuse_filled(folder: Path) -> None:
     """Raise a FileError if a new folder is a file, is not empty, or cannot be read."""
     with _cannot("read", folder):
         if not folder.is_dir() and os.path.lexists(folder):
-            raise FileError(f"{folder}: exists already, and is no folder; name another place")
+            raise FileError(f"{folder}: exists already, and is not a folder; name another place")
         if folder.is_dir():
             remove_abandoned(folder)
         if folder.is_dir() and any(folder.iterdir()):
@@ -206,7 +206,7 @@ def write_text(path: Path, text: str) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other commands from writing into a results folder; the operating system ends the lock of a killed one.
+    """Lock a results folder against other commands; the operating system removes the lock of a killed command.
 
     Raises
     ------
@@ -286,7 +286,7 @@ def products(folder: Path) -> list[Path]:
 
 
 def exported_from(path: Path) -> str:
-    """Return the SHA-256 of the dataset of an exported model; empty if the file is none."""
+    """Return the SHA-256 of the dataset of an exported model; empty for any other file."""
     if not path.is_file():
         return ""
     with path.open(encoding="utf-8", errors="replace") as file:

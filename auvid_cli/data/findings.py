@@ -18,8 +18,8 @@ from auvid_cli.errors import FileError
 if TYPE_CHECKING:
     import pandas as pd
 
-# Share of the upper end of its interval to use for noise that is likely to be zero: it costs a fiftieth of a
-# log-likelihood, and a smoother hardly converges without any process noise.
+# Noise that is likely to be zero gets this share of the upper end of its interval, because a smoother hardly converges
+# without process noise. The log-likelihood decreases by only 1/50.
 _SHARE_OF_HIGH = 0.1
 # Gain in log-likelihood of a term in held-out data: e^3, or twenty to one, is strong evidence (Kass and Raftery 1995).
 MIN_HELD_OUT_GAIN = 3.0
@@ -30,12 +30,11 @@ class TunedNoise(NamedTuple):
 
     setting: str  # key as after ``--set``, with an index for an element of a list
     unit: str  # SI
-    stated: float  # in the settings, and most likely
-    tuned: float  # in the settings, and most likely
-    # low, high: 95 % interval; low is 0 if any smaller noise is as likely (for a time constant: white noise), high is
-    # infinite if any larger one is
+    stated: float  # value in the settings
+    tuned: float  # most likely value
+    # Lower end of the 95 % interval; 0 if any smaller value is as likely (white noise for a time constant)
     low: float
-    high: float
+    high: float  # upper end of the 95 % interval; infinite if any larger value is as likely
 
     @property
     def is_time_constant(self) -> bool:
@@ -52,9 +51,9 @@ class TunedNoise(NamedTuple):
 class DisturbanceChoice(NamedTuple):
     """Choice between models with and without an autocorrelated disturbance, by the Bayesian information criterion."""
 
-    gain: float  # in log-likelihood by the disturbance
-    n_parameters: int  # of the disturbance
-    needed: float  # least gain: half the logarithm of the number of measurements for each parameter
+    gain: float  # increase of the log-likelihood by the disturbance
+    n_parameters: int  # number of parameters of the disturbance
+    needed: float  # least gain: half the logarithm of the number of measurements, for each parameter
 
     @property
     def is_kept(self) -> bool:
@@ -64,14 +63,14 @@ class DisturbanceChoice(NamedTuple):
 
 @dataclass(frozen=True)
 class Tuning:
-    """Most likely noise."""
+    """Result of the search for the most likely noise."""
 
     noises: tuple[TunedNoise, ...]
-    log_likelihood: float  # up to a constant of the data
-    gain: float  # in log-likelihood over the stated noise
+    log_likelihood: float  # log-likelihood with this noise, up to a constant that depends only on the data
+    gain: float  # increase of the log-likelihood compared with the stated noise
     converged: bool
-    experiment: RunSettings  # with the tuned noise
-    choice: DisturbanceChoice | None = None  # none if the disturbance was not a choice
+    experiment: RunSettings  # settings with the tuned noise
+    choice: DisturbanceChoice | None = None  # None if models without and with a disturbance were not compared
 
     def rows(self) -> NamedRows:
         """Return a row for each noise."""
@@ -106,16 +105,17 @@ class ScoredTerm(NamedTuple):
     term: str
     unit: str
     equation: str
-    # size, standard_deviation: of its coefficient if no other term is added, SI: from a fit to all data if one was
-    # made, otherwise from linearisation about the fit without the term, which is rough for large terms
+    # Coefficient of the term if no other term is added, SI. From a fit to all data if there is one; otherwise from
+    # linearisation about the fit without the term, which is rough for large terms
     size: float
-    standard_deviation: float
-    gain: float  # in log-likelihood of the fitted data, by linearisation
+    standard_deviation: float  # standard deviation of `size`, SI
+    gain: float  # increase of the log-likelihood of the fitted data, by linearisation
     made_up_share: float  # share of the effect of the term that the coefficients of the model can reproduce, 0 to 1
     like: str  # other terms with nearly the same effect on these data
-    # In log-likelihood of the held-out data, from refitting with the term; None if not refitted
+    # Increase of the log-likelihood of the held-out data after a fit with the term; None without such a fit
     held_out_gain: float | None
-    evidence_gain: float | None  # in marginal log-likelihood of all data, from refitting with the term
+    # Increase of the marginal log-likelihood of all data after a fit with the term; None without such a fit
+    evidence_gain: float | None
     found: bool
 
     @property
@@ -130,9 +130,9 @@ class TermFindings:
 
     scored: tuple[ScoredTerm, ...]  # the best candidates of each step by linearisation, best first
     n_candidates: int
-    fitted: Spans  # spans of the data, s
-    held_out: Spans  # spans of the data, s
-    experiment: RunSettings  # with the found terms, to be estimated
+    fitted: Spans  # spans of the data that the model was fitted to, s
+    held_out: Spans  # spans of the data that only tested the terms, s
+    experiment: RunSettings  # settings that also estimate the found terms
 
     @property
     def found(self) -> tuple[ScoredTerm, ...]:
@@ -162,7 +162,7 @@ class SearchState(NamedTuple):
 
     key: str  # hash of all inputs of the search
     elapsed: float  # s
-    costs: tuple[tuple[float, ...], ...]  # of all manoeuvres, by generation
+    costs: tuple[tuple[float, ...], ...]  # costs of all manoeuvres, by generation
 
 
 def _check_sizes(costs: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
@@ -187,7 +187,7 @@ def write_search(path: Path, state: SearchState) -> None:
 
 
 def read_search(path: Path) -> SearchState | None:
-    """Read the state of a search, None if there is no file; raise a FileError if it is damaged or another file."""
+    """Read the state of a search; None if there is no file, FileError if it is damaged or has other content."""
     try:
         content = _SearchFile.model_validate_json(path.read_bytes())
     except FileNotFoundError:

@@ -1,8 +1,8 @@
 """Open HDF5 files of any origin, after a child process has read them to the end.
 
 On a damaged file libhdf5 may crash or never return, and an HDF5 file can refer to any other file. Run as
-``python -m auvid_cli.data.hdf5 SECONDS FOREIGN FILE ...`` this module is that child: it prints one line for each file,
-the reason to refuse it or nothing.
+``python -m auvid_cli.data.hdf5 SECONDS FOREIGN FILE ...`` this module is that child: it prints one line for each file:
+the reason to refuse it, or an empty line.
 """
 
 import os
@@ -38,7 +38,7 @@ _BLOCK = 1 << 22  # bytes
 _MATLAB_CLASS = "MATLAB_class"
 
 
-# Reason to refuse each file version; empty if it is sound.
+# Reason to refuse each file version; empty if the file can be read.
 _flaws: dict[tuple[int, ...], str] = {}
 _scanning = threading.Lock()
 
@@ -57,7 +57,7 @@ def open_hdf5(path: Path, foreign: bool = False) -> Iterator[h5py.File]:
     Raises
     ------
     ValueError
-        If it is no regular file, or is refused; the message omits the path.
+        If it is not a regular file, or is refused; the message omits the path.
     """
     check_regular_file(path)
     scan([path], foreign)
@@ -73,7 +73,7 @@ def numbers_in(item: object) -> TypeGuard[h5py.Dataset]:
 
 
 def trust(path: Path) -> None:
-    """Treat a file as sound that this process has just written."""
+    """Mark a file that this process has just written as readable without a scan."""
     _flaws[_version(path, False)] = ""
 
 
@@ -82,7 +82,7 @@ def scan(paths: Iterable[Path], foreign: bool = False) -> None:
     with _scanning:
         versions = {_version(path, foreign): path for path in paths if path.is_file()}
         if new := {version: path for version, path in versions.items() if version not in _flaws}:
-            # Files after one that ended the child have no result, and are scanned when they are opened.
+            # If a file ended the child, the files after it have no result; they are scanned when they are opened.
             _flaws.update(zip(new, scan_in_child(list(new.values()), foreign), strict=False))
 
 
@@ -207,7 +207,7 @@ def main() -> None:
     end_with_parent()
     seconds, foreign, *paths = sys.argv[1:]
     if hasattr(signal, "alarm"):
-        # Its default action ends the process also inside libhdf5.
+        # The default action of this signal ends the process even inside libhdf5.
         signal.alarm(int(seconds))
     for path in paths:
         print(flaw_of(Path(path), bool(int(foreign))).encode("ascii", "backslashreplace").decode(), flush=True)

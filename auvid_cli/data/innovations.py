@@ -22,7 +22,7 @@ from auvid_cli.vehicle.parameters import SENSORS
 
 NIS_WINDOW = 20.0  # s
 N_LAGS = 20
-_MIN_SAMPLES = 50  # of an autocorrelation
+_MIN_SAMPLES = 50  # smallest number of samples for an autocorrelation
 # Least standard deviation of an innovation as a share of the measurement noise, to allow for rounding.
 _MIN_SHARE_OF_NOISE = 0.999
 
@@ -31,10 +31,8 @@ class InnovationSums(NamedTuple):
     """Sums over all innovations of a sensor."""
 
     start: float  # time of the first, s
-    # squares, components: shape (k,); sum of the NIS, and number of components used, in each `NIS_WINDOW` from `start`
-    # on
-    squares: Array
-    components: Array
+    squares: Array  # shape (k,); sum of the NIS in each `NIS_WINDOW` from `start` on
+    components: Array  # shape (k,); number of components used in each `NIS_WINDOW`
     measurements: int  # number of measurements used
     rejected: int  # number of components beyond the gate, or with a weight below 0.5
 
@@ -73,14 +71,14 @@ class Innovations:
     """Innovations of one sensor."""
 
     time: Array  # shape (k,)
-    # innovation, variance: shape (k, c); SI; NaN where a component is missing or the filter had ended. Where the gate
-    # rejected a component, or its weight is below 0.5, only the variance is NaN.
+    # Measurement minus prediction, shape (k, c), SI; NaN where a component is missing or the filter had ended
     innovation: Array
+    # Variance of `innovation`, shape (k, c), SI; NaN also where the gate rejected it or its weight is below 0.5
     variance: Array
     nis: Array  # shape (k,); normalised innovation squared
     standard_deviation: Array  # shape (c,); measurement noise assumed by the filter
     all_sums: InnovationSums | None = None  # over all innovations, if these are thinned
-    all_autocorrelation: Autocorrelation | None = None  # of all innovations, if these are thinned
+    all_autocorrelation: Autocorrelation | None = None  # over all innovations, if these are thinned
     weight: Array | None = None  # shape (k, c), or None; weight of each component in a robust fit; 1 where missing
 
     def __post_init__(self) -> None:
@@ -93,7 +91,7 @@ class Innovations:
     def check(self, sensor: str, is_fit: bool) -> None:
         """Raise an InvalidDataError if values are impossible; NaN is a missing or rejected one.
 
-        `is_fit` is for residuals of a fit without process noise, of which the variance may be infinite.
+        `is_fit` is for residuals of a fit without process noise, whose variance may be infinite.
         """
         check_sensor(sensor)
         where, n, width = f"/innovations/{sensor}", self.time.size, len(SENSORS[sensor])

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class LabelledSeries(NamedTuple):
-    """Quantities over time, s; `values` has shape (n, len(quantities)), SI; `meaning` is that of the time."""
+    """Quantities over time, s; `values` has shape (n, len(quantities)), SI; `meaning` describes the time."""
 
     time: Array
     quantities: tuple[Quantity, ...]
@@ -92,7 +92,7 @@ def dataset_tree(dataset: Dataset) -> "xr.DataTree":
 
 
 def estimate_frames(estimate: Estimate) -> "dict[str, pd.DataFrame]":
-    """Return the coefficients at the last time, and the state over time, see `Estimate.to_pandas`."""
+    """Return tables of the coefficients at the last time and of the state over time; see `Estimate.to_pandas`."""
     import pandas as pd
 
     values, symbols = estimate.final_coefficients(), estimate.coefficient_set.symbols

@@ -93,7 +93,7 @@ def refuse_other_page(path: Path) -> None:
 
 
 def other_run(path: Path, experiment: RunSettings) -> str:
-    """Return the results of another run that the dataset of an experiment would replace, as an objection or empty."""
+    """Return an objection if the dataset of an experiment would replace results of another run; otherwise ""."""
     if path.exists():
         return _difference(path, "dataset", experiment)
     return _without_dataset(path.parent) if path == dataset_in(path.parent) else ""
@@ -102,7 +102,7 @@ def other_run(path: Path, experiment: RunSettings) -> str:
 def other_estimates(
     folder: Path, experiment: RunSettings, sha256: str, filters: Collection[FilterName]
 ) -> dict[Path, str]:
-    """Return the estimates in a folder that are not of a run, with the reasons.
+    """Return the estimates in a folder that do not belong to a run, with the reasons.
 
     `sha256` is the digest of the dataset of the run; settings of a single filter are compared only for `filters`.
     """
@@ -117,15 +117,15 @@ def other_estimates(
 
 def _without_dataset(folder: Path) -> str:
     results = [*estimates_in(folder).values(), *tables_and_figures(folder)]
-    return f"{results[0]}: was made from data that are no longer there" if results else ""
+    return f"{results[0]}: was made from a dataset that is missing now" if results else ""
 
 
 def _difference(
     path: Path, kind: str, experiment: RunSettings, filter_name: FilterName | None = None, sha256: str = ""
 ) -> str:
-    """Return the reason why a file is not of an experiment; empty if it is."""
+    """Return the reason why a file does not belong to an experiment; empty if it does."""
     if not path.is_file():
-        return f"{path}: is no file"
+        return f"{path}: is not a file"
     try:
         with open_file(path, kind) as file:
             origin = read_attributes(file, _Origin)
@@ -181,7 +181,7 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
         raise FileError(f"{folder / 'estimates'}: no estimates; make them with `auvid identify`")
     for (name, path), estimate in zip(paths.items(), estimates, strict=True):
         if estimate.filter != name.value:
-            raise FileError(f"{path}: is an estimate of {estimate.filter}; give it the name of its filter")
+            raise FileError(f"{path}: is an estimate of {estimate.filter}; rename the file to {estimate.filter}.h5")
         if estimate.dataset_sha256 != dataset.sha256:
             raise FileError(
                 f"{folder / 'estimates' / estimate.filter}.h5: was made from another dataset than "

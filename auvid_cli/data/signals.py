@@ -9,27 +9,26 @@ from auvid_cli.angles import wrap
 from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import SensorRecord
 
-# Standard deviation of a normal variable per median of its absolute value.
+# Standard deviation of a normal variable divided by the median of its absolute value.
 _PER_MEDIAN = 1.4826022185056018
 # Smaller differences are rounding errors, as a share of the largest value.
 _ROUNDING = 16.0 * np.finfo(np.float64).eps
 # A quantisation step is a small quantile of the differences between values, or the median if single values are off the
 # grid.
 _STEP_QUANTILES = (0.05, 0.5)
-_MAX_STEP_ERROR = 0.01  # of a difference from a multiple of the step, in steps
-_MIN_STEP_SHARE = 0.8  # of the differences that are multiples of the step
+_MAX_STEP_ERROR = 0.01  # steps; largest error of a difference that counts as a multiple of the step
+_MIN_STEP_SHARE = 0.8  # smallest share of differences that are multiples of the step
 # A signal is filtered if successive third differences have a larger correlation than this.
 _MAX_WHITE_CORRELATION = -0.68
 _MIN_PAIRS = 400
-_CLIPPING_QUANTILE = 0.95  # of third differences, so that spikes do not count
+_CLIPPING_QUANTILE = 0.95  # quantile at which third differences are clipped, because of spikes
 _MIN_GAP = 1.0  # s
 _MIN_GAP_INTERVALS = 10.0  # median intervals
 # A sensor with noise hardly ever repeats a measurement, a quantised one may for a while.
 MAX_REPEAT = 2.0  # s
-_NEIGHBOUR_STEPS = 1.5  # quantisation steps
-_NOISE_STEPS = 2.5  # quantisation steps
-# Window in which the change of attitude is a turn rate.
-TURN_RATE_WINDOW = 1.0  # s
+_NEIGHBOUR_STEPS = 1.5  # quantisation steps; largest jump to a neighbouring level
+_NOISE_STEPS = 2.5  # quantisation steps; largest jump to a neighbouring level with noise
+TURN_RATE_WINDOW = 1.0  # s; window of the change of attitude that gives a turn rate
 
 
 class Noise(NamedTuple):
@@ -40,7 +39,7 @@ class Noise(NamedTuple):
 
 
 def estimate_noise(values: Array, is_angle: bool = False) -> Noise:
-    """Return `noise_standard_deviation`, or that of quantisation, step / sqrt(12), if it is larger."""
+    """Return the noise of a signal: `noise_standard_deviation`, or step / sqrt(12) of its quantisation if larger."""
     deviation, step = noise_standard_deviation(values, is_angle), quantisation_step(values)
     least = step / np.sqrt(12.0)
     if step > 0.0 and deviation < least:
@@ -124,7 +123,7 @@ def gaps(time: Array) -> Array:
 
 
 def repeats(record: SensorRecord) -> Array:
-    """Return first and last time, s, of every run of equal measurements, shape (n, 2); a run may have one."""
+    """Return first and last time, s, of every run of equal measurements, shape (n, 2); one measurement is a run."""
     time, _, edges = _runs(record)
     return np.stack([time[edges[:-1]], time[edges[1:] - 1]], axis=1)
 
@@ -140,8 +139,8 @@ def stuck_times(record: SensorRecord) -> Array:
 def rounded_repeats(record: SensorRecord) -> NDArray[np.bool_]:
     """Whether each of the `repeats` is due to quantisation of a slowly changing value.
 
-    Such a run has neighbouring steps on both sides. Noise may add a second step on one side, and the first and last
-    run of the record have one side only: these count if they are not longer than those with neighbours on both sides.
+    The values before and after such a run differ from it by one step. A run at an end of the record, or with a
+    second step due to noise on one side, counts only if it is not longer than these.
     """
     time, values, edges = _runs(record)
     steps = rounding_steps(record)
@@ -169,7 +168,7 @@ def rounding_steps(record: SensorRecord) -> Array:
 
 
 def _runs(record: SensorRecord) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return times and values of the measurements, and the index at which each run begins, and the last ends."""
+    """Return times and values of the measurements, the index at which each run begins, and the end of the last."""
     present = np.isfinite(record.values).any(axis=1)
     time, values = record.time[present], record.values[present]
     moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
@@ -205,7 +204,7 @@ def response_to_rates(rates: Array, interval: float, half: int) -> Array:
 
 
 def rate_noise(interval: float, half: int, averaged: int = 1) -> float:
-    """Return the standard deviation of a mean of `averaged` slopes per that of white samples, 1/s."""
+    """Return the standard deviation of a mean of `averaged` slopes, divided by that of white samples, 1/s."""
     return float(np.linalg.norm(np.convolve(_slope_weights(interval, half), np.full(averaged, 1.0 / averaged))))
 
 

@@ -12,7 +12,7 @@ from auvid_cli.vehicle.geometry import DERIVED_TERMS, DerivedValue, coefficients
 from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import PARAMETERS
 
-# Mean distance of the centre of gravity below that of buoyancy of four published vehicles, as a share of the diameter.
+# Distance of the centre of gravity below that of buoyancy, as a share of the diameter: mean of four published vehicles.
 _BOTTOM_HEAVINESS = 0.06
 _UNITS = {quantity.symbol: quantity.unit for quantity in (*PARAMETERS, *COEFFICIENTS)}
 

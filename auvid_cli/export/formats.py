@@ -1,4 +1,4 @@
-"""All export formats; JSON and YAML are written here."""
+"""All export formats; this module writes JSON and YAML itself."""
 
 import json
 import re
@@ -108,7 +108,7 @@ def yaml_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) ->
     notes = [*before["notes"], provenance]
     coefficients = {symbol: entry for symbol, entry in entries.items() if symbol in SYMBOLS}
     vehicle = before | {"notes": notes, "parameters": parameters, "coefficients": coefficients}
-    # Priors are from before there were data.
+    # Leave out priors: they are older than the data that the estimate is made from.
     terms = [
         {key: term[key] for key in term if key != "prior"} | entries[term["name"]] for term in vehicle.pop("terms")
     ]
@@ -136,7 +136,7 @@ def _with_unit(entry: dict[str, Any], unit: str) -> dict[str, Any]:
 
 
 def _quantity(value: float | None, unit: str) -> str | float | None:
-    """Return a value with its unit, and a dimensionless value without."""
+    """Return a value with its unit; a number if it is dimensionless."""
     return value if unit == "1" else f"{value!r} {unit}"
 
 
@@ -149,7 +149,7 @@ class Format(NamedTuple):
     text: Callable[[IdentifiedModel, UnsupportedFeatures, str], str]
 
     def file_text(self, model: IdentifiedModel, losses: UnsupportedFeatures, stem: str) -> str:
-        """Return the text of a file with any name."""
+        """Return the text of a file; `stem` may contain any characters."""
         return self.text(model, losses, printable(stem))
 
 

@@ -93,7 +93,7 @@ def inputs_of(model: IdentifiedModel) -> tuple[Quantity, ...]:
 
 
 def mass_rows(model: IdentifiedModel) -> list[list[float]]:
-    """Return rigid-body and added mass."""
+    """Return the rows of the mass matrix: rigid-body plus added mass."""
     # Adding zero turns -0.0 into 0.0.
     return (mass_matrix(model.experiment.vehicle.known_parameters()) + 0.0).tolist()
 
@@ -189,7 +189,7 @@ def python_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) 
     ]
     inputs = inputs_of(model)
     lines = [
-        # Otherwise the name of a vehicle could declare another encoding.
+        # Without this line the name of a vehicle could declare another encoding.
         "# coding: utf-8\n",
         line_comments("#", heading_lines(model, losses)),
         "\nfrom math import cos, sin\n\nimport numpy as np\n\n",

@@ -180,7 +180,7 @@ def _advice(gravity: float, density: float) -> list[str]:
         "Written for gz-sim 8 (Harmonic) with DART and SDFormat 1.10, by their sources; tested against their",
         "equations and in DART, not in a running Gazebo: look at a free drop and a straight run before you trust it.",
         "Axes are Gazebo's: x forward, y port, z up; v, w, q, r and Y, Z, M, N have the other sign than auvid's.",
-        "Gazebo warns that terms such as <yUV> may be unstable: here they are the lift of the body, and belong.",
+        "Gazebo warns that terms such as <yUV> may be unstable: here they are the lift of the body, and are correct.",
         "Fins: publish rad to /model/NAME/joint/rudder_joint/0/cmd_pos, and elevator_joint; signs are those of auvid.",
         "The collision box displaces the volume that gives the buoyancy. The world needs:",
         f"  <gravity>0 0 {-gravity:.12g}</gravity>",

@@ -44,18 +44,18 @@ def unsupported_features(
     holds_gain: bool = False,
     holds_actuators: bool = False,
 ) -> UnsupportedFeatures:
-    """Return the losses of a format with the equations of motion.
+    """Return the losses of a format that has the equations of motion.
 
     Parameters
     ----------
     symbols : collection of str
-        Coefficients that it loses.
+        Coefficients that the format cannot hold.
     notes : tuple of str
         Further losses.
     holds_gain : bool
-        Whether it has the gain of the propeller.
+        Whether the format has the gain of the propeller.
     holds_actuators : bool
-        Whether it has the dynamics of fins and propeller.
+        Whether the format has the dynamics of fins and propeller.
     """
     terms = tuple(size for size in model.term_sizes if size.symbol in symbols)
     gain = [] if holds_gain else _gain_lines(model)
@@ -81,8 +81,8 @@ def _gain_lines(model: IdentifiedModel) -> list[str]:
     if actuation.thrust == 1.0:
         return []
     return [
-        f"The propeller's gain is lost: multiply the stated surge force by {actuation.thrust:.5g}; along the "
-        f"estimated motion that changed it by {actuation.thrust_rms:.3g} N RMS."
+        f"The propeller's gain is lost: multiply the stated surge force by {actuation.thrust:.5g}; this "
+        f"changes it by {actuation.thrust_rms:.3g} N RMS along the estimated motion."
     ]
 
 
@@ -95,8 +95,8 @@ def _actuator_lines(model: IdentifiedModel) -> list[str]:
         f"{symbol} by {rms:.3g} {units.get(symbol, 'N')}" for symbol, rms in model.actuation.changes.items()
     )
     return [
-        f"The actuators are lost: put {' and '.join(described)} between the commands and the inputs here; along the "
-        f"estimated motion that changed {changes} RMS."
+        f"The actuators are lost: put {' and '.join(described)} between the commands and the inputs here; this "
+        f"changes {changes} RMS along the estimated motion."
     ]
 
 
@@ -111,7 +111,7 @@ def _ballast_lines(model: IdentifiedModel) -> list[str]:
 
 
 def _state_lines(model: IdentifiedModel) -> list[str]:
-    lines = ["Estimated beside the coefficients, and lost:"] if model.states else []
+    lines = ["Estimated next to the coefficients, and lost:"] if model.states else []
     for state in model.states:
         unit = "" if state.unit == "1" else f" {state.unit}"
         deviation = f"standard deviation {state.standard_deviation:.2g}{unit}"

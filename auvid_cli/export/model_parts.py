@@ -13,7 +13,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, PROPULSION_SIGNALS, CoefficientSet
 from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUT_SYMBOLS, MOTION_SYMBOLS
 
-# Inputs by the factors of terms with other names.
+# Input of each factor of a term whose name differs from that of the input.
 FACTOR_INPUTS = {"thrust": "surge_force", **PROPULSION_SIGNALS}
 _FORCE = INPUT_SYMBOLS.index("surge_force")
 
@@ -43,7 +43,7 @@ def surface_changes(coefficients: Mapping[str, float], motion: Array, inputs: Ar
     Parameters
     ----------
     coefficients : mapping
-        All by symbol, SI.
+        All coefficients by symbol, SI.
     motion : ndarray, shape (n, 9)
     inputs : ndarray, shape (n, 4)
     """
@@ -68,8 +68,8 @@ class TermSize(NamedTuple):
     row: str  # "X", "Y", "Z", "K", "M" or "N"
     unit: str  # "N" or "N*m"
     rms: float  # RMS of the force or moment
-    # RMS in percent of the root of the sum of the mean squares of all terms of the row. The sum of the terms would be
-    # small where they balance.
+    # RMS in percent of the root of the sum of the mean squares of all terms of the row; not of the sum of the terms,
+    # which is small if they balance
     percent: float
 
 
@@ -140,7 +140,7 @@ class Actuation(NamedTuple):
     thrust: float  # scale of the stated surge force
     thrust_rms: float  # RMS of the change of the surge force by this scale, N
     actuators: ActuatorSettings  # dynamics of fins and propeller
-    # RMS of the change by these dynamics in `surge_force`, and in the force or moment of each coefficient of an input,
+    # RMS change of `surge_force`, and of the force or moment of each coefficient of an input, due to these dynamics,
     # N or N m
     changes: dict[str, float]
 
@@ -159,9 +159,9 @@ def actuation(estimate: Estimate, inputs: InputRecord, coefficients: Mapping[str
     inputs : InputRecord
         Recorded inputs.
     coefficients : mapping
-        All by symbol, SI.
+        All coefficients by symbol, SI.
     motion : ndarray, shape (n, 9)
-        At the times of the estimate.
+        Motion at the times of the estimate.
     """
     commanded = held_inputs(estimate.time, inputs.time, inputs.values)
     coefficient_set, acting = estimate.coefficient_set, acting_inputs(estimate, inputs)

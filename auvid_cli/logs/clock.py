@@ -18,7 +18,7 @@ _DATE = re.compile(r"\s*\d{4}-\d{2}-\d{2}")
 _CHUNK = 100_000  # dates converted at a time
 FARTHEST = 1e20  # more than any time stamp; nanoseconds since 1970 are about 2e18
 # A smaller variation of the difference between clocks is ignored.
-_MIN_INTERVAL_SHARE = 0.5  # of the median interval
+_MIN_INTERVAL_SHARE = 0.5  # share of the median interval
 _MIN_VARIATION = 0.02  # s
 _QUANTILES = (0.05, 0.95)
 _PLAYBACK_DELAY = 60.0  # s by which a log is later than its messages if it was played back
@@ -134,9 +134,8 @@ class ClockDrift(NamedTuple):
     other: str
     unsteady: bool  # whether `clock` has the less even intervals
     later: float  # median of the difference, s; 0 if the epochs differ
-    # spread, furthest: variation of the difference about its median, s: 5 % to 95 % quantile, and maximum
-    spread: float
-    furthest: float
+    spread: float  # difference between the clocks: 95 % quantile minus 5 % quantile, s
+    furthest: float  # largest deviation of the difference from its median, s
 
 
 def find_clock_drift(taken: Array, other: Array, names: tuple[str, str]) -> ClockDrift | None:

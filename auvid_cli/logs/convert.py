@@ -25,7 +25,7 @@ from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUT_SYMBOLS, PROPULSION
 # Files of each log by its name, in their order.
 LogFiles = Mapping[str, Sequence[Path]]
 # Deflection of each fin per radian of rudder and of elevator. A positive rudder pushes the tail to starboard, a
-# positive elevator up. A positive fin of an x tail pushes to starboard, so two of these fins push down.
+# positive elevator pushes it up. A positive fin of an x tail pushes to starboard; two of these fins also push down.
 _FINS = {
     "top": (1.0, 0.0),
     "bottom": (1.0, 0.0),
@@ -125,7 +125,7 @@ class Mixed(NamedTuple):
 
 
 def hold(channels: Mapping[str, Channel]) -> tuple[Array, dict[str, Array]]:
-    """Return the union of the times after the start of all channels, and their values held at these times."""
+    """Return the times of all channels from the latest start on, and the values that hold at these times."""
     times = [channel.time for channel in channels.values()]
     if all(np.array_equal(times[0], other) for other in times[1:]):
         return times[0], {name: channel.values for name, channel in channels.items()}
@@ -150,7 +150,7 @@ def mix(fins: Mapping[str, Array]) -> Mixed:
 
 
 def moved_by(fins: Iterable[str]) -> set[str]:
-    """Return the inputs, of rudder and elevator, that fins act as."""
+    """Return which of rudder and elevator the fins act as."""
     return {name for fin in fins for name, share in zip(("rudder", "elevator"), _FINS[fin], strict=True) if share}
 
 

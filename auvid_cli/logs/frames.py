@@ -14,7 +14,7 @@ from auvid_cli.logs.requests import MapMismatchError
 from auvid_cli.vehicle.kinematics import body_rates, body_to_earth, earth_to_body
 from auvid_cli.vehicle.parameters import SENSORS
 
-# Quaternions: half a turn about x, and about the line between east and north.
+# Quaternions of half turns: about x, and about the line between east and north.
 FLU_TO_FRD = np.array([0.0, 1.0, 0.0, 0.0])
 ENU_TO_NED = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
 _IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
@@ -130,7 +130,7 @@ def depth_at_origin(down: Array, roll: Array, pitch: Array, position: Array) -> 
 
 
 def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: KeyPath) -> Array:
-    """Return components in body axes, or over ground in north-east-down, as far as no attitude is needed.
+    """Return components in body axes, or over ground in north-east-down axes, without steps that need an attitude.
 
     Raises
     ------

@@ -16,8 +16,8 @@ from auvid_cli.text import one_line
 
 # An underwater vehicle does not exceed these; larger numbers have another unit.
 _MAX_PLAUSIBLE = {"rad": 2.0 * np.pi, "rad/s": 20.0, "m/s": 50.0, "m/s^2": 500.0}
-_MAX_INTERLEAVING = 1.0  # s, disorder of late messages at the border of two files
-_SAME_TIME = 1e-6  # s, rounding of one time in several tables
+_MAX_INTERLEAVING = 1.0  # s, largest overlap of two files due to late messages
+_SAME_TIME = 1e-6  # s, largest rounding error of a time that several tables share
 _DAY = 86400.0  # s
 
 

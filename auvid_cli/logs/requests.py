@@ -66,7 +66,7 @@ class Place(NamedTuple):
 
 
 class ComponentSource(NamedTuple):
-    """Column of a component, its unit in SI, and whether log or map state the unit."""
+    """Column of a component, size of its unit in SI, and whether the log or the map states the unit."""
 
     place: Place
     factor: float
@@ -87,7 +87,7 @@ class Request(NamedTuple):
     """Columns of a sensor or an input in one table."""
 
     path: KeyPath  # path of the request in the map
-    values: dict[str, ComponentSource]  # by component
+    values: dict[str, ComponentSource]  # source of each component
     valid: Place | None  # column that flags valid rows
     time: Times
     chosen: tuple[Place, RowChoice] | None  # column with an id, and its values in the requested rows
@@ -103,7 +103,7 @@ def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], errors:
     """Return the requests of a map by their paths in it.
 
     Missing tables and columns, text instead of numbers and wrong units are collected in `errors`. A sensor has the
-    path ``("sensors", name)``; components in another table have a request at the path of the first of them.
+    path ``("sensors", name)``. Components in another table have their own request, at the path of the first component.
     """
     finder = _Finder(settings, tree, logs, errors)
     requests: dict[KeyPath, Request | None] = {}

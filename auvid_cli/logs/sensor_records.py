@@ -20,7 +20,7 @@ from auvid_cli.logs.measurements import ImportSummary, MeasuredRows
 from auvid_cli.logs.requests import ColumnReader, MapErrors, MapMismatchError, Request
 from auvid_cli.vehicle.parameters import SENSORS
 
-_HEADINGS = ("psi", "heading")  # angles that may count turns
+_HEADINGS = ("psi", "heading")  # angles that may exceed one turn
 
 
 class SensorRecords(NamedTuple):

@@ -26,7 +26,7 @@ from auvid_cli.vehicle.parameters import (
 # Share of a run's estimates inside the limits of an axis; brief excursions beyond are cut off.
 SHOWN_PERCENT = 98.0  # %
 # Start of a logarithmic time axis.
-_FIRST_SHARE = 1e-3  # of the run
+_FIRST_SHARE = 1e-3  # share of the run
 _SHORTEST = 1e-3  # s
 _BAND_POINTS = 100
 # Limits of the convergence plots.
@@ -41,13 +41,11 @@ class CoefficientLine(NamedTuple):
 
     filter: str
     completed: bool  # whether the filter reached the end of the data
-    # time, values: shape (n,); s, and values in the unit of the plot; NaN breaks the line
-    time: Array
-    values: Array
+    time: Array  # s, shape (n,)
+    values: Array  # in the unit of the plot, shape (n,); NaN breaks the line
     end: float  # value at the last time
-    # band_time, band: shape (m,); s, and the upper edge of two standard deviations; empty without a band
-    band_time: Array = np.empty(0)
-    band: Array = np.empty(0)
+    band_time: Array = np.empty(0)  # times of the band, s, shape (m,); empty without a band
+    band: Array = np.empty(0)  # upper edge of two standard deviations, shape (m,); empty without a band
 
 
 class CoefficientPlot(NamedTuple):
@@ -57,8 +55,8 @@ class CoefficientPlot(NamedTuple):
     lines: list[CoefficientLine]  # one for each filter
     true: float | None  # SI
     limits: tuple[float, float] | None  # limits of the ordinate; None for automatic ones
-    begin: float  # limits of the time axis, s
-    end: float  # limits of the time axis, s
+    begin: float  # lower limit of the time axis, s
+    end: float  # upper limit of the time axis, s
 
 
 def estimate_plot(
@@ -129,7 +127,7 @@ def convergence_plot(
 def convergence_limits(plots: Sequence[CoefficientPlot]) -> tuple[float, float]:
     """Return limits in percent that suit all plots: by the bands at both ends, and by the ends of the lines."""
     lines = [line for plot in plots for line in plot.lines]
-    # A filter that diverged would squash the others, so it counts only if all diverged.
+    # A filter that diverged would compress the others, so it counts only if all diverged.
     counting = [line for line in lines if line.completed] or lines
     bands = [line.band[[0, -1]] for line in counting]
     low, high = value_range(*(band[band > 0.0] for band in bands)) or (0.1, _HIGHEST)
@@ -174,7 +172,7 @@ def interpolated(time: Array, run: FreeRun, column: int) -> Array:
     if MOTION_AND_DEPTH_SYMBOLS[column] in ("phi", "theta", "psi"):
         values = np.unwrap(values)
     result = np.interp(time, run.time, values, left=np.nan, right=np.nan)
-    # Between two samples one of which is not finite nothing is known.
+    # The value between two samples is unknown if one of them is not finite.
     return np.where(np.interp(time, run.time, finite.astype(np.float64)) == 1.0, result, np.nan)
 
 

@@ -47,8 +47,8 @@ from auvid_cli.validation.results import (
 
 _NOTES = (
     "Bound: smallest standard deviation that an estimate from these data can have (Cramer-Rao), with sensor noise "
-    "only; with noise %: with process noise as well. The class is that of the larger one. Mostly from: the sensor with "
-    "the largest share of the information.",
+    "only; with noise %: with process noise as well. The class is that of the larger bound. Mostly from: the sensor "
+    "with the largest share of the information.",
 )
 # Columns left out on a narrow terminal, in this order.
 _DROPPED_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
@@ -117,7 +117,7 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     Parameters
     ----------
     console : rich.console.Console
-        On a narrow one, units, true values and the paper's columns are left out and named below the table.
+        On a narrow console, units, true values and the paper's columns are left out and named below the table.
     """
     if console.quiet:
         # Choosing the columns that fit takes a tenth of a second.
@@ -148,12 +148,12 @@ def print_files(console: Console, files: Sequence[Path]) -> None:
 
 
 def print_checks(console: Console, checks: Sequence[Check], passed: bool) -> None:
-    """Print the number of checks, and those that did not pass, once for all estimates that share them, with advice.
+    """Print the number of checks, and the checks that did not pass, with advice; estimates share rows.
 
     Parameters
     ----------
     passed : bool
-        Whether all checks are printed, estimate by estimate.
+        Whether to print all checks, estimate by estimate.
     """
     names = list(dict.fromkeys(check.filter for check in checks))
     shared = shared_checks(checks)
@@ -168,7 +168,7 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool) -> Non
         if len(names) > 1:
             shown = whose([JUDGE if JUDGE in names else names[0]])
             console.print(
-                Text(f"Column found: value of the {shown}, if it is in the row. Add --verbose for each estimator.")
+                Text(f"Column found: value of the {shown} if its check is in the row. --verbose prints all estimators.")
             )
             console.print()
     for advice in advices(shared):

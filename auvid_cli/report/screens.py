@@ -82,7 +82,7 @@ def sentences(design: "Design") -> list[str]:
         limits = dict.fromkeys(name for shares in chosen.excess for name, share in shares.items() if share > 0.0)
         how = f" ({', '.join(limits)})" if limits else ""
         lost = f", and {chosen.n_lost} went out of control" if chosen.n_lost else ""
-        lines.append(f"{chosen.n_outside} of {number} trial vehicles left the limits{how}{lost}: allow room for it.")
+        lines.append(f"{chosen.n_outside} of {number} trial vehicles left the limits{how}{lost}: plan a margin.")
     if np.isfinite(design.gain) and spiral.n_outside and not design.keeps_spiral:
         lines.append(f"With the spiral, {spiral.n_outside} of them left the limits.")
     if design.time_to_match is not None and not design.keeps_spiral:
@@ -102,12 +102,12 @@ def sentences(design: "Design") -> list[str]:
 def print_terms(console: Console, findings: TermFindings) -> None:
     """Print the candidate terms and the result of the search."""
     cells: dict[Column, Callable[[ScoredTerm], Cell]] = {
-        text_column("look"): lambda term: str(term.look),
+        text_column("step"): lambda term: str(term.look),
         text_column("term"): lambda term: term.term,
         Column("size"): lambda term: term.size,
         Column("+-"): lambda term: term.standard_deviation,
         Column("gain"): lambda term: term.gain,
-        Column("made up %"): lambda term: 100.0 * term.made_up_share,
+        Column("imitated %"): lambda term: 100.0 * term.made_up_share,
         Column("held-out gain"): lambda term: term.held_out_gain,
         Column("gain of all"): lambda term: term.evidence_gain,
         text_column("verdict"): _verdict,
@@ -116,9 +116,9 @@ def print_terms(console: Console, findings: TermFindings) -> None:
     console.print(
         Text(
             f"{findings.n_candidates} candidates, fitted to {_of(findings.fitted)}, held out {_of(findings.held_out)}. "
-            "Gain: in log-likelihood, predicted before the fit and found after it. Made up: share of the effect of the "
-            "term that the coefficients of the model can imitate. Not kept: another term fits better or makes it "
-            "needless. No better held out: the term does not improve the fit of the held-out data."
+            "Gain: increase of the log-likelihood, predicted before the fit and found after it. Imitated: share of the "
+            "effect of the term that the coefficients of the model can imitate. Not kept: another term fits better or "
+            "replaces it. Not confirmed: the term does not improve the fit of the held-out data."
         )
     )
     alike = [f"These data cannot separate {term.term} from {term.like}." for term in findings.found if term.like]
@@ -130,7 +130,7 @@ def _verdict(term: ScoredTerm) -> str:
         return "found"
     if term.held_out_gain is None:
         return ""
-    return "not kept" if term.is_likelier else "no better held out"
+    return "not kept" if term.is_likelier else "not confirmed"
 
 
 def _of(spans: Spans) -> str:
@@ -200,7 +200,7 @@ _FINDINGS: tuple[tuple[str, Callable[[TunedNoise], bool], str], ...] = (
 
 
 def _most_likely(noise: TunedNoise) -> Cell:
-    # Without a lower limit, the most likely value is the smallest that the search allows.
+    # If the data give no lower limit, the most likely value is the smallest that the search allows.
     is_none = noise.low == 0.0 and noise.tuned < 1e-3 * noise.high and not noise.is_time_constant
     return "none" if is_none else noise.tuned
 

@@ -13,11 +13,11 @@ _DEGREES = float(np.rad2deg(1.0))
 # A line is broken where time advances by more than both of these.
 _JUMP = 20.0  # median intervals
 _MIN_JUMP = 1.0  # s
-_MARGIN = 0.08  # of the range of the values
+_MARGIN = 0.08  # share of the range of the values
 
 
 class Scale(NamedTuple):
-    """A unit, and how many of it an SI unit is."""
+    """A unit, and the number of these units in an SI unit."""
 
     unit: str
     factor: float
@@ -32,7 +32,7 @@ def scale_of(quantity: Quantity) -> Scale:
 
 
 def finite(values: Array) -> Array:
-    """Return values with NaN for infinity, which breaks a line."""
+    """Return values with NaN instead of infinity; NaN breaks a line."""
     return np.where(np.isfinite(values), values, np.nan)
 
 

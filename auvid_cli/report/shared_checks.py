@@ -14,14 +14,14 @@ _COUNTED = {False: "failed", None: "noted"}
 
 
 def judgement_sentences(judgements: Mapping[str, Judgement], with_sound: bool) -> list[str]:
-    """Return judgement, reason and remedy, in one sentence for all filters that share them.
+    """Return sentences with judgement, reason and remedy, one for all filters that share them.
 
     Parameters
     ----------
     judgements : mapping of Judgement
         By filter.
     with_sound : bool
-        Whether those that are sound are named as well.
+        Whether sound estimates are named as well.
     """
     labels: dict[Judgement, list[str]] = {}
     for name, judgement in judgements.items():
@@ -47,7 +47,7 @@ class SharedCheck(NamedTuple):
 class Advice(NamedTuple):
     """Advice that several checks share."""
 
-    shared: tuple[SharedCheck, ...]  # all failed or all worth knowing, of the same estimates
+    shared: tuple[SharedCheck, ...]  # all failed, or all are notes; of the same estimates
     text: str
 
     @property
@@ -62,7 +62,7 @@ class Advice(NamedTuple):
 
     @property
     def what(self) -> str:
-        """Name the verdicts."""
+        """Return the names of the checks."""
         names: dict[str, list[str]] = {}
         for entry in self.shared:
             names.setdefault(entry.check.subject, []).append(entry.check.check)

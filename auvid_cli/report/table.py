@@ -15,13 +15,13 @@ _GREEK = ("phi", "theta", "psi")
 # Longest subscript that is set in italics; longer ones are words.
 _SHORT = 2
 _DVL = {"dvl_scale": r"$s_{\mathrm{DVL}}$", "dvl_yaw": r"$\psi_{\mathrm{DVL}}$"}
-_MAX_COEFFICIENTS = 14  # of one picture
+_MAX_COEFFICIENTS = 14  # largest number in one picture
 _COEFFICIENTS = {c.symbol: c for c in COEFFICIENTS}
 # Digits that the printed tables show of a value, of a standard deviation and of an error in percent.
 DIGITS = 4
 DEVIATION_DIGITS = 2
 ERROR_DIGITS = 2
-# Where the mark is explained.
+# Explanation of the mark.
 UNIDENTIFIED = (
     "† do not rely on it: the standard deviation, or the smallest that the data allow, exceeds 20 % of the value (of "
     "the true value if it is known), or the estimate is not sound."
@@ -114,7 +114,7 @@ Cell: TypeAlias = str | float | Symbol | UnitCell | PlusMinus | Unidentified | N
 
 
 class Column(NamedTuple):
-    """Heading of a column and, if it belongs to several of a kind, of its group."""
+    """Heading of a column, and of its group if columns are grouped."""
 
     header: str
     group: str = ""
@@ -127,8 +127,8 @@ class Table(NamedTuple):
     key: str  # short name, used in the LaTeX label
     title: str
     columns: tuple[Column, ...]
-    rows: list[list[Cell]]  # body, and the rows below the rule
-    totals: Sequence[list[Cell]] = ()  # body, and the rows below the rule
+    rows: list[list[Cell]]  # rows of the body
+    totals: Sequence[list[Cell]] = ()  # rows below the rule, such as averages
     notes: tuple[str, ...] = ()  # sentences below the table
 
     def without(self, *headers: str) -> "Table":
@@ -173,7 +173,7 @@ def number(value: float, digits: int = DIGITS) -> str | None:
         return str(value)
     if value == 0.0:
         return "0"
-    # Through text, so that 9.9996 counts as 10.00 before its digits are shared out.
+    # Round first, so that 9.9996 becomes 10.00 before the number of decimals is chosen.
     rounded = float(f"{value:.{digits - 1}e}")
     magnitude = floor(log10(abs(rounded)))
     if -5 < magnitude < 7:
@@ -182,17 +182,15 @@ def number(value: float, digits: int = DIGITS) -> str | None:
 
 
 class CellStyle(NamedTuple):
-    """How a medium writes cells."""
+    """Style in which a medium, such as LaTeX, writes cells."""
 
     missing: str  # text of an unknown value
-    # symbol, unit, text: return the text of a symbol, of a unit, and of plain text
-    symbol: Callable[[str], str]
-    unit: Callable[[str], str]
-    text: Callable[[str], str]
+    symbol: Callable[[str], str]  # returns the text of a symbol
+    unit: Callable[[str], str]  # returns the text of a unit
+    text: Callable[[str], str]  # returns plain text with its markup escaped
     number: Callable[[str], str] = str  # returns the text of a number that already has its digits
-    # plus_minus, mark: sign before a standard deviation, and the mark of an unidentified value
-    plus_minus: str = "±"
-    mark: str = " †"
+    plus_minus: str = "±"  # sign before a standard deviation
+    mark: str = " †"  # mark of an unidentified value
     digits: int = DIGITS  # significant digits of a value
 
     def number_text(self, value: float, digits: int) -> str:

@@ -1,4 +1,4 @@
-"""Accuracy of the coefficients next to the published values (Table IV), and what all tables of a run share."""
+"""Accuracy of the coefficients next to the published values (Table IV), and parts that all tables of a run share."""
 
 import csv
 from collections.abc import Sequence
@@ -158,7 +158,7 @@ def _half(
 def table_iv(evaluation: Evaluation) -> dict[str, NamedRows]:
     """Return Table IV as the rows of ``table_iv.csv``, both halves side by side; empty without a truth.
 
-    The last rows are the averages, the number of rows below the paper's values and the CPU time.
+    The last rows are the averages, the number of coefficients with a smaller error than in the paper, and the CPU time.
     """
     halves = accuracy(evaluation)
     if not halves:

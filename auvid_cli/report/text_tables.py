@@ -80,7 +80,7 @@ def _markdown_table(table: Table) -> str:
 
 
 def _in_a_cell(text: str) -> str:
-    """Return text of auvid, which may contain markup, in the form of a cell."""
+    """Return auvid's own text for a cell; it may contain markup."""
     return one_line(text).replace("|", r"\|")
 
 

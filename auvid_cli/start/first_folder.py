@@ -41,7 +41,7 @@ identification:
 """
 
 _MAP = """\
-# A template of a map for your log: enter its columns and units, and the standard deviation of each sensor.
+# A template of a map for your log: enter the log's columns and units, and the standard deviation of each sensor.
 # `auvid import --suggest dive.csv -o suggested.yaml` reads the log and writes most of such a map.
 name: %(name)s_dive
 vehicle: vehicle.yaml
@@ -92,8 +92,9 @@ _ASSUMED = """\
 - `zG`: distance of the centre of gravity below that of buoyancy: incline the vehicle, or time its roll oscillation.
 - `W` and `B`: weight, and buoyancy from the weight in water. They are assumed to be equal.
 - `Ixx`, `Iyy`, `Izz`: assumed to be those of a solid of uniform density.
-- `X_prop`, `K_prop`: thrust at the speed in `geometry.speed`, which a bollard pull limits; assumed torque: 0.
-- `geometry`: nose, tail and fins from the drawing. Derived values change with `auvid init`, not by themselves."""
+- `X_prop`, `K_prop`: thrust and torque at the speed in `geometry.speed`. A bollard pull gives an upper limit of the
+  thrust; the torque is assumed to be 0.
+- `geometry`: nose, tail and fins from the drawing. After a change run `auvid init` again for new derived values."""
 _DERIVED = "The vehicle is derived from length, diameter, mass and fins; each number has its method and uncertainty."
 _SHIPPED = "All numbers are those of the shipped vehicle; `notes` in `vehicle.yaml` lists known problems with them."
 
@@ -101,7 +102,7 @@ _SHIPPED = "All numbers are those of the shipped vehicle; `notes` in `vehicle.ya
 class FirstFolder(NamedTuple):
     """Files of a first folder."""
 
-    texts: dict[str, str]  # by the names of the files
+    texts: dict[str, str]  # text of each file, by its name
     vehicle: VehicleSettings
     spiral: FirstSpiral
     assumed: tuple[str, ...] = ()  # defaults in use, each as an option of `auvid init`
@@ -123,7 +124,7 @@ def folder_like(folder: Path, like: str, speed: float | None) -> FirstFolder:
     like : str
         Name of the vehicle, such as ``remus100``.
     speed : float or None
-        Speed of the spiral, m/s; None for the speed that belongs to the thrust in the vehicle file.
+        Speed of the spiral, m/s; None for the speed at which drag equals the thrust in the vehicle file.
 
     Raises
     ------

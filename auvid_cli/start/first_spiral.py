@@ -27,7 +27,7 @@ _TURN_RATE = 0.1  # rad per time of travel along the vehicle's length
 _RUDDER_BAND = (0.027, 0.27)
 _ELEVATOR_BAND = (0.06, 0.4)
 _THRUST_BAND = (0.015, 0.1)
-_ROLL_BAND = (0.06, 0.6)  # of the natural frequency of roll
+_ROLL_BAND = (0.06, 0.6)  # shares of the natural frequency of roll
 MIN_DURATION = 300.0  # s
 _DURATION = 150.0  # times of travel along the vehicle's length: four periods of the lowest frequency of the rudder
 _MAX_EXCESS_MASS = 0.15  # difference of mass and displaced water, share; estimated nose and tail have this error
@@ -38,11 +38,11 @@ class FirstSpiral(NamedTuple):
 
     lines: tuple[str, ...]  # settings as YAML
     excitation: float  # share of the full excitation
-    speed: tuple[float, float]  # lowest and highest after the start, m/s
-    roll: float  # largest of the whole run, rad
-    pitch: float  # largest of the whole run, rad
+    speed: tuple[float, float]  # lowest and highest speed after the start, m/s
+    roll: float  # largest roll of the whole run, to either side, rad
+    pitch: float  # largest pitch of the whole run, up or down, rad
     slip: float  # largest angle between axis and flow after the start, rad
-    depth: float  # at the end, m
+    depth: float  # depth at the end, m
 
 
 def cruising_speed(vehicle: VehicleSettings) -> float | None:
@@ -54,7 +54,7 @@ def cruising_speed(vehicle: VehicleSettings) -> float | None:
 def first_spiral(vehicle: VehicleSettings, speed: float) -> FirstSpiral:
     """Return the spiral with the most excitation in which the vehicle does not roll or pitch too far.
 
-    The vehicle needs all coefficients; `speed` is in m/s. ConfigError if the least excitation is too much.
+    The vehicle needs all coefficients; `speed` is in m/s. ConfigError if even the least excitation is too much.
     """
     reason = ""
     for excitation in _EXCITATIONS:

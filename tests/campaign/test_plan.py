@@ -248,7 +248,7 @@ def test_mistakes_have_their_position(planned, change, complaint):
 
 def test_relative_axis_needs_a_number(planned):
     text = "name: x\nfilters: [ckf]\nvary: [{setting: identification.gate, values: [2], relative: true}]\n"
-    with pytest.raises(ConfigError, match=r"campaign\.yaml:3:\d+: identification\.gate: .*states none there"):
+    with pytest.raises(ConfigError, match=r"campaign\.yaml:3:\d+: identification\.gate: .*has no number there"):
         planned(text)
     text = "name: x\nfilters: [ckf]\nvary: [{setting: sensors.dvl.rate, values: [2 Hz], relative: true}]\n"
     with pytest.raises(ConfigError, match=r"multiplies by numbers, got '2 Hz'"):

@@ -126,7 +126,7 @@ def test_other_file_named_dataset_is_not_replaced(here, text):
 
 def test_results_without_their_dataset_are_not_replaced(here):
     dataset_in(HOME).unlink()
-    assert_refused("run", *SHORT, words=("estimates/ckf.h5", "no longer there"))
+    assert_refused("run", *SHORT, words=("estimates/ckf.h5", "missing now"))
     shutil.rmtree(HOME / "estimates")
     assert_refused("simulate", *SHORT, words=("tables/",))
 

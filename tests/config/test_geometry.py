@@ -54,7 +54,7 @@ def test_hull_of_table_has_its_size(text):
         ("hull={type: table, station: [0, 1, 2], radius: [0, 0, 0]}", "at least one radius"),
         (
             "hull={type: table, station: [0, 1, 2], radius: [0, 0.95, 0]}",
-            "length by diameter of the hull is 1.05",
+            "length divided by diameter of the hull is 1.05",
         ),
         (
             "hull={type: myring, nose: 1, nose_offset: 1, middle: 1, tail: 1, tail_angle: 1}",

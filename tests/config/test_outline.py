@@ -46,7 +46,7 @@ def test_assumed_lists_defaults_as_options():
         ({"fin_span": "10"}, "outline: fins.span is 10 m; expected 0.004 to 0.6 m"),
         ({"fin_area": "80"}, r"outline: fins.area is 80 m\^2; expected 0.0002 to 0.12"),
         ({"fin_position": "4 m"}, "outline: fins.position is 4 m"),
-        ({"diameter": "2 m"}, "outline: length by diameter of the hull is 1"),
+        ({"diameter": "2 m"}, "outline: length divided by diameter of the hull is 1"),
         # Three times the displacement of a cylinder with nose and tail, which is less than 64 kg.
         (
             {"mass": "192 kg"},

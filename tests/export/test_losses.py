@@ -35,10 +35,10 @@ def test_lossy_format_states_its_losses(target, model):
     losses = FORMATS[target].losses(model)
     text = FORMATS[target].text(model, losses, "model")
     expected = (
-        "multiply the stated surge force by 1.2; along the estimated motion that changed it by 14.5 N RMS.",
+        "multiply the stated surge force by 1.2; this changes it by 14.5 N RMS along the estimated motion.",
         "put fins of dead band 0.01, time constant 0.1 and a propeller of saturation 80 between the commands and the",
-        "changed surge_force by 0.2 N, Y_uudr by 3.14 N,",
-        "Z_uude by 2.72 N, M_uude by 1.62 N*m, N_uudr by 0.58 N*m RMS.",
+        "changes surge_force by 0.2 N, Y_uudr by 3.14 N,",
+        "Z_uude by 2.72 N, M_uude by 1.62 N*m, N_uudr by 0.58 N*m RMS along the estimated motion.",
         "  thrust_scale: 0.2, standard deviation 0.012",
         "  current_north: -0.25 m/s, standard deviation 0.011 m/s",
         "  bias_p: 0.0035 rad/s, standard deviation 0.0001 rad/s",
@@ -56,7 +56,7 @@ def test_losses_name_only_estimated_parts(target, model_with):
     assert not [
         line
         for line in lines
-        if any(word in line for word in ("propeller", "actuators", "ballast", "beside the coefficients"))
+        if any(word in line for word in ("propeller", "actuators", "ballast", "next to the coefficients"))
     ]
 
 

@@ -53,7 +53,7 @@ def test_sentences_of_better_design_give_gain_duration_and_weak_coefficients(des
 def test_spiral_is_written_if_as_good(design):
     lines = sentences(design(trial(1.0), trial(1.05, outside=2, lost=1), chosen="spiral"))
     assert lines[0].startswith("The spiral is as good (x1.05 over the spiral on 4 vehicles")
-    assert lines[1] == "3 of 4 trial vehicles left the limits (roll), and 1 went out of control: allow room for it."
+    assert lines[1] == "3 of 4 trial vehicles left the limits (roll), and 1 went out of control: plan a margin."
 
 
 def test_spiral_is_written_if_no_design_stays_within_limits(design):

@@ -22,7 +22,7 @@ from auvid_cli.data.hdf5 import numbers_in, open_hdf5
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import ColumnValues, FileLog, LogColumn, Tables
 
-_MAX_COLUMNS = 100  # of an array, or structs of a list; larger ones, such as images, are left out
+_MAX_COLUMNS = 100  # columns of an array or structs of a list; larger ones, such as images, are left out
 
 _MAX_TOTAL = 10_000  # columns of a file
 

@@ -29,9 +29,9 @@ from auvid_cli.logs.formats.text_layout import (
     split_row,
 )
 
-_BLOCK_BYTES = 1 << 24  # read at a time
+_BLOCK_BYTES = 1 << 24  # bytes that are read at a time
 _MAX_LINE_BYTES = 1 << 26
-_HEAD_BYTES = 1 << 17  # from which the layout is found
+_HEAD_BYTES = 1 << 17  # bytes from which the layout is found
 _CHUNK_ROWS = 100_000
 _WHITE = np.frombuffer(b" \t\r\n", np.uint8)
 _GZIP = b"\x1f\x8b"

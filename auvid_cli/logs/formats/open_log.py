@@ -45,7 +45,7 @@ class _Kind(Enum):
 
 
 _LOGS_OF_EXTRA = {"ros": "ROS bags", "ardupilot": "ArduPilot logs", "px4": "PX4 logs", "imc": "IMC logs"}
-# Common mistakes.
+# Advice for files that users often confuse with logs, by their first bytes.
 _ADVICE_BY_MAGIC = {
     b"\x89HDF\r\n\x1a\n": "looks like an HDF5 file of another kind than MATLAB 7.3",
     b"\x93NUMPY": "looks like a single NumPy array: save its columns by name with numpy.savez",
@@ -152,7 +152,7 @@ def _kind_of(path: Path) -> _Kind | None:
             raise FileError(f"{path}: {advice}")
     if _SLOCUM.match(head):
         raise FileError(
-            f"{path}: looks like a log of a Slocum glider: convert it with dbd2asc, and give what that writes"
+            f"{path}: looks like a log of a Slocum glider: convert it with dbd2asc, and use the output of that"
         )
     if path.suffix.lower() == _Kind.ALOG.suffix and _is_text(head):
         return _Kind.ALOG

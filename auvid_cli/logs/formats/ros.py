@@ -17,7 +17,7 @@ from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, Tables, missing
 
 _MAX_LIST_LENGTH = 100  # elements that become columns; longer lists, such as images, are read by an index only
-_NANOSECONDS = 10**9  # in 1 s
+_NANOSECONDS = 10**9  # nanoseconds in 1 s
 _STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 _REPAIR = {".bag": "rosbag reindex", ".mcap": "mcap recover"}
 

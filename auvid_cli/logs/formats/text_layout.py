@@ -20,7 +20,7 @@ _WITH_UNIT = re.compile(
     r"(?P<number>[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?|nan|NaN)(?:\s+|(?=..|[sm%°]))"
     r"(?P<unit>[^\W\d].*|[%°].*)"
 )
-# SI units of quantities that vehicles log; units of other quantities count as words.
+# SI units of quantities that vehicles log. A text with a unit of another quantity is treated as words.
 _MEASURED = (*EXAMPLES, "dimensionless", "K", "Pa", "V", "A", "W", "T")
 _NO_UNIT = ("", "-", "--")
 _SLOCUM = "dbd_label:"
@@ -34,7 +34,7 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 
 
 def is_number(field: str, decimal: str = ".", missing: Sequence[str] = ()) -> bool:
-    """Whether a field is a number or stands for a missing one."""
+    """Whether a field is a number, or marks a missing number."""
     if field in MISSING_VALUES or field in missing:
         return True
     number = field.replace(decimal, ".")
@@ -102,7 +102,7 @@ def agreed_unit(where: str, heading: str, under: str, suffix: str) -> str:
 
 
 def _size(text: str, unit: str) -> float | None:
-    """Return a unit in units of another; None for different quantities."""
+    """Return the size of a unit in another unit; None for different quantities."""
     try:
         return unit_factor(text, unit)
     except ValueError:
@@ -110,7 +110,7 @@ def _size(text: str, unit: str) -> float | None:
 
 
 class TextLayout(NamedTuple):
-    """Stated parts of the layout of a text log; None is detected."""
+    """Stated parts of the layout of a text log; auvid detects a part that is None."""
 
     delimiter: str | None = None  # a blank means any number of blanks and tabs
     header_row: int | None = None  # line of the names, from 1

@@ -23,13 +23,13 @@ _VALUE = "value"
 _HEADER = struct.Struct("<HHHdHBHB")
 _FOOTER_BYTES = 2
 _SOURCES = ("src", "src_ent")
-# pyulog reads a sound log once, and tries every byte of a damaged part as the start of a message.
+# pyulog reads an undamaged log once, and tries every byte of a damaged part as the start of a message.
 _MAX_READ = 4.0  # sizes of the file
 _MAX_SEEKS = 200_000
 
 
 class _BoundedFile:
-    """File of which a reader may read no more than `_MAX_READ` times its size, with at most `_MAX_SEEKS` jumps."""
+    """File that ends a reader after `_MAX_READ` times its size, or after `_MAX_SEEKS` jumps."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
@@ -48,12 +48,12 @@ class _BoundedFile:
 
     def _unless_endless(self, result: T) -> T:
         if self._rest < 0 or self._seeks < 0:
-            raise EOFError("most of it is no message")
+            raise EOFError("most of the file is not messages")
         return result
 
 
 class ULogLog(FileLog):
-    """Log of PX4: a table for each instance of a topic, in SI; `LOG_TIME` counts from power-on."""
+    """Log of PX4: a table for each instance of a topic, SI; `LOG_TIME` is the time since power-on, s."""
 
     def __init__(self, path: Path) -> None:
         from pyulog import ULog
@@ -74,7 +74,7 @@ class ULogLog(FileLog):
     @cached_property
     def _topics(self) -> dict[str, dict[str, NDArray[np.float64]]]:
         refusing = damage_as_file_error(lambda reason: f"{self.path}: is a damaged ULog: {reason}")
-        # pyulog prints its warnings.
+        # pyulog prints its warnings on the output; drop them.
         with self.path.open("rb") as file, refusing, redirect_stdout(None):
             topics = self._reader(_BoundedFile(file)).data_list
         return {

@@ -22,21 +22,22 @@ TRIPLES = {
     "dvl": ("u", "v", "w"),
 }
 # Log likelihoods.
-_REVERSED_COST = 4.0  # of a component with another sign than its axes
-_FLU_COST = 1.0  # of axes other than FRD
-_GRAVITY = 8.0  # of fz by the direction of gravity
-_AHEAD = 4.0  # of u by going ahead
-_BELOW = 4.0  # of a positive depth
-_ABOVE = 0.5  # of a negative one, which may be a height or count from the start: less than `_REVERSED_COST`
-_EXCHANGED = 6.0  # by which the crossed responses of fins must exceed the others
-_STRENGTHS = ((8.0, "strong"), (2.5, "fair"))  # least log likelihoods of the words
+_REVERSED_COST = 4.0  # cost of a component whose sign differs from that of its axes
+_FLU_COST = 1.0  # cost of axes other than FRD
+_GRAVITY = 8.0  # evidence of gravity for the sign of fz
+_AHEAD = 4.0  # evidence of forward motion for the sign of u
+_BELOW = 4.0  # evidence of a positive mean depth for the sign of the depth
+# Evidence of a negative mean depth, which may be a height, or count from the start: less than `_REVERSED_COST`
+_ABOVE = 0.5
+_EXCHANGED = 6.0  # least excess of the crossed responses of fins over the others
+_STRENGTHS = ((8.0, "strong"), (2.5, "fair"))  # least log likelihood for each word
 _MIN_GRAVITY = 5.0  # m/s^2
 _MIN_SPEED = 0.2  # m/s
-_MIN_COURSES = 30  # rows faster than that
+_MIN_COURSES = 30  # rows with a speed above `_MIN_SPEED`
 _MIN_ALIGNMENT = 0.8  # mean resultant length of course minus heading
-_MAX_SCATTER_RATIO = 0.25  # of the scatter about the heading to the scatter about the bow
-_UNIT_CORRELATION = 0.8  # from which a gain shows the unit
-_UNIT_TOLERANCE = 0.15  # of the logarithm of a gain
+_MAX_SCATTER_RATIO = 0.25  # scatter of the course about the heading divided by its scatter about the bow
+_UNIT_CORRELATION = 0.8  # smallest correlation at which a gain shows the unit
+_UNIT_TOLERANCE = 0.15  # tolerance of the logarithm of a gain
 _MIN_DELAY = 0.05  # s
 OVER_GROUND = "NED"  # axes of a velocity whose names contain north and east
 _EXCHANGE = {"rudder": "elevator", "elevator": "rudder"}
@@ -71,8 +72,8 @@ def likely_signs(
     symbols : sequence of str
     fits : sequence of RelationFit
     expected : mapping of mappings
-        Log likelihoods by names, values and conventions: by sensor for each of its `USUAL_AXES`, and by symbol for its
-        present sign (``"+"``).
+        Log likelihoods that follow from names, values and conventions. A sensor has one for each of its `USUAL_AXES`,
+        a symbol one for its present sign (``"+"``).
     """
     signs = np.array(list(product((1, -1), repeat=len(symbols))), np.int8).reshape(2 ** len(symbols), len(symbols))
     by_symbol = {symbol: signs[:, k] for k, symbol in enumerate(symbols)}
@@ -140,7 +141,7 @@ def weigh_evidence(
     tracks : mapping of str to Track
         Signals in SI by symbol.
     expected : mapping of mappings
-        Log likelihoods by names and conventions, see `likely_signs`.
+        Log likelihoods that follow from names and conventions; see `likely_signs`.
     guessed : mapping of str to str
         Assumed unit of each sensor whose unit is not stated.
     """
@@ -190,7 +191,7 @@ def weigh_evidence(
 def _with_values(
     tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float]]
 ) -> dict[str, dict[str, float]]:
-    """Return the expectations with those added that follow from the mean values of signals."""
+    """Return the expectations, together with those that follow from the mean values of signals."""
     full = {key: dict(value) for key, value in expected.items()}
     for symbol, positive, negative in (("down", _BELOW, -_ABOVE), ("u", _AHEAD, -_AHEAD), ("fz", -_GRAVITY, _GRAVITY)):
         if symbol in tracks and np.isfinite(tracks[symbol].values).any():
@@ -203,7 +204,7 @@ def _with_values(
 
 
 def _course_direction(tracks: Mapping[str, Track]) -> int:
-    """Return 1 if a velocity's direction turns with the heading, -1 if against it, 0 if it is in body axes."""
+    """Return 1 if the direction of a velocity turns with the heading, -1 if it turns against it, 0 in body axes."""
     if not {"u", "v", "psi"} <= {*tracks}:
         return 0
     u, v, psi = (tracks[symbol] for symbol in ("u", "v", "psi"))
@@ -237,12 +238,12 @@ def _wrong_units(fit: RelationFit, guessed: Mapping[str, str]) -> list[tuple[str
     gains: dict[tuple[str, str], float] = {}
     for place, symbol in enumerate(fit.symbols):
         sensor = _sensor_of(symbol)
-        # Only its rate shows whether a pitch is in degrees; its sine is not proportional.
+        # Only the rate of a pitch shows whether it is in degrees; its sine is not proportional to it.
         if sensor == "attitude" and fit.symbols[0] not in TRIPLES["gyroscope"]:
             continue
         for unit in _UNITS.get(sensor, ()) if sensor in guessed else ():
             ratio = _unit_ratio(sensor, unit, guessed)
-            # Too large a unit increases the signal, which is the first symbol, or its prediction.
+            # A unit that is too large increases the signal, which is the first symbol, or else its prediction.
             gains[sensor, unit] = 1.0 / ratio if place == 0 else ratio
     single = [key for key, gain in gains.items() if abs(np.log(fit.gain / gain)) < _UNIT_TOLERANCE]
     if single:
@@ -255,13 +256,13 @@ def _wrong_units(fit: RelationFit, guessed: Mapping[str, str]) -> list[tuple[str
 
 
 def _unit_ratio(sensor: str, unit: str, guessed: Mapping[str, str]) -> float:
-    """Return a unit in units of the guessed one."""
+    """Return the size of a unit in guessed units."""
     si = SENSORS[sensor][0].unit
     return unit_factor(unit, si) / unit_factor(guessed[sensor], si)
 
 
 def _latest_sensor(fits: Sequence[RelationFit]) -> tuple[str, float] | None:
-    """Return a late sensor and its delay, s, by the relation with the largest correlation that shows one."""
+    """Return the sensor with a delay, and the delay, s, from the relation with the largest correlation that has one."""
     for fit in sorted(fits, key=lambda fit: abs(fit.correlation), reverse=True):
         first, other = _sensor_of(fit.symbols[0]), _sensor_of(fit.symbols[-1])
         if first != other and abs(fit.delay) >= _MIN_DELAY:

@@ -10,12 +10,12 @@ from auvid_cli.logs.frames import interpolate
 from auvid_cli.vehicle.kinematics import GRAVITY
 
 _STEP = 0.1  # s, of the common time grid
-_MAX_CELLS = 20_000  # of the grid
-_MAX_ROWS = 4_000  # that are correlated
+_MAX_CELLS = 20_000  # cells of the grid
+_MAX_ROWS = 4_000  # rows of a correlation
 _WINDOW = 0.6  # s, over which rates of angles are taken
 _MAX_DELAY = 1.0  # s
 _RESPONSE_TIMES = (1.0, 2.0)  # s after which the response to a fin is measured
-_LONG_WINDOW = 4.0  # s, for a rate that swings too much for these
+_LONG_WINDOW = 4.0  # s, for a rate that oscillates too much for `_RESPONSE_TIMES`
 _ANGLES = ("phi", "theta", "psi")
 _MIN_WINDOWS = 12  # independent windows that a correlation needs
 _MIN_CORRELATION = 0.3
@@ -114,11 +114,11 @@ class _Signals:
         return tuple(self.mean(symbol) for symbol in symbols if symbol in self.values)
 
     def course(self) -> tuple[Array, ...]:
-        """Return cosine and sine of the heading, to which a current's share of a velocity is proportional."""
+        """Return cosine and sine of the heading; the effect of a current on a velocity is a combination of both."""
         return (np.cos(self.values["psi"]), np.sin(self.values["psi"])) if "psi" in self.values else ()
 
     def turning(self, symbol: str, angle: str) -> tuple[str, Array] | None:
-        """Return a turn rate, measured or as the change of the angle, after the symbol that has its sign."""
+        """Return the symbol that has the sign of a turn rate, and the rate: measured, or that of the angle."""
         if symbol in self.values:
             return symbol, self.mean(symbol)
         return (angle, self.rate(angle)) if angle in self.values else None
@@ -161,13 +161,13 @@ def _of_depth(s: _Signals) -> Iterator[_Relation]:
 def _of_acceleration(s: _Signals) -> Iterator[_Relation]:
     if s.has("fx", "theta"):
         gravity, covariates = GRAVITY * np.sin(s.mean("theta")), (s.rate("u"),) if s.has("u") else ()
-        yield _Relation(("fx", "theta"), "fx contains gravity by pitch", s.mean("fx"), gravity, covariates)
+        yield _Relation(("fx", "theta"), "fx contains gravity due to pitch", s.mean("fx"), gravity, covariates)
     if s.has("fx", "u"):
         yield _Relation(("fx", "u"), "fx is the rate of u", s.mean("fx"), s.rate("u"), s.means("theta"))
     turn = s.turning("r", "psi")
     if s.has("fy", "phi"):
         gravity, covariates = -GRAVITY * np.sin(s.mean("phi")), (turn[1],) if turn is not None else ()
-        yield _Relation(("fy", "phi"), "fy contains gravity by roll", s.mean("fy"), gravity, covariates)
+        yield _Relation(("fy", "phi"), "fy contains gravity due to roll", s.mean("fy"), gravity, covariates)
     if s.has("fy", "u") and turn is not None:
         symbols, words = ("fy", "u", turn[0]), "fy is centripetal in turns"
         force, limit = s.mean("u") * turn[1], _CONFOUNDED_WEIGHT

@@ -21,7 +21,7 @@ _WORDS_OF_YAML = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 _PLAIN = re.compile(r"[A-Za-z_/][\w./-]*", re.ASCII)
 Flow: TypeAlias = "str | int | Mapping[str, Flow] | tuple[Flow, ...] | None"
 Value: TypeAlias = "Flow | list[Line] | list[YamlEntry]"
-# By SI unit: 99 % quantile above which another unit is more probable, the largest first.
+# For each SI unit: 99 % quantile above which another unit is more probable, the largest first.
 _OTHER_UNITS: dict[str, tuple[tuple[float, str], ...]] = {
     "rad": ((2.0 * np.pi, "deg"),),
     "rad/s": ((3.0, "deg/s"),),
@@ -122,7 +122,7 @@ def place_of(logs: Mapping[str, Log], name: str, table: str) -> dict[str, Flow] 
 
 
 def time_of(log: Log, table: str) -> tuple[Flow, str]:
-    """Return the time of a table as the map states it, and a comment on it; None if no column looks like times."""
+    """Return the time of a table in the form of a map, and a comment; None if no column looks like times."""
     columns = log.tables()[table]
     time = find_time(columns)
     if time is None:

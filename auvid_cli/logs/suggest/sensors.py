@@ -32,12 +32,12 @@ _MIN_GRAVITY = 5.0  # m/s^2, mean specific force that shows the direction of gra
 _UPSIDE_DOWN = 0.75 * np.pi  # rad, least median roll of a sensor that hangs upside down
 _MANY_REPEATS = 0.5  # share of rows that repeat the one before
 # Log likelihoods by conventions and names.
-_CONVENTION = 6.0  # of the axes of a standard message, or of a velocity called by north and east
-_QUATERNION = 2.0  # of FLU axes for a quaternion
-_HANGING = 2.0  # of FLU axes for the DVL of a vehicle with an attitude upside down
-_HEADING = 1.5  # of the sign of a heading called so
-_EAST = 8.0  # of the opposite sign if its name contains ENU
-_BODY_AXES = 4.0  # of FRD axes then
+_CONVENTION = 6.0  # axes of a standard message, or of a velocity with north and east in its names
+_QUATERNION = 2.0  # FLU axes for a quaternion
+_HANGING = 2.0  # FLU axes for the DVL of a vehicle with an attitude upside down
+_HEADING = 1.5  # usual sign of a column with heading in its name
+_EAST = 8.0  # opposite sign of a heading with ENU in its name
+_BODY_AXES = 4.0  # FRD axes of an attitude with ENU in its name
 _FLAG = re.compile(r"(?P<whose>.*?)[_. ]?(valid|validity|is_valid|lock(ed)?)", re.IGNORECASE)
 # Words in the names of a sensor's flags.
 _WORDS = {

@@ -15,7 +15,7 @@ from auvid_cli.logs.suggest.sensors import FoundSensor, expected_of, find_sensor
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 _wrapper = textwrap.TextWrapper(110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
-MAX_TEXT = 64_000_000  # bytes of a text log, from which its columns are recognised
+MAX_TEXT = 64_000_000  # bytes that are read from a text log to recognise its columns
 
 
 def unused_lines(
@@ -94,7 +94,7 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
     return commented_text(
         [
             Comment(
-                "A map suggested by auvid: look at every line with `check:`, and replace every null with `required:`."
+                "A map suggested by auvid: check every line marked `check:`, and replace every null marked `required:`."
             ),
             *(
                 Comment(f"Only the first {MAX_TEXT / 1e6:g} MB of {log.path.name} were read.")

@@ -30,7 +30,7 @@ _LINES = dict(zip((label for _, label in CLASSES), ("-", (0, (6, 2)), (0, (3, 1,
 _APART = 0.7
 _MIN_LABELLED = 0.05  # smallest correlation with a number
 _DARK = 0.6  # smallest correlation with a dark colour
-_MAX_PERCENT = 1e4  # of a bar, also without a bound
+_MAX_PERCENT = 1e4  # length of the longest bar, and of a bar without a bound
 
 
 def estimate_figure(symbols: Sequence[str], estimates: list[EstimateHistory], true: dict[str, float]) -> Figure:

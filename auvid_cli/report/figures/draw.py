@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from auvid_cli.inspection.inspection import Inspection
     from auvid_cli.validation.results import Prediction, Validation
 
-_MAX_SAMPLES = 100_000  # of one sensor, as many as any figure can show
+_MAX_SAMPLES = 100_000  # samples of one sensor, as many as any figure can show
 
 
 class PathRequest(NamedTuple):

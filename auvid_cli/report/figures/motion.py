@@ -25,14 +25,14 @@ from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSO
 _HEIGHT = 5.8
 _PATH_POINTS = 1000
 _SPACE_POINTS = 500
-_MAX_DISTANCE = 2.0  # of a path from its start, in extents of the first path
+_MAX_DISTANCE = 2.0  # largest distance of a path from its start, in extents of the first path
 _SHADOW: dict[str, Any] = {"color": "0.75", "linewidth": 0.8}
 _ENDS = (("start", "o", "white"), ("end", "s", "0.4"))
 _ZOOM = 30.0  # s, end of the run that is drawn enlarged
 _MOTION_POINTS = 1200
 _ERROR_POINTS = 250
-_HALF_HEIGHT = 2.0  # of a panel, in usual bands or usual errors
-_USUAL_PERCENTILE = 90.0  # of the errors
+_HALF_HEIGHT = 2.0  # half height of a panel, in usual bands or usual errors
+_USUAL_PERCENTILE = 90.0  # percentile of the errors that is a usual error
 
 
 class _Track(NamedTuple):

@@ -19,7 +19,7 @@ from auvid_cli.text import printable
 
 DPI = 150
 WIDTH = 11.0  # inch, of all figures
-_MAX_HANDLES = 9  # in a row of the legend
+_MAX_HANDLES = 9  # entries in a row of the legend
 _LEGEND_ROW = 0.22  # inch
 _LEGEND: dict[str, Any] = {"handlelength": 3.5, "fontsize": 9, "columnspacing": 1.5}
 TRUE_LINE: dict[str, Any] = {"color": "black", "linewidth": 1.1, "linestyle": (0, (6, 3))}

@@ -24,16 +24,16 @@ from auvid_cli.report.table import filter_label, symbol_math
 from auvid_cli.validation.results import Prediction
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
 
-_HALF_HEIGHT = 4.0  # of a strip, standard deviations; innovations beyond are counted
+_HALF_HEIGHT = 4.0  # half height of a strip, standard deviations; innovations beyond are counted
 _BINS = 32
-_SAMPLES_PER_BIN = 40  # of time
+_SAMPLES_PER_BIN = 40  # samples in a bin of time
 _MAX_BINS = 120
 # Height of a strip, inches.
 _STRIP = 0.62
 _BOUND = {"color": "#D55E00", "linewidth": 1.1, "linestyle": (0, (5, 2))}
 _DARKEST = "0.15"
 _MAX_PARTS = 120  # parts of a run whose residuals are averaged
-_MIN_SAMPLES = 3  # of a part
+_MIN_SAMPLES = 3  # samples in a part
 # Percentile of the residuals that sets the scale if noise does not.
 _SCALE_PERCENTILE = 95.0
 _FREE_RUN_NOISE = "0.85"
@@ -45,7 +45,7 @@ _MARGIN = 1.4
 _ROOM_FOR_WORDS = 0.15
 _EXPECTED = "0.85"
 _HORIZON_NOISE = {"color": "0.35", "linewidth": 0.9, "linestyle": (0, (1, 2))}
-# Okabe and Ito's, not those of a filter.
+# Colours of Okabe and Ito that no filter has.
 _OTHERS = {
     "constant_velocity_rmse": ("unchanged", {"color": "#E69F00", "linestyle": (0, (5, 2)), "marker": "v"}),
     "prior_rmse": ("prior", {"color": "#7A3E9D", "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"}),
@@ -159,7 +159,7 @@ class _Panel(NamedTuple):
 
 
 def free_run_figure(sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) -> Figure:
-    """Draw a panel for each motion state that is measured, and the depth: means of measurements minus free runs.
+    """Draw a panel for the depth and each measured motion state: means of measurements minus free runs.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def _draw_panel(axes: Axes, panel: _Panel, runs: dict[str, FreeRun], span: tuple
 
 
 def _free_run_limits(noise: Array, means: list[Array], height: float) -> tuple[float, float]:
-    """Return limits that contain the noise and most residuals of the best model, up to the range measured."""
+    """Return limits that contain the noise and most residuals of the best model, at most the measured range."""
     sizes = [
         np.percentile(np.abs(mean[np.isfinite(mean)]), _SCALE_PERCENTILE) for mean in means if np.isfinite(mean).any()
     ]

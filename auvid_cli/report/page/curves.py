@@ -30,12 +30,12 @@ _TOP = 30.0
 _BOTTOM = 48.0
 _RIGHT = 16.0
 _MARGIN = 0.05
-_MAX_POINTS = 500  # of a path in space
-_RESIDUAL_PARTS = 400  # content of a run whose extremes are drawn
-_NIS_WINDOWS = 60  # content of a run for the mean NIS
+_MAX_POINTS = 500  # points of a path in space
+_RESIDUAL_PARTS = 400  # parts of a run of which the extremes are drawn
+_NIS_WINDOWS = 60  # parts of a run for the mean NIS
 _BOUND_POINTS = 120  # points of a smooth bound
-_HALF_HEIGHT = 2.5  # of a plot, in median bounds of two standard deviations
-_BAND_PROBABILITY = 0.95  # of the band of the mean NIS
+_HALF_HEIGHT = 2.5  # half height of a plot, in median bounds of two standard deviations
+_BAND_PROBABILITY = 0.95  # probability of the band of the mean NIS
 _TWO_SIDED = 1.96  # standard deviations
 
 

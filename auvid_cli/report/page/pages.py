@@ -34,7 +34,7 @@ _OTHERS = {
 }
 # Looks of the classes, from sure to unknown.
 _LOOKS = dict(zip((label for _, label in CLASSES), ("sure", "known", "rough", "lost"), strict=True))
-_MAX_PERCENT = 1e4  # of a bar, also without a bound
+_MAX_PERCENT = 1e4  # length of the longest bar, and of a bar without a bound
 _ROW = 20.0
 _LEFT = 64.0
 _WIDTH = 460.0

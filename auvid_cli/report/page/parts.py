@@ -10,10 +10,10 @@ from auvid_cli.arrays import Array
 from auvid_cli.report.series import spaced
 from auvid_cli.report.table import Table
 
-_MAX_POINTS = 600  # of a path, more than a screen shows
+_MAX_POINTS = 600  # points of a path, more than a screen shows
 _FEW_DECADES = 2.0  # length of a logarithmic axis that also has numbers at 2 and 5
-_MAX_TEXT_COLUMNS = 4  # that a narrow screen has room for
-_MAX_ROWS = 24  # without a scroll bar
+_MAX_TEXT_COLUMNS = 4  # columns of text that fit on a narrow screen
+_MAX_ROWS = 24  # rows of a table without a scroll bar
 
 
 class Stroke(NamedTuple):
@@ -70,9 +70,8 @@ class Picture(NamedTuple):
 
     title: str
     says: str  # description in words
-    # width, height: units of the shapes' coordinates, y down; also the most pixels that it takes
-    width: float
-    height: float
+    width: float  # in the coordinates of the shapes; also the largest width on the page, pixels
+    height: float  # in the coordinates of the shapes, y down; also the largest height on the page, pixels
     shapes: Sequence[Shape]  # the first is the lowest
     legend: Sequence[tuple[str, str]] = ()  # looks and labels
 
@@ -137,9 +136,8 @@ class PlotLine(NamedTuple):
 
     label: str
     look: str  # colour and dashes: the name of a filter or another class of page.css, such as "measured" or "true"
-    # time, values: shape (n,); abscissa, increasing, and ordinate; NaN breaks the line
-    time: Array
-    values: Array
+    time: Array  # abscissa, increasing, shape (n,)
+    values: Array  # ordinate, shape (n,); NaN breaks the line
     kind: Literal["line", "steps", "dots"] = "line"  # drawn as a line, as steps or as dots
     of: str = ""  # filter whose selection shows the line; empty if it is always shown
     key: str = ""  # entry for this look in a legend below the plot; empty if the legend is above all plots
@@ -171,8 +169,8 @@ class Plots(NamedTuple):
 class PathTrack(NamedTuple):
     """A path."""
 
-    label: str  # as of `PlotLine`
-    look: str  # as of `PlotLine`
+    label: str  # see `PlotLine`
+    look: str  # see `PlotLine`
     position: Array  # shape (n, 3); north, east, down, m
 
 
