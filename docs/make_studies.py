@@ -19,6 +19,7 @@ from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficien
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.evaluation.innovations import sensor_consistency, status_of
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 from auvid_cli.report.table import filter_label
@@ -69,7 +70,7 @@ def outcomes(job: tuple[str, int]) -> list[Outcome]:
         estimate = identify(dataset, name)
         bounds = bounds_of(estimate).of_data
         # Whether a coefficient counts as identified is nothing that is said here.
-        results = coefficient_results(estimate, dataset.truth, bounds, is_sound=False)
+        results = coefficient_results(estimate, dataset.truth, bounds, Judgement(Grade.UNJUDGED))
         by_filter.append(
             Outcome(
                 estimate.filter,

@@ -15,10 +15,10 @@ from auvid_cli.config.sanity import sanity_warnings
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate, EstimateChunk
-from auvid_cli.data.estimate_file import record_estimate
+from auvid_cli.data.estimate_file import add_considered, record_estimate
 from auvid_cli.data.files import check_no_overlap, estimates_in, locked, products, remove
 from auvid_cli.data.results import other_estimates, put_copy, read_simulated, refuse_unless
-from auvid_cli.evaluation.judgement import Judgement, judge
+from auvid_cli.evaluation.judgement import Judgement, judge, with_considered_errors
 from auvid_cli.identification import run as filters
 from auvid_cli.identification.prepared_data import PreparedData, prepare
 from auvid_cli.identification.run import FilterRun, resolve_settings, set_up_filters
@@ -173,7 +173,11 @@ def identify_into(
     others = other_estimates(folder, prepared.experiment, prepared.dataset.sha256, names)
     refuse_unless(overwrite, next(iter(others.values()), ""))
     paths = {name: folder / "estimates" / f"{name.value}.h5" for name in names}
-    estimates = _record_in_parallel(prepared, paths, progress, on_estimate)
+    recorded = _record_in_parallel(prepared, paths, progress, on_estimate)
+    estimates = with_considered_errors(recorded)
+    for path, before, after in zip(paths.values(), recorded, estimates, strict=True):
+        if after is not before:
+            add_considered(path, after)
     if others:
         kept = {*paths.values(), *(path for path in estimates_in(folder).values() if path not in others)}
         remove(path for path in products(folder) if path not in kept)

@@ -15,7 +15,7 @@ from auvid_cli.evaluation.accuracy import (
     normalised_estimation_error,
 )
 from auvid_cli.evaluation.innovations import status_of
-from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.vehicle.parameters import MOTION
 
 _ANGLES = ("phi", "theta", "psi")
@@ -78,6 +78,7 @@ class Measure(NamedTuple):
     processor_time: float | None = None
     wall_time: float | None = None
     corrected_standard_deviation: float | None = None
+    total_standard_deviation: float | None = None
 
 
 # Fields that a measure of a coefficient takes from its result.
@@ -99,7 +100,7 @@ def measures(
     def row(kind: str, name: str = "", unit: str = "") -> Measure:
         return Measure(run, filter_name, seed, kind, name, unit, status, judgement.grade, judgement.reason)
 
-    results = coefficient_results(estimate, truth, bounds, judgement.grade is Grade.SOUND)
+    results = coefficient_results(estimate, truth, bounds, judgement)
     error = normalised_estimation_error(estimate, truth) if estimate.completed else None
     rows = [
         row("run")._replace(

@@ -105,9 +105,11 @@ def identify(
     terminal = console.terminal()
     with terminal.compiling():
         from auvid_cli.api.identification import identify_data_into
+        from auvid_cli.report.screen import print_estimate
         from auvid_cli.report.shared_checks import contradiction_sentences, judgement_sentences
 
     result = identify_data_into(output.destination(terminal), source, filters)
+    print_estimate(terminal.out, result.estimates[0], result.judgements[result.estimates[0].filter])
     terminal.print_lines(judgement_sentences(result.judgements, with_sound=True))
     terminal.print_lines(contradiction_sentences(result.contradictions))
     code = _exit_code(result.judgements)

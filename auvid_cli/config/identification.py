@@ -10,6 +10,7 @@ from auvid_cli.config.coefficients import Prior, check_symbol, of_vehicle
 from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.extra_states import AugmentedStates, BiasName, ErrorBlock, InitialMotion, ProcessNoise
 from auvid_cli.config.settings import SeparateSpans, Settings
+from auvid_cli.config.tolerances import Tolerances
 from auvid_cli.config.units import Amount, Unit, check_size, parse_quantity
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, FileError
@@ -142,6 +143,7 @@ class Identification(Settings):
     measurement_noise: dict[str, Annotated[float, Field(ge=1e-6, le=1e6)]] = Field(
         default_factory=dict, description="factor on the standard deviation of a sensor's record, by sensor"
     )
+    tolerances: Tolerances = Tolerances()
     initial_motion: InitialMotion = InitialMotion()
     integration_step: Annotated[
         float, Unit("s"), Field(ge=1e-5, le=1e3, description="longest step of the integration")

@@ -31,6 +31,7 @@ from auvid_cli.data.array_checks import (
     put_arrays,
     real_array,
 )
+from auvid_cli.data.considered import ConsideredErrors, Contributor
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import InvalidDataError
@@ -127,6 +128,7 @@ class Outcome:
     wall_time: float
     faults: tuple[FaultTest, ...] = field(default=(), kw_only=True)
     corrected: dict[str, float] = field(default_factory=dict, kw_only=True)
+    considered: ConsideredErrors | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,8 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         Of the filter alone, s.
     faults : tuple of FaultTest
         Of an estimator that tests for faults.
+    considered : ConsideredErrors or None
+        Errors of known quantities that are not estimated; those of the smoother for other estimators.
     dataset_sha256 : str
         Of the file of its dataset; empty if the dataset was in memory.
     """
@@ -194,13 +198,18 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         if self.completed:
             check_range("/standard_deviation", self.standard_deviation)
             self._check_coefficients()
+        if self.considered is not None:
+            check_type("/considered", self.considered, ConsideredErrors)
+            self.considered.check(k)
         for sensor, innovations in self.innovations.items():
             check_type(f"innovations of {sensor!r}", innovations, Innovations)
             innovations.check(sensor, is_fit)
         for test in self.faults:
             check_type("/faults", test, FaultTest)
             where = f"/faults, {test.fault},"
-            check_finite(where, real_array(where, [test.size, test.standard_deviation, test.susceptibility], 1))
+            check_finite(
+                where, real_array(where, [test.tolerance, test.size, test.standard_deviation, test.susceptibility], 1)
+            )
             if test.standard_deviation <= 0.0 or test.susceptibility < 0.0:
                 raise InvalidDataError(
                     f"{where} has a standard deviation that is not positive, or a negative susceptibility"
@@ -312,18 +321,38 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         """Return all coefficients at the last time, estimated or held, SI."""
         return self.held | {self.state[row]: float(self.mean[-1, row]) for row in self.coefficient_rows}
 
-    def final_deviations(self) -> dict[str, float]:
-        """Return the standard deviation of each state at the last time, SI: corrected if known, otherwise nominal."""
+    def data_deviations(self) -> dict[str, float]:
+        """Return the standard deviation by the data of each state at the last time, SI: corrected if known."""
         return dict(zip(self.state, self.standard_deviation[-1].tolist(), strict=True)) | self.corrected
 
+    def final_deviations(self) -> dict[str, float]:
+        """Return the total standard deviation of each state at the last time, SI, as far as it is known."""
+        if self.considered is None:
+            return self.data_deviations()
+        return dict(zip(self.state, np.sqrt(np.diagonal(self.final_covariance())).tolist(), strict=True))
+
     def final_covariance(self) -> Array:
-        """Return the covariance at the last time, SI, scaled to the corrected standard deviations."""
+        """Return the total covariance at the last time, SI, which allows for the errors of known quantities."""
+        covariance = self.data_covariance()
+        if self.considered is not None:
+            added = self.considered.added
+            covariance[: len(added), : len(added)] += added
+        return covariance
+
+    def data_covariance(self) -> Array:
+        """Return the covariance by the data at the last time, SI, which allows for autocorrelated residuals."""
         ratio = np.ones(len(self.state))
+        if self.considered is not None:
+            ratio[: self.considered.inflation.size] = self.considered.inflation
         for symbol, corrected in self.corrected.items():
             row = self.state.index(symbol)
             if np.isfinite(corrected):
                 ratio[row] = corrected / float(self.standard_deviation[-1, row])
         return self.covariance * np.outer(ratio, ratio)
+
+    def contributors(self, symbol: str) -> list[Contributor]:
+        """Return the known quantities that make a coefficient most uncertain, the largest first."""
+        return [] if self.considered is None else self.considered.contributors(self.state.index(symbol))
 
     def to_pandas(self) -> "dict[str, pd.DataFrame]":
         """Return tables.

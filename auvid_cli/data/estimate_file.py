@@ -1,6 +1,7 @@
 """Write, read and check ``estimates/<filter>.h5``."""
 
 import os
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -16,9 +17,11 @@ from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.data import netcdf
 from auvid_cli.data.array_checks import check_sensor, check_shapes
+from auvid_cli.data.considered import ConsideredErrors
 from auvid_cli.data.estimate import Array, Estimate, EstimateChunk, EstimateHeader, Outcome
 from auvid_cli.data.faults import Fault, FaultTest
-from auvid_cli.data.hdf5 import READ_ERRORS
+from auvid_cli.data.files import replacing
+from auvid_cli.data.hdf5 import READ_ERRORS, trust
 from auvid_cli.data.innovations import Autocorrelation, Innovations, InnovationSums
 from auvid_cli.errors import InvalidDataError
 from auvid_cli.text import one_line
@@ -33,6 +36,11 @@ _FAULT_COLUMNS: tuple[tuple[str, type, str], ...] = (
     ("standard_deviation", float, "standard deviation of the size"),
     ("coefficient", object, "coefficient that the fault biases most"),
     ("susceptibility", float, "bias of that coefficient by a fault of one standard deviation, in its own"),
+    ("tolerance", float, "standard deviation of the size before any data; 0 without one"),
+    ("significance", float, "size in the standard deviation that data and tolerances allow"),
+    ("rank", int, "place among the faults that are needed to explain the data; 0 for the others"),
+    ("alternatives", object, "other faults that these data cannot tell from it"),
+    ("moved", object, "coefficients that it moves by more than their total standard deviation"),
 )
 
 
@@ -63,6 +71,8 @@ class EstimateWriter:
         )
         if outcome.corrected:
             _write_corrected(self._file.create_group("corrected"), outcome.corrected)
+        if outcome.considered is not None:
+            _write_considered(self._file.create_group("considered"), outcome.considered)
         if outcome.faults:
             _write_faults(self._file.create_group("faults"), outcome.faults)
         times = {"cpu_time_s": outcome.cpu_time, "wall_time_s": outcome.wall_time}
@@ -162,6 +172,39 @@ def _read_corrected(group: h5py.Group) -> dict[str, float]:
     return dict(zip(symbols, values.tolist(), strict=True))
 
 
+def _write_considered(group: h5py.Group, considered: ConsideredErrors) -> None:
+    texts = np.array([str(fault) for fault in considered.faults], dtype=object)
+    netcdf.write_dimension(group, "error", texts, "known quantity that is not estimated")
+    netcdf.write_dimension(group, "error_of_column", texts, "known quantity, for the covariance")
+    rows = np.arange(len(considered.inflation))
+    netcdf.write_dimension(group, "constant_state", rows, "row of the augmented state")
+    netcdf.write_variable(group, "unit", np.array(considered.units, dtype=object), ("error",), "unit, SI")
+    meaning = "second moments of the errors, SI"
+    netcdf.write_variable(group, "covariance", considered.covariance, ("error", "error_of_column"), meaning)
+    meaning = "error of the state, true less estimated, per unit of each"
+    netcdf.write_variable(group, "effect", considered.effect, ("constant_state", "error"), meaning)
+    meaning = "factor of the standard deviation by autocorrelated residuals"
+    netcdf.write_variable(group, "inflation", considered.inflation, ("constant_state",), meaning)
+
+
+def _read_considered(group: h5py.Group) -> ConsideredErrors:
+    texts, units = netcdf.read_names(group, "error"), netcdf.read_names(group, "unit")
+    covariance, effect = (netcdf.read_array(group, name, ndim=2) for name in ("covariance", "effect"))
+    inflation = netcdf.read_array(group, "inflation")
+    return ConsideredErrors(tuple(map(Fault.parse, texts)), units, covariance, effect, inflation)
+
+
+def add_considered(path: Path, estimate: Estimate) -> None:
+    """Add the considered errors of an estimate to its file, completely or not at all."""
+    if estimate.considered is None:
+        return
+    with replacing(path) as temporary:
+        shutil.copyfile(path, temporary)
+        with h5py.File(temporary, "r+") as file:
+            _write_considered(file.create_group("considered"), estimate.considered)
+    trust(path)
+
+
 def _write_faults(group: h5py.Group, faults: tuple[FaultTest, ...]) -> None:
     texts = np.array([str(test.fault) for test in faults], dtype=object)
     netcdf.write_dimension(group, "fault", texts, "possible fault of the data or the model")
@@ -172,8 +215,9 @@ def _write_faults(group: h5py.Group, faults: tuple[FaultTest, ...]) -> None:
 
 def _read_faults(group: h5py.Group) -> tuple[FaultTest, ...]:
     columns = [
-        netcdf.read_names(group, name) if kind is object else netcdf.read_array(group, name).tolist()
+        netcdf.read_names(group, name) if kind is object else map(kind, netcdf.read_array(group, name).tolist())
         for name, kind, _ in _FAULT_COLUMNS
+        if name in group
     ]
     try:
         rows = zip(netcdf.read_names(group, "fault"), *columns, strict=True)
@@ -227,6 +271,7 @@ def _read(file: h5py.File, settings_name: str, max_rows: int) -> Estimate:
         wall_time=attributes.wall_time_s,
         dataset_sha256=attributes.dataset_sha256,
         faults=_read_faults(netcdf.subgroup(file, "faults")) if "faults" in file else (),
+        considered=_read_considered(netcdf.subgroup(file, "considered")) if "considered" in file else None,
         corrected=_read_corrected(netcdf.subgroup(file, "corrected")) if "corrected" in file else {},
     )
     estimate.validate()

@@ -8,13 +8,23 @@ from enum import Enum
 from typing import NamedTuple
 
 from auvid_cli.vehicle.coefficients import term
-from auvid_cli.vehicle.parameters import SENSORS
+from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS, SENSORS
 
 
 def _symbols(sensor: str) -> tuple[str, ...]:
     return tuple(quantity.symbol for quantity in SENSORS[sensor])
 
 
+# Significance beyond which a fault is needed to explain the data; chosen as in `auvid_cli.evaluation.judgement`.
+LARGEST_FAULT = 3.5
+# Row and factors of the terms that are tested.
+TESTED_TERMS: tuple[tuple[int, tuple[str, ...]], ...] = (
+    *((row, ("|v|", "r")) for row in (1, 5)),
+    (0, ("u",)),
+    (3, ("u", "p")),
+    (4, ("q",)),
+    (5, ("r",)),
+)
 _BIASES = "identification.estimate.biases: [{}]"
 _ESTIMATE = "estimate it ({setting})"
 _WALK = (
@@ -54,6 +64,9 @@ class FaultKind(Enum):
         "state where it sits (`{setting}` in the sensor's settings or map)",
         ("x", "y", "z"),
     )
+    ATTITUDE_BIAS = ("bias of {}", _BIASES.format("attitude"), _ESTIMATE, _symbols("attitude"))
+    GYROSCOPE_SCALE = ("scale of {}", "", "calibrate the gyroscope", _symbols("gyroscope"))
+    GYROSCOPE_MOUNTING = ("mounting of the gyroscope, {}", "", "check how the gyroscope is mounted", ("x", "y", "z"))
     SENSOR_DELAY = (
         "delay of the {}",
         "identification.delays",
@@ -88,6 +101,17 @@ class FaultKind(Enum):
         _WALK,
         ("rudder", "elevator"),
     )
+    FIN_SCALE = ("scale of the {}", "", "calibrate the angle of the {}", ("rudder", "elevator"))
+    THRUST_SCALE = (
+        "scale of the thrust",
+        _BIASES.format("thrust"),
+        "check the thrust, or estimate its scale ({setting})",
+    )
+    THRUST_FADE = (
+        "thrust that falls with speed",
+        "",
+        "the recorded thrust is that at rest: record the thrust at this speed",
+    )
     THRUST_OFFSET = (
         "constant thrust",
         _BIASES.format("thrust"),
@@ -98,6 +122,12 @@ class FaultKind(Enum):
     BUOYANCY = ("buoyancy", _BIASES.format("ballast"), _BALLAST.format("B", "the excess buoyancy"))
     EXCESS_BUOYANCY_DRIFT = ("drift of the excess buoyancy", "identification.estimate.ballast.buoyancy_walk", _WALK)
     CENTRE_OF_GRAVITY = ("xG", _BIASES.format("ballast"), _BALLAST.format("xG", "the moment of trim"))
+    PARAMETER = (
+        "{}",
+        "vehicle.parameters",
+        "check vehicle.parameters.{}",
+        tuple(symbol for symbol in PARAMETER_SYMBOLS if symbol not in ("m", "B", "xG")),
+    )
     TRIM_MOMENT_DRIFT = ("drift of the moment of trim", "identification.estimate.ballast.moment_walk", _WALK)
     ANTICIPATING_FIN = (
         "{} that answers pushes",
@@ -110,7 +140,7 @@ class FaultKind(Enum):
         "{}",
         "vehicle.terms",
         "the model lacks this term, and others make up for it: add it ({setting})",
-        tuple(term(row, ("|v|", "r")).symbol for row in (1, 5)),
+        tuple(term(row, factors).symbol for row, factors in TESTED_TERMS),
     )
     ANOTHER_MINIMUM = (
         "another minimum (cost {} higher)",
@@ -152,6 +182,12 @@ class Fault(NamedTuple):
         return self.kind.remedy.format(self.component, key=key, setting=self.kind.setting)
 
     @property
+    def parameter(self) -> str:
+        """Return the symbol of the known parameter that is wrong; empty if it is none."""
+        single = {FaultKind.MASS: "m", FaultKind.BUOYANCY: "B", FaultKind.CENTRE_OF_GRAVITY: "xG"}
+        return self.component if self.kind is FaultKind.PARAMETER else single.get(self.kind, "")
+
+    @property
     def is_alternative(self) -> bool:
         """Whether it is another estimate, from the same data or a part of them, instead of a fault."""
         return self.kind in (FaultKind.ANOTHER_MINIMUM, FaultKind.SEGMENT)
@@ -181,6 +217,18 @@ class FaultTest(NamedTuple):
         Coefficient that the fault biases most, or that differs most.
     susceptibility : float
         Bias of that coefficient by a fault of one standard deviation, in standard deviations of the coefficient.
+    tolerance : float
+        Standard deviation of the size before any data, see `identification.tolerances`; 0 without one.
+    significance : float
+        Size in the standard deviation that data and tolerances allow, if the other known quantities are wrong by as
+        much as their tolerances allow; negative if unknown.
+    rank : int
+        1 for the first fault that is needed to explain the data, 2 for the next, and so on; 0 if it is not needed.
+    alternatives : str
+        Other faults that these data cannot tell from it, separated by "; "; empty if it is not needed.
+    moved : str
+        Coefficients that it moves by more than their total standard deviation, separated by spaces; empty if it is
+        not needed.
     """
 
     fault: Fault
@@ -189,6 +237,16 @@ class FaultTest(NamedTuple):
     standard_deviation: float
     coefficient: str
     susceptibility: float
+    tolerance: float = 0.0
+    significance: float = -1.0
+    rank: int = 0
+    alternatives: str = ""
+    moved: str = ""
+
+    @property
+    def excess(self) -> float:
+        """Return the significance, or without tolerances the size in its standard deviations."""
+        return abs(self.z) if self.significance < 0.0 else self.significance
 
     @property
     def z(self) -> float:
@@ -197,6 +255,8 @@ class FaultTest(NamedTuple):
 
     def __str__(self) -> str:
         name = f"{self.fault} has another {self.coefficient}" if self.fault.is_alternative else str(self.fault)
+        if self.alternatives:
+            name = f"{', '.join((name, *self.alternatives.split('; ')[:-1]))} or {self.alternatives.split('; ')[-1]}"
         unit = "" if self.unit == "1" else f" {self.unit}"
         return f"{name} ({self.size:.3g} +- {self.standard_deviation:.2g}{unit}, {abs(self.z):.1f} sigma)"
 

@@ -9,6 +9,7 @@ import numpy as np
 from auvid_cli.config.extra_states import ErrorBlock
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.identification.states import coefficient_priors, natural_magnitude
 
 # A standard deviation that is still more than this share of the prior's: what is left is the prior's opinion. A heading
@@ -114,6 +115,11 @@ class CoefficientResult(NamedTuple):
         `auvid_cli.evaluation.bounds`; None without an estimate of the smoother.
     corrected_standard_deviation : float or None
         Accounts for the autocorrelation of the residuals; None except for batch estimators.
+    total_standard_deviation : float or None
+        Accounts also for errors of known quantities, see `auvid_cli.data.considered`; None without an estimate of the
+        smoother.
+    contributors : str
+        The known quantities that make the coefficient most uncertain, with their part in percent of the estimate.
     """
 
     filter: str
@@ -129,10 +135,12 @@ class CoefficientResult(NamedTuple):
     identified: bool
     bound_with_process_noise: float | None = None
     corrected_standard_deviation: float | None = None
+    total_standard_deviation: float | None = None
+    contributors: str = ""
 
 
 def coefficient_results(
-    estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float], is_sound: bool
+    estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float], judgement: Judgement
 ) -> list[CoefficientResult]:
     """Return the results of one filter, in the order of its state.
 
@@ -140,10 +148,10 @@ def coefficient_results(
     ----------
     bounds : mapping
         Cramer-Rao's by symbol, as far as known.
-    is_sound : bool
-        As `auvid_cli.evaluation.judgement.judge` says.
+    judgement : Judgement
     """
     steady, shares = steady_part(estimate), shares_of_value(estimate, truth, bounds)
+    total = estimate.final_deviations()
     of_truth = {} if truth is None else truth.coefficients_of(shares)
     results = []
     for i, symbol in enumerate(estimate.state):
@@ -170,8 +178,10 @@ def coefficient_results(
                 error,
                 bound,
                 claimed / bound if bound is not None and isfinite(bound) and estimate.completed else None,
-                is_sound and shares[symbol] <= LARGEST_SHARE_OF_VALUE,
+                judgement.trusts(symbol) and shares[symbol] <= LARGEST_SHARE_OF_VALUE,
                 corrected_standard_deviation=corrected,
+                total_standard_deviation=None if estimate.considered is None else total[symbol],
+                contributors=contributors_text(estimate, symbol),
             )
         )
     return results
@@ -180,10 +190,10 @@ def coefficient_results(
 def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float]) -> dict[str, float]:
     """Return the relative uncertainty of each coefficient, by symbol.
 
-    The larger of the standard deviation and, where it is known, the Cramer-Rao bound, over the true value, else over
-    the estimate. Where the truth is zero: over the natural magnitude of a body of this size.
+    The larger of the total standard deviation and, where it is known, the Cramer-Rao bound, over the true value, else
+    over the estimate. Where the truth is zero: over the natural magnitude of a body of this size.
     """
-    shares = {}
+    shares, total = {}, estimate.final_deviations()
     for coefficient in estimate.coefficient_set:
         symbol = coefficient.symbol
         if symbol not in estimate.state:
@@ -192,9 +202,16 @@ def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mappi
         value = abs(float(estimate.mean[-1, i]) if truth is None else truth.coefficients_of([symbol])[symbol])
         if truth is not None and value == 0.0:
             value = natural_magnitude(coefficient, estimate.experiment.vehicle.size)
-        uncertainty = max(float(estimate.standard_deviation[-1, i]), bounds.get(symbol, 0.0))
+        uncertainty = max(total[symbol], bounds.get(symbol, 0.0))
         shares[symbol] = uncertainty / value if value else np.inf
     return shares
+
+
+def contributors_text(estimate: Estimate, symbol: str) -> str:
+    """Return the known quantities that make a coefficient most uncertain, with their part in percent of it."""
+    value = abs(float(estimate.mean[-1, estimate.state.index(symbol)]))
+    found = estimate.contributors(symbol)
+    return "; ".join(f"{each.fault} {100.0 * each.deviation / value:.2g} %" for each in found if value)
 
 
 def shares_of_prior(estimate: Estimate) -> dict[str, float]:

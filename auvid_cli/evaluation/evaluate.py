@@ -19,7 +19,7 @@ from auvid_cli.evaluation.accuracy import (
 from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.innovations import SensorConsistency, mean_nis, sensor_consistency, status_of
-from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among
+from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among, with_considered_errors
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.identification.prepared_data import PreparedData
 
@@ -52,6 +52,7 @@ class FilterSummary(NamedTuple):
     grade: str
     reason: str
     remedy: str
+    doubted: str
 
 
 class Evaluation(NamedTuple):
@@ -68,7 +69,7 @@ class Evaluation(NamedTuple):
 
     def judgements(self) -> dict[str, Judgement]:
         """Return the judgement of each filter."""
-        return {row.filter: Judgement(Grade(row.grade), row.reason, row.remedy) for row in self.summary}
+        return {row.filter: Judgement(Grade(row.grade), row.reason, row.remedy, row.doubted) for row in self.summary}
 
     def tables(self) -> dict[str, NamedRows]:
         """Return the rows of each CSV file, by its name."""
@@ -91,6 +92,7 @@ class Evaluation(NamedTuple):
 
 def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Callable[[Estimate], Bounds]) -> Evaluation:
     """Evaluate estimates against the dataset they came from, its truth where it has one, and their bounds."""
+    estimates = with_considered_errors(estimates)
     judgements, with_noise = judge(estimates), _bounds_with_process_noise(prepared, estimates)
     bounds = {estimate.filter: bounds_of(estimate) for estimate in estimates}
     remarks = {f"no Cramer-Rao bound: {bound.remark}" for bound in bounds.values() if bound.remark}
@@ -99,8 +101,7 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
         own = prepared.with_settings(estimate.experiment)
         run, errors = free_run(own, estimate)
         judgement = judgements[estimate.filter]
-        is_sound = judgement.grade is Grade.SOUND
-        results = coefficient_results(estimate, prepared.dataset.truth, bounds[estimate.filter].of_data, is_sound)
+        results = coefficient_results(estimate, prepared.dataset.truth, bounds[estimate.filter].of_data, judgement)
         relative = relative_rmse(results)
         steps = max(estimate.steps, 1)
         evaluation.coefficients.extend(

@@ -11,7 +11,7 @@ from scipy.special import chdtri
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.faults import Cause
+from auvid_cli.data.faults import LARGEST_FAULT, Cause
 from auvid_cli.data.innovations import N_LAGS, NIS_WINDOW, Innovations
 from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
@@ -284,8 +284,6 @@ def _correlation(a: Array, b: Array) -> float:
     return float(a @ b) / product if product > 0.0 else 0.0
 
 
-LARGEST_FAULT = 3.5
-"""Standard deviations of its size by which a fault may look present; chosen as in `auvid_cli.evaluation.judgement`."""
 # Log-likelihood; as much as a fault that would make the estimate doubtful.
 _WORTH_NAMING = 0.5 * LARGEST_FAULT**2
 _MAX_CAUSES = 3

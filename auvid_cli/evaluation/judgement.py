@@ -1,7 +1,9 @@
 """Judge estimates: signs of coefficients, advice, and whether an estimate can be trusted."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from enum import StrEnum
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -11,10 +13,9 @@ from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.extra_states import AugmentedStates, BiasName
 from auvid_cli.config.sanity import MAX_FIN_STRENGTH, MIN_FIN_STRENGTH
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.faults import Cause, FaultKind
+from auvid_cli.data.faults import LARGEST_FAULT, Cause, FaultKind, FaultTest
 from auvid_cli.data.innovations import N_LAGS, NIS_WINDOW, Innovations
 from auvid_cli.evaluation.innovations import (
-    LARGEST_FAULT,
     LARGEST_MEAN_NIS,
     LARGEST_NIS_IN_WINDOW,
     is_from_ahrs,
@@ -47,6 +48,7 @@ FARTHEST = 2.25  # difference of a coefficient from the smoother's estimate
 FARTHEST_MINIMUM = 2.5  # largest difference of a coefficient in another minimum
 FARTHEST_SEGMENT = 4.0  # largest difference of a coefficient in one of several segments
 _LIMITS = {FaultKind.ANOTHER_MINIMUM: FARTHEST_MINIMUM, FaultKind.SEGMENT: FARTHEST_SEGMENT}
+_MOVES_NONE = "; it moves no coefficient by more than its total standard deviation"
 _SIGNIFICANT = 5.0  # distance of a coefficient from 0
 _MIN_MEASUREMENTS = 200  # of a component, for its autocorrelation
 # Errors of an AHRS are correlated in time and can imitate many faults.
@@ -191,11 +193,19 @@ class Judgement(NamedTuple):
         Reason of the grade; empty if sound.
     remedy : str
         Advice.
+    doubted : str
+        Coefficients that the doubt concerns, separated by spaces; "all" for all of them.
     """
 
     grade: Grade
     reason: str = ""
     remedy: str = ""
+    doubted: str = "all"
+
+    def trusts(self, symbol: str) -> bool:
+        """Whether a coefficient may be used."""
+        in_part = self.grade is Grade.DOUBTFUL and self.doubted != "all" and symbol not in self.doubted.split()
+        return self.grade is Grade.SOUND or in_part
 
     @property
     def is_against(self) -> bool:
@@ -230,6 +240,19 @@ def reference_among(estimates: Sequence[Estimate]) -> Estimate | None:
     return next((estimate for estimate in estimates if estimate.filter == JUDGE), None)
 
 
+def with_considered_errors(estimates: Sequence[Estimate]) -> list[Estimate]:
+    """Return estimates of the same data; those without considered errors get those of the smoother."""
+    reference = reference_among(estimates)
+    if reference is None or reference.considered is None:
+        return [*estimates]
+    return [
+        estimate
+        if estimate.considered is not None or estimate.state != reference.state
+        else replace(estimate, considered=reference.considered)
+        for estimate in estimates
+    ]
+
+
 def judge_one(estimate: Estimate, reference: Estimate | None) -> Judgement:
     """Judge an estimate by that of the smoother of the same data, if there is one."""
     return judge([estimate] if reference is None else [estimate, reference])[estimate.filter]
@@ -252,14 +275,32 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
         return Judgement(Grade.UNJUDGED, "not judged, because there is no smoother estimate", remedy)
     if not reference.completed:
         return Judgement(Grade.UNJUDGED, f"the smoother, which judges the others, {reference.status}")
-    return doubt or _doubt_of_distance(estimate, reference) or _doubt_of_vehicle(estimate) or Judgement(Grade.SOUND)
+    return (
+        doubt
+        or _doubt_of_distance(estimate, reference)
+        or _doubt_of_vehicle(estimate)
+        or Judgement(Grade.SOUND, doubted="")
+    )
 
 
 def _doubt_of_data(reference: Estimate) -> Judgement | None:
     """Return the judgement by the most likely cause of a smoother's innovations; None if they are as expected."""
     causes = [*_faults(reference), *_noises(reference)]
     worst = max(causes, key=lambda cause: cause.gain, default=None)
-    return None if worst is None else Judgement(Grade.DOUBTFUL, worst.name, worst.remedy)
+    if worst is None:
+        return None
+    doubted = _doubted(reference, causes)
+    which = "" if doubted == "all" else f"; doubtful: {doubted.replace(' ', ', ')}" if doubted else _MOVES_NONE
+    return Judgement(Grade.DOUBTFUL, f"{worst.name}{which}", worst.remedy, doubted)
+
+
+def _doubted(reference: Estimate, causes: Sequence[Cause]) -> str:
+    """Return the coefficients that the needed faults move, if these explain the data; else all."""
+    needed = [test for test in reference.faults if test.rank]
+    others = [test for test in reference.faults if test.fault.is_alternative and _is_significant(test)]
+    if others or not needed or len(causes) > 1:
+        return "all"
+    return " ".join(dict.fromkeys(symbol for test in needed for symbol in test.moved.split()))
 
 
 def _noises(reference: Estimate) -> Iterator[Cause]:
@@ -277,8 +318,7 @@ def _noises(reference: Estimate) -> Iterator[Cause]:
 
 def _faults(reference: Estimate) -> Iterator[Cause]:
     """Yield the most significant fault, if there is one."""
-    significant = (test for test in reference.faults if abs(test.z) > _LIMITS.get(test.fault.kind, LARGEST_FAULT))
-    beyond = sorted(significant, key=lambda test: -abs(test.z))
+    beyond = sorted(filter(_is_significant, reference.faults), key=lambda test: (test.rank or inf, -test.excess))
     if not beyond:
         return
     worst = beyond[0]
@@ -289,6 +329,10 @@ def _faults(reference: Estimate) -> Iterator[Cause]:
         reason = f"{_ahrs_or(reference)}{reason}{disagreeing}"
         remedy = f"{_WITHOUT_AHRS if is_from_ahrs(reference) else ''}{remedy}"
     yield Cause(0.5 * worst.z**2, reason, remedy)
+
+
+def _is_significant(test: FaultTest) -> bool:
+    return test.excess > _LIMITS.get(test.fault.kind, LARGEST_FAULT)
 
 
 def _ahrs_or(reference: Estimate) -> str:

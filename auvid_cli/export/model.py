@@ -16,7 +16,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
+from auvid_cli.evaluation.judgement import Judgement, judge_one, with_considered_errors
 from auvid_cli.export.model_parts import (
     Actuation,
     TermSize,
@@ -172,10 +172,11 @@ def identified_model(
             f"the estimate of {estimate.filter} {estimate.status}; that is no model of the vehicle, "
             "so nothing is exported"
         )
+    if reference is not None:
+        estimate, _ = with_considered_errors([estimate, reference])
     values, deviations = estimate.final_coefficients(), estimate.final_deviations()
     judgement = judge_one(estimate, reference)
-    is_sound = judgement.grade is Grade.SOUND
-    results = {row.coefficient: row for row in coefficient_results(estimate, dataset.truth, bounds, is_sound)}
+    results = {row.coefficient: row for row in coefficient_results(estimate, dataset.truth, bounds, judgement)}
     coefficient_set, coefficients = estimate.coefficient_set, []
     for symbol, unit in coefficient_set.units.items():
         certainty = (deviations[symbol], results[symbol].identified) if symbol in results else (None, None)

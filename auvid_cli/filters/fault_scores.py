@@ -5,7 +5,7 @@ the information ``sum(s_k^2)``, and the maximum-likelihood estimate of its size 
 IEEE Trans. Autom. Control 21(1), 1976). Motion and parameters adapt to the fault, so that no refit is needed.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -17,6 +17,15 @@ from auvid_cli.filters.smoother_forward import FORWARD_PASS, LINEARISED, Lineari
 from auvid_cli.numerics import compiled, types
 
 Array = NDArray[np.float64]
+# Share of a fault's information below which it is confounded with others.
+_CONFOUNDED = 1e-3
+_ROUNDING = 1e-12
+# Share of a fault's effect on the data that parameters do not compensate, below which it is a rounding error.
+_UNOBSERVABLE = 1e-6
+_MOST_NEEDED = 8
+# Difference in log-likelihood, absolute and as a share, that does not tell two faults apart.
+_SAME_GAIN = 3.0
+_SAME_SHARE = 0.02
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 
@@ -154,7 +163,134 @@ def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults)
         score += innovation @ signature
         information += signature.T @ signature
         effect = error[:n_parameters]
-    return FaultScores(faults.labels, score, information, effect)
+    # Parameters compensate some faults completely; the rest is the rounding of the effects.
+    n = n_parameters
+    covariance = filtered.final.covariance()[:n, :n]
+    scores = FaultScores(faults.labels, score, information, effect)
+    hidden = fraction_explained(scores, covariance) > 1.0 - _UNOBSERVABLE
+    score[hidden], information[hidden], information[:, hidden] = 0.0, 0.0, 0.0
+    return scores
+
+
+class NeededFault(NamedTuple):
+    """Fault that is needed to explain the data.
+
+    Attributes
+    ----------
+    place : int
+    size : float
+        Together with the other needed faults.
+    alternatives : tuple of int
+        Faults that explain the data as well in its place.
+    """
+
+    place: int
+    size: float
+    alternatives: tuple[int, ...]
+
+
+class _Conditional(NamedTuple):
+    """Score of each fault given others, its information and variance, and the increase of the log-likelihood."""
+
+    score: Array
+    information: Array
+    variance: Array
+    gain: Array
+
+
+def _conditional(scores: FaultScores, variance: Array, free: list[int]) -> _Conditional:
+    """Return the scores of each fault if all others of a positive prior `variance`, and those `free`, are estimated."""
+    known = np.flatnonzero(variance > 0.0)
+    precision = np.divide(1.0, variance, out=np.zeros_like(variance), where=variance > 0.0)
+    precision[free] = 0.0
+    score, information = scores.score.copy(), np.diagonal(scores.information).copy()
+    inflation = scores.inflation if scores.inflation.size else np.ones_like(score)
+    excess = scores.information * (np.outer(inflation, inflation) - 1.0)
+    variance = information + np.diagonal(excess)
+    for f in range(score.size):
+        others = np.union1d(known, np.array(free, dtype=np.int64))
+        others = others[(others != f) & (np.diagonal(scores.information)[others] > 0.0)]
+        if others.size:
+            own = scores.information[np.ix_(others, others)] + np.diag(precision[others])
+            # Normalised, because the units differ.
+            root = np.sqrt(np.diagonal(own))
+            matrix = own / np.outer(root, root) + _ROUNDING * np.eye(root.size)
+            taken = np.linalg.solve(matrix, scores.information[others, f] / root) / root
+            score[f] -= taken @ scores.score[others]
+            information[f] -= taken @ scores.information[others, f]
+            weights = np.append(1.0, -taken)
+            own_and_others = np.append(f, others)
+            variance[f] = information[f] + weights @ excess[np.ix_(own_and_others, own_and_others)] @ weights
+    seen = information > _CONFOUNDED * np.diagonal(scores.information)
+    whole = np.where(seen, information + precision, np.inf)
+    # Autocorrelated residuals do not add information.
+    variance = np.maximum(variance, information)
+    return _Conditional(np.where(seen, score, 0.0), np.where(seen, information, 0.0), variance, 0.5 * score**2 / whole)
+
+
+def second_moments(scores: FaultScores, tolerance: Array) -> Array:
+    """Return the second moments of the sizes of faults given the data, shape (n, n).
+
+    With the score y and the information J, sizes of the prior covariance S have the covariance ``C = (S^-1 + J)^-1``
+    and the mean ``C y``, and thus the second moment ``C + C y y' C``. Autocorrelated residuals reduce the information
+    in each direction by the factor by which they increase the variance of the score.
+
+    Parameters
+    ----------
+    scores : FaultScores
+    tolerance : ndarray, shape (n,)
+        Standard deviation of each fault before any data; 0 for a fault that is not considered.
+    """
+    inflation = scores.inflation if scores.inflation.size else np.ones_like(tolerance)
+    normalised = tolerance[:, None] * scores.information * tolerance
+    known, directions = np.linalg.eigh(0.5 * (normalised + normalised.T))
+    known = np.where(known > _ROUNDING * known.max(initial=0.0), known, 0.0)
+    inflated = inflation[:, None] * directions
+    variance = np.einsum("ki,kl,li->i", inflated, normalised, inflated)
+    kept = np.divide(known, variance, out=np.ones_like(known), where=variance > known)
+    left = 1.0 / (1.0 + kept * known)
+    mean = directions @ (left * kept * (directions.T @ (tolerance * scores.score)))
+    moments = (directions * left) @ directions.T + np.outer(mean, mean)
+    return tolerance[:, None] * moments * tolerance
+
+
+def significances(scores: FaultScores, tolerance: Array, free: Sequence[int] = ()) -> Array:
+    """Return the size of each fault in the standard deviation that data and tolerances allow, shape (n,).
+
+    Parameters
+    ----------
+    scores : FaultScores
+    tolerance : ndarray, shape (n,)
+        Standard deviation of each fault before any data; 0 for a fault that is not expected.
+    free : sequence of int
+        Faults that are estimated, whatever their size.
+    """
+    score, information, variance, _ = _conditional(scores, tolerance**2, [*free])
+    seen = np.where(information > 0.0, information, np.inf)
+    size, deviation = score / seen, np.hypot(np.sqrt(variance) / seen, tolerance)
+    result = np.divide(np.abs(size), deviation, out=np.zeros_like(size), where=deviation > 0.0)
+    result[[*free]] = 0.0
+    return result
+
+
+def needed_faults(scores: FaultScores, tolerance: Array, limit: float) -> list[NeededFault]:
+    """Return the faults that are needed to explain the data beyond the tolerances, the most significant first."""
+    found = list[int]()
+    while len(found) < _MOST_NEEDED:
+        significance = significances(scores, tolerance, found)
+        gain = np.where(significance > limit, _conditional(scores, tolerance**2, found).gain, -np.inf)
+        if not (significance > limit).any():
+            break
+        found.append(int(gain.argmax()))
+    needed = []
+    for f in found:
+        others = [other for other in found if other != f]
+        score, information, _, gain = _conditional(scores, tolerance**2, others)
+        size = float(score[f] / information[f]) if information[f] > 0.0 else 0.0
+        as_good = gain >= gain[f] - max(_SAME_GAIN, _SAME_SHARE * gain[f])
+        alternatives = tuple(int(g) for g in np.flatnonzero(as_good) if g not in found)
+        needed.append(NeededFault(f, size, alternatives))
+    return needed
 
 
 def gains(scores: FaultScores) -> Array:

@@ -5,13 +5,22 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import CURRENT, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
+from auvid_cli.data.considered import ConsideredErrors
 from auvid_cli.data.estimate import EstimateHeader
-from auvid_cli.data.faults import Fault, FaultKind, FaultTest
-from auvid_cli.filters.fault_scores import FaultEffects
+from auvid_cli.data.faults import LARGEST_FAULT, Fault, FaultKind, FaultTest
+from auvid_cli.filters.fault_scores import FaultEffects, needed_faults, second_moments, significances
 from auvid_cli.filters.problem import AlternativeEstimate, FaultScores, FilterOutcome, Timeline
 from auvid_cli.filters.smoother_forward import Linearised
-from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, FaultedVehicle, FaultModel, Motion
+from auvid_cli.identification.faults import (
+    DELAY_FAULTS,
+    FAULTS,
+    FaultedVehicle,
+    FaultModel,
+    Motion,
+    stated_parameters,
+)
 from auvid_cli.identification.problem_setup import AugmentedProblem
 from auvid_cli.vehicle.equations import factors
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
@@ -25,6 +34,7 @@ _THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
 _FINS = tuple(INPUT_SYMBOLS.index(name) for name in ("rudder", "elevator"))
 # Quantile of the changes of an input that separates small changes, which may be reactions, from planned ones.
 _SMALL_QUANTILE = 0.98
+_LENGTHS = ("centre_of_gravity", "trim")  # tolerances of parameters that are not shares of their values
 
 
 class VehicleFaults:
@@ -44,6 +54,8 @@ class VehicleFaults:
     ) -> None:
         self._problem = problem
         present, modelled = ("", *problem.measuring), (*problem.layout.symbols, *delays)
+        if tested is FAULTS:
+            tested = *FAULTS, *stated_parameters(problem.known_deviations)
         self._motion_rows = problem.layout.moving_rows_of("motion")
         constant = problem.layout.symbols[: problem.layout.n_parameters]
         modelled_terms = {c.regressor for c in problem.coefficients if c.symbol in modelled}
@@ -85,17 +97,26 @@ class VehicleFaults:
         for fin, state in zip(_FINS, FIN_TRIMS, strict=True):
             trim[:, fin] = self._along(state.symbol, about.parameters, states)
 
-        def motion_at(row: NDArray[np.int64], input_row: NDArray[np.int64]) -> Motion:
+        def motion_at(row: NDArray[np.int64], input_row: NDArray[np.int64], later: Array | None = None) -> Motion:
             inputs = gain[row] * timeline.inputs[input_row] + trim[row]
-            rates = model.rates(motion[row], inputs, ballast[row])
+            moved = motion[row] if later is None else motion[row] + later[:, None] * (motion[row + 1] - motion[row])
+            rates = model.rates(moved, inputs, ballast[row])
             input_rates = gain[row] * rate[input_row], gain[row] * small[input_row]
-            return Motion(motion[row], inputs, *input_rates, rates, current[row], ballast[row], times[row])
+            return Motion(moved, inputs, *input_rates, rates, current[row], ballast[row], times[row])
 
-        # Over a substep the motion is approximated by that at the event before: faults are small, and substeps short.
+        # Midpoint rule over each substep, with motion that is linear between two events.
         n_substeps, substep_input = np.diff(timeline.substep_offset), timeline.substep_input
-        in_substeps = motion_at(np.repeat(np.arange(timeline.time.size), n_substeps), substep_input)
         has_substeps, duration = n_substeps > 0, timeline.substep_duration[:, None]
         first = timeline.substep_offset[:-1][has_substeps]
+        before = np.repeat(np.arange(timeline.time.size), n_substeps)
+        until = np.cumsum(timeline.substep_duration)
+        begin = (until - timeline.substep_duration)[timeline.substep_offset[before]]
+        whole = until[timeline.substep_offset[before + 1] - 1] - begin
+        in_substeps = motion_at(before, substep_input, (until - 0.5 * timeline.substep_duration - begin) / whole)
+        # To the end of an event's substeps, an effect on the motion in their middle grows by half of the transition.
+        n = about.parameters.size
+        rows = np.arange(n + self._motion_rows.start, n + self._motion_rows.stop)
+        halfway = 0.5 * (np.eye(rows.size) + about.transition[has_substeps][:, self._motion_rows][..., rows])
         event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
         last = timeline.event_input.copy()
         last[has_substeps] = substep_input[timeline.substep_offset[1:][has_substeps] - 1]
@@ -113,16 +134,18 @@ class VehicleFaults:
         on_motion, on_measurements = (
             np.zeros((*a.shape, len(self._faults))) for a in (about.moving, timeline.measurement)
         )
+        on_motion_rows = on_motion[:, self._motion_rows]
         for f, fault in enumerate(self._faults):
             if fault.sensor:
                 on_measurements[measured[fault.sensor], :3, f] = fault.effect(model, at_measurements[fault.sensor])
                 continue
             effect = fault.effect(model, in_substeps) * duration
-            on_motion[has_substeps, self._motion_rows, f] = np.add.reduceat(effect, first)
+            on_motion_rows[has_substeps, :, f] = np.add.reduceat(effect, first)
             if "accelerometer" in at_measurements:
                 # A fault that accelerates the vehicle is measured too.
                 acceleration = model.at_accelerometer(fault.effect(model, at_measurements["accelerometer"]))
                 on_measurements[measured["accelerometer"], :3, f] = acceleration
+        on_motion_rows[has_substeps] = halfway @ on_motion_rows[has_substeps]
         return FaultEffects(on_motion, on_measurements)
 
     def _mounted(self) -> tuple[Sequence[float], Sequence[float]]:
@@ -143,8 +166,10 @@ class VehicleFaults:
         return states[:, row - n] if row >= n else np.full(len(states), parameters[row])
 
 
-def fault_tests(outcome: FilterOutcome, header: EstimateHeader, scale: Array) -> tuple[FaultTest, ...]:
-    """Return the test of each fault with an effect on the data, and of each alternative estimate.
+def fault_tests(
+    outcome: FilterOutcome, header: EstimateHeader, scale: Array
+) -> tuple[tuple[FaultTest, ...], ConsideredErrors | None]:
+    """Return the test of each fault with an effect on the data and of each alternative estimate, and all their effects.
 
     Parameters
     ----------
@@ -155,31 +180,83 @@ def fault_tests(outcome: FilterOutcome, header: EstimateHeader, scale: Array) ->
         SI value of one unit of each component of the state.
     """
     deviation = np.sqrt(np.diagonal(outcome.covariance))
-    tests = [] if outcome.faults is None else _score_tests(outcome.faults, header, deviation)
+    tests, considered = ([], None) if outcome.faults is None else _score_tests(outcome, header, deviation, scale)
     alternatives = (_test_of_alternative(other, header, deviation, scale) for other in outcome.others)
     # The difference from a segment that alone has all the information has no variance.
-    return *tests, *(test for test in alternatives if np.isfinite(test.standard_deviation))
+    return (*tests, *(test for test in alternatives if np.isfinite(test.standard_deviation))), considered
 
 
-def _score_tests(faults: FaultScores, header: EstimateHeader, deviation: Array) -> list[FaultTest]:
+def _score_tests(
+    outcome: FilterOutcome, header: EstimateHeader, deviation: Array, scale: Array
+) -> tuple[list[FaultTest], ConsideredErrors]:
+    faults = outcome.faults
+    assert faults is not None, "the caller has checked it"
     coefficients, spread = header.coefficient_rows, header.experiment.identification.estimate.delay.spread
     delays = [model for model in faults.labels if model.fault.kind in (FaultKind.INPUT_DELAY, FaultKind.SENSOR_DELAY)]
     faults = faults.conditional_on({model: spread for model in delays if model.state in header.state})
     # A fin that anticipates looks like delayed inputs, so it is tested conditional on their delay.
     without_delay = faults.conditional_on({model: spread for model in delays if not model.sensor})
+    tolerance = np.array([tolerance_of(model, header.experiment) for model in faults.labels])
+    significance, needed = significances(faults, tolerance), needed_faults(faults, tolerance, LARGEST_FAULT)
+    considered = _considered(outcome, faults, tolerance, coefficients, scale)
+    total = considered.total_deviation(outcome.corrected * scale[: outcome.corrected.size])
     tests = []
     for model in faults.labels:
         scores = without_delay if model.reacts_to else faults
         f = scores.labels.index(model)
         # A fault without effect on the data is not tested.
-        if scores.information[f, f] > 0.0:
-            shift = np.abs(scores.effect[coefficients, f]) / deviation[coefficients]
-            sigma, worst = float(scores.information[f, f] ** -0.5), int(shift.argmax())
-            size = float(scores.score[f]) * sigma**2
-            sigma *= float(scores.inflation[f]) if scores.inflation.size else 1.0
-            symbol = header.state[coefficients[worst]]
-            tests.append(FaultTest(model.fault, model.unit, size, sigma, symbol, float(shift[worst]) * sigma))
-    return tests
+        if scores.information[f, f] <= 0.0:
+            continue
+        shift = np.abs(scores.effect[coefficients, f]) / deviation[coefficients]
+        sigma, worst = float(scores.information[f, f] ** -0.5), int(shift.argmax())
+        size = float(scores.score[f]) * sigma**2
+        sigma *= float(scores.inflation[f]) if scores.inflation.size else 1.0
+        symbol = header.state[coefficients[worst]]
+        test = FaultTest(model.fault, model.unit, size, sigma, symbol, float(shift[worst]) * sigma)
+        place = faults.labels.index(model)
+        of_data = abs(test.z) if model.reacts_to else float(significance[place])
+        test = test._replace(tolerance=float(tolerance[place]), significance=of_data)
+        for rank, fault in enumerate(needed, 1):
+            if fault.place == place:
+                moves = np.abs(considered.effect[coefficients, place] * fault.size)
+                moved = [header.state[row] for row, by in zip(coefficients, moves, strict=True) if by > total[row]]
+                others = [str(faults.labels[g].fault) for g in fault.alternatives]
+                test = test._replace(rank=rank, moved=" ".join(moved), alternatives="; ".join(others))
+        tests.append(test)
+    return tests, considered
+
+
+def _considered(
+    outcome: FilterOutcome, faults: FaultScores, tolerance: Array, coefficients: list[int], scale: Array
+) -> ConsideredErrors:
+    """Return the effects of all faults, with second moments by the tolerances and the data.
+
+    A fault without a tolerance counts with the smallest size that the tests find, if this moves a coefficient by more
+    than its total standard deviation.
+    """
+    n, information = outcome.corrected.size, np.diagonal(faults.information)
+    nominal = np.sqrt(np.diagonal(outcome.covariance)[:n])
+    effect = faults.effect * scale[:n, None]
+    labels, units = zip(*((model.fault, model.unit) for model in faults.labels), strict=True)
+    moments = second_moments(faults, tolerance)
+    considered = ConsideredErrors(labels, units, moments, effect, outcome.corrected / nominal)
+    total = considered.total_deviation(outcome.corrected * scale[:n])
+    smallest = LARGEST_FAULT * faults.inflation / np.sqrt(np.where(information > 0.0, information, np.inf))
+    matters = (np.abs(effect[coefficients]) * smallest > total[coefficients, None]).any(axis=0)
+    hidden = np.where((tolerance == 0.0) & matters, smallest, 0.0)
+    return considered._replace(covariance=moments + np.diag(hidden**2))
+
+
+def tolerance_of(model: FaultModel, experiment: RunSettings) -> float:
+    """Return the standard deviation of a known quantity before any data, SI; 0 if it is not expected to be wrong."""
+    vehicle, settings = experiment.vehicle, experiment.identification.tolerances
+    if (stated := vehicle.parameters.deviations().get(model.parameter)) is not None:
+        return stated
+    if not model.tolerance or (model.tolerance == "ahrs" and not experiment.has_ahrs):
+        return 0.0
+    size: float = getattr(settings, model.tolerance)
+    is_share = bool(model.parameter) and model.tolerance not in _LENGTHS
+    return size * abs(vehicle.known_parameters()[model.parameter]) if is_share else size
 
 
 def _test_of_alternative(
@@ -193,4 +270,4 @@ def _test_of_alternative(
         fault = Fault(FaultKind.ANOTHER_MINIMUM, f"{other.cost_increase:.3g}")
     else:
         fault = Fault(FaultKind.SEGMENT, f"{other.begin:g}")
-    return FaultTest(fault, header.unit[worst], size, sigma, header.state[worst], moved)
+    return FaultTest(fault, header.unit[worst], size, sigma, header.state[worst], moved, significance=abs(size) / sigma)

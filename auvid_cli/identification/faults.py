@@ -1,24 +1,26 @@
 """Models of faults for the score tests of the smoother, and the vehicle that they disturb."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.extra_states import DELAYS
-from auvid_cli.data.faults import Fault, FaultKind
+from auvid_cli.data.faults import TESTED_TERMS, Fault, FaultKind
 from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.coefficients import SIGNALS, Coefficient, Regressor, term
 from auvid_cli.vehicle.equations import N_BLOCK, N_FACTORS, N_SLOPE, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.kinematics import body_to_earth, current_in_body_axes, earth_to_body, specific_force
 from auvid_cli.vehicle.matrices import N_BALLAST, mass_matrix
-from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, N_MOTION, SENSORS
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, N_MOTION, PARAMETERS, SENSORS
 
 Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
+_THRUST = INPUT_SYMBOLS.index("surge_force")
 _ROLL_MOMENT = INPUT_SYMBOLS.index("roll_moment")
+_PARAMETER_STEP = 1e-3  # of a known parameter; m, N or N m of one that is zero
 _DIFFERENCE_STEP = 1e-4  # s, of the central difference of the specific force
 
 
@@ -117,11 +119,12 @@ class FaultedVehicle:
         """Return the magnetic field in body axes, shape (n, 3), T."""
         return earth_to_body(motion[:, 6:9], np.tile(self._earth_field, (len(motion), 1)))
 
-    def by_parameter(self, at: Motion, **steps: float) -> Array:
-        """Return the change of the rates if known parameters increase by `steps`, shape (n, 9)."""
-        changed = {s: self._parameters[s] + by for s, by in steps.items()}
-        other = vehicle_constants({**self._parameters, **changed}, self._terms)
-        return self.rates(at.motion, at.inputs, at.ballast, other) - at.rates
+    def by_parameter(self, at: Motion, symbol: str) -> Array:
+        """Return the change of the rates per unit of a known parameter, shape (n, 9), by a difference quotient."""
+        value = self._parameters[symbol]
+        step = _PARAMETER_STEP * abs(value) or _PARAMETER_STEP
+        changed = vehicle_constants({**self._parameters, symbol: value + step}, self._terms)
+        return (self.rates(at.motion, at.inputs, at.ballast, changed) - at.rates) / step
 
     def by_ballast(self, at: Motion, change: Array) -> Array:
         """Return the change of the rates if the ballast increases by `change`, shape (n, 9); it is linear."""
@@ -174,6 +177,10 @@ class FaultModel(NamedTuple):
         Regressor of a missing term.
     is_drift : bool
         Whether it is a drift of `state`; tested only if `state` is estimated as a constant.
+    tolerance : str
+        Field of `auvid_cli.config.tolerances.Tolerances` with its standard deviation; empty if it has none.
+    parameter : str
+        Symbol of the known parameter that is wrong, if it is one.
     reacts_to : str
         Symbol of the disturbance to which a fin reacts before a sensor shows it; tested only if that is estimated,
         conditional on a delay of the inputs.
@@ -186,6 +193,8 @@ class FaultModel(NamedTuple):
     effect: Effect
     regressor: Regressor | None = None
     is_drift: bool = False
+    tolerance: str = ""
+    parameter: str = ""
     reacts_to: str = ""
 
 
@@ -222,6 +231,28 @@ def _ballast(part: int) -> Effect:
     return lambda model, at: model.by_ballast(at, np.eye(N_BALLAST)[part])
 
 
+def _parameter(symbol: str, tolerance: str, kind: FaultKind = FaultKind.PARAMETER, state: str = "") -> FaultModel:
+    component = symbol if kind is FaultKind.PARAMETER else ""
+    (unit,) = (quantity.unit for quantity in PARAMETERS if quantity.symbol == symbol)
+    return FaultModel(
+        Fault(kind, component),
+        *(unit, state, ""),
+        lambda model, at: model.by_parameter(at, symbol),
+        tolerance=tolerance,
+        parameter=symbol,
+    )
+
+
+def _gain(axis: int) -> Effect:
+    return lambda model, at: np.asarray(at.motion[:, 3:6] * np.eye(3)[axis], dtype=np.float64)
+
+
+def _fading(model: FaultedVehicle, at: Motion) -> Array:
+    fading = np.zeros(at.inputs.shape)
+    fading[:, _THRUST] = -at.motion[:, 0] * at.inputs[:, _THRUST]
+    return model.by_inputs(at, fading)
+
+
 def _late_force(model: FaultedVehicle, at: Motion) -> Array:
     before, after = (
         model.specific_force(at.motion + by * at.rates, at.inputs + by * at.input_rate, at.ballast)
@@ -250,7 +281,8 @@ def missing_term(term: Coefficient) -> FaultModel:
 
 def _delay(sensor: str, effect: Effect) -> FaultModel:
     component = "DVL" if sensor == "dvl" else sensor.replace("_", " ")
-    return FaultModel(Fault(FaultKind.SENSOR_DELAY, component), "s", DELAYS[sensor].symbol, sensor, effect)
+    fault = Fault(FaultKind.SENSOR_DELAY, component)
+    return FaultModel(fault, "s", DELAYS[sensor].symbol, sensor, effect, tolerance="delay")
 
 
 def _anticipating(fin: str, column: int, rate: int, moment: str) -> FaultModel:
@@ -278,11 +310,18 @@ def _drift(kind: FaultKind, of: FaultModel) -> FaultModel:
 
 
 def _components(
-    kind: FaultKind, components: str, unit: str, state: str, sensor: str, effect: Callable[[int], Effect]
+    kind: FaultKind,
+    components: str,
+    unit: str,
+    state: str,
+    sensor: str,
+    effect: Callable[[int], Effect],
+    tolerance: str = "",
 ) -> Iterator[FaultModel]:
     """Yield a fault for each component."""
     for axis, component in enumerate(components.split()):
-        yield FaultModel(Fault(kind, component), unit, state.format(component), sensor, effect(axis))
+        fault = Fault(kind, component)
+        yield FaultModel(fault, unit, state.format(component), sensor, effect(axis), tolerance=tolerance)
 
 
 def _biases(kind: FaultKind, sensor: str) -> Iterator[FaultModel]:
@@ -290,6 +329,13 @@ def _biases(kind: FaultKind, sensor: str) -> Iterator[FaultModel]:
     return _components(kind, symbols, SENSORS[sensor][0].unit, "bias_{}", sensor, _constant)
 
 
+# Parameters that have a usual tolerance, besides mass and buoyancy; those without effect on the equations are left out.
+_TOLERANCES = {
+    **dict.fromkeys(("Ixx", "Iyy", "Izz"), "inertia"),
+    **dict.fromkeys((q.symbol for q in PARAMETERS if q.symbol.endswith("dot")), "added_mass"),
+    "yG": "trim",
+    "zG": "centre_of_gravity",
+}
 _CURRENT = tuple(_components(FaultKind.CURRENT, "north east", "m/s", "current_{}", "dvl", _current))
 _FIN_TRIM = tuple(_components(FaultKind.FIN_TRIM, "rudder elevator", "rad", "{}_trim", "", _offset))
 # As constants these are confounded with other faults or with coefficients, so that only a drift is tested.
@@ -307,37 +353,57 @@ FAULTS: tuple[FaultModel, ...] = (
     *_biases(FaultKind.GYROSCOPE_BIAS, "gyroscope"),
     *_biases(FaultKind.ACCELEROMETER_BIAS, "accelerometer"),
     *_biases(FaultKind.MAGNETIC_FIELD_BIAS, "magnetic_field"),
-    *_components(FaultKind.ACCELEROMETER_POSITION, "x y z", "m", "", "accelerometer", _force_at),
+    *_components(
+        FaultKind.ACCELEROMETER_POSITION, "x y z", "m", "", "accelerometer", _force_at, "accelerometer_position"
+    ),
+    *(model._replace(tolerance="ahrs") for model in _biases(FaultKind.ATTITUDE_BIAS, "attitude")),
+    *_components(FaultKind.GYROSCOPE_SCALE, "p q r", "1", "", "gyroscope", _gain, "gyroscope_scale"),
+    *_components(FaultKind.GYROSCOPE_MOUNTING, "x y z", "rad", "", "gyroscope", _lever, "gyroscope_mounting"),
     _delay("gyroscope", lambda model, at: -at.rates[:, 3:6]),
     _delay("dvl", lambda model, at: -at.over_ground_rate),
     FaultModel(
         Fault(FaultKind.INPUT_DELAY),
         *("s", DELAYS["inputs"].symbol, ""),
         lambda model, at: -model.by_inputs(at, at.input_rate),
+        tolerance="delay",
     ),
-    FaultModel(Fault(FaultKind.DVL_SCALE), "1", "dvl_scale", "dvl", lambda model, at: at.over_ground),
+    FaultModel(
+        Fault(FaultKind.DVL_SCALE),
+        *("1", "dvl_scale", "dvl"),
+        lambda model, at: at.over_ground,
+        tolerance="dvl_scale",
+    ),
     FaultModel(
         Fault(FaultKind.DVL_YAW),
         *("rad", "dvl_yaw", "dvl"),
         lambda model, at: at.over_ground[:, [1, 0, 2]] * [1.0, -1.0, 0.0],
+        tolerance="dvl_yaw",
     ),
-    *_components(FaultKind.DVL_LEVER_ARM, "x y z", "m", "dvl_{}", "dvl", _lever),
+    *_components(FaultKind.DVL_LEVER_ARM, "x y z", "m", "dvl_{}", "dvl", _lever, "dvl_position"),
     *_CURRENT,
     *_FIN_TRIM,
     *(_drift(FaultKind.CURRENT_DRIFT, model) for model in _CURRENT),
     *(_drift(FaultKind.FIN_TRIM_DRIFT, model) for model in _FIN_TRIM),
     *(_drift(kind, model) for kind, model in _ONLY_DRIFT),
-    FaultModel(Fault(FaultKind.THRUST_OFFSET), "N", "", "", _offset(2)),
-    FaultModel(Fault(FaultKind.MASS), "kg", "", "", lambda model, at: model.by_parameter(at, m=1.0)),
-    FaultModel(Fault(FaultKind.BUOYANCY), "N", "excess_buoyancy", "", lambda model, at: model.by_parameter(at, B=1.0)),
+    *_components(FaultKind.FIN_SCALE, "rudder elevator", "1", "", "", _scaled, "fins"),
+    FaultModel(Fault(FaultKind.THRUST_SCALE), "1", "thrust_scale", "", _scaled(_THRUST), tolerance="thrust"),
+    FaultModel(Fault(FaultKind.THRUST_FADE), "s/m", "", "", _fading),
+    FaultModel(Fault(FaultKind.THRUST_OFFSET), "N", "", "", _offset(_THRUST)),
+    _parameter("m", "mass", FaultKind.MASS),
+    _parameter("B", "buoyancy", FaultKind.BUOYANCY, "excess_buoyancy"),
     # Not represented by the state `trim_moment`, which is only part of the effect.
-    FaultModel(
-        Fault(FaultKind.CENTRE_OF_GRAVITY), "m", "", "", lambda model, at: model.by_parameter(at, xG=1e-3) / 1e-3
-    ),
+    _parameter("xG", "trim", FaultKind.CENTRE_OF_GRAVITY),
+    *(_parameter(symbol, tolerance) for symbol, tolerance in _TOLERANCES.items()),
     _anticipating("rudder", 0, 5, "N"),
     _anticipating("elevator", 1, 4, "M"),
-    *(missing_term(term(row, ("|v|", "r"))) for row in (1, 5)),
+    *(missing_term(term(*row_and_factors)) for row_and_factors in TESTED_TERMS),
 )
+
+
+def stated_parameters(symbols: Collection[str]) -> tuple[FaultModel, ...]:
+    """Return the faults of known parameters, by symbol, that are not among `FAULTS`."""
+    present = {fault.parameter for fault in FAULTS}
+    return tuple(_parameter(symbol, "") for symbol in symbols if symbol not in present)
 
 
 # Delays that settings can estimate. Those beyond `FAULTS` are tested only on request: autocorrelated errors of an AHRS

@@ -64,6 +64,8 @@ class AugmentedProblem:
     layout : StateLayout
     known : dict
         Known parameters of the vehicle by symbol, SI.
+    known_deviations : dict
+        Their standard deviations, as far as the vehicle file states any.
     held : dict
         Coefficients that are not estimated by symbol, SI.
     coefficients : CoefficientSet
@@ -81,6 +83,7 @@ class AugmentedProblem:
 
     layout: StateLayout
     known: dict[str, float]
+    known_deviations: dict[str, float]
     held: dict[str, float]
     coefficients: CoefficientSet
     process: Process
@@ -142,6 +145,7 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     return AugmentedProblem(
         layout=layout,
         known=known,
+        known_deviations=experiment.vehicle.parameters.deviations(),
         held=held,
         coefficients=coefficients,
         process=process,

@@ -12,7 +12,6 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.config.identification import Identification
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Outcome
-from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.filters import problem
 from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline, segment_gaussian
@@ -127,17 +126,18 @@ class FilterRun:
         if self.delays is not None:
             covariance = self.delays.joint(covariance)
             corrected = self.delays.widened(corrected)
-        tests: tuple[FaultTest, ...] = ()
+        tests, considered = (), None
         if outcome.faults is not None or outcome.others:
             from auvid_cli.identification.fault_effects import fault_tests
 
-            tests = fault_tests(outcome, self.header, self.scale)
+            tests, considered = fault_tests(outcome, self.header, self.scale)
         return Outcome(
             self._status(outcome, progress),
             covariance,
             progress.n_valid,
             *progress.clocks.tolist(),
             faults=tests,
+            considered=considered,
             corrected=dict(zip(self.header.state, corrected.tolist(), strict=False)),
         )
 

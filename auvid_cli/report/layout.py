@@ -41,16 +41,15 @@ from auvid_cli.text import sentence
 _VELOCITY = "Mean absolute error"
 _BOUND = "Cramér-Rao bound"
 _AVERAGE = "average error %"
-# A corrected standard deviation is shown from this ratio to the nominal one.
-_WIDER = 1.02
 NIS_MEANS = (
     "NIS: squared prediction error / expected variance, mean over the components. 1 is right. Larger: data and model "
     "disagree. Smaller: the stated noise is too large, which is intended for an AHRS."
 )
-_CORRECTED = (
-    "Corrected sd: standard deviation that accounts for residuals correlated in time, if it is more than "
-    f"{100.0 * (_WIDER - 1.0):.0f} % larger."
+_TOTAL = (
+    "± total: standard deviation that also allows for errors of known quantities (identification.tolerances), such as "
+    "inertia and thrust. ± data: by the noise alone, correlated in time or not."
 )
+_FROM = "Mostly from: the known quantities that cause most of ± total, with their part of it in percent of the value."
 
 
 def lay_out(evaluation: Evaluation) -> list[Table]:
@@ -72,36 +71,47 @@ def _columns(group: str, filters: list[str]) -> list[Column]:
 
 
 def estimates(evaluation: Evaluation, filters: Sequence[str], with_deviations: bool = True) -> Table:
-    """Return the estimates at the end, for terminal and files, with or without their standard deviations."""
-    wider = {row.filter for row in evaluation.coefficients if with_deviations and _is_wider(row)}
+    """Return the estimates at the end, for terminal and files, with or without their standard deviations.
+
+    A total standard deviation has that of the data next to it, and for one filter the known quantities that it is
+    mostly due to.
+    """
+    own = [row for row in evaluation.coefficients if row.filter in filters]
+    has_total = {row.filter for row in own if with_deviations and row.total_standard_deviation is not None}
+    has_cause = with_deviations and len(filters) == 1 and any(row.contributors for row in own)
     columns = [text_column("symbol"), text_column("unit")]
     for name in filters:
-        header = f"{filter_label(name)}{' ± sd' * with_deviations}"
-        columns += [Column(header), *[Column("corrected sd")] * (name in wider)]
+        kind = " ± total" if name in has_total else " ± sd" if with_deviations else ""
+        columns += [Column(f"{filter_label(name)}{kind}"), *[Column("± data")] * (name in has_total)]
+    columns += [text_column("mostly from")] * has_cause
 
     def cells(name: str, row: CoefficientResult | None) -> list[Cell]:
         if row is None:
-            return [None] * (1 + (name in wider))
-        estimate = PlusMinus(row.estimate, row.standard_deviation) if with_deviations else row.estimate
-        return [marked(row, estimate), *(_corrected(row) if name in wider else [])]
+            return [None] * (1 + (name in has_total))
+        estimate = PlusMinus(row.estimate, shown_deviation(row)) if with_deviations else row.estimate
+        return [marked(row, estimate), *[number(data_deviation(row), DEVIATION_DIGITS)] * (name in has_total)]
 
     rows: list[list[Cell]] = []
     for symbol, by_filter in results_by_coefficient(evaluation).items():
         any_row = next((by_filter[name] for name in filters if name in by_filter), None)
         if any_row is not None:
-            results = (cell for name in filters for cell in cells(name, by_filter.get(name)))
-            rows.append([Symbol(symbol), UnitCell(any_row.unit), *results])
-    notes = (*mark_explained(evaluation), *([_CORRECTED] if wider & {*filters} else []))
+            results = [cell for name in filters for cell in cells(name, by_filter.get(name))]
+            causes: list[Cell] = [any_row.contributors.replace("; ", ", ")] * has_cause
+            rows.append([Symbol(symbol), UnitCell(any_row.unit), *results, *causes])
+    notes = (*mark_explained(evaluation), *([_TOTAL] if has_total else []), *([_FROM] if has_cause else []))
     return Table("estimates", "Estimates and their standard deviations at the end", tuple(columns), rows, notes=notes)
 
 
-def _is_wider(row: CoefficientResult) -> bool:
-    """Whether the corrected standard deviation is large enough to be shown."""
-    return (row.corrected_standard_deviation or 0.0) > _WIDER * row.standard_deviation
+def data_deviation(row: CoefficientResult) -> float:
+    """Return the standard deviation by the data, corrected for autocorrelated residuals if this is known."""
+    corrected = row.corrected_standard_deviation
+    return row.standard_deviation if corrected is None else corrected
 
 
-def _corrected(row: CoefficientResult) -> list[Cell]:
-    return [number(row.corrected_standard_deviation or 0.0, DEVIATION_DIGITS) if _is_wider(row) else ""]
+def shown_deviation(row: CoefficientResult) -> float:
+    """Return the total standard deviation if it is known, or else that by the data."""
+    total = row.total_standard_deviation
+    return data_deviation(row) if total is None else total
 
 
 def _bounds(evaluation: Evaluation) -> Table:

@@ -11,7 +11,10 @@ from rich.text import Text
 
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.checks import Check
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FixSuggestion, Identifiability
 from auvid_cli.report.layout import NIS_MEANS, consistency, estimates, rejections, runs, unobserved
 from auvid_cli.report.screen_table import encodable, fits, narrowed, print_texts, printed, screen_table
@@ -138,6 +141,18 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     console.print(Text(NIS_MEANS))
     explained = [encodable(console, text) for text in notes]
     print_texts(console, [*explained, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)])
+
+
+def print_estimate(console: Console, estimate: Estimate, judgement: Judgement) -> None:
+    """Print the coefficients of one estimate with their standard deviations, without the truth."""
+    if console.quiet or not estimate.completed:
+        return
+    rows = coefficient_results(estimate, None, {}, judgement)
+    evaluation = Evaluation(rows, [], [], [], [], [], {}, [])
+    for screen in _estimate_tables(console, evaluation, [estimate.filter]):
+        console.print(screen)
+    for text in estimates(evaluation, [estimate.filter]).notes:
+        console.print(Text(encodable(console, text)))
 
 
 def print_files(console: Console, files: Sequence[Path]) -> None:

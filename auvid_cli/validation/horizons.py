@@ -66,6 +66,7 @@ class Bundle(NamedTuple):
     names: tuple[str, ...]
     coefficients: Array  # shape (n, 22 + terms); SI
     errors: Array  # shape (n, 5); added to thrust, fins and ballast of a start, in the order of `NO_ERRORS`
+    parameters: tuple[dict[str, float], ...]  # added to known parameters, by symbol, SI, for each row
 
 
 class Sample(NamedTuple):
@@ -137,7 +138,8 @@ def predict_ahead(
         Whether drawn models have process noise.
     """
     vehicle, named = prepared.experiment.vehicle, len(bundle.names)
-    parameters, terms = vehicle.known_parameters(), vehicle.coefficient_set.terms
+    known, terms = vehicle.known_parameters(), vehicle.coefficient_set.terms
+    parameters = [known | {symbol: known[symbol] + by for symbol, by in own.items()} for own in bundle.parameters]
     drawn = len(bundle.coefficients) - named
     collected = Collected([], np.zeros(drawn, dtype=np.bool_))
     noise = ProcessNoise(slice(named, named + drawn), starts.process_noise, rng) if with_process_noise else None

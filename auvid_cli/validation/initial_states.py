@@ -14,6 +14,7 @@ from auvid_cli.config.vehicle import ActuatorSettings, VehicleEntry
 from auvid_cli.data.acting_inputs import as_acting
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.faults import FaultKind
 from auvid_cli.evaluation.free_run import MeasurementErrors, estimated_errors
 from auvid_cli.filters.problem import OK, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
@@ -222,12 +223,17 @@ def _prior(estimate: Estimate) -> Mapping[str, float] | None:
     return estimate.held | {symbol: float(estimate.mean[0, estimate.state.index(symbol)]) for symbol in estimated}
 
 
+# Vehicles whose known parameters the drawn models have.
+_VEHICLES = 10
+
+
 class Draws(NamedTuple):
     """Models drawn from the uncertainty of an estimate."""
 
     coefficients: Array  # shape (count, 22 + terms); SI
     # Shape (count, 5); differences of thrust, fins and ballast from the identified model, in the order of `NO_ERRORS`
     errors: Array
+    parameters: tuple[dict[str, float], ...]
 
 
 def drawn_models(
@@ -235,8 +241,9 @@ def drawn_models(
 ) -> Draws | None:
     """Return models drawn from the final mean and covariance of an estimate; None without a valid covariance.
 
-    Thrust, fins and ballast are drawn with the coefficients, because they are often confounded: a coefficient is more
-    certain given the ballast. Those with symbols in `left_out` differ in each run and are not drawn.
+    Thrust, fins, ballast and known parameters are drawn with the coefficients, because they are often confounded: a
+    coefficient is more certain given the ballast or the inertia. Those with symbols in `left_out` differ in each run
+    and are not drawn. Several models share the parameters of one of a few vehicles, which saves time.
     """
     symbols, final = estimate.coefficient_set.symbols, estimate.final_coefficients()
     estimated = [error.symbol in estimate.state and error.symbol not in left_out for error in VEHICLE_ERRORS]
@@ -244,7 +251,7 @@ def drawn_models(
     error_rows = [estimate.state.index(error.symbol) for error in drawn_errors]
     rows, n = [*estimate.coefficient_rows, *error_rows], len(estimate.coefficient_rows)
     drawn = np.tile([final[symbol] for symbol in symbols], (count, 1))
-    covariance = estimate.final_covariance()[np.ix_(rows, rows)]
+    covariance = estimate.data_covariance()[np.ix_(rows, rows)]
     variance = np.diagonal(covariance)
     if not (np.isfinite(covariance).all() and (variance > 0.0).all()):
         return None
@@ -260,4 +267,30 @@ def drawn_models(
     errors[:, estimated] = difference[:, n:]
     # The stated force is already multiplied by the estimated scale.
     errors[:, 0] /= estimate.final_actuators().thrust
-    return Draws(drawn, errors)
+    parameters = _add_considered(estimate, drawn, errors, rng)
+    return Draws(drawn, errors, parameters)
+
+
+def _add_considered(
+    estimate: Estimate, drawn: Array, errors: Array, rng: np.random.Generator
+) -> tuple[dict[str, float], ...]:
+    """Add considered errors to coefficients, shape (count, n), and thrust; return those of known parameters."""
+    count, considered = len(drawn), estimate.considered
+    if considered is None:
+        return ({},) * count
+    vehicles = considered.draw(min(_VEHICLES, count), rng)
+    sizes = vehicles[np.arange(count) * len(vehicles) // count]
+    symbols = estimate.coefficient_set.symbols
+    for row in estimate.coefficient_rows:
+        drawn[:, symbols.index(estimate.state[row])] += sizes @ considered.effect[row]
+    parameters: tuple[dict[str, float], ...] = tuple({} for _ in range(count))
+    for k, fault in enumerate(considered.faults):
+        if fault.kind is FaultKind.THRUST_SCALE:
+            errors[:, 0] += sizes[:, k]
+        elif fault.kind is FaultKind.FIN_SCALE:
+            of_fin = [c for c, each in enumerate(estimate.coefficient_set) if fault.component in each.signals]
+            drawn[:, of_fin] *= 1.0 + sizes[:, k : k + 1]
+        elif symbol := fault.parameter:
+            for own, size in zip(parameters, sizes[:, k].tolist(), strict=True):
+                own[symbol] = size
+    return parameters

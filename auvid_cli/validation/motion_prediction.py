@@ -1,6 +1,7 @@
 """Simulation of identified models side by side, and the measured signals that they are compared with."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from math import inf
 from typing import NamedTuple
 
@@ -158,7 +159,7 @@ def move_side_by_side(
     timelines: Iterable[Timeline],
     motion: Array,
     coefficients: Array,
-    parameters: Mapping[str, float],
+    parameters: Sequence[Mapping[str, float]],
     wanted: Array,
     noise: ProcessNoise | None = None,
     disturbance: Disturbance | None = None,
@@ -175,8 +176,8 @@ def move_side_by_side(
         Motion and depth of each model at the start.
     coefficients : ndarray, shape (n, 22 + terms)
         SI.
-    parameters : mapping of float
-        Known parameters of all models.
+    parameters : sequence of mapping
+        Known parameters of each model, or of all; fastest where consecutive models have the same.
     wanted : ndarray, shape (k,)
         Times of events, s, increasing.
     noise : ProcessNoise, optional
@@ -187,9 +188,9 @@ def move_side_by_side(
         Additional terms of the vehicle.
     """
     n = len(motion)
-    constants, work = vehicle_constants(parameters, terms), np.zeros(N_WORK)
-    block, rows = (_in_lanes(values) for values in (motion, with_errors(coefficients, errors)))
-    states, moved = block.reshape(N_PREDICTED, LANES), np.empty((wanted.size, n, N_PREDICTED))
+    work, states = np.zeros(N_WORK), _in_lanes(motion).reshape(N_PREDICTED, LANES)
+    vehicles = _vehicles(with_errors(coefficients, errors), parameters, terms)
+    moved = np.empty((wanted.size, n, N_PREDICTED))
     longest = _DISTURBANCE_INTERVAL if disturbance is not None else inf if noise is None else _NOISE_INTERVAL
     done = 0
 
@@ -197,7 +198,10 @@ def move_side_by_side(
         for first, last, elapsed in _strides(timeline.substep_duration, begin, end, longest):
             if disturbance is not None:
                 disturbance.push(states[:, :n], 0.5 * elapsed)
-            move_through(block, rows, constants, n, timeline, first, last, work)
+            for models, rows, constants in vehicles:
+                block = _in_lanes(states[:, models].T)
+                move_through(block, rows, constants, models.stop - models.start, timeline, first, last, work)
+                states[:, models] = block.reshape(N_PREDICTED, LANES)[:, : models.stop - models.start]
             if disturbance is not None:
                 disturbance.propagate(elapsed)
                 disturbance.push(states[:, :n], 0.5 * elapsed)
@@ -216,6 +220,18 @@ def move_side_by_side(
             break
         move(timeline, substep, timeline.substep_duration.size)
     return moved[:done]
+
+
+def _vehicles(
+    rows: Array, parameters: Sequence[Mapping[str, float]], terms: Sequence[Coefficient]
+) -> list[tuple[slice, Array, Array]]:
+    """Return consecutive models with the same known parameters: which they are, their factors, and their constants."""
+    n, each = len(rows), parameters if len(parameters) > 1 else [*parameters] * len(rows)
+    bounds = [0, *(k for k in range(1, n) if each[k] != each[k - 1]), n]
+    return [
+        (slice(begin, end), _in_lanes(rows[begin:end]), vehicle_constants(each[begin], terms))
+        for begin, end in pairwise(bounds)
+    ]
 
 
 def _strides(durations: Array, begin: int, end: int, longest: float) -> Iterator[tuple[int, int, float]]:

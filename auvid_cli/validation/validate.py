@@ -170,10 +170,11 @@ def _bundle(models: Models, drawn: Draws | None, symbols: Sequence[str]) -> Bund
     """Return the named models, followed by the drawn ones."""
     named = {name: values for name, values in models._asdict().items() if values is not None}
     table = np.array([[values[symbol] for symbol in symbols] for values in named.values()])
-    errors = np.zeros((len(named), len(NO_ERRORS)))
+    errors, parameters = np.zeros((len(named), len(NO_ERRORS))), tuple({} for _ in named)
     if drawn is not None:
         table, errors = np.vstack([table, drawn.coefficients]), np.vstack([errors, drawn.errors])
-    return Bundle(tuple(named), table, errors)
+        parameters += drawn.parameters
+    return Bundle(tuple(named), table, errors, parameters)
 
 
 def _remarks(

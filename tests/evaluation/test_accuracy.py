@@ -11,11 +11,14 @@ from auvid_cli.evaluation.accuracy import (
     normalised_estimation_error,
     steady_part,
 )
+from auvid_cli.evaluation.judgement import Grade, Judgement
+
+SOUND = Judgement(Grade.SOUND)
 
 
 def test_rmse_counts_the_whole_run_from_zero(hand_made, truth_of):
     estimate = hand_made([0, 1, 2, 3], {"Y_url": [0.0, 3.0, 5.0, 4.0]})
-    (result,) = coefficient_results(estimate, truth_of(Y_url=4.0), {}, True)
+    (result,) = coefficient_results(estimate, truth_of(Y_url=4.0), {}, SOUND)
     # Errors -4, -1, 1, 0.
     assert result.rmse == pytest.approx(np.sqrt(18 / 4))
     assert (result.estimate, result.true, result.standard_deviation) == (4.0, 4.0, 0.25)
@@ -27,7 +30,7 @@ def test_steady_state_error_is_that_of_the_mean_over_the_last_tenth_of_the_time(
     course = np.where(time >= 90, -7.0, 1000.0)
     course[time >= 95] = -11.0
     estimate = hand_made(time, {"N_uudr": course})
-    (result,) = coefficient_results(estimate, truth_of(N_uudr=-10.0), {}, True)
+    (result,) = coefficient_results(estimate, truth_of(N_uudr=-10.0), {}, SOUND)
     # Five events at -7 and six at -11: their mean is -101/11.
     assert result.steady_state_error_percent == pytest.approx(100 * (10 - 101 / 11) / 10)
 
@@ -36,7 +39,7 @@ def test_errors_that_cancel_leave_no_steady_state_error(hand_made, truth_of):
     time = np.arange(101.0)
     course = np.full(101, 2.0)
     course[91:] = 2.0 + np.tile([0.5, -0.5], 5)
-    (result,) = coefficient_results(hand_made(time, {"Y_uvl": course}), truth_of(Y_uvl=2.0), {}, True)
+    (result,) = coefficient_results(hand_made(time, {"Y_uvl": course}), truth_of(Y_uvl=2.0), {}, SOUND)
     assert result.steady_state_error_percent == pytest.approx(0.0, abs=1e-12)
     assert result.rmse == pytest.approx(np.sqrt(10 * 0.25 / 101))
 
@@ -48,20 +51,20 @@ def test_the_last_tenth_is_one_of_time_not_of_events(hand_made):
 
 
 def test_a_true_zero_has_no_relative_error(hand_made, truth_of):
-    (result,) = coefficient_results(hand_made([0, 1], {"Y_r|r|": [0.0, 2.0]}), truth_of(), {}, True)
+    (result,) = coefficient_results(hand_made([0, 1], {"Y_r|r|": [0.0, 2.0]}), truth_of(), {}, SOUND)
     assert result.steady_state_error_percent is None
     assert result.rmse == pytest.approx(np.sqrt(2.0))
 
 
 def test_without_truth_there_are_estimates_but_no_errors(hand_made):
-    (result,) = coefficient_results(hand_made([0, 1], {"Y_url": [0.0, 2.0]}), None, {}, True)
+    (result,) = coefficient_results(hand_made([0, 1], {"Y_url": [0.0, 2.0]}), None, {}, SOUND)
     assert (result.true, result.rmse, result.steady_state_error_percent) == (None, None, None)
     assert result.estimate == 2.0
 
 
 def test_after_divergence_there_are_no_errors(hand_made, truth_of):
     estimate = hand_made([0, 1], {"Y_url": [0.0, 2.0]}, status="diverged at t = 2.000 s: why")
-    (result,) = coefficient_results(estimate, truth_of(Y_url=1.0), {"Y_url": 0.1}, True)
+    (result,) = coefficient_results(estimate, truth_of(Y_url=1.0), {"Y_url": 0.1}, SOUND)
     assert (result.rmse, result.steady_state_error_percent) == (None, None)
     assert result.times_bound is None
     assert not result.identified
@@ -69,14 +72,18 @@ def test_after_divergence_there_are_no_errors(hand_made, truth_of):
 
 def test_only_coefficients_have_results_in_the_order_of_the_state(hand_made, truth_of):
     estimate = hand_made([0, 1], {"Y_url": [0, 1], "N_url": [0, 2], "X_u|u|": [0, 3]})
-    assert [r.coefficient for r in coefficient_results(estimate, truth_of(), {}, True)] == ["Y_url", "N_url", "X_u|u|"]
+    assert [r.coefficient for r in coefficient_results(estimate, truth_of(), {}, SOUND)] == [
+        "Y_url",
+        "N_url",
+        "X_u|u|",
+    ]
 
 
 def test_the_average_is_over_those_that_have_an_error(hand_made, truth_of):
     estimate = hand_made([0, 1], {"Y_url": [0, 1.1], "N_url": [0, 2.0], "Y_r|r|": [0, 3.0]})
-    results = coefficient_results(estimate, truth_of(Y_url=1.0, N_url=4.0), {}, True)
+    results = coefficient_results(estimate, truth_of(Y_url=1.0, N_url=4.0), {}, SOUND)
     assert average_steady_state_error(results) == pytest.approx((10.0 + 50.0) / 2)
-    assert average_steady_state_error(coefficient_results(estimate, None, {}, True)) is None
+    assert average_steady_state_error(coefficient_results(estimate, None, {}, SOUND)) is None
 
 
 def test_what_is_known_to_a_fifth_of_its_value_is_identified(hand_made, truth_of):
@@ -85,22 +92,22 @@ def test_what_is_known_to_a_fifth_of_its_value_is_identified(hand_made, truth_of
     # A wrong estimate is no better known for being large.
     estimate = hand_made([0, 1], {symbol: [0.0, 100.0] for symbol in symbols})
     bounds = dict(zip(symbols, (0.1, 0.1, 1.1, np.inf), strict=True))
-    results = coefficient_results(estimate, truth_of(Y_url=1.3, N_url=1.2, N_uvl=5.0, Z_uql=5.0), bounds, True)
+    results = coefficient_results(estimate, truth_of(Y_url=1.3, N_url=1.2, N_uvl=5.0, Z_uql=5.0), bounds, SOUND)
     assert [result.identified for result in results] == [True, False, False, False]
     assert [result.cramer_rao_bound for result in results] == [0.1, 0.1, 1.1, np.inf]
     assert [result.times_bound for result in results[:3]] == pytest.approx([2.5, 2.5, 0.25 / 1.1])
     assert results[3].times_bound is None
 
 
-def test_what_is_claimed_is_the_corrected_standard_deviation_and_what_is_judged_the_nominal(hand_made, truth_of):
+def test_what_is_claimed_is_the_corrected_standard_deviation_and_identified_goes_by_the_total(hand_made, truth_of):
     estimate = replace(hand_made([0, 1], {"Y_url": [0.0, 1.3], "N_url": [0.0, 1.3]}), corrected={"Y_url": 0.5})
     corrected, nominal = coefficient_results(
-        estimate, truth_of(Y_url=1.3, N_url=1.3), {"Y_url": 0.1, "N_url": 0.1}, True
+        estimate, truth_of(Y_url=1.3, N_url=1.3), {"Y_url": 0.1, "N_url": 0.1}, SOUND
     )
     assert (corrected.times_bound, nominal.times_bound) == (pytest.approx(5.0), pytest.approx(2.5))
     assert (corrected.standard_deviation, corrected.corrected_standard_deviation) == (0.25, 0.5)
     assert nominal.corrected_standard_deviation is None
-    assert [corrected.identified, nominal.identified] == [True, True]
+    assert [corrected.identified, nominal.identified] == [False, True]
 
 
 def test_a_true_zero_is_identified_by_the_natural_magnitude_of_the_vehicle(hand_made, truth_of):
@@ -109,13 +116,13 @@ def test_a_true_zero_is_identified_by_the_natural_magnitude_of_the_vehicle(hand_
     size = estimate.experiment.vehicle.size
     natural = 3.0 * 0.5 * size.density * size.diameter**2 * 0.5 * size.length
     for bound, identified in ((0.19 * natural, True), (0.21 * natural, False)):
-        (result,) = coefficient_results(estimate, truth_of(), {"Y_url": bound}, True)
+        (result,) = coefficient_results(estimate, truth_of(), {"Y_url": bound}, SOUND)
         assert result.identified is identified
 
 
 def test_without_a_bound_the_standard_deviation_decides(hand_made):
     estimate = hand_made([0, 1], {"Y_url": [0.0, 1.3], "N_url": [0.0, -1.2]})
-    results = coefficient_results(estimate, None, {}, True)
+    results = coefficient_results(estimate, None, {}, SOUND)
     assert [result.identified for result in results] == [True, False]
     assert all(result.cramer_rao_bound is result.times_bound is None for result in results)
 

@@ -6,11 +6,14 @@ import pytest
 from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import coefficient_results
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.export.losses import UnsupportedFeatures, caveats, heading_lines
 from auvid_cli.export.model import Origin, identified_model
 from auvid_cli.export.model_parts import acting_inputs
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, N_COEFFICIENTS
+
+SOUND = Judgement(Grade.SOUND)
 
 ORIGIN = Origin("d" * 64, "e" * 64, "1.2.3", "2026-01-01T00:00:00+00:00")
 CHOSEN = ("X_u|u|", "Z_uude", "N_uudr")
@@ -63,7 +66,7 @@ def test_identified_coefficients_equal_the_tables(estimate, dataset):
     model = identified_model(estimate, dataset, bounds, ORIGIN, reference=replace(estimate, filter="smoother"))
     assert "Z_uude" in model.not_identified()
     expected = {
-        result.coefficient: result.identified for result in coefficient_results(estimate, dataset.truth, bounds, True)
+        result.coefficient: result.identified for result in coefficient_results(estimate, dataset.truth, bounds, SOUND)
     }
     assert {c.symbol: c.identified for c in model.coefficients if c.identified is not None} == expected
     assert "Z_uude" in caveats(model)[0]

@@ -9,8 +9,11 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, sensor_error_results
 from auvid_cli.evaluation.innovations import status_of
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
+
+SOUND = Judgement(Grade.SOUND)
 
 GYRO = np.array([0.004, -0.003, 0.005])
 ATTITUDE = np.array([0.003, -0.004, 0.03])
@@ -70,7 +73,7 @@ def test_constant_biases_are_found_and_the_heading_offset_is_not(biased, with_se
 
 def test_blocks_bring_the_coefficients_back(biased, with_settings):
     errors = [
-        average_steady_state_error(coefficient_results(identify(dataset, FilterName.CKF), biased.truth, {}, True))
+        average_steady_state_error(coefficient_results(identify(dataset, FilterName.CKF), biased.truth, {}, SOUND))
         for dataset in (biased, with_settings(biased, ALL))
     ]
     assert errors[1] < 0.5 * errors[0]
@@ -191,7 +194,7 @@ def assert_ballast_is_found(estimate, truth):
         assert row.observed, symbol
         assert abs(row.estimate - value) < 4.0 * row.standard_deviation, symbol
         assert row.standard_deviation < 0.02 * abs(value), symbol
-    for row in coefficient_results(estimate, truth, {}, True):
+    for row in coefficient_results(estimate, truth, {}, SOUND):
         assert abs(row.estimate - row.true) < 4.0 * row.standard_deviation, row.coefficient
 
 

@@ -46,7 +46,7 @@ def prepared(late, with_settings):
 
 def off(estimate, truth):
     """Each coefficient's distance from the truth in standard deviations."""
-    deviations = estimate.final_deviations()
+    deviations = estimate.data_deviations()
     found = estimate.final_coefficients()
     return {symbol: abs(found[symbol] - true) / deviations[symbol] for symbol, true in truth.coefficients.items()}
 

@@ -134,7 +134,9 @@ def test_advice_of_a_fault_removes_most_of_it(plant, name, obey, clean):
 def test_clean_data_have_no_fault(clean):
     found = results_of(clean)
     labels = VehicleFaults(augmented_problem(prepare(clean))).labels
-    assert [*found] == [str(model.fault) for model in labels]
+    # Coefficients compensate a scale of a fin completely, so that no data show it.
+    hidden = {str(model.fault) for model in labels} - {*found}
+    assert {"scale of the rudder", "scale of the elevator"} <= hidden
     assert max(abs(fault.z) for fault in found.values()) < LARGEST_FAULT
     assert all(fault.unit == BY_NAME[name].unit for name, fault in found.items())
     assert all(fault.susceptibility >= 0.0 for fault in found.values())
@@ -146,10 +148,10 @@ def test_autocorrelated_errors_of_an_ahrs_are_no_fault_and_hide_none(simulated_w
     honest = simulated_with("manoeuvre=manoeuvres/zigzag_20_20.yaml", "manoeuvre.speed=3.9 m/s", "seed=202")
     sound, doubtful = (identify(data.without_truth(), FilterName.SMOOTHER) for data in (honest, biased(honest)))
     assert judge([sound])["smoother"].grade == "sound"
-    assert max(abs(test.z) for test in sound.faults) < LARGEST_FAULT
-    worst = max(doubtful.faults, key=lambda test: abs(test.z))
+    assert max(test.excess for test in sound.faults) < LARGEST_FAULT
+    (worst,) = (test for test in doubtful.faults if test.rank == 1)
     assert str(worst.fault) == "bias of r"
-    assert abs(worst.z) > 5.0 * LARGEST_FAULT
+    assert worst.excess > 5.0 * LARGEST_FAULT
     assert abs(worst.size - 0.05 * DEGREE) < 4.0 * worst.standard_deviation
 
 

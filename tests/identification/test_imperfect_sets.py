@@ -8,7 +8,10 @@ import pytest
 from auvid_cli.config.enums import FilterName
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
 from auvid_cli.evaluation.innovations import status_of
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.identification.run import identify
+
+SOUND = Judgement(Grade.SOUND)
 
 DIRECT = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
 DEPTH = "sensors.depth={rate: 10 Hz, noise: 0.02 m}"
@@ -20,7 +23,7 @@ def without(dataset, *names):
 
 
 def average_error(dataset, estimate):
-    return average_steady_state_error(coefficient_results(estimate, dataset.truth, {}, True))
+    return average_steady_state_error(coefficient_results(estimate, dataset.truth, {}, SOUND))
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +94,7 @@ def test_without_a_gyroscope_and_without_roll_coefficients_are_found(with_depth,
     poor = replace(poor, sensors=poor.sensors | {"attitude": replace(attitude, values=no_roll)})
     estimate = identify(poor, FilterName.CKF)
     assert status_of(estimate) == "completed"
-    rows = {row.coefficient: row for row in coefficient_results(estimate, with_depth.truth, {}, True)}
+    rows = {row.coefficient: row for row in coefficient_results(estimate, with_depth.truth, {}, SOUND)}
     for symbol in ("X_u|u|", "N_uudr", "Y_uudr", "M_uude"):
         row = rows[symbol]
         assert abs(row.estimate - row.true) < 4.0 * row.standard_deviation, symbol
@@ -107,7 +110,7 @@ def test_the_gain_of_a_propeller_is_found(with_depth, with_settings, kalman_filt
     assert status_of(seeing) == "completed"
     assert seeing.final_actuators().thrust == pytest.approx(1.2, rel=0.01)
     wrong, right = (
-        {r.coefficient: r for r in coefficient_results(e, with_depth.truth, {}, True)} for e in (blind, seeing)
+        {r.coefficient: r for r in coefficient_results(e, with_depth.truth, {}, SOUND)} for e in (blind, seeing)
     )
     drag = right["X_u|u|"]
     assert abs(drag.estimate - drag.true) < 4.0 * drag.standard_deviation

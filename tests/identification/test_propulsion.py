@@ -45,7 +45,7 @@ def test_propulsion_inputs_are_simulated_and_recorded(run):
 def test_propulsion_terms_are_estimated_from_natural_priors(run, name):
     estimate = identify(run, name)
     assert estimate.completed
-    found, deviation = estimate.final_coefficients(), estimate.final_deviations()
+    found, deviation = estimate.final_coefficients(), estimate.data_deviations()
     for symbol, true in TRUE.items():
         assert abs(found[symbol] - true) < 4.0 * deviation[symbol] < 0.1 * abs(true)
 

@@ -12,10 +12,13 @@ from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
 from auvid_cli.evaluation.free_run import free_run
 from auvid_cli.evaluation.innovations import status_of
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.identification.prepared_data import prepare, used_data, used_spans
 from auvid_cli.identification.run import identify
 from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
+
+SOUND = Judgement(Grade.SOUND)
 
 TWO = "identification.use.spans=[[5, 25], [40 s, 60 s]]"
 
@@ -49,7 +52,7 @@ def test_two_segments_equal_two_runs_in_sequence(short_run, with_settings, kalma
     assert both.standard_deviation[n, drag] <= alone.standard_deviation[-1, drag] * (1 + 1e-9)
     assert both.mean[n, drag] == pytest.approx(alone.mean[-1, drag], abs=alone.standard_deviation[-1, drag])
     assert both.standard_deviation[n, u] > 0.0
-    errors = [average_steady_state_error(coefficient_results(e, short_run.truth, {}, True)) for e in (alone, both)]
+    errors = [average_steady_state_error(coefficient_results(e, short_run.truth, {}, SOUND)) for e in (alone, both)]
     assert errors[1] < errors[0]
 
 

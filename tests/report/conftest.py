@@ -111,7 +111,7 @@ def evaluation_of(dataset: Dataset, estimates: list[Estimate], blown_up: tuple[s
     evaluation = Evaluation([], [], [], [], [], [], {}, [])
     for estimate in estimates:
         judgement = Judgement(Grade.SOUND) if status_of(estimate) == "completed" else judge_one(estimate, None)
-        results = coefficient_results(estimate, dataset.truth, BOUNDS, judgement.grade is Grade.SOUND)
+        results = coefficient_results(estimate, dataset.truth, BOUNDS, judgement)
         motion = motion_at(TIME) + 0.02
         if estimate.filter in blown_up:
             motion[100:] = np.inf

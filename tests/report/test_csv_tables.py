@@ -7,13 +7,15 @@ from auvid_cli.report.text_tables import write_csv_tables
 
 COLUMNS = {
     "coefficients": "filter,coefficient,unit,true,estimate,standard_deviation,rmse,steady_state_error_percent,"
-    "cramer_rao_bound,times_bound,identified,bound_with_process_noise,corrected_standard_deviation",
+    "cramer_rao_bound,times_bound,identified,bound_with_process_noise,corrected_standard_deviation"
+    ",total_standard_deviation,contributors",
     "summary": "filter,average_steady_state_error_percent,mean_relative_rmse,median_relative_rmse,mean_nis,cpu_time_s,"
-    "steps,microseconds_per_step,status,grade,reason,remedy",
+    "steps,microseconds_per_step,status,grade,reason,remedy,doubted",
     "velocity_error": "filter,component,unit,mean_absolute_error",
     "consistency": "filter,sensor,measurements,rejected,mean_weight,mean_nis,expected_low,expected_high",
     "sensor_errors": "filter,state,segment,sensor,unit,estimate,standard_deviation,prior_standard_deviation,observed",
-    "faults": "filter,fault,unit,size,standard_deviation,coefficient,susceptibility,z",
+    "faults": "filter,fault,unit,size,standard_deviation,coefficient,susceptibility,tolerance,"
+    "significance,rank,alternatives,moved,z",
 }
 
 

@@ -3,7 +3,7 @@ import re
 import pytest
 
 from auvid_cli.report.layout import estimates, lay_out, write_tables
-from auvid_cli.report.table import UnitCell, number, symbol_math, unit_latex, unit_text
+from auvid_cli.report.table import Unidentified, UnitCell, number, symbol_math, unit_latex, unit_text
 from auvid_cli.report.table_iv import published, published_filters, table_iv
 from auvid_cli.report.text_tables import escape_latex, render_latex, render_markdown
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
@@ -200,19 +200,21 @@ def test_files_are_written(tmp_path, evaluation):
     assert {"tables.md", "tables.tex"} <= {path.name for path in paths}
 
 
-def test_a_corrected_standard_deviation_stands_where_it_is_wider(evaluation):
-    """Beside the nominal one, and only of a filter that has any."""
-
-    def column(times):
-        rows = [
-            row._replace(corrected_standard_deviation=times * row.standard_deviation if row.filter == "ckf" else None)
-            for row in evaluation.coefficients
-        ]
-        filters = [row.filter for row in evaluation.summary]
-        table = estimates(evaluation._replace(coefficients=rows), filters)
-        headers = [column.header for column in table.columns]
-        return [row[headers.index("corrected sd")] for row in table.rows] if "corrected sd" in headers else None
-
-    assert column(1.01) is None
-    deviations = [row.standard_deviation for row in evaluation.coefficients if row.filter == "ckf"]
-    assert column(1.5) == [number(1.5 * deviation, 2) for deviation in deviations]
+def test_total_deviation_stands_with_that_of_the_data_and_its_causes(evaluation):
+    rows = [
+        row._replace(
+            corrected_standard_deviation=1.5 * row.standard_deviation,
+            total_standard_deviation=4.0 * row.standard_deviation,
+            contributors="Iyy 5 %; M_qdot 2 %",
+        )
+        for row in evaluation.coefficients
+        if row.filter == "ckf"
+    ]
+    table = estimates(evaluation._replace(coefficients=rows), ["ckf"])
+    assert [column.header for column in table.columns[2:]] == ["CKF ± total", "± data", "mostly from"]
+    for cells, row in zip(table.rows, rows, strict=True):
+        shown = cells[2].cell if isinstance(cells[2], Unidentified) else cells[2]
+        assert shown.deviation == 4.0 * row.standard_deviation
+        assert cells[3:] == [number(1.5 * row.standard_deviation, 2), "Iyy 5 %, M_qdot 2 %"]
+    without = estimates(evaluation, ["ckf"])
+    assert [column.header for column in without.columns[2:]] == ["CKF ± sd"]

@@ -32,7 +32,7 @@ def test_prior_from_earlier_estimate_is_first_mean(estimate, experiment_with):
 def test_draws_have_the_mean_and_the_covariance_of_the_estimate(estimate, rng):
     covariance = estimate.covariance.copy()
     covariance[:2, :2] = [[0.04, 0.054], [0.054, 0.09]]
-    drawn, errors = drawn_models(replace(estimate, covariance=covariance), 20_000, rng)
+    drawn, errors, _ = drawn_models(replace(estimate, covariance=covariance), 20_000, rng)
     assert drawn.shape == (20_000, N_COEFFICIENTS)
     assert not errors.any()
     columns = [SYMBOLS.index("X_u|u|"), SYMBOLS.index("N_uvl")]
@@ -44,7 +44,7 @@ def test_draws_have_the_mean_and_the_covariance_of_the_estimate(estimate, rng):
 def test_draws_use_corrected_standard_deviation(estimate, rng):
     nominal = estimate.standard_deviation[-1, estimate.state.index("X_u|u|")]
     assert nominal**2 == pytest.approx(estimate.covariance[0, 0])
-    drawn, _ = drawn_models(replace(estimate, corrected={"X_u|u|": 3.0 * nominal}), 20_000, rng)
+    drawn, *_ = drawn_models(replace(estimate, corrected={"X_u|u|": 3.0 * nominal}), 20_000, rng)
     assert drawn[:, SYMBOLS.index("X_u|u|")].std() == pytest.approx(3.0 * nominal, rel=0.05)
 
 
@@ -57,12 +57,12 @@ def test_coefficients_are_drawn_with_thrust_and_ballast(estimate, rng):
     state = (*estimate.state, "thrust_scale", "excess_buoyancy")
     mean = np.hstack([estimate.mean, np.tile([-0.5, 5.0], (len(estimate.mean), 1))])
     known = replace(estimate, state=state, mean=mean, covariance=covariance)
-    drawn, errors = drawn_models(known, 20_000, rng)
+    drawn, errors, _ = drawn_models(known, 20_000, rng)
     # With a force that acts half as strongly as stated.
     assert_allclose(errors.std(axis=0), [0.1 / 0.5, 0.0, 0.0, 3.0, 0.0], rtol=0.05)
     together = drawn[:, SYMBOLS.index("X_u|u|")] + 0.2 / 3.0 * errors[:, 3]
     assert together.std() == pytest.approx(0.2 * np.sqrt(2.0 * (1.0 - 0.995)), rel=0.05)
-    alone, errors = drawn_models(known, 20_000, rng, left_out={"thrust_scale", "excess_buoyancy"})
+    alone, errors, _ = drawn_models(known, 20_000, rng, left_out={"thrust_scale", "excess_buoyancy"})
     assert not errors.any()
     assert alone[:, SYMBOLS.index("X_u|u|")].std() == pytest.approx(0.2, rel=0.05)
 

@@ -39,7 +39,7 @@ def test_coasting_speed_falls_with_inverse_time():
     drags, wanted = np.array([-3.2, -6.4, 0.0]), np.array([0.0, 0.1, 2.9, 3.0, 7.7, 10.0])
     motion = np.zeros((3, 10))
     motion[:, 0] = 2.0
-    moved = move_side_by_side(parts, motion, with_drag(*drags), PLAIN, wanted)
+    moved = move_side_by_side(parts, motion, with_drag(*drags), [PLAIN], wanted)
     assert moved.shape == (6, 3, 10)
     # (m - X_udot) u' = X u^2
     assert_allclose(moved[:, :, 0], 2.0 / (1.0 - drags / 64.0 * 2.0 * wanted[:, None]), rtol=1e-9)
@@ -55,7 +55,7 @@ def test_disturbance_decays_and_is_random_in_drawn_models():
     deviation, times = np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.full(6, time_constant)
     disturbance = Disturbance(slice(10, n), force, deviation, times, inverse, np.random.default_rng(2))
     parts, table = [coasting(0, 101, before=False)], with_drag(*[0.0] * n)
-    moved = move_side_by_side(parts, np.zeros((n, 10)), table, PLAIN, wanted, disturbance=disturbance)
+    moved = move_side_by_side(parts, np.zeros((n, 10)), table, [PLAIN], wanted, disturbance=disturbance)
     expected = 8.0 * time_constant / 64.0 * (1.0 - np.exp(-wanted / time_constant))
     assert_allclose(moved[:, :10, 0], np.repeat(expected[:, None], 10, axis=1), rtol=1e-4)
     assert_allclose(disturbance.force[0, :10], 8.0 * np.exp(-10.0 / time_constant))
@@ -71,14 +71,14 @@ def test_diverging_model_leaves_others_unchanged():
     motion = np.zeros((3, 10))
     motion[:, 0] = 2.0
     table = with_drag(-3.2, 1e3, -3.2)
-    moved = move_side_by_side([coasting(0, 51, before=False)], motion, table, PLAIN, np.array([5.0]))
+    moved = move_side_by_side([coasting(0, 51, before=False)], motion, table, [PLAIN], np.array([5.0]))
     assert not np.isfinite(moved[0, 1, 0])
     assert_allclose(moved[0, [0, 2], 0], 2.0 / (1.0 + 3.2 / 64.0 * 2.0 * 5.0), rtol=1e-9)
 
 
 def test_times_after_the_timeline_are_left_out():
     moved = move_side_by_side(
-        [coasting(0, 11, before=False)], np.zeros((1, 10)), with_drag(0.0), PLAIN, np.array([0.5, 4.0])
+        [coasting(0, 11, before=False)], np.zeros((1, 10)), with_drag(0.0), [PLAIN], np.array([0.5, 4.0])
     )
     assert len(moved) == 1
 
@@ -121,7 +121,7 @@ def test_coasting_downwards_gains_depth():
     drag, pitch, wanted = -3.2, -0.4, np.array([0.0, 3.0, 10.0])
     motion = np.zeros((2, 10))
     motion[:, [0, 7, 9]] = 2.0, pitch, 4.0
-    moved = move_side_by_side([coasting(0, 101, before=False)], motion, with_drag(drag, 0.0), PLAIN, wanted)
+    moved = move_side_by_side([coasting(0, 101, before=False)], motion, with_drag(drag, 0.0), [PLAIN], wanted)
     slowing = -drag / 64.0 * 2.0
     assert_allclose(moved[:, 0, 9], 4.0 - np.sin(pitch) * 2.0 * np.log1p(slowing * wanted) / slowing, rtol=1e-6)
     assert_allclose(moved[:, 1, 9], 4.0 - np.sin(pitch) * 2.0 * wanted, rtol=1e-12)

@@ -9,6 +9,7 @@ import numpy as np
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.report.layout import data_deviation, shown_deviation
 from auvid_cli.report.page.parts import Axis, Box, Dot, Picture, Plot, PlotLine, Plots, Rule, Shape, TextLabel
 from auvid_cli.report.page.render import symbol_parts
 from auvid_cli.report.plot_data import CoefficientPlot, convergence_plot, estimate_plot
@@ -153,12 +154,17 @@ def coefficient_list(evaluation: Evaluation, shares_of_prior: Mapping[str, Mappi
         Final standard deviation divided by that of the prior, by filter and symbol.
     """
     has_truth = any(row.true is not None for row in evaluation.coefficients)
+    has_total = any(row.total_standard_deviation is not None for row in evaluation.coefficients)
     cells: dict[Column, Callable[[CoefficientResult], Cell]] = {
         text_column("coefficient"): lambda row: Symbol(row.coefficient),
         text_column("estimator"): lambda row: filter_label(row.filter),
-        Column("estimate ± sd"): lambda row: marked(row, PlusMinus(row.estimate, row.standard_deviation)),
+        Column(f"estimate ± {'total' if has_total else 'sd'}"): lambda row: marked(
+            row, PlusMinus(row.estimate, shown_deviation(row))
+        ),
         text_column("unit"): lambda row: UnitCell(row.unit),
     }
+    if has_total:
+        cells[Column("± data")] = lambda row: _rounded(data_deviation(row), DEVIATION_DIGITS)
     if has_truth:
         cells |= {
             Column("true"): lambda row: row.true,
@@ -175,6 +181,8 @@ def coefficient_list(evaluation: Evaluation, shares_of_prior: Mapping[str, Mappi
         ),
         text_column("identified"): lambda row: "yes" if row.identified else "† no",
     }
+    if has_total:
+        cells[text_column("mostly from")] = lambda row: row.contributors
     rows = [row for by_filter in results_by_coefficient(evaluation).values() for row in by_filter.values()]
     notes = (
         *mark_explained(evaluation),

@@ -1,0 +1,94 @@
+"""Considered errors: known quantities that are not estimated, and what they add to the covariance of an estimate.
+
+With the first-order change D of the estimated parameters by the considered quantities, of covariance S, the covariance
+of both together is ``[[P + D S D', D S], [S D', S]]`` (consider covariance: Schmidt 1966; Tapley, Schutz and Born,
+Statistical Orbit Determination, 2004, ch. 6). S is not larger than the data allow: where they contradict an error of
+the size of its tolerance, it is the error's second moment given the data.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.array_checks import check_finite, check_shapes
+from auvid_cli.data.faults import Fault
+from auvid_cli.errors import InvalidDataError
+
+Array = NDArray[np.float64]
+_ROUNDING = 1e-9  # of a variance
+
+
+class Contributor(NamedTuple):
+    """Considered error that makes an estimate uncertain.
+
+    Attributes
+    ----------
+    fault : Fault
+    deviation : float
+        Root of the variance of the estimate that would vanish if it were known.
+    """
+
+    fault: Fault
+    deviation: float
+
+
+class ConsideredErrors(NamedTuple):
+    """Errors of known quantities, and their effects on the constant states of an estimate, SI.
+
+    Attributes
+    ----------
+    faults : tuple of Fault
+    units : tuple of str
+    covariance : ndarray, shape (k, k)
+        Second moments of the errors, from tolerances and data; zero for a fault that no total has to allow for.
+    effect : ndarray, shape (n, k)
+        Error of each constant state, true less estimated, per unit of each.
+    inflation : ndarray, shape (n,)
+        Factor of the standard deviations by autocorrelated residuals.
+    """
+
+    faults: tuple[Fault, ...]
+    units: tuple[str, ...]
+    covariance: Array
+    effect: Array
+    inflation: Array
+
+    def check(self, n_states: int) -> None:
+        """Raise an InvalidDataError if shapes or values are impossible for an estimate with so many states."""
+        k, n = len(self.faults), self.inflation.size
+        check_shapes("/considered", (self.covariance, (k, k)), (self.effect, (n, k)))
+        check_finite("/considered", self.covariance, self.effect, self.inflation)
+        if n > n_states or len(self.units) != k:
+            raise InvalidDataError("/considered does not match the state, or has columns of different lengths")
+        if (np.diagonal(self.covariance) < 0.0).any() or (self.inflation < 1.0 - _ROUNDING).any():
+            raise InvalidDataError("/considered has negative variances, or factors below 1")
+
+    @property
+    def added(self) -> Array:
+        """Return the covariance of the constant states that they add to that of the data, shape (n, n)."""
+        return self.effect @ self.covariance @ self.effect.T
+
+    def total_deviation(self, of_data: Array) -> Array:
+        """Return the total standard deviations of the constant states from those by the data, shape (n,)."""
+        return np.sqrt(of_data**2 + np.diagonal(self.added))
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """Return errors drawn from their second moments, shape (count, k)."""
+        variances, directions = np.linalg.eigh(self.covariance)
+        scale = np.sqrt(np.maximum(variances, 0.0))
+        return np.asarray(rng.standard_normal((count, scale.size)) * scale @ directions.T, dtype=np.float64)
+
+    def contributors(self, row: int, count: int = 2) -> list[Contributor]:
+        """Return the errors whose knowledge would reduce the variance of a constant state most, one after another."""
+        covariance, found = self.covariance, list[Contributor]()
+        for _ in range(count):
+            variance, joint = np.diagonal(covariance), covariance @ self.effect[row]
+            known = variance > _ROUNDING * np.diagonal(self.covariance)
+            reduction = np.divide(joint**2, variance, out=np.zeros_like(joint), where=known)
+            k = int(reduction.argmax()) if reduction.size else 0
+            if not reduction.size or reduction[k] <= 0.0:
+                break
+            found.append(Contributor(self.faults[k], float(np.sqrt(reduction[k]))))
+            covariance = covariance - np.outer(covariance[k], covariance[k]) / variance[k]
+        return found
