@@ -142,7 +142,7 @@ def table(rows: pd.DataFrame) -> list[str]:
         beyond = (own["error"] / own["data"] > 5.0).mean()
         lines.append(
             f"| {group} | {len(own) // 22} | {sound:.0%} | {kept.mean():.0%} | {(ratio <= 2.0).mean():.1%} "
-            f"| {ratio[kept].max():.2g} | {spread.median():.2g} | {beyond:.0%} |"
+            f"| {ratio.max():.2g} | {spread.median():.2g} | {beyond:.0%} |"
         )
     return lines
 
@@ -157,7 +157,7 @@ def main() -> None:
         "total standard deviation over the root mean square error. Beyond 5 by the data: share of errors beyond five",
         "standard deviations by the data alone.",
         "",
-        "| run | runs | sound | identified | within 2 total sd | largest identified / sd | total / RMS "
+        "| run | runs | sound | identified | within 2 total sd | largest / total sd | total / RMS "
         "| beyond 5 by the data |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
         *table(rows),
