@@ -56,6 +56,7 @@ CORE = (
     "identification",
     "design",
     "config/extra_states.py",
+    "data/faults.py",
     "angles.py",
     "numerics.py",
 )

@@ -182,6 +182,9 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         Called when an estimate is read, before it is written, and by the functions of the Python interface.
         """
         n, k = self.time.size, len(self.state)
+        if self.considered is not None:
+            check_type("/considered", self.considered, ConsideredErrors)
+            self.considered.check(k)
         self._check_state()
         check_times("/time", self.time)
         if not n:
@@ -198,9 +201,6 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         if self.completed:
             check_range("/standard_deviation", self.standard_deviation)
             self._check_coefficients()
-        if self.considered is not None:
-            check_type("/considered", self.considered, ConsideredErrors)
-            self.considered.check(k)
         for sensor, innovations in self.innovations.items():
             check_type(f"innovations of {sensor!r}", innovations, Innovations)
             innovations.check(sensor, is_fit)

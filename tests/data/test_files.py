@@ -145,7 +145,7 @@ def test_new_folder_replaces_nothing(stands, tmp_path):
         case "dangling":
             place.symlink_to(tmp_path / "nowhere")
     before = names(tmp_path)
-    with pytest.raises(FileError, match=r"exists already, and is n(o folder|ot empty); name another place"):
+    with pytest.raises(FileError, match=r"exists already, and is not (a folder|empty); name another place"):
         write_folder(place, {"x.txt": "1"})
     assert names(tmp_path) == before
 
