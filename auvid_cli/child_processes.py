@@ -174,8 +174,6 @@ class _Worker:
 
 
 def _serve(pipe: Connection) -> None:
-    import cloudpickle
-
     # Modules stay loaded, so the garbage collector need not look at them.
     gc.freeze()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -186,8 +184,7 @@ def _serve(pipe: Connection) -> None:
             request = pipe.recv_bytes()
             try:
                 function, arguments, options = pickle.loads(request)
-                # Settings contain classes that are made at run time, which pickle refuses.
-                pipe.send_bytes(cloudpickle.dumps((function(*arguments, **options), None)))
+                pipe.send((function(*arguments, **options), None))
             except Exception as error:
                 pipe.send((None, error))
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple,
 
 from pydantic import Field, create_model
 
-from auvid_cli.config.settings import Positive, Settings, three
+from auvid_cli.config.settings import Positive, Settings, make_settings, three
 from auvid_cli.config.units import Amount, AmountPerAxis
 from auvid_cli.vehicle.parameters import DEPTH, DISTURBANCE, SENSORS, Quantity
 
@@ -214,10 +214,8 @@ def _errors(meaning: str, *table: ErrorBlock) -> type[ErrorSettings]:
         fields[f"{block.prefix}spread"] = spread, block.prior_std
         fields[f"{block.prefix}walk"] = Annotated[float, Amount(f"{unit}/s^0.5"), _WALK], block.walk
     name = f"ErrorSettings[{', '.join(block.name for block in table)}]"
-    settings = create_model(name, __base__=ErrorSettings, __module__=__name__, __doc__=meaning, **fields)
+    settings = make_settings(name, __name__, ErrorSettings, meaning, **fields)
     settings.table = table
-    # Pickle finds a class by its name in the module.
-    globals()[name] = settings
     return settings
 
 

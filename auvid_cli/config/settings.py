@@ -1,10 +1,11 @@
 """Base class of all settings, and types that several settings share: positions, axes and spans of time."""
 
+import sys
 from itertools import pairwise
 from math import inf, isfinite
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
-from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer
+from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, create_model
 
 from auvid_cli.config.units import parse_components, parse_quantity
 
@@ -15,6 +16,16 @@ class Settings(BaseModel):
     """Immutable settings; an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, allow_inf_nan=False)
+
+
+_Settings = TypeVar("_Settings", bound=Settings)
+
+
+def make_settings(name: str, module: str, base: type[_Settings], meaning: str | None, **fields: Any) -> type[_Settings]:
+    """Return a new settings class that can be pickled: pickle finds it by its name, a new one, in the module."""
+    made = create_model(name, __base__=base, __module__=module, __doc__=meaning, **fields)
+    setattr(sys.modules[module], name, made)
+    return made
 
 
 def _three_lengths(value: Any) -> Any:

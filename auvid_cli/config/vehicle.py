@@ -8,7 +8,7 @@ from pydantic import Field, ValidationInfo, create_model, field_validator, model
 
 from auvid_cli.config.coefficients import Term, TermPrior, check_own_terms
 from auvid_cli.config.geometry import GeometrySettings
-from auvid_cli.config.settings import Settings
+from auvid_cli.config.settings import Settings, make_settings
 from auvid_cli.config.units import Amount, Unit
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.actuators import Actuator, Actuators
@@ -138,16 +138,14 @@ class CoefficientEntry(VehicleEntry):
 @cache
 def _entry(unit: str, base: type[VehicleEntry] = VehicleEntry, positive: bool = False) -> type[VehicleEntry]:
     limits = (Amount(unit), Field(gt=0)) if positive else (Unit(unit),)
-    name = f"{base.__name__}[{'positive ' if positive else ''}{unit}]"
-    # Pickle finds a class by its name in the module.
-    globals()[name] = create_model(
-        name,
-        __base__=base,
-        __module__=__name__,
+    return make_settings(
+        f"{base.__name__}[{'positive ' if positive else ''}{unit}]",
+        __name__,
+        base,
+        None,
         value=(Annotated[float, *limits], ...),
         standard_deviation=(Annotated[float | None, Amount(unit), Field(gt=0)], None),
     )
-    return globals()[name]
 
 
 class _Table(Settings):
