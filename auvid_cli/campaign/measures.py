@@ -22,61 +22,30 @@ _ANGLES = ("phi", "theta", "psi")
 
 
 class Measure(NamedTuple):
-    """A row of the results of a campaign; fields that do not apply to its kind are None.
+    """A row of the results of a campaign; fields that do not apply to its kind are None."""
 
-    Attributes
-    ----------
-    run : str
-        Identity of the run.
-    filter : str
-        Name of the filter variant.
-    kind : str
-        "run", "coefficient", "motion" (a state) or "sensor".
-    name, unit : str
-        Name and unit of a coefficient or motion state, SI, or of a sensor.
-    status : str
-        Status of the run, see `auvid_cli.evaluation.innovations.status_of`.
-    grade, reason : str
-        Judgement of the estimate, see `auvid_cli.evaluation.judgement`.
-    true, estimate, standard_deviation : float or None
-        Values of a coefficient at the last time, with the nominal standard deviation.
-    rmse : float or None
-        RMSE of a coefficient or motion state over the whole run.
-    steady_state_error_percent : float or None
-        Error of a coefficient; for a run, the mean over its coefficients.
-    cramer_rao_bound, times_bound : float or None
-        Bound of a coefficient, and the standard deviation as a multiple of it.
-    identified : bool or None
-        Whether the estimate of a coefficient is sound and certain enough.
-    squares, components : float, int or None
-        Sum of the normalised innovations squared of a sensor, or NEES of a run, and its number of components.
-    processor_time, wall_time : float or None
-        Times of the filter alone, s.
-    corrected_standard_deviation : float or None
-        Corrected standard deviation of a coefficient, by a batch estimator.
-    """
-
-    run: str
-    filter: str
+    run: str  # identity of the run
+    filter: str  # name of the filter variant
     seed: int
-    kind: str
-    name: str
-    unit: str
-    status: str
-    grade: str
-    reason: str
-    true: float | None = None
-    estimate: float | None = None
-    standard_deviation: float | None = None
-    rmse: float | None = None
-    steady_state_error_percent: float | None = None
-    cramer_rao_bound: float | None = None
-    times_bound: float | None = None
-    identified: bool | None = None
-    squares: float | None = None
-    components: int | None = None
-    processor_time: float | None = None
-    wall_time: float | None = None
+    kind: str  # "run", "coefficient", "motion" (a state) or "sensor"
+    name: str  # of a coefficient, motion state or sensor
+    unit: str  # SI
+    status: str  # status of the run, see `auvid_cli.evaluation.innovations.status_of`
+    grade: str  # judgement of the estimate, see `auvid_cli.evaluation.judgement`
+    reason: str  # of the judgement
+    true: float | None = None  # true value of a coefficient
+    estimate: float | None = None  # of a coefficient at the last time
+    standard_deviation: float | None = None  # nominal, of the estimate
+    rmse: float | None = None  # RMSE of a coefficient or motion state over the whole run
+    steady_state_error_percent: float | None = None  # error of a coefficient; for a run, the mean over its coefficients
+    cramer_rao_bound: float | None = None  # of a coefficient
+    times_bound: float | None = None  # standard deviation as a multiple of the bound
+    identified: bool | None = None  # whether the estimate of a coefficient is sound and certain enough
+    squares: float | None = None  # sum of the normalised innovations squared of a sensor, or NEES of a run
+    components: int | None = None  # number of terms of `squares`
+    processor_time: float | None = None  # of the filter alone, s
+    wall_time: float | None = None  # of the filter alone, s
+    # Corrected standard deviation of a coefficient, by a batch estimator
     corrected_standard_deviation: float | None = None
     total_standard_deviation: float | None = None
 

@@ -9,50 +9,32 @@ the size of its tolerance, it is the error's second moment given the data.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.array_checks import check_finite, check_shapes
 from auvid_cli.data.faults import Fault
 from auvid_cli.errors import InvalidDataError
 
-Array = NDArray[np.float64]
 _ROUNDING = 1e-9  # of a variance
 
 
 class Contributor(NamedTuple):
-    """Considered error that makes an estimate uncertain.
-
-    Attributes
-    ----------
-    fault : Fault
-    deviation : float
-        Root of the variance of the estimate that would vanish if it were known.
-    """
+    """Considered error that makes an estimate uncertain."""
 
     fault: Fault
-    deviation: float
+    deviation: float  # root of the variance of the estimate that would vanish if it were known
 
 
 class ConsideredErrors(NamedTuple):
-    """Errors of known quantities, and their effects on the constant states of an estimate, SI.
-
-    Attributes
-    ----------
-    faults : tuple of Fault
-    units : tuple of str
-    covariance : ndarray, shape (k, k)
-        Second moments of the errors, from tolerances and data; zero for a fault that no total has to allow for.
-    effect : ndarray, shape (n, k)
-        Error of each constant state, true less estimated, per unit of each.
-    inflation : ndarray, shape (n,)
-        Factor of the standard deviations by autocorrelated residuals.
-    """
+    """Errors of known quantities, and their effects on the constant states of an estimate, SI."""
 
     faults: tuple[Fault, ...]
     units: tuple[str, ...]
+    # Shape (k, k); second moments of the errors, from tolerances and data; zero for a fault that no total has to allow
+    # for
     covariance: Array
-    effect: Array
-    inflation: Array
+    effect: Array  # shape (n, k); error of each constant state, true less estimated, per unit of each
+    inflation: Array  # shape (n,); factor of the standard deviations by autocorrelated residuals
 
     def check(self, n_states: int) -> None:
         """Raise an InvalidDataError if shapes or values are impossible for an estimate with so many states."""

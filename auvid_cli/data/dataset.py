@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic_core import core_schema
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.array_checks import (
     check_finite,
@@ -28,9 +29,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-Array = NDArray[np.float64]
 # Seconds, or whole nanoseconds.
-_Clock = TypeVar("_Clock", NDArray[np.float64], NDArray[np.int64])
+_Clock = TypeVar("_Clock", Array, NDArray[np.int64])
 _MAX_LAST_HOLD = 1.0  # s
 _TIME_ROUNDING = 1e-9  # s
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic_core import core_schema
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import (
@@ -43,8 +43,6 @@ from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, Quantity
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 _MOVING = *MOTION, *(state.quantity for state in FURTHER_STATES)
 _ROUNDING = 1e-6  # of a standard deviation

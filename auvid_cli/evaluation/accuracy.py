@@ -22,29 +22,17 @@ LARGEST_SHARE_OF_VALUE = 0.2
 
 
 class SensorErrorResult(NamedTuple):
-    """Estimate of one sensor error by one filter; a row of ``sensor_errors.csv``.
-
-    Attributes
-    ----------
-    segment : int or None
-        Number of the segment, from 1, for an error that restarts in each segment; else None.
-    estimate, standard_deviation : float
-        At the last time that the filter reached.
-    prior_standard_deviation : float
-        Standard deviation of the prior.
-    observed : bool
-        Whether the data narrowed it to less than half.
-    """
+    """Estimate of one sensor error by one filter; a row of ``sensor_errors.csv``."""
 
     filter: str
     state: str
-    segment: int | None
+    segment: int | None  # number of the segment, from 1, for an error that restarts in each segment; else None
     sensor: str
     unit: str
-    estimate: float
-    standard_deviation: float
-    prior_standard_deviation: float
-    observed: bool
+    estimate: float  # at the last time that the filter reached
+    standard_deviation: float  # at the same time
+    prior_standard_deviation: float  # standard deviation of the prior
+    observed: bool  # whether the data narrowed it to less than half
 
 
 def sensor_error_results(estimate: Estimate, ends: Sequence[float] = ()) -> list[SensorErrorResult]:
@@ -90,52 +78,33 @@ def is_observed(deviation: float, prior: float) -> bool:
 
 
 class CoefficientResult(NamedTuple):
-    """One coefficient by one filter; a row of ``coefficients.csv``.
-
-    Attributes
-    ----------
-    true : float or None
-        None without truth.
-    estimate, standard_deviation : float
-        At the last time the filter reached; the standard deviation is the nominal one.
-    rmse : float or None
-        Over the whole run from the zero initial value; None without truth or after divergence.
-    steady_state_error_percent : float or None
-        ``|mean over the last 10 % - true| / |true|`` in percent; None also where the truth is zero.
-    cramer_rao_bound : float or None
-        Least standard deviation that the data allow, see `auvid_cli.evaluation.bounds`; None where it is not known.
-    times_bound : float or None
-        The corrected standard deviation, or if there is none ``standard_deviation``, over ``cramer_rao_bound``: how
-        much of what the data hold the filter claims to have got. Below one it claims more, or its prior does. None
-        also after divergence, and where the bound is infinite.
-    identified : bool
-        Whether the relative uncertainty is small, see `shares_of_value`, and the estimate is sound.
-    bound_with_process_noise : float or None
-        Smallest standard deviation that the data allow with process noise, see
-        `auvid_cli.evaluation.bounds`; None without an estimate of the smoother.
-    corrected_standard_deviation : float or None
-        Accounts for the autocorrelation of the residuals; None except for batch estimators.
-    total_standard_deviation : float or None
-        Accounts also for errors of known quantities, see `auvid_cli.data.considered`; None without an estimate of the
-        smoother.
-    contributors : str
-        The known quantities that make the coefficient most uncertain, with their part in percent of the estimate.
-    """
+    """One coefficient by one filter; a row of ``coefficients.csv``."""
 
     filter: str
     coefficient: str
     unit: str
-    true: float | None
-    estimate: float
-    standard_deviation: float
-    rmse: float | None
+    true: float | None  # none without truth
+    estimate: float  # at the last time that the filter reached
+    standard_deviation: float  # nominal, at the same time
+    rmse: float | None  # over the whole run from the zero initial value; None without truth or after divergence
+    # ``|mean over the last 10 % - true| / |true|`` in percent; None also where the truth is zero
     steady_state_error_percent: float | None
+    # Least standard deviation that the data allow, see `auvid_cli.evaluation.bounds`; None where it is not known
     cramer_rao_bound: float | None
+    # The corrected standard deviation, or if there is none ``standard_deviation``, over ``cramer_rao_bound``: how much
+    # of what the data hold the filter claims to have got. Below one it claims more, or its prior does. None also after
+    # divergence, and where the bound is infinite.
     times_bound: float | None
-    identified: bool
+    identified: bool  # whether the relative uncertainty is small, see `shares_of_value`, and the estimate is sound
+    # Smallest standard deviation that the data allow with process noise, see `auvid_cli.evaluation.bounds`; None
+    # without an estimate of the smoother
     bound_with_process_noise: float | None = None
+    # Accounts for the autocorrelation of the residuals; None except for batch estimators
     corrected_standard_deviation: float | None = None
+    # Accounts also for errors of known quantities, see `auvid_cli.data.considered`; None without an estimate of the
+    # smoother
     total_standard_deviation: float | None = None
+    # The known quantities that make the coefficient most uncertain, with their part in percent of the estimate
     contributors: str = ""
 
 

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.special import chdtri
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
@@ -22,7 +22,6 @@ LARGEST_NIS_IN_WINDOW = 2.0
 _FEWEST_COMPONENTS = 200
 # Standard deviations within which 99 % of a Gaussian are.
 _QUANTILE = 2.576
-Array = NDArray[np.float64]
 _TOLERANCE = 0.05  # of the mean NIS, beyond chance
 _CONFIDENCE = 0.99
 # Correlation that is allowed beyond chance (three standard deviations of a white sequence's).
@@ -32,31 +31,18 @@ _MIN_SAMPLES = 50  # for a correlation
 
 
 class SensorConsistency(NamedTuple):
-    """Innovations of one sensor in one filter; a row of ``consistency.csv``.
-
-    Attributes
-    ----------
-    measurements : int
-        Measurements used.
-    rejected : int
-        Components beyond the gate, or of which a robust fit counted less than half.
-    mean_weight : float or None
-        Mean weight of the components in a robust fit; None without weights.
-    mean_nis : float
-        Normalised innovation squared per component: 1 for a consistent filter with white noise,
-        more if the data contradict the model, less if the stated noise is larger than the scatter.
-    expected_low, expected_high : float
-        99 % interval of the mean NIS of independent innovations.
-    """
+    """Innovations of one sensor in one filter; a row of ``consistency.csv``."""
 
     filter: str
     sensor: str
-    measurements: int
-    rejected: int
-    mean_weight: float | None
+    measurements: int  # measurements used
+    rejected: int  # components beyond the gate, or of which a robust fit counted less than half
+    mean_weight: float | None  # mean weight of the components in a robust fit; None without weights
+    # Normalised innovation squared per component: 1 for a consistent filter with white noise, more if the data
+    # contradict the model, less if the stated noise is larger than the scatter
     mean_nis: float
-    expected_low: float
-    expected_high: float
+    expected_low: float  # lower end of the 99 % interval of the mean NIS of independent innovations
+    expected_high: float  # upper end of it
 
 
 def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
@@ -92,7 +78,7 @@ def status_of(estimate: Estimate) -> str:
     return estimate.status
 
 
-def windowed_nis(innovations: Innovations) -> NDArray[np.float64]:
+def windowed_nis(innovations: Innovations) -> Array:
     """Return start, s, and mean NIS per component of every `NIS_WINDOW` that has enough measurements to tell.
 
     Returns

@@ -7,7 +7,6 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.extra_states import AugmentedStates, BiasName
@@ -40,7 +39,6 @@ _NONLINEAR = [
 ]
 _NARROW = 1.0  # factor of a prior that suits most runs
 _NARROWER = 0.3  # factor of a prior with these errors
-Array = NDArray[np.float64]
 # Limits in standard deviations, chosen on simulations of six manoeuvres with and without faults, see docs/studies.md.
 LARGEST_NIS = 4.0  # excess of the sum of squares of a sensor's innovations
 LARGEST_PORTMANTEAU = 10.0  # excess of the portmanteau statistic of a sensor's innovations

@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.data.checks import NamedRows, frames
 from auvid_cli.data.interop import LabelledSeries, import_xarray
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, Quantity
@@ -12,8 +12,6 @@ from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, Quantity
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 # Largest bound of each class, in percent of the value, and name of the class.
 CLASSES = ((1.0, "within 1 %"), (5.0, "within 5 %"), (20.0, "within 20 %"), (np.inf, "not identified"))

@@ -6,9 +6,9 @@ from datetime import UTC, datetime
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli._version import __version__
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import ERROR_STATES
 from auvid_cli.data.dataset import Dataset
@@ -30,27 +30,15 @@ from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
-Array = NDArray[np.float64]
-
 
 class IdentifiedCoefficient(NamedTuple):
-    """A coefficient of the identified model.
-
-    Attributes
-    ----------
-    value : float
-        SI.
-    standard_deviation : float or None
-        SI, corrected if known; None if held.
-    identified : bool or None
-        As in the tables of a report; None if held.
-    """
+    """A coefficient of the identified model."""
 
     symbol: str
     unit: str
-    value: float
-    standard_deviation: float | None
-    identified: bool | None
+    value: float  # SI
+    standard_deviation: float | None  # SI, corrected if known; None if held
+    identified: bool | None  # as in the tables of a report; None if held
 
 
 class EstimatedState(NamedTuple):
@@ -63,20 +51,13 @@ class EstimatedState(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """Origin of a model.
+    """Origin of a model."""
 
-    Attributes
-    ----------
-    dataset_sha256, estimate_sha256 : str
-        SHA-256 of the files, in hexadecimal; empty if in memory.
-    created : str
-        Time of the export, UTC.
-    """
-
+    # dataset_sha256, estimate_sha256: SHA-256 of the files, in hexadecimal; empty if in memory
     dataset_sha256: str
     estimate_sha256: str
     auvid_version: str
-    created: str
+    created: str  # time of the export, UTC
 
     @property
     def dataset(self) -> str:
@@ -91,32 +72,17 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """A vehicle with coefficients estimated by a filter.
+    """A vehicle with coefficients estimated by a filter."""
 
-    Attributes
-    ----------
-    experiment : RunSettings
-        Settings of the estimate; its vehicle has the known parameters.
-    coefficients : tuple of IdentifiedCoefficient
-        All, in the order of the coefficient set.
-    states : tuple of EstimatedState
-        In the order of the estimate.
-    covariance : ndarray, shape (k, k)
-        Covariance of the estimated coefficients, then of `states`, SI.
-    term_sizes : tuple of TermSize
-        Sizes of all terms along the estimated motion.
-    surface_changes : dict of float
-        Change along that motion if the fins were lifting surfaces, RMS by row, N or N m.
-    """
-
-    experiment: RunSettings
+    experiment: RunSettings  # settings of the estimate; its vehicle has the known parameters
     filter: str
     judgement: Judgement
-    coefficients: tuple[IdentifiedCoefficient, ...]
-    states: tuple[EstimatedState, ...]
-    covariance: Array
+    coefficients: tuple[IdentifiedCoefficient, ...]  # all, in the order of the coefficient set
+    states: tuple[EstimatedState, ...]  # in the order of the estimate
+    covariance: Array  # shape (k, k); covariance of the estimated coefficients, then of `states`, SI
     actuation: Actuation
-    term_sizes: tuple[TermSize, ...]
+    term_sizes: tuple[TermSize, ...]  # sizes of all terms along the estimated motion
+    # Change along that motion if the fins were lifting surfaces, RMS by row, N or N m
     surface_changes: dict[str, float]
     origin: Origin
 

@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.problem import Indices, Timeline
 from auvid_cli.numerics import compiled, types
 
-Array = NDArray[np.float64]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 _indices = types.int64[::1]
@@ -42,24 +42,12 @@ _CACHE_SIZE = 2**27  # bytes
 
 
 class Influence(NamedTuple):
-    """Influence of consecutive scalar measurements on a batch estimate.
+    """Influence of consecutive scalar measurements on a batch estimate."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (m,)
-        s, in order.
-    channel : ndarray of int, shape (m,)
-        Number of the component among those of all sensors.
-    residual : ndarray, shape (m,)
-        Residual, normalised by its nominal standard deviation.
-    rows : ndarray, shape (m, n)
-        Change of each parameter per unit of the residual.
-    """
-
-    time: Array
-    channel: Indices
-    residual: Array
-    rows: Array
+    time: Array  # shape (m,); s, in order
+    channel: Indices  # shape (m,); number of the component among those of all sensors
+    residual: Array  # shape (m,); residual, normalised by its nominal standard deviation
+    rows: Array  # shape (m, n); change of each parameter per unit of the residual
 
     @classmethod
     def of_present(cls, timeline: Timeline, present: NDArray[np.bool_], residual: Array, rows: Array) -> "Influence":
@@ -87,28 +75,14 @@ def bin_at(time, start):
 
 
 class _Windows(NamedTuple):
-    """Moving windows along a segment, one for each group of channels.
+    """Moving windows along a segment, one for each group of channels."""
 
-    Attributes
-    ----------
-    bin : ndarray of int, shape (1,)
-        Number of the current bin.
-    length : ndarray of int, shape (n_groups, n)
-        Number of bins in a window; 0 without windows.
-    score, window : ndarray, shape (n_groups, n)
-        Sums of scores over the current bin, and over the window.
-    scores : ndarray, shape (longest, n_groups, n)
-        Sums over previous bins, as a ring buffer.
-    squares : ndarray, shape (n_groups, n)
-        Sums of squared `window` over all positions.
-    """
-
-    bin: Indices
-    length: Indices
-    score: Array
-    window: Array
-    scores: Array
-    squares: Array
+    bin: Indices  # shape (1,); number of the current bin
+    length: Indices  # shape (n_groups, n); number of bins in a window; 0 without windows
+    score: Array  # shape (n_groups, n); sums of scores over the current bin
+    window: Array  # shape (n_groups, n); sums of scores over the window
+    scores: Array  # shape (longest, n_groups, n); sums over previous bins, as a ring buffer
+    squares: Array  # shape (n_groups, n); sums of squared `window` over all positions
 
 
 _WINDOWS = types.NamedTuple((_indices, types.int64[:, ::1], _matrix, _matrix, _stack, _matrix), _Windows)
@@ -191,47 +165,24 @@ class ScoreWindows:
 
 
 class _Sums(NamedTuple):
-    """Sums over all segments.
+    """Sums over all segments."""
 
-    Attributes
-    ----------
-    number : ndarray, shape (n_channels,)
-        Number of residuals.
-    squares : ndarray, shape (n_channels, n_kinds)
-        Sum of squared residuals: first as they are, then less the effect of each fault that is removed.
-    white : ndarray, shape (n_channels, n)
-        Sum of squared influences.
-    products : ndarray, shape (_LAST_LAG + 1, n_channels, n_kinds)
-        Sum of products of bin averages at each lag.
-    pairs : ndarray, shape (_LAST_LAG + 1, n_channels)
-        Number of these products.
-    """
-
-    number: Array
+    number: Array  # shape (n_channels,); number of residuals
+    # Shape (n_channels, n_kinds); sum of squared residuals: first as they are, then less the effect of each fault that
+    # is removed
     squares: Array
-    white: Array
-    products: Array
-    pairs: Array
+    white: Array  # shape (n_channels, n); sum of squared influences
+    products: Array  # shape (_LAST_LAG + 1, n_channels, n_kinds); sum of products of bin averages at each lag
+    pairs: Array  # shape (_LAST_LAG + 1, n_channels); number of these products
 
 
 class _Recent(NamedTuple):
-    """Latest bins of a segment.
+    """Latest bins of a segment."""
 
-    Attributes
-    ----------
-    bin : ndarray of int, shape (1,)
-        Number of the current bin.
-    number : ndarray, shape (n_channels,)
-        Number of residuals in the current bin.
-    total : ndarray, shape (n_channels, n_kinds)
-        Their sum.
-    averages : ndarray, shape (_LAST_LAG + 1, n_channels, n_kinds)
-        Averages of previous bins, as a ring buffer; NaN without measurements.
-    """
-
-    bin: Indices
-    number: Array
-    total: Array
+    bin: Indices  # shape (1,); number of the current bin
+    number: Array  # shape (n_channels,); number of residuals in the current bin
+    total: Array  # shape (n_channels, n_kinds); their sum
+    # Shape (_LAST_LAG + 1, n_channels, n_kinds); averages of previous bins, as a ring buffer; NaN without measurements
     averages: Array
 
 
@@ -300,21 +251,11 @@ def _add_pairs(influence, time_constant, latest, decayed, pairs):
 
 
 class _Autocovariance(NamedTuple):
-    """White plus exponentially correlated noise of each channel, for each kind of residuals.
+    """White plus exponentially correlated noise of each channel, for each kind of residuals."""
 
-    Attributes
-    ----------
-    variance : ndarray, shape (n_channels, n_kinds)
-        Variance of the sum.
-    correlated : ndarray, shape (n_channels, n_kinds)
-        Variance of the correlated part.
-    time_constant : ndarray, shape (n_channels, n_kinds)
-        s; 0 for a white channel.
-    """
-
-    variance: Array
-    correlated: Array
-    time_constant: Array
+    variance: Array  # shape (n_channels, n_kinds); variance of the sum
+    correlated: Array  # shape (n_channels, n_kinds); variance of the correlated part
+    time_constant: Array  # shape (n_channels, n_kinds); s; 0 for a white channel
 
 
 def corrected_deviation(

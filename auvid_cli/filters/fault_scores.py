@@ -9,14 +9,13 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import TIMELINE, FaultScores, Timeline
 from auvid_cli.filters.smoother_forward import FORWARD_PASS, LINEARISED, Linearised
 from auvid_cli.numerics import compiled, types
 
-Array = NDArray[np.float64]
 # Share of a fault's information below which it is confounded with others.
 _CONFOUNDED = 1e-3
 _ROUNDING = 1e-12
@@ -31,36 +30,19 @@ _stack = types.float64[:, :, ::1]
 
 
 class FaultEffects(NamedTuple):
-    """Direct effects of faults on a chunk of the data, per unit of each fault.
+    """Direct effects of faults on a chunk of the data, per unit of each fault."""
 
-    Attributes
-    ----------
-    on_states : ndarray, shape (n_events, n_moving, n_faults)
-        On the moving states since the previous event.
-    on_measurements : ndarray, shape (n_measurements, c, n_faults)
-        On the measurements.
-    """
-
-    on_states: Array
-    on_measurements: Array
+    on_states: Array  # shape (n_events, n_moving, n_faults); on the moving states since the previous event
+    on_measurements: Array  # shape (n_measurements, c, n_faults); on the measurements
 
 
 class FaultSignatures(NamedTuple):
-    """Signatures of faults in the innovations of a chunk.
+    """Signatures of faults in the innovations of a chunk."""
 
-    Attributes
-    ----------
-    signature : ndarray, shape (m, n_faults)
-        Effect on each innovation, divided by its standard deviation, per unit of each fault.
-    innovation : ndarray, shape (m,)
-        Innovation, divided by its standard deviation.
-    error : ndarray, shape (n, n_faults)
-        Error of the state after the chunk; the next chunk overwrites it.
-    """
-
+    # Shape (m, n_faults); effect on each innovation, divided by its standard deviation, per unit of each fault
     signature: Array
-    innovation: Array
-    error: Array
+    innovation: Array  # shape (m,); innovation, divided by its standard deviation
+    error: Array  # shape (n, n_faults); error of the state after the chunk; the next chunk overwrites it
 
 
 class Faults(Protocol):
@@ -173,20 +155,11 @@ def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults)
 
 
 class NeededFault(NamedTuple):
-    """Fault that is needed to explain the data.
-
-    Attributes
-    ----------
-    place : int
-    size : float
-        Together with the other needed faults.
-    alternatives : tuple of int
-        Faults that explain the data as well in its place.
-    """
+    """Fault that is needed to explain the data."""
 
     place: int
-    size: float
-    alternatives: tuple[int, ...]
+    size: float  # together with the other needed faults
+    alternatives: tuple[int, ...]  # faults that explain the data as well in its place
 
 
 class _Conditional(NamedTuple):

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.numerics import compiled, types
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _vector = types.float64[::1]
@@ -45,65 +45,35 @@ def no_linearisation(mean, sensor, inputs, constants, selection, predicted, matr
 
 
 class Process(NamedTuple):
-    """Motion of the moving states, and measurement functions of nonlinear sensors.
+    """Motion of the moving states, and measurement functions of nonlinear sensors."""
 
-    Attributes
-    ----------
-    advance : compiled function of `PROCESS_SIGNATURE`
-        Moves a block of states by one integration step.
-    transition : compiled function of `TRANSITION_SIGNATURE`
-        Moves one state over consecutive substeps, and fills in the moving rows of its transition matrix, shape (n, n).
-    constants, selection : ndarray
-        Arguments of these functions.
-    noise_density : ndarray, shape (n_moving,)
-        Square root of the power spectral density that drives each moving state.
-    scratch_size : int
-        Number of doubles in the scratch array of these functions.
-    observe : compiled function of `OBSERVATION_SIGNATURE`
-        Predicts the measurement of a nonlinear sensor for a block of states, with the inputs after the event.
-    linearise : compiled function of `LINEARISATION_SIGNATURE`
-        Predicts it for one state, shape (c,), with its derivative, shape (c, n).
-    decay : ndarray, shape (n_moving,) or (0,)
-        1/s; rate at which each moving state forgets process noise, see `auvid_cli.filters.linear_smoother`. Empty if
-        unknown; used by smoothers only.
-    """
-
-    advance: Any
+    advance: Any  # moves a block of states by one integration step
+    # Moves one state over consecutive substeps, and fills in the moving rows of its transition matrix, shape (n, n)
     transition: Any
-    constants: Array
-    selection: Indices
-    noise_density: Array
-    scratch_size: int = 0
+    constants: Array  # arguments of these functions
+    selection: Indices  # arguments of these functions
+    noise_density: Array  # shape (n_moving,); square root of the power spectral density that drives each moving state
+    scratch_size: int = 0  # number of doubles in the scratch array of these functions
+    # Predicts the measurement of a nonlinear sensor for a block of states, with the inputs after the event
     observe: Any = no_observation
-    linearise: Any = no_linearisation
+    linearise: Any = no_linearisation  # predicts it for one state, shape (c,), with its derivative, shape (c, n)
+    # Shape (n_moving,) or (0,); 1/s; rate at which each moving state forgets process noise, see
+    # `auvid_cli.filters.linear_smoother`. Empty if unknown; used by smoothers only.
     decay: Array = np.zeros(0)
 
 
 class Sensors(NamedTuple):
-    """Measurement models.
+    """Measurement models."""
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (n_sensors, c, n)
-        Measurement matrix of each linear sensor; zero rows if it has fewer than c components.
-    variance : ndarray, shape (n_sensors, c)
-        Variance of the noise, positive.
-    angular : ndarray of bool, shape (n_sensors, c)
-        Whether an innovation is wrapped to [-pi, pi).
-    nonlinear : ndarray of bool, shape (n_sensors,)
-        Whether `Process.observe` predicts the measurement instead of the matrix.
-    gate : float
-        Largest squared innovation of an accepted component, in variances of the innovation.
-    threshold : float
-        Residual beyond which a batch fit reduces the weight of a component, in standard deviations of the noise, see
-        `auvid_cli.filters.smoother_forward`.
-    """
-
+    # Shape (n_sensors, c, n); measurement matrix of each linear sensor; zero rows if it has fewer than c components
     matrix: Array
-    variance: Array
-    angular: NDArray[np.bool_]
+    variance: Array  # shape (n_sensors, c); variance of the noise, positive
+    angular: NDArray[np.bool_]  # shape (n_sensors, c); whether an innovation is wrapped to [-pi, pi)
+    # Shape (n_sensors,); whether `Process.observe` predicts the measurement instead of the matrix
     nonlinear: NDArray[np.bool_]
-    gate: float = np.inf
+    gate: float = np.inf  # largest squared innovation of an accepted component, in variances of the innovation
+    # Residual beyond which a batch fit reduces the weight of a component, in standard deviations of the noise, see
+    # `auvid_cli.filters.smoother_forward`
     threshold: float = np.inf
 
 
@@ -130,39 +100,20 @@ MODEL_DATA = types.NamedTuple((_vector, _indices, _vector, SENSORS_TYPE), ModelD
 
 
 class Timeline(NamedTuple):
-    """Consecutive events in time order: all data of a segment, or a chunk of them.
+    """Consecutive events in time order: all data of a segment, or a chunk of them."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n_events,)
-        s, strictly increasing.
-    substep_offset : ndarray of int, shape (n_events + 1,)
-        Substeps ``substep_offset[k] : substep_offset[k + 1]`` lead from the previous event to event k. The event
-        before a chunk is the last one of the previous chunk; before a whole segment there is none.
-    substep_duration : ndarray, shape (n_substeps,)
-        s; at most the integration step, with constant input.
-    substep_input : ndarray of int, shape (n_substeps,)
-        Row of `inputs` during a substep.
-    inputs : ndarray, shape (n, n_inputs)
-    event_input : ndarray of int, shape (n_events,)
-        Row of `inputs` after an event.
-    measurement_offset : ndarray of int, shape (n_events + 1,)
-        Measurements ``measurement_offset[k] : measurement_offset[k + 1]`` were taken at event k.
-    measurement_sensor : ndarray of int8, shape (n_measurements,)
-        Row in `Sensors`.
-    measurement : ndarray, shape (n_measurements, c)
-        NaN for a missing component.
-    """
-
-    time: Array
+    time: Array  # shape (n_events,); s, strictly increasing
+    # Shape (n_events + 1,); substeps ``substep_offset[k] : substep_offset[k + 1]`` lead from the previous event to
+    # event k. The event before a chunk is the last one of the previous chunk; before a whole segment there is none.
     substep_offset: Indices
-    substep_duration: Array
-    substep_input: Indices
-    inputs: Array
-    event_input: Indices
+    substep_duration: Array  # shape (n_substeps,); s; at most the integration step, with constant input
+    substep_input: Indices  # shape (n_substeps,); row of `inputs` during a substep
+    inputs: Array  # shape (n, n_inputs)
+    event_input: Indices  # shape (n_events,); row of `inputs` after an event
+    # Shape (n_events + 1,); measurements ``measurement_offset[k] : measurement_offset[k + 1]`` were taken at event k
     measurement_offset: Indices
-    measurement_sensor: NDArray[np.int8]
-    measurement: Array
+    measurement_sensor: NDArray[np.int8]  # shape (n_measurements,); row in `Sensors`
+    measurement: Array  # shape (n_measurements, c); NaN for a missing component
 
     @property
     def has_initial_substep(self) -> bool:
@@ -176,17 +127,10 @@ TIMELINE = types.NamedTuple(
 
 
 class Gaussian(NamedTuple):
-    """Normal distribution of a state.
+    """Normal distribution of a state."""
 
-    Attributes
-    ----------
-    mean : ndarray, shape (n,)
-    factor : ndarray, shape (n, n)
-        Lower triangular; ``factor @ factor.T`` is the covariance.
-    """
-
-    mean: Array
-    factor: Array
+    mean: Array  # shape (n,)
+    factor: Array  # shape (n, n); lower triangular; ``factor @ factor.T`` is the covariance
 
     def with_parameters(self, parameters: "Gaussian") -> "Gaussian":
         """Replace the marginal distribution of the parameters, and keep that of the motion given the parameters."""
@@ -201,24 +145,15 @@ class Gaussian(NamedTuple):
 
 
 class Records(NamedTuple):
-    """States after consecutive events, and innovations of their measurements.
+    """States after consecutive events, and innovations of their measurements."""
 
-    Attributes
-    ----------
-    mean, standard_deviation : ndarray, shape (events, n)
-    innovation, innovation_variance : ndarray, shape (measurements, c)
-        NaN if missing. If a component was rejected or has a weight below one half, only its variance is NaN.
-    nis : ndarray, shape (measurements,)
-        Normalised innovation squared; its expectation is the number of components.
-    weight : ndarray, shape (measurements, c), or None
-        Weight of each component in a robust fit; 1 if missing.
-    """
-
-    mean: Array
-    standard_deviation: Array
-    innovation: Array
+    mean: Array  # shape (events, n)
+    standard_deviation: Array  # shape (events, n)
+    innovation: Array  # shape (measurements, c); NaN if missing
+    # Shape (measurements, c); NaN if missing, rejected, or with a weight below one half
     innovation_variance: Array
-    nis: Array
+    nis: Array  # shape (measurements,); normalised innovation squared; its expectation is the number of components
+    # Shape (measurements, c), or None; weight of each component in a robust fit; 1 if missing
     weight: Array | None = None
 
     def truncate(self, n_events: int, n_measurements: int) -> "Records":
@@ -247,27 +182,17 @@ NOT_CONVERGED = -3
 
 
 class FaultScores(NamedTuple):
-    """Score tests of faults of the model or the data; see `auvid_cli.filters.fault_scores`.
+    """Score tests of faults of the model or the data; see `auvid_cli.filters.fault_scores`."""
 
-    Attributes
-    ----------
-    labels : tuple
-        Identity of each fault, chosen by the caller.
-    score : ndarray, shape (n_faults,)
-    information : ndarray, shape (n_faults, n_faults)
-        The estimate of one fault alone is ``score / information``, by the diagonal, with variance ``1 / information``;
-        the joint estimate of all faults is ``information^-1 score``.
-    effect : ndarray, shape (n_parameters, n_faults)
-        Error of the parameters, true less estimated, per unit of each fault.
-    inflation : ndarray, shape (n_faults,) or (0,)
-        Factor of the standard deviation of each size by autocorrelated residuals, see
-        `auvid_cli.filters.autocorrelation`; empty if it was not computed.
-    """
-
-    labels: tuple[Any, ...]
-    score: Array
+    labels: tuple[Any, ...]  # identity of each fault, chosen by the caller
+    score: Array  # shape (n_faults,)
+    # Shape (n_faults, n_faults); the estimate of one fault alone is ``score / information``, by the diagonal, with
+    # variance ``1 / information``; the joint estimate of all faults is ``information^-1 score``
     information: Array
+    # Shape (n_parameters, n_faults); error of the parameters, true less estimated, per unit of each fault
     effect: Array
+    # Shape (n_faults,) or (0,); factor of the standard deviation of each size by autocorrelated residuals, see
+    # `auvid_cli.filters.autocorrelation`; empty if it was not computed
     inflation: Array = np.zeros(0)
 
     def conditional_on(self, found: Mapping[Any, float]) -> "FaultScores":
@@ -294,27 +219,14 @@ class FaultScores(NamedTuple):
 
 
 class AlternativeEstimate(NamedTuple):
-    """Parameters of another minimum, or of one segment; see `auvid_cli.filters.smoother`.
+    """Parameters of another minimum, or of one segment; see `auvid_cli.filters.smoother`."""
 
-    Attributes
-    ----------
-    difference : ndarray, shape (n_parameters,)
-        Difference from the estimate.
-    deviation : ndarray, shape (n_parameters,)
-        Standard deviation of the difference; infinite if the two are not comparable.
-    moved : ndarray, shape (n_parameters,)
-        Change of the estimate by a difference of one standard deviation.
-    cost_increase : float
-        Cost of another minimum less that of the estimate.
-    begin : float or None
-        First time of the segment, s; None for another minimum.
-    """
-
-    difference: Array
+    difference: Array  # shape (n_parameters,); difference from the estimate
+    # Shape (n_parameters,); standard deviation of the difference; infinite if the two are not comparable
     deviation: Array
-    moved: Array
-    cost_increase: float = 0.0
-    begin: float | None = None
+    moved: Array  # shape (n_parameters,); change of the estimate by a difference of one standard deviation
+    cost_increase: float = 0.0  # cost of another minimum less that of the estimate
+    begin: float | None = None  # first time of the segment, s; None for another minimum
 
     @classmethod
     def of_minimum(cls, difference: Array, deviation: Array, cost_increase: float) -> "AlternativeEstimate | None":
@@ -325,70 +237,36 @@ class AlternativeEstimate(NamedTuple):
 
 
 class ConvergenceStatus(NamedTuple):
-    """Distance from convergence, by the linear problem about the last iterate.
+    """Distance from convergence, by the linear problem about the last iterate."""
 
-    Attributes
-    ----------
-    cost_decrease : float
-        Predicted decrease of the cost, in squares of standard deviations.
-    step : ndarray, shape (n_parameters,)
-        Next step of the parameters, in standard deviations.
-    fraction : float
-        Fraction of the data that was fitted.
-    """
-
-    cost_decrease: float
-    step: Array
-    fraction: float = 1.0
+    cost_decrease: float  # predicted decrease of the cost, in squares of standard deviations
+    step: Array  # shape (n_parameters,); next step of the parameters, in standard deviations
+    fraction: float = 1.0  # fraction of the data that was fitted
 
 
 class FilterOutcome(NamedTuple):
-    """Result of an estimator.
+    """Result of an estimator."""
 
-    Attributes
-    ----------
-    covariance : ndarray, shape (n, n)
-        Covariance after the last good event.
-    n_good : int
-        Number of good events.
-    failure : int
-        `OK`; `PREDICTION`, or the row of the sensor, where the run failed after event ``n_good - 1``; `NOT_CONVERGED`
-        if an iteration ended before it converged.
-    faults : FaultScores or None
-    others : tuple of AlternativeEstimate
-    convergence : ConvergenceStatus or None
-        Status of an iteration that did not converge.
-    corrected : ndarray, shape (n_parameters,) or (0,)
-        Standard deviations of a batch estimate that allow for autocorrelated residuals, see
-        `auvid_cli.filters.autocorrelation`.
-    """
-
-    covariance: Array
-    n_good: int
+    covariance: Array  # shape (n, n); covariance after the last good event
+    n_good: int  # number of good events
+    # `OK`; `PREDICTION`, or the row of the sensor, where the run failed after event ``n_good - 1``; `NOT_CONVERGED` if
+    # an iteration ended before it converged
     failure: int
     faults: FaultScores | None = None
     others: tuple[AlternativeEstimate, ...] = ()
-    convergence: ConvergenceStatus | None = None
+    convergence: ConvergenceStatus | None = None  # status of an iteration that did not converge
+    # Shape (n_parameters,) or (0,); standard deviations of a batch estimate that allow for autocorrelated residuals,
+    # see `auvid_cli.filters.autocorrelation`
     corrected: Array = np.zeros(0)
 
 
 class JointProblem(NamedTuple):
-    """Estimation problem of all segments.
-
-    Attributes
-    ----------
-    process : Process
-    sensors : Sensors
-    segments : sequence of iterable of Timeline
-        In time order; each is read many times.
-    prior : Gaussian
-        Prior of the joint state.
-    """
+    """Estimation problem of all segments."""
 
     process: Process
     sensors: Sensors
-    segments: Sequence[Iterable[Timeline]]
-    prior: Gaussian
+    segments: Sequence[Iterable[Timeline]]  # in time order; each is read many times
+    prior: Gaussian  # prior of the joint state
 
     @property
     def n_moving(self) -> int:

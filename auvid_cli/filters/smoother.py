@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, carry_errors, score_faults
 from auvid_cli.filters.linear_smoother import (
@@ -44,8 +44,6 @@ from auvid_cli.filters.problem import (
 from auvid_cli.filters.smoother_forward import MIN_WEIGHT
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.filters.workspace import cubature
-
-Array = NDArray[np.float64]
 
 # Distance from the start of the parameters beyond which other starts are tried, in standard deviations.
 _MAX_DISTANCE = 1.0

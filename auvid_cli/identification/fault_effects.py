@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import CURRENT, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
 from auvid_cli.data.considered import ConsideredErrors
@@ -24,8 +25,6 @@ from auvid_cli.identification.faults import (
 from auvid_cli.identification.problem_setup import AugmentedProblem
 from auvid_cli.vehicle.equations import factors
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
-
-Array = NDArray[np.float64]
 
 _CURRENTS = tuple(quantity.symbol for quantity in CURRENT)
 _BALLAST = EXCESS_BUOYANCY.symbol, TRIM_MOMENT.symbol
@@ -180,17 +179,16 @@ def fault_tests(
         SI value of one unit of each component of the state.
     """
     deviation = np.sqrt(np.diagonal(outcome.covariance))
-    tests, considered = ([], None) if outcome.faults is None else _score_tests(outcome, header, deviation, scale)
+    tests, considered = ([], None) if outcome.faults is None else _score_tests(outcome, outcome.faults, header, scale)
     alternatives = (_test_of_alternative(other, header, deviation, scale) for other in outcome.others)
     # The difference from a segment that alone has all the information has no variance.
     return (*tests, *(test for test in alternatives if np.isfinite(test.standard_deviation))), considered
 
 
 def _score_tests(
-    outcome: FilterOutcome, header: EstimateHeader, deviation: Array, scale: Array
+    outcome: FilterOutcome, faults: FaultScores, header: EstimateHeader, scale: Array
 ) -> tuple[list[FaultTest], ConsideredErrors]:
-    faults = outcome.faults
-    assert faults is not None, "the caller has checked it"
+    deviation = np.sqrt(np.diagonal(outcome.covariance))
     coefficients, spread = header.coefficient_rows, header.experiment.identification.estimate.delay.spread
     delays = [model for model in faults.labels if model.fault.kind in (FaultKind.INPUT_DELAY, FaultKind.SENSOR_DELAY)]
     faults = faults.conditional_on({model: spread for model in delays if model.state in header.state})

@@ -4,8 +4,8 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.extra_states import DELAYS
 from auvid_cli.data.faults import TESTED_TERMS, Fault, FaultKind
 from auvid_cli.numerics import LANES, compiled, types
@@ -15,7 +15,6 @@ from auvid_cli.vehicle.kinematics import body_to_earth, current_in_body_axes, ea
 from auvid_cli.vehicle.matrices import N_BALLAST, mass_matrix
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, N_MOTION, PARAMETERS, SENSORS
 
-Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _THRUST = INPUT_SYMBOLS.index("surge_force")
@@ -25,33 +24,16 @@ _DIFFERENCE_STEP = 1e-4  # s, of the central difference of the specific force
 
 
 class Motion(NamedTuple):
-    """States of a vehicle and its inputs at n times, SI.
+    """States of a vehicle and its inputs at n times, SI."""
 
-    Attributes
-    ----------
-    motion : ndarray, shape (n, 9)
-    inputs : ndarray, shape (n, 4)
-    input_rate : ndarray, shape (n, 4)
-        Time derivative of the inputs.
-    small_rate : ndarray, shape (n, 4)
-        The same, zero where the change is large.
-    rates : ndarray, shape (n, 9)
-        Time derivative of the motion.
-    current : ndarray, shape (n, 2)
-        North and east; zero if it is not estimated.
-    ballast : ndarray, shape (n, 2)
-        See `Ballast`; zero if it is not estimated.
-    time : ndarray, shape (n,)
-    """
-
-    motion: Array
-    inputs: Array
-    input_rate: Array
-    small_rate: Array
-    rates: Array
-    current: Array
-    ballast: Array
-    time: Array
+    motion: Array  # shape (n, 9)
+    inputs: Array  # shape (n, 4)
+    input_rate: Array  # shape (n, 4); time derivative of the inputs
+    small_rate: Array  # shape (n, 4); the same, zero where the change is large
+    rates: Array  # shape (n, 9); time derivative of the motion
+    current: Array  # shape (n, 2); north and east; zero if it is not estimated
+    ballast: Array  # shape (n, 2); see `Ballast`; zero if it is not estimated
+    time: Array  # shape (n,)
 
     @property
     def drift(self) -> Array:
@@ -159,42 +141,22 @@ Effect = Callable[[FaultedVehicle, Motion], Array]
 
 
 class FaultModel(NamedTuple):
-    """Effect of a fault on the data.
-
-    Attributes
-    ----------
-    fault : Fault
-    unit : str
-        SI unit of its size.
-    state : str
-        Symbol of the state, or of the delay, that represents it where it is estimated; empty if there is none.
-    sensor : str
-        Sensor whose measurements it changes; empty if it acts on the motion.
-    effect : callable
-        ``effect(model, at)`` per unit: the addition to the measurements of its sensor, shape (n, c); without a sensor
-        the addition to the rates of the motion, shape (n, 9).
-    regressor : Regressor or None
-        Regressor of a missing term.
-    is_drift : bool
-        Whether it is a drift of `state`; tested only if `state` is estimated as a constant.
-    tolerance : str
-        Field of `auvid_cli.config.tolerances.Tolerances` with its standard deviation; empty if it has none.
-    parameter : str
-        Symbol of the known parameter that is wrong, if it is one.
-    reacts_to : str
-        Symbol of the disturbance to which a fin reacts before a sensor shows it; tested only if that is estimated,
-        conditional on a delay of the inputs.
-    """
+    """Effect of a fault on the data."""
 
     fault: Fault
-    unit: str
-    state: str
-    sensor: str
+    unit: str  # SI unit of its size
+    state: str  # symbol of the state, or of the delay, that represents it where it is estimated; empty if there is none
+    sensor: str  # sensor whose measurements it changes; empty if it acts on the motion
+    # ``effect(model, at)`` per unit: the addition to the measurements of its sensor, shape (n, c); without a sensor the
+    # addition to the rates of the motion, shape (n, 9)
     effect: Effect
-    regressor: Regressor | None = None
-    is_drift: bool = False
+    regressor: Regressor | None = None  # regressor of a missing term
+    is_drift: bool = False  # whether it is a drift of `state`; tested only if `state` is estimated as a constant
+    # Field of `auvid_cli.config.tolerances.Tolerances` with its standard deviation; empty if it has none
     tolerance: str = ""
-    parameter: str = ""
+    parameter: str = ""  # symbol of the known parameter that is wrong, if it is one
+    # Symbol of the disturbance to which a fin reacts before a sensor shows it; tested only if that is estimated,
+    # conditional on a delay of the inputs
     reacts_to: str = ""
 
 

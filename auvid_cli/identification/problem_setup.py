@@ -57,40 +57,18 @@ def initial_gaussian(layout: StateLayout, parameters: Gaussian, measured: Mappin
 
 @dataclass(frozen=True)
 class AugmentedProblem:
-    """Input of the filters, with coefficients as multiples of their prior standard deviations.
-
-    Attributes
-    ----------
-    layout : StateLayout
-    known : dict
-        Known parameters of the vehicle by symbol, SI.
-    known_deviations : dict
-        Their standard deviations, as far as the vehicle file states any.
-    held : dict
-        Coefficients that are not estimated by symbol, SI.
-    coefficients : CoefficientSet
-        All coefficients of the vehicle.
-    process : Process
-        With the exact transition matrix.
-    sensors : Sensors
-    measuring : dict of SensorRecord
-        Records by name, in the order of `sensors`.
-    segments : tuple of Segment
-        In time order.
-    prior : Gaussian
-        Prior of the joint state of the segments, see `auvid_cli.filters.problem`.
-    """
+    """Input of the filters, with coefficients as multiples of their prior standard deviations."""
 
     layout: StateLayout
-    known: dict[str, float]
-    known_deviations: dict[str, float]
-    held: dict[str, float]
-    coefficients: CoefficientSet
-    process: Process
+    known: dict[str, float]  # known parameters of the vehicle by symbol, SI
+    known_deviations: dict[str, float]  # their standard deviations, as far as the vehicle file states any
+    held: dict[str, float]  # coefficients that are not estimated by symbol, SI
+    coefficients: CoefficientSet  # all coefficients of the vehicle
+    process: Process  # with the exact transition matrix
     sensors: Sensors
-    measuring: dict[str, SensorRecord]
-    segments: tuple[Segment, ...]
-    prior: Gaussian
+    measuring: dict[str, SensorRecord]  # records by name, in the order of `sensors`
+    segments: tuple[Segment, ...]  # in time order
+    prior: Gaussian  # prior of the joint state of the segments, see `auvid_cli.filters.problem`
 
     @property
     def places(self) -> list[Indices]:

@@ -6,8 +6,8 @@ from time import perf_counter, thread_time
 from typing import assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.arrays import Array
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.identification import Identification
 from auvid_cli.data.dataset import Dataset, SensorRecord
@@ -28,7 +28,6 @@ from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_p
 from auvid_cli.identification.process import first_order_transition
 from auvid_cli.vehicle.parameters import SENSORS
 
-Array = NDArray[np.float64]
 # Largest number of parameters that the status of a run without convergence names.
 _MAX_NAMED = 4
 # Smallest step of a parameter that is named, in standard deviations.
@@ -73,33 +72,16 @@ def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Id
 
 @dataclass(frozen=True)
 class FilterRun:
-    """An estimator set up on a dataset, ready to run.
-
-    Attributes
-    ----------
-    header : EstimateHeader
-    span : tuple of float
-        First and last time of the data, s.
-    estimator : Estimator
-        In scaled units: coefficients as multiples of their prior standard deviations.
-    segments : sequence of iterable of Timeline
-    prior : Gaussian
-        Prior of the joint state of the segments.
-    scale : ndarray, shape (n,)
-        SI value of one unit of each component of the state.
-    measuring : dict of SensorRecord
-        By name, in the order of the estimator's sensors.
-    delays : FoundDelays or None
-        Estimated delays. They are not part of the state; their uncertainty is added to the estimate here.
-    """
+    """An estimator set up on a dataset, ready to run."""
 
     header: EstimateHeader
-    span: tuple[float, float]
-    estimator: Estimator
+    span: tuple[float, float]  # first and last time of the data, s
+    estimator: Estimator  # in scaled units: coefficients as multiples of their prior standard deviations
     segments: Sequence[Iterable[Timeline]]
-    prior: Gaussian
-    scale: Array
-    measuring: dict[str, SensorRecord]
+    prior: Gaussian  # prior of the joint state of the segments
+    scale: Array  # shape (n,); SI value of one unit of each component of the state
+    measuring: dict[str, SensorRecord]  # by name, in the order of the estimator's sensors
+    # Estimated delays. They are not part of the state; their uncertainty is added to the estimate here.
     delays: FoundDelays | None = None
 
     def run(self, on_chunk: Callable[[EstimateChunk], None]) -> Outcome:
