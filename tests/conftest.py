@@ -206,10 +206,20 @@ def without_figures(monkeypatch, leave_figures_out) -> None:
     leave_figures_out(monkeypatch)
 
 
+@pytest.fixture(scope="session")
+def scan_files_here() -> Callable[[pytest.MonkeyPatch], None]:
+    """Function that makes a monkeypatch scan files in this process, which takes less time than a child."""
+
+    def scan(patch: pytest.MonkeyPatch) -> None:
+        patch.setattr(hdf5, "scan_in_child", lambda paths, foreign: [hdf5.flaw_of(path, foreign) for path in paths])
+
+    return scan
+
+
 @pytest.fixture
-def walked_here(monkeypatch) -> None:
-    """Files are scanned in this process, which takes less time than a child."""
-    monkeypatch.setattr(hdf5, "scan_in_child", lambda paths, foreign: [hdf5.flaw_of(path, foreign) for path in paths])
+def walked_here(monkeypatch, scan_files_here) -> None:
+    """Files are scanned in this process."""
+    scan_files_here(monkeypatch)
 
 
 @pytest.fixture

@@ -215,8 +215,7 @@ def locked(folder: Path) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
-    # A group of users may share the folder.
-    lock = FileLock(folder / ".lock", timeout=_LOCK_PATIENCE, mode=0o666)
+    lock = FileLock(folder / ".lock", timeout=_LOCK_PATIENCE)
     # Some network disks have no locks.
     with _cannot("written", folder), suppress(NotImplementedError):
         folder.mkdir(parents=True, exist_ok=True)

@@ -11,7 +11,7 @@ import pytest
 from auvid_cli.data import dataset_file
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import read_estimate
-from auvid_cli.data.files import replacing, write_text
+from auvid_cli.data.files import locked, replacing, write_text
 from auvid_cli.data.netcdf import SCHEMA_VERSION
 from auvid_cli.errors import FileError
 
@@ -230,9 +230,14 @@ def test_new_files_follow_the_umask(tmp_path):
     before = os.umask(0o027)
     try:
         write_text(tmp_path / "table.csv", "a,b\n")
+        with locked(tmp_path):
+            pass
     finally:
         os.umask(before)
-    assert (tmp_path / "table.csv").stat().st_mode & 0o777 == 0o640
+    assert {path.name: path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} == {
+        ".lock": 0o640,
+        "table.csv": 0o640,
+    }
 
 
 def test_file_gets_its_name_when_it_is_complete(tmp_path):

@@ -2,11 +2,12 @@
 
 import csv
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
+from auvid_cli.cli.app import app
 
 MAPS = Path(__file__).parent / "maps"
 SHARED = Path(os.environ.get("AUVID_SHARED", Path(__file__).parents[2] / "../shared")).resolve()
@@ -22,16 +23,18 @@ def recorded():
 
 
 @pytest.fixture(scope="session")
-def auvid():
-    """Function: run a command, expect an exit code, and return its standard output."""
+def auvid(scan_files_here, leave_figures_out):
+    """Function: run a command without figures in this process, expect an exit code, and return what it printed."""
+    with pytest.MonkeyPatch.context() as patch:
+        scan_files_here(patch)
+        leave_figures_out(patch)
 
-    def run(*arguments, code=0):
-        command = [sys.executable, "-m", "auvid_cli", *map(str, arguments)]
-        result = subprocess.run(command, capture_output=True, text=True, timeout=300)
-        assert result.returncode == code, result.stdout + result.stderr
-        return result.stdout if code != 2 else result.stderr
+        def run(*arguments, code=0):
+            result = CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+            assert result.exit_code == code, result.output
+            return result.stdout if code != 2 else result.stderr
 
-    return run
+        yield run
 
 
 @pytest.fixture(scope="session")
