@@ -14,8 +14,9 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.files import write_text
 from auvid_cli.data.findings import TermFindings, Tuning
 from auvid_cli.evaluation.judgement import Judgement, judge_one
+from auvid_cli.filters.noise_likelihood import MAX_TRAJECTORIES, NoiseProgress
 from auvid_cli.identification.delays import estimate_delays
-from auvid_cli.identification.noise import choose_disturbance, tune_noise
+from auvid_cli.identification.noise import OnProgress, TuningProgress, choose_disturbance, tune_noise
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 from auvid_cli.identification.terms import search_terms
@@ -61,8 +62,12 @@ def tune(
     >>> [noise.setting.rpartition(".")[2] for noise in tuning.noises]
     ['velocity', 'rate', 'attitude']
     """
+    return _tune(dataset, sensors, disturbance, lambda progress: on_pass() if on_pass else None)
+
+
+def _tune(dataset: Dataset, sensors: bool, disturbance: bool, on_progress: OnProgress) -> Tuning:
     find = choose_disturbance if disturbance else tune_noise
-    return find(estimate_delays(prepare(dataset)), sensors, on_pass or (lambda: None))
+    return find(estimate_delays(prepare(dataset)), sensors, on_progress)
 
 
 @checked
@@ -131,20 +136,37 @@ def tune_into(
     dataset = read_dataset(path, *overrides, "identification.noise=stated")
     with results_folder(place, RecordedData(path, dataset), new=["tuned.yaml"]) as folder:
         with place.progress.stage("fit with the noise of the settings") as label:
-            before, passes = identify(dataset, JUDGE), 0
+            before, latest = identify(dataset, JUDGE), None
 
-            def count() -> None:
-                nonlocal passes
-                passes += 1
-                label(f"tune: pass {passes} through the data")
+            def show(progress: TuningProgress) -> None:
+                nonlocal latest
+                is_next = latest is None or progress.search.trajectories > latest.search.trajectories
+                latest, text = progress, f"tune: {_text(progress.search)}"
+                label(text)
+                if is_next:
+                    place.progress.message(text)
 
-            tuning = tune(dataset, sensors, count, disturbance)
+            try:
+                tuning = _tune(dataset, sensors, disturbance, show)
+            except KeyboardInterrupt:
+                if latest is None or not latest.search.trajectories:
+                    raise
+                tuning = latest.so_far()
+                place.progress.message("interrupted: the best noise so far is kept, without intervals")
             label("fit with the tuned noise")
             after = identify(replace(dataset, experiment=tuning.experiment), JUDGE)
         files = write_csv_tables({"tuning": tuning.rows()}, folder / "tables")
         write_text(folder / "tuned.yaml", tuning.settings())
         fits = [(estimate, judge_one(estimate, None)) for estimate in (before, after)]
         return TunedResults(tuning, fits, files, folder / "tuned.yaml")
+
+
+def _text(search: NoiseProgress) -> str:
+    """Return how far a tuning has come, in words."""
+    return (
+        f"{search.passes} passes through the data, trajectory {search.trajectories + 1} of at most {MAX_TRAJECTORIES}, "
+        f"log-likelihood {search.gain:+.4g}"
+    )
 
 
 def find_terms_into(

@@ -30,6 +30,10 @@ _CACHE_SIZE = 2**28  # bytes
 # Smallest decrease of the cost worth another iteration, in squares of standard deviations: in the last step no
 # parameter moves by more than a tenth of its standard deviation.
 _MIN_DECREASE = 1e-2
+# A search without further progress has an answer if the cost can fall by at most this, in squares of standard
+# deviations, and no parameter would move by more than this share of its standard deviation.
+_NEGLIGIBLE_DECREASE = 0.1
+_NEGLIGIBLE_MOVE = 0.05
 # Smallest fraction of a step in the line search.
 _MIN_FRACTION = 2.0**-10
 
@@ -309,7 +313,7 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
     filtered : Filtered
         About the last trajectory.
     converged : bool
-        The result is None if the cost of `start` is not finite.
+        Also if the rest of the way no longer matters. The result is None if the cost of `start` is not finite.
     """
     current, passes = smoothing.filter(start), 1
     if current is None:
@@ -322,11 +326,19 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
                 lower = trial
             fraction, passes = fraction / 2.0, passes + 1
         if lower is None:
-            return current, False
+            return current, _is_close(current)
         if current.cost - lower.cost < _MIN_DECREASE:
             return lower, True
         current = lower
     return current, True
+
+
+def _is_close(filtered: Filtered) -> bool:
+    """Whether neither the cost nor a parameter would change by an amount that matters."""
+    step = filtered.final.mean[: filtered.trajectory.parameters.size]
+    deviation = np.sqrt(np.diagonal(filtered.final.covariance())[: step.size])
+    remaining = filtered.cost - filtered.least
+    return remaining <= _NEGLIGIBLE_DECREASE and bool((np.abs(step) <= _NEGLIGIBLE_MOVE * deviation).all())
 
 
 class ConditionalChunk(NamedTuple):

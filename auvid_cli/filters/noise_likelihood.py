@@ -26,7 +26,7 @@ _MAX_STEP = 2.0
 _MAX_LOG_FACTOR = 14.0
 # Tolerance of an end of an interval, in log factors.
 _INTERVAL_TOLERANCE = 0.05
-_MAX_TRAJECTORIES = 6
+MAX_TRAJECTORIES = 6
 _MAX_STEPS = 40
 # Negligible information, which keeps matrices invertible.
 _MIN_INFORMATION = 1e-9
@@ -53,6 +53,16 @@ class NoiseFactors(NamedTuple):
     converged: bool
 
 
+class NoiseProgress(NamedTuple):
+    """How far a search for the most likely noise has come."""
+
+    passes: int  # through the data
+    trajectories: int  # found so far, of at most `MAX_TRAJECTORIES`
+    log_factor: Array  # shape (k,); the best so far
+    log_likelihood: float  # with these, up to a constant of the data
+    gain: float  # increase of the log-likelihood over that of factors of 1
+
+
 def scaled(problem: JointProblem, groups: Sequence[NoiseGroup], factors: Array) -> JointProblem:
     """Return the problem with noise densities, standard deviations and time constants multiplied by factors."""
     process, variance = problem.process, problem.sensors.variance.copy()
@@ -68,17 +78,21 @@ def scaled(problem: JointProblem, groups: Sequence[NoiseGroup], factors: Array) 
     return problem._replace(process=process, sensors=problem.sensors._replace(variance=variance))
 
 
+OnPass = Callable[[NoiseProgress], None]
+
+
 class _Likelihood:
     """Log-likelihood as a function of log factors, about a trajectory."""
 
-    def __init__(self, problem: JointProblem, groups: Sequence[NoiseGroup], on_evaluation: Callable[[], None]) -> None:
-        self._problem, self._groups, self._on_evaluation = problem, groups, on_evaluation
+    def __init__(self, problem: JointProblem, groups: Sequence[NoiseGroup], on_pass: OnPass) -> None:
+        self._problem, self._groups, self._on_pass = problem, groups, on_pass
         self._present, self.smoothing = problem, LinearSmoothing(problem)
         self.minimum = np.array([group.min_log_factor for group in groups])
+        self.progress = NoiseProgress(0, 0, np.zeros(len(groups)), -np.inf, 0.0)
 
     def filter(self, logarithms: Array, trajectory: Trajectory) -> Filtered | None:
         """Filter with scaled noise; None if the cost is not finite."""
-        self._on_evaluation()
+        self._count_pass()
         self._scale(logarithms)
         return self.smoothing.filter(trajectory)
 
@@ -89,7 +103,7 @@ class _Likelihood:
 
     def scores(self, filtered: Filtered) -> NoiseScores:
         """Return the derivatives at the log factors of the last forward pass."""
-        self._on_evaluation()
+        self._count_pass()
         return noise_scores(self.smoothing, filtered, self._present, self._groups)
 
     def follow(self, trajectory: Trajectory, logarithms: Array, max_passes: int) -> Trajectory:
@@ -101,6 +115,10 @@ class _Likelihood:
     def set_process_memory(self, trajectory: Trajectory) -> None:
         """Set the memory of the process noise from the motion along a trajectory."""
         self._problem = with_process_memory(self._problem, trajectory.parameters, trajectory.moving)
+
+    def _count_pass(self) -> None:
+        self.progress = self.progress._replace(passes=self.progress.passes + 1)
+        self._on_pass(self.progress)
 
     def _scale(self, logarithms: Array) -> None:
         self._present = scaled(self._problem, self._groups, np.exp(logarithms))
@@ -116,7 +134,7 @@ def most_likely_noise(
     problem: JointProblem,
     groups: Sequence[NoiseGroup],
     max_passes: int,
-    on_evaluation: Callable[[], None] = lambda: None,
+    on_pass: OnPass = lambda progress: None,
 ) -> NoiseFactors | None:
     """Estimate the factors of groups of noise; None if no trajectory has a finite cost.
 
@@ -126,18 +144,22 @@ def most_likely_noise(
     groups : sequence of NoiseGroup
     max_passes : int
         Maximum number of forward passes for each trajectory.
-    on_evaluation : callable
-        Called before each forward or backward pass; an exception that it raises ends the search.
+    on_pass : callable
+        Receives a `NoiseProgress` before each forward or backward pass; an exception that it raises ends the search.
     """
-    likelihood = _Likelihood(problem, groups, on_evaluation)
+    likelihood = _Likelihood(problem, groups, on_pass)
     minima = most_probable(problem, likelihood.smoothing, max_passes)
     if not minima:
         return None
     trajectory, x, converged = minima[0][0].trajectory, np.zeros(len(groups)), False
     likelihood.set_process_memory(trajectory)
     stated = likelihood.at(x, trajectory)
-    for _ in range(_MAX_TRAJECTORIES):
+    for number in range(1, MAX_TRAJECTORIES + 1):
         before, x = x, _climb(likelihood, x, trajectory)
+        level = likelihood.at(x, trajectory)
+        likelihood.progress = likelihood.progress._replace(
+            trajectories=number, log_factor=x, log_likelihood=level, gain=level - stated
+        )
         trajectory = likelihood.follow(trajectory, x, max_passes)
         likelihood.set_process_memory(trajectory)
         if converged := bool(np.abs(x - before).max() < _MAX_CHANGE):
@@ -165,7 +187,7 @@ def noise_scores_about(
     problem: JointProblem, groups: Sequence[NoiseGroup], trajectory: Trajectory
 ) -> NoiseScores | None:
     """Return the derivatives at factors of 1 about a trajectory; None if its cost is not finite."""
-    likelihood = _Likelihood(problem, groups, lambda: None)
+    likelihood = _Likelihood(problem, groups, lambda progress: None)
     likelihood.set_process_memory(trajectory)
     filtered = likelihood.filter(np.zeros(len(groups)), trajectory)
     return None if filtered is None else likelihood.scores(filtered)

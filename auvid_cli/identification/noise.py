@@ -20,7 +20,7 @@ from auvid_cli.config.settings import Settings, three
 from auvid_cli.config.units import Unit
 from auvid_cli.data.findings import DisturbanceChoice, TunedNoise, Tuning
 from auvid_cli.errors import DataError
-from auvid_cli.filters.noise_likelihood import most_likely_noise
+from auvid_cli.filters.noise_likelihood import NoiseFactors, NoiseProgress, most_likely_noise
 from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
@@ -43,10 +43,20 @@ class AdjustableNoise(NamedTuple):
     group: NoiseGroup
 
 
+class TuningProgress(NamedTuple):
+    """How far a tuning has come."""
+
+    search: NoiseProgress
+    so_far: Callable[[], Tuning]  # best noise so far, without intervals
+
+
+OnProgress = Callable[[TuningProgress], None]
+
+
 def tune_noise(
     prepared: PreparedData,
     with_sensors: bool = False,
-    on_evaluation: Callable[[], None] = lambda: None,
+    on_progress: OnProgress = lambda progress: None,
     with_time_constants: bool = False,
 ) -> Tuning:
     """Return the most likely noise levels; the truth of a simulation is not used.
@@ -56,8 +66,8 @@ def tune_noise(
     prepared : PreparedData
     with_sensors : bool
         Whether to tune the standard deviations of the sensors too.
-    on_evaluation : callable
-        Called before each pass through the data. An exception from it ends the search.
+    on_progress : callable
+        Receives a `TuningProgress` before each pass through the data. An exception from it ends the search.
     with_time_constants : bool
         Whether to tune the time constants of disturbances too. A log with few sensors does not determine them.
 
@@ -73,14 +83,28 @@ def tune_noise(
     noises = [*process_noises(augmented, settings, with_time_constants)]
     if with_sensors:
         noises += _sensor_noises(augmented, settings)
-    likeliest = most_likely_noise(
-        augmented.joint, [noise.group for noise in noises], settings.smoother.max_passes, on_evaluation
-    )
+
+    def report(search: NoiseProgress) -> None:
+        def so_far() -> Tuning:
+            none, infinite = np.zeros(len(noises)), np.full(len(noises), np.inf)
+            factor = np.exp(search.log_factor)
+            best = NoiseFactors(factor, none, infinite, search.log_likelihood, search.gain, converged=False)
+            return _tuning(experiment, noises, best)
+
+        on_progress(TuningProgress(search, so_far))
+
+    groups = [noise.group for noise in noises]
+    likeliest = most_likely_noise(augmented.joint, groups, settings.smoother.max_passes, report)
     if likeliest is None:
         raise DataError(
             "no trajectory follows these data with the stated noise: start from a larger "
             "identification.process_noise, and check signs and units (auvid inspect)"
         )
+    return _tuning(experiment, noises, likeliest)
+
+
+def _tuning(experiment: RunSettings, noises: Sequence[AdjustableNoise], likeliest: NoiseFactors) -> Tuning:
+    """Return the levels of noise for factors on the stated ones, and settings with them."""
     factors = zip(noises, likeliest.factor.tolist(), likeliest.low.tolist(), likeliest.high.tolist(), strict=True)
     tuned = [
         TunedNoise(
@@ -91,14 +115,14 @@ def tune_noise(
     for noise, row in zip(noises, tuned, strict=True):
         experiment = _changed(experiment, ("identification", *noise.path), float(f"{row.worth_stating:.3g}"))
     experiment = _changed(experiment, ("identification", "noise"), "stated")
-    if settings.smoother.answer == "automatic":
+    if experiment.identification.smoother.answer == "automatic":
         # With process noise the joint estimate of coefficients and trajectory is biased.
         experiment = _changed(experiment, ("identification", "smoother", "answer"), "marginal")
     return Tuning(tuple(tuned), likeliest.log_likelihood, likeliest.gain, likeliest.converged, experiment)
 
 
 def choose_disturbance(
-    prepared: PreparedData, with_sensors: bool = False, on_evaluation: Callable[[], None] = lambda: None
+    prepared: PreparedData, with_sensors: bool = False, on_progress: OnProgress = lambda progress: None
 ) -> Tuning:
     """Tune without and with a disturbance as a state, and return the better one by the Bayesian information criterion.
 
@@ -107,12 +131,17 @@ def choose_disturbance(
     """
     asked = prepared.experiment.identification
     others = tuple(bias for bias in asked.estimate.biases if bias != BiasName.DISTURBANCE)
-    without = tune_noise(_with_estimate(prepared, biases=others), with_sensors, on_evaluation)
+    without = tune_noise(_with_estimate(prepared, biases=others), with_sensors, on_progress)
     stated = asked.estimate.disturbance
     disturbance = stated if stated.blocks() else _as_of_white_noise(without.experiment)
     biases = (*others, BiasName.DISTURBANCE)
     having = _with_estimate(prepared, biases=biases, disturbance=disturbance)
-    with_one = tune_noise(having, with_sensors, on_evaluation, with_time_constants=True)
+
+    def on_second(progress: TuningProgress) -> None:
+        # Interrupted now, the finished tuning without a disturbance is the best so far.
+        on_progress(progress._replace(so_far=lambda: without))
+
+    with_one = tune_noise(having, with_sensors, on_second, with_time_constants=True)
     segments = augmented_problem(having).joint.segments
     measured = sum(int(np.isfinite(timeline.measurement).sum()) for segment in segments for timeline in segment)
     numbers = len(with_one.noises) - len(without.noises)

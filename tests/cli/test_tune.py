@@ -1,12 +1,16 @@
 """`auvid tune` as a user runs it."""
 
 import csv
+import math
 from dataclasses import replace
+from typing import ClassVar
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
+from auvid_cli.api import Destination, Progress
+from auvid_cli.api.analysis import tune_into
 from auvid_cli.api.files import read_dataset
 from auvid_cli.api.identification import identify
 from auvid_cli.cli.app import app
@@ -49,6 +53,26 @@ def test_tune_prints_noise_and_next_command(simulated_with, tmp_path, run):
     assert tuned.measurement_noise["dvl"] == pytest.approx(float(found["tuned"]), rel=0.01)
     rate = float(rows["identification.process_noise.rate"]["tuned"])
     assert tuned.process_noise.rate == pytest.approx((rate,), rel=0.01)
+
+
+@pytest.mark.slow
+def test_interrupted_tuning_keeps_best_noise_so_far(simulated_with, tmp_path):
+    class Interrupting(Progress):
+        sentences: ClassVar[list[str]] = []
+
+        def message(self, sentence):
+            self.sentences.append(sentence)
+            if "trajectory 2 " in sentence:
+                raise KeyboardInterrupt
+
+    write_dataset(tmp_path / "dataset.h5", simulated_with("manoeuvre.duration=4 s", *SLOW, FEW))
+    place = Destination(None, False, Interrupting())
+    tuning = tune_into(place, tmp_path / "dataset.h5", (), sensors=False, disturbance=False).tuning
+    assert tuning.gain > 0.0
+    assert not tuning.converged
+    assert all(noise.low == 0.0 and noise.high == math.inf for noise in tuning.noises)
+    read_dataset(tmp_path / "dataset.h5", str(tmp_path / "tuned.yaml"))
+    assert any(sentence.startswith("interrupted") for sentence in Interrupting.sentences)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal
 
-from auvid_cli.filters.linear_smoother import LinearSmoothing, Trajectory
+from auvid_cli.filters.linear_smoother import LinearSmoothing, Trajectory, gauss_newton
 from auvid_cli.filters.noise_likelihood import _climb, _intervals, _Likelihood, most_likely_noise, scaled
 from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.filters.problem import (
@@ -121,7 +121,7 @@ def test_exception_of_callback_ends_the_search(linear_problem):
     class Enough(Exception):
         pass
 
-    def count():
+    def count(progress):
         raise Enough
 
     with pytest.raises(Enough):
@@ -143,7 +143,7 @@ def test_interval_begins_at_zero_if_others_compensate(left, begins_at_none):
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
 def test_fixed_factor_stays_and_others_are_optimised(linear_problem):
-    likelihood = _Likelihood(joint(linear_problem), GROUPS, lambda: None)
+    likelihood = _Likelihood(joint(linear_problem), GROUPS, lambda progress: None)
     n, n_moving = linear_problem.prior.mean.size, joint(linear_problem).n_moving
     events = linear_problem.timeline.time.size
     nowhere = Trajectory(np.zeros(n - n_moving), [np.zeros(n_moving)], [[np.zeros((events, n_moving))]])
@@ -155,3 +155,21 @@ def test_fixed_factor_stays_and_others_are_optimised(linear_problem):
     for change in (0.3, -0.3):
         for group in (0, 2):
             assert likelihood.at(found + change * np.eye(3)[group], nowhere) < best + 0.02
+
+
+@pytest.mark.parametrize(("excess", "is_answer"), [(0.05, True), (0.5, False)])
+@pytest.mark.parametrize("linear_problem", [2], indirect=True)
+def test_search_without_passes_left_has_an_answer_if_its_cost_can_hardly_fall(linear_problem, excess, is_answer):
+    """The problem is linear: one step leads to the minimum, and the cost grows with the square of the way from it."""
+    problem = joint(linear_problem)
+    smoothing, n = LinearSmoothing(problem), problem.n_parameters
+    shape = linear_problem.timeline.time.size, problem.n_moving
+    nowhere = Trajectory(np.zeros(n), [np.zeros(shape[1])], [[np.zeros(shape)]])
+    first = smoothing.filter(nowhere)
+    minimum = nowhere.stepped(smoothing.step(first), 1.0)
+    way = Trajectory(np.zeros(n), [np.zeros(shape[1])], [[np.ones(shape)]])
+    at_one = smoothing.filter(minimum.stepped(way, 1.0))
+    start = minimum.stepped(way, np.sqrt(excess / (at_one.cost - at_one.least)))
+    stopped, answered = gauss_newton(smoothing, start, max_passes=1)
+    assert_allclose(stopped.cost - stopped.least, excess, rtol=1e-6)
+    assert answered == is_answer
