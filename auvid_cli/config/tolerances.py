@@ -28,6 +28,9 @@ class Tolerances(Settings):
     centre_of_gravity: Annotated[_Length, Field(description="of zG")] = 0.001
     trim: Annotated[_Length, Field(description="of xG and yG, by which a floating vehicle is trimmed")] = 0.0001
     thrust: Annotated[_Share, Field(description="of the surge force, as a share of it")] = 0.05
+    linear_drag: Annotated[
+        _Share, Field(description="of the drag that is linear in speed at the mean speed, as a share of the drag")
+    ] = 0.1
     fins: Annotated[_Share, Field(description="of each fin angle, as a share of it")] = 0.02
     dvl_scale: Annotated[_Share, Field(description="of the scale of the DVL")] = 0.002
     dvl_yaw: Annotated[_Angle, Field(description="of the mounting yaw of the DVL")] = 0.0034907

@@ -298,6 +298,7 @@ _TOLERANCES = {
     "yG": "trim",
     "zG": "centre_of_gravity",
 }
+_TERM_TOLERANCES = {(0, ("u",)): "linear_drag"}
 _CURRENT = tuple(_components(FaultKind.CURRENT, "north east", "m/s", "current_{}", "dvl", _current))
 _FIN_TRIM = tuple(_components(FaultKind.FIN_TRIM, "rudder elevator", "rad", "{}_trim", "", _offset))
 # As constants these are confounded with other faults or with coefficients, so that only a drift is tested.
@@ -358,7 +359,10 @@ FAULTS: tuple[FaultModel, ...] = (
     *(_parameter(symbol, tolerance) for symbol, tolerance in _TOLERANCES.items()),
     _anticipating("rudder", 0, 5, "N"),
     _anticipating("elevator", 1, 4, "M"),
-    *(missing_term(term(*row_and_factors)) for row_and_factors in TESTED_TERMS),
+    *(
+        missing_term(term(*row_and_factors))._replace(tolerance=_TERM_TOLERANCES.get(row_and_factors, ""))
+        for row_and_factors in TESTED_TERMS
+    ),
 )
 
 

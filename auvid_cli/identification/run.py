@@ -112,7 +112,7 @@ class FilterRun:
         if outcome.faults is not None or outcome.others:
             from auvid_cli.identification.fault_effects import fault_tests
 
-            tests, considered = fault_tests(outcome, self.header, self.scale)
+            tests, considered = fault_tests(outcome, self.header, self.scale, progress.drag_slope)
         return Outcome(
             self._status(outcome, progress),
             covariance,
@@ -207,13 +207,15 @@ class _Progress:
         Sum of the normalised innovations squared.
     n_components : int
         Number of components in that sum.
+    speed_sum : float
+        Sum of the surge speed over the valid events, m/s.
     clocks : ndarray, shape (2,)
         Processor and wall time of the estimator without that of `on_chunk`, s.
     """
 
     def __init__(self, run: FilterRun, on_chunk: Callable[[EstimateChunk], None]) -> None:
         self.n_valid, self.reached, self.sensor, self.last_innovation = 0, run.span[0], 0, np.nan
-        self.nis_sum, self.n_components = 0.0, 0
+        self.nis_sum, self.n_components, self.speed_sum = 0.0, 0, 0.0
         self.clocks = np.zeros(2)
         self._run, self._on_chunk = run, on_chunk
         self._every = run.header.experiment.identification.keep_every
@@ -232,6 +234,7 @@ class _Progress:
         if valid:
             self._latest = self._run.chunk(rows, self._latest.innovations, slice(valid - 1, valid))
         self.n_valid += valid
+        self.speed_sum += float(np.abs(records.mean[:, self._run.header.state.index("u")]).sum())
         self.reached = float(timeline.time[min(valid, timeline.time.size - 1)])
         if measurements := timeline.measurement_offset[valid]:
             self.sensor = int(timeline.measurement_sensor[measurements - 1])
@@ -247,6 +250,13 @@ class _Progress:
     def mean_nis(self) -> float:
         """Return the normalised innovation squared per component."""
         return self.nis_sum / max(self.n_components, 1)
+
+    @property
+    def drag_slope(self) -> float:
+        """Return drag divided by speed at the mean speed, kg/s."""
+        header = self._run.header
+        final = header.held | dict(zip(header.state, self._latest.mean[-1].tolist(), strict=True))
+        return abs(final["X_u|u|"]) * self.speed_sum / max(self.n_valid, 1)
 
     def finish(self) -> None:
         """Pass the last valid state on, unless it was kept anyway."""
