@@ -12,7 +12,7 @@ from rich.text import Text
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.checks import Check
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.accuracy import coefficient_results
+from auvid_cli.evaluation.accuracy import coefficient_results, one_speed_remarks
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FixSuggestion, Identifiability
@@ -151,7 +151,7 @@ def print_estimate(console: Console, estimate: Estimate, judgement: Judgement) -
     evaluation = Evaluation(rows, [], [], [], [], [], {}, [])
     for screen in _estimate_tables(console, evaluation, [estimate.filter]):
         console.print(screen)
-    for text in estimates(evaluation, [estimate.filter]).notes:
+    for text in (*estimates(evaluation, [estimate.filter]).notes, *one_speed_remarks(estimate)):
         console.print(Text(encodable(console, text)))
 
 
