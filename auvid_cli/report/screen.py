@@ -55,6 +55,7 @@ _NOTES = (
 )
 # Columns left out on a narrow terminal, in this order.
 _DROPPED_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
+_DROPPED_OF_ESTIMATES = "unit", "± data", "mostly from"
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
 _STYLES = {"FAIL": "bold red", "note": "yellow"}
 _VALIDATION_DIGITS = 3
@@ -215,12 +216,13 @@ def print_identifiability(console: Console, identifiability: Identifiability) ->
 
 
 def _estimate_tables(console: Console, evaluation: Evaluation, filters: list[str]) -> list[ScreenTable]:
-    """Return the widest table that fits, or else one table for each filter."""
-    full, bare = estimates(evaluation, filters), estimates(evaluation, filters, with_deviations=False)
+    """Return the widest table that fits, or else one table for each filter; total standard deviations are kept."""
+    full = estimates(evaluation, filters)
+    headers = {column.header for column in full.columns}
+    dropped = [header for header in _DROPPED_OF_ESTIMATES if header in headers]
     choices = [
-        screen_table(console, table.without(*left_out), unbroken=("symbol", "unit"), left_out=(*words, *left_out))
-        for table, words in ((full, ()), (bare, ("standard deviations",)))
-        for left_out in ((), ("unit",))
+        screen_table(console, full.without(*left_out), unbroken=("symbol", "unit"), left_out=left_out)
+        for left_out in (dropped[:count] for count in range(len(dropped) + 1))
     ]
     chosen = next((choice for choice in choices if fits(console, choice)), choices[-1] if len(filters) == 1 else None)
     if chosen is not None:
