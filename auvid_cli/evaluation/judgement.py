@@ -302,11 +302,13 @@ def _doubted(reference: Estimate, causes: Sequence[Cause]) -> str:
 
 
 def _noises(reference: Estimate) -> Iterator[Cause]:
+    # Errors of an AHRS make the innovations of all sensors autocorrelated, for which the standard deviations allow.
+    largest_portmanteau = inf if is_from_ahrs(reference) else LARGEST_PORTMANTEAU
     for sensor, innovations in sensors_without_ahrs(reference):
         statistics, beyond = whiteness(innovations), ""
         if statistics.nis > LARGEST_NIS:
             beyond = f"are larger than expected (NIS exceeds 1 by {statistics.nis:.1f} sigma)"
-        elif statistics.portmanteau > LARGEST_PORTMANTEAU:
+        elif statistics.portmanteau > largest_portmanteau:
             beyond = f"are correlated in time ({statistics.portmanteau:.0f} sigma, Ljung-Box)"
         if beyond:
             cause = noise_cause(sensor, innovations)
