@@ -271,7 +271,8 @@ def result(case: str, seed: int) -> pd.DataFrame:
 
 
 def _distance(estimate: float, true: float | None, deviation: float | None) -> float:
-    assert true is not None and deviation is not None, "simulated data have a truth, and the smoother both"
+    assert true is not None, "simulated data have a truth"
+    assert deviation is not None, "the smoother has a total standard deviation"
     return abs(estimate - true) / deviation
 
 
