@@ -16,9 +16,7 @@ class Tolerances(Settings):
     """Standard deviations of known quantities that have no `standard_deviation` of their own and are not estimated.
 
     They enter the total standard deviations. `usual` has the defaults; `none` has zeros: everything is known exactly.
-    Sources: added mass, Sabet et al. 2018, sec. V; inertia and centre of gravity, weighing and bifilar tests of small
-    underwater vehicles (Prestero 2001, ch. 3); DVL and gyroscope, data sheets of RDI Workhorse and tactical MEMS units;
-    mounting, mechanical alignment without calibration; delays, serial lines that are stamped at reception.
+    The documentation lists their sources on the page about ± and the judgement.
     """
 
     mass: Annotated[_Share, Field(description="of the mass, as a share of it")] = 0.005
