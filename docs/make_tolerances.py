@@ -32,7 +32,7 @@ _ATTITUDE = {
 _IDENTIFICATION = (
     "identification.prior.factor=1",
     "identification.process_noise={velocity: 1e-2 m/s^2/Hz^0.5, rate: 1e-2 rad/s^2/Hz^0.5, attitude: 1e-3}",
-    "identification.smoother.max_passes=30",
+    "identification.smoother.max_passes=20",
 )
 _SHARES = {"m": "mass", "Ixx": "inertia", "Iyy": "inertia", "Izz": "inertia", "B": "buoyancy"}
 _CENTRE = {"xG": "trim", "yG": "trim", "zG": "centre_of_gravity"}
@@ -73,9 +73,15 @@ def drawn_run(case: str, seed: int, tolerances: Tolerances) -> Dataset:
     true = {symbol: known[symbol] * (1.0 + share * rng.standard_normal()) for symbol, share in shares.items()}
     true |= {s: known[s] + getattr(tolerances, key) * rng.standard_normal() for s, key in _CENTRE.items()}
     overrides = [f"vehicle.parameters.{symbol}.value={value!r}" for symbol, value in true.items()]
-    drag = nominal.vehicle.stated_coefficients()["X_u|u|"] * _SPEED[case.split()[0]]
-    linear = drag * tolerances.linear_drag * rng.standard_normal()
-    overrides.append(f"vehicle.terms=[{{name: X_u, row: X, factors: [u], value: {linear!r} kg/s}}]")
+    speed, stated = _SPEED[case.split()[0]], nominal.vehicle.stated_coefficients()
+    linear = [
+        f"{{name: {row}_{signal}, row: {row}, factors: [{signal}], "
+        f"value: {stated[symbol] * speed * tolerances.linear_damping * rng.standard_normal()!r}}}"
+        for row, signal, symbol in (("X", "u", "X_u|u|"), ("M", "q", "M_uql"), ("N", "r", "N_url"))
+    ]
+    fade = -tolerances.thrust_fade / speed * rng.standard_normal()
+    linear.append(f"{{name: X_uT, row: X, factors: [u, thrust], value: {fade!r}}}")
+    overrides.append(f"vehicle.terms=[{', '.join(linear)}]")
     arm = tolerances.accelerometer_position * rng.standard_normal(3)
     overrides.append(f"sensors.accelerometer.position=[{', '.join(f'{x!r} m' for x in arm.tolist())}]")
     dataset = simulate(load_experiment(find_experiment(None), [*settings, *overrides]))

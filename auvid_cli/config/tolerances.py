@@ -26,8 +26,14 @@ class Tolerances(Settings):
     centre_of_gravity: Annotated[_Length, Field(description="of zG")] = 0.001
     trim: Annotated[_Length, Field(description="of xG and yG, by which a floating vehicle is trimmed")] = 0.0001
     thrust: Annotated[_Share, Field(description="of the surge force, as a share of it")] = 0.05
-    linear_drag: Annotated[
-        _Share, Field(description="of the drag that is linear in speed at the mean speed, as a share of the drag")
+    thrust_fade: Annotated[
+        _Share, Field(description="of the fall of thrust from rest to the mean speed, as a share")
+    ] = 0.1
+    linear_damping: Annotated[
+        _Share,
+        Field(
+            description="of drag and damping of pitch and yaw that do not grow with speed, as a share, at mean speed"
+        ),
     ] = 0.1
     fins: Annotated[_Share, Field(description="of each fin angle, as a share of it")] = 0.02
     dvl_scale: Annotated[_Share, Field(description="of the scale of the DVL")] = 0.002

@@ -22,7 +22,8 @@ _ROUNDING = 1e-12
 # Share of a fault's effect on the data that parameters do not compensate, below which it is a rounding error.
 _UNOBSERVABLE = 1e-6
 _MOST_NEEDED = 8
-# Smallest significance of an alternative, as a share of that of the fault that it replaces.
+# Smallest significance of an alternative, as a share of that of the fault that it replaces; and the largest that is
+# left of that fault.
 _MIN_SHARE = 0.5
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
@@ -263,6 +264,12 @@ def needed_faults(scores: FaultScores, tolerance: Array, limit: float) -> list[N
         if not (significance > limit).any():
             break
         found.append(int(gain.argmax()))
+    # Later faults may explain the data of earlier ones.
+    while found:
+        significance = [_significance_of(scores, tolerance, f, [g for g in found if g != f]) for f in found]
+        if min(significance) > limit:
+            break
+        del found[int(np.argmin(significance))]
     needed = []
     for f in found:
         others = [other for other in found if other != f]
@@ -275,12 +282,16 @@ def needed_faults(scores: FaultScores, tolerance: Array, limit: float) -> list[N
 def _alternatives(scores: FaultScores, tolerance: Array, limit: float, f: int, others: list[int]) -> tuple[int, ...]:
     """Return the faults that the data cannot tell from f: with one of them instead, f is not needed."""
     significance = significances(scores, tolerance, others)
-    enough = significance >= _MIN_SHARE * significance[f]
+    enough, most = significance >= _MIN_SHARE * significance[f], min(limit, _MIN_SHARE * float(significance[f]))
     return tuple(
         int(g)
         for g in np.flatnonzero(enough)
-        if g != f and significances(scores, tolerance, [*others, int(g)], [f])[f] <= limit
+        if g != f and _significance_of(scores, tolerance, f, [*others, int(g)]) <= most
     )
+
+
+def _significance_of(scores: FaultScores, tolerance: Array, f: int, free: list[int]) -> float:
+    return float(significances(scores, tolerance, free, [f])[f])
 
 
 def gains(scores: FaultScores) -> Array:

@@ -1,6 +1,6 @@
 """Effects of faults on the data of a problem, and the score tests of these faults after a run of the smoother."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +166,7 @@ class VehicleFaults:
 
 
 def fault_tests(
-    outcome: FilterOutcome, header: EstimateHeader, scale: Array, drag_slope: float
+    outcome: FilterOutcome, header: EstimateHeader, scale: Array, whole: Mapping[str, float]
 ) -> tuple[tuple[FaultTest, ...], ConsideredErrors | None]:
     """Return the test of each fault with an effect on the data and of each alternative estimate, and all their effects.
 
@@ -177,19 +177,19 @@ def fault_tests(
     header : EstimateHeader
     scale : ndarray, shape (n,)
         SI value of one unit of each component of the state.
-    drag_slope : float
-        Drag divided by speed, kg/s, at the mean speed.
+    whole : mapping
+        Size of a fault of which its tolerance is a share, by its name, SI.
     """
     deviation, tests, considered = np.sqrt(np.diagonal(outcome.covariance)), list[FaultTest](), None
     if outcome.faults is not None:
-        tests, considered = _score_tests(outcome, outcome.faults, header, scale, drag_slope)
+        tests, considered = _score_tests(outcome, outcome.faults, header, scale, whole)
     alternatives = (_test_of_alternative(other, header, deviation, scale) for other in outcome.others)
     # The difference from a segment that alone has all the information has no variance.
     return (*tests, *(test for test in alternatives if np.isfinite(test.standard_deviation))), considered
 
 
 def _score_tests(
-    outcome: FilterOutcome, faults: FaultScores, header: EstimateHeader, scale: Array, drag_slope: float
+    outcome: FilterOutcome, faults: FaultScores, header: EstimateHeader, scale: Array, whole: Mapping[str, float]
 ) -> tuple[list[FaultTest], ConsideredErrors]:
     deviation = np.sqrt(np.diagonal(outcome.covariance))
     coefficients, spread = header.coefficient_rows, header.experiment.identification.estimate.delay.spread
@@ -197,7 +197,7 @@ def _score_tests(
     faults = faults.conditional_on({model: spread for model in delays if model.state in header.state})
     # A fin that anticipates looks like delayed inputs, so it is tested conditional on their delay.
     without_delay = faults.conditional_on({model: spread for model in delays if not model.sensor})
-    tolerance = np.array([tolerance_of(model, header.experiment, drag_slope) for model in faults.labels])
+    tolerance = np.array([tolerance_of(model, header.experiment, whole) for model in faults.labels])
     significance, needed = significances(faults, tolerance), needed_faults(faults, tolerance, LARGEST_FAULT)
     considered = _considered(outcome, faults, tolerance, coefficients, scale)
     of_data = outcome.corrected * scale[: outcome.corrected.size]
@@ -250,7 +250,7 @@ def _considered(
     return considered._replace(covariance=second_moments(faults, np.where(hidden, smallest, tolerance)))
 
 
-def tolerance_of(model: FaultModel, experiment: RunSettings, drag_slope: float) -> float:
+def tolerance_of(model: FaultModel, experiment: RunSettings, whole: Mapping[str, float]) -> float:
     """Return the standard deviation of a known quantity before any data, SI; 0 if it is not expected to be wrong."""
     vehicle, settings = experiment.vehicle, experiment.identification.tolerances
     if (stated := vehicle.parameters.deviations().get(model.parameter)) is not None:
@@ -258,10 +258,9 @@ def tolerance_of(model: FaultModel, experiment: RunSettings, drag_slope: float) 
     if not model.tolerance or (model.tolerance == "ahrs" and not experiment.has_ahrs):
         return 0.0
     size: float = getattr(settings, model.tolerance)
-    if model.tolerance == "linear_drag":
-        return size * drag_slope
-    is_share = bool(model.parameter) and model.tolerance not in _LENGTHS
-    return size * abs(vehicle.known_parameters()[model.parameter]) if is_share else size
+    if model.parameter and model.tolerance not in _LENGTHS:
+        return size * abs(vehicle.known_parameters()[model.parameter])
+    return size * whole.get(str(model.fault), 1.0)
 
 
 def _test_of_alternative(

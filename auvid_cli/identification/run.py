@@ -12,6 +12,7 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.config.identification import Identification
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Outcome
+from auvid_cli.data.faults import Fault, FaultKind
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.filters import problem
 from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline, segment_gaussian
@@ -112,7 +113,7 @@ class FilterRun:
         if outcome.faults is not None or outcome.others:
             from auvid_cli.identification.fault_effects import fault_tests
 
-            tests, considered = fault_tests(outcome, self.header, self.scale, progress.drag_slope)
+            tests, considered = fault_tests(outcome, self.header, self.scale, progress.whole_faults)
         return Outcome(
             self._status(outcome, progress),
             covariance,
@@ -190,6 +191,10 @@ class FilterRun:
         return ", ".join(parts)
 
 
+# Terms that are linear in speed, and the coefficients of which they may be a part.
+_LINEAR = {"X_u": "X_u|u|", "M_q": "M_uql", "N_r": "N_url"}
+
+
 class _Progress:
     """Progress of a run; the estimator passes its chunks to `add`.
 
@@ -252,11 +257,12 @@ class _Progress:
         return self.nis_sum / max(self.n_components, 1)
 
     @property
-    def drag_slope(self) -> float:
-        """Return drag divided by speed at the mean speed, kg/s."""
-        header = self._run.header
+    def whole_faults(self) -> dict[str, float]:
+        """Return sizes of faults: damping that is all linear in speed, and no thrust, at the mean speed, SI."""
+        header, speed = self._run.header, self.speed_sum / max(self.n_valid, 1)
         final = header.held | dict(zip(header.state, self._latest.mean[-1].tolist(), strict=True))
-        return abs(final["X_u|u|"]) * self.speed_sum / max(self.n_valid, 1)
+        linear = {term: abs(final[symbol]) * speed for term, symbol in _LINEAR.items()}
+        return linear | {str(Fault(FaultKind.THRUST_FADE)): 1.0 / speed if speed else 0.0}
 
     def finish(self) -> None:
         """Pass the last valid state on, unless it was kept anyway."""
