@@ -24,6 +24,7 @@ from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.simulation.field_log import field_log
 from docs.resumable import all_rows, asked
 from docs.section import replace_section
@@ -103,13 +104,61 @@ def _judged(experiment: Experiment, estimate: Estimate) -> dict[str, object]:
     return {"grade": judgement.grade.value, "status": estimate.status, "worst": worst, "sigmas": off[worst]}
 
 
-def outcome(seed: int, folder: Path) -> dict[str, object]:
-    """Go the tutorial's way with one seed; an estimate that did not complete predicts nothing."""
-    experiment = auvid.load_experiment("field", f"seed={seed}")
+def tuned_survey(experiment: Experiment, folder: Path) -> tuple[Dataset, Dataset]:
+    """Return the survey of an experiment with the noise that its first 320 s ask for, and these alone."""
     survey = survey_of(experiment, folder)
     tuned = auvid.tune(_with(survey, "identification.use.spans=[[0, 320]]"))
     survey = replace(survey, experiment=tuned.experiment)
-    seen = _with(survey, "identification.use.spans=[[0, 320]]")
+    return survey, _with(survey, "identification.use.spans=[[0, 320]]")
+
+
+def doubts(_case: str, seed: int) -> pd.DataFrame:
+    """Return a row for each coefficient of one seed: its error, and whether it is doubted or identified."""
+    with tempfile.TemporaryDirectory() as folder:
+        experiment = auvid.load_experiment("field", f"seed={seed}")
+        _, seen = tuned_survey(experiment, Path(folder))
+        estimate = auvid.identify(seen, "smoother")
+    judgement, true = judge(estimate)["smoother"], experiment.vehicle.all_coefficients()
+    rows = coefficient_results(estimate, None, {}, judgement)
+    named = min((test for test in estimate.faults if test.rank), key=lambda test: test.rank, default=None)
+    return pd.DataFrame(
+        {
+            "coefficient": [row.coefficient for row in rows],
+            "true": [true[row.coefficient] for row in rows],
+            "estimate": [row.estimate for row in rows],
+            "data": [row.corrected_standard_deviation for row in rows],
+            "total": [row.total_standard_deviation for row in rows],
+            "identified": [row.identified for row in rows],
+            "trusted": [judgement.trusts(row.coefficient) for row in rows],
+            "grade": judgement.grade.value,
+            "named": "" if named is None else str(named.fault),
+            "doubted": judgement.doubted,
+        }
+    )
+
+
+def doubt_table(rows: pd.DataFrame) -> list[str]:
+    """Return a row for each seed."""
+    lines = []
+    for seed, own in rows.groupby("seed"):
+        off = (own["estimate"] - own["true"]).abs() / own["total"]
+        kept = own["trusted"].astype(bool)
+        doubted = ", ".join(own["coefficient"][~kept]) if not kept.all() else "none"
+        lines.append(
+            f"| {seed} | {own['grade'].iloc[0]} | {own['named'].fillna('').iloc[0]} | {kept.sum()} of {len(own)} "
+            f"| {doubted if kept.any() else 'all'} | {own['identified'].sum()} | {off.max():.1f} |".replace(
+                "|u|", r"\|u\|"
+            )
+            .replace("|v|", r"\|v\|")
+            .replace("|r|", r"\|r\|")
+        )
+    return lines
+
+
+def outcome(seed: int, folder: Path) -> dict[str, object]:
+    """Go the tutorial's way with one seed; an estimate that did not complete predicts nothing."""
+    experiment = auvid.load_experiment("field", f"seed={seed}")
+    survey, seen = tuned_survey(experiment, folder)
     estimate = auvid.identify(seen, "smoother")
     row = _judged(experiment, estimate)
     if not estimate.completed:
@@ -180,6 +229,23 @@ def _summary(rows: pd.DataFrame) -> str:
     return f"Of {len(rows)} seeds. " + "; ".join(f"{what}: {count}" for what, count in counts.items()) + "."
 
 
+def write_doubts(seeds: int, file: Path) -> None:
+    """Do the seeds that are missing, and write the section on doubted coefficients."""
+    rows = all_rows(file, [("field", seed) for seed in range(1, seeds + 1)], doubts).sort_values("seed", kind="stable")
+    off = (rows["estimate"] - rows["true"]).abs() / rows["total"]
+    whole = rows.groupby("seed")["trusted"].all()
+    lines = [
+        f"{len(whole)} seeds: no lateral coefficient is doubted in {whole.sum()}. Of {len(rows)} coefficients",
+        f"{(off <= 2.0).mean():.1%} are within two total standard deviations, {(off > 5.0).sum()} beyond five;",
+        f"{rows['identified'].sum()} are identified.",
+        "",
+        "| seed | judged | named | not doubted | doubted | identified | largest error / total sd |",
+        "| ---: | --- | --- | ---: | --- | ---: | ---: |",
+        *doubt_table(rows),
+    ]
+    replace_section("field doubts", "\n".join(lines), "studies")
+
+
 def main() -> None:
     """Go through all seeds and write the section."""
     seeds, file = asked(__doc__, "field", 20)
@@ -193,6 +259,7 @@ def main() -> None:
         *(_line(row) for _, row in rows.iterrows()),
     ]
     replace_section("field", "\n".join(lines), "studies")
+    write_doubts(seeds, file.with_name("field_doubts.csv"))
     cases = [(case, seed) for seed in range(1, min(seeds, _REPLAYED) + 1) for case in ("steered", "replayed")]
     rows = all_rows(file.with_name("steered.csv"), cases, found_of_all).sort_values(["case", "seed"], ascending=False)
     lines = [

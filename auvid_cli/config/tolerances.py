@@ -16,9 +16,7 @@ class Tolerances(Settings):
     """Standard deviations of known quantities that have no `standard_deviation` of their own and are not estimated.
 
     They enter the total standard deviations. `usual` has the defaults; `none` has zeros: everything is known exactly.
-    Sources: added mass, Sabet et al. 2018, sec. V; inertia and centre of gravity, weighing and bifilar tests of small
-    underwater vehicles (Prestero 2001, ch. 3); DVL and gyroscope, data sheets of RDI Workhorse and tactical MEMS units;
-    mounting, mechanical alignment without calibration; delays, serial lines that are stamped at reception.
+    The documentation lists their sources on the page about ± and the judgement.
     """
 
     mass: Annotated[_Share, Field(description="of the mass, as a share of it")] = 0.005
@@ -28,6 +26,15 @@ class Tolerances(Settings):
     centre_of_gravity: Annotated[_Length, Field(description="of zG")] = 0.001
     trim: Annotated[_Length, Field(description="of xG and yG, by which a floating vehicle is trimmed")] = 0.0001
     thrust: Annotated[_Share, Field(description="of the surge force, as a share of it")] = 0.05
+    thrust_fade: Annotated[
+        _Share, Field(description="of the fall of thrust from rest to the mean speed, as a share")
+    ] = 0.1
+    linear_damping: Annotated[
+        _Share,
+        Field(
+            description="of drag and damping of pitch and yaw that do not grow with speed, as a share, at mean speed"
+        ),
+    ] = 0.1
     fins: Annotated[_Share, Field(description="of each fin angle, as a share of it")] = 0.02
     dvl_scale: Annotated[_Share, Field(description="of the scale of the DVL")] = 0.002
     dvl_yaw: Annotated[_Angle, Field(description="of the mounting yaw of the DVL")] = 0.0034907

@@ -43,8 +43,9 @@ class ConsideredErrors(NamedTuple):
         check_finite("/considered", self.covariance, self.effect, self.inflation)
         if n > n_states or len(self.units) != k:
             raise InvalidDataError("/considered does not match the state, or has columns of different lengths")
-        if (np.diagonal(self.covariance) < 0.0).any() or (self.inflation < 1.0 - _ROUNDING).any():
-            raise InvalidDataError("/considered has negative variances, or factors below 1")
+        if (self.inflation < 1.0 - _ROUNDING).any():
+            raise InvalidDataError("/considered/inflation has factors below 1")
+        self._square_root()
 
     @property
     def added(self) -> Array:
@@ -57,20 +58,54 @@ class ConsideredErrors(NamedTuple):
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """Return errors drawn from their second moments, shape (count, k)."""
-        variances, directions = np.linalg.eigh(self.covariance)
-        scale = np.sqrt(np.maximum(variances, 0.0))
-        return np.asarray(rng.standard_normal((count, scale.size)) * scale @ directions.T, dtype=np.float64)
+        root = self._square_root()
+        return np.asarray(rng.standard_normal((count, root.shape[1])) @ root.T, dtype=np.float64)
+
+    def _square_root(self) -> Array:
+        """Return a matrix R with ``R R' = covariance``, shape (k, rank).
+
+        Raises
+        ------
+        InvalidDataError
+            If the covariance is not symmetric and positive semidefinite.
+        """
+        variance = np.diagonal(self.covariance)
+        if (variance < 0.0).any():
+            raise InvalidDataError("/considered/covariance has negative variances")
+        # Normalised, because the units differ.
+        deviation = np.sqrt(variance)
+        product = np.outer(deviation, deviation)
+        correlation = np.divide(self.covariance, product, out=np.zeros_like(product), where=product > 0.0)
+        is_rest = (product == 0.0) & (self.covariance != 0.0)
+        if is_rest.any() or (np.abs(correlation - correlation.T) > _ROUNDING).any():
+            raise InvalidDataError("/considered/covariance is not symmetric, or has covariances without variances")
+        values, directions = np.linalg.eigh(correlation)
+        rounding = _ROUNDING * values.max(initial=0.0)
+        if values.min(initial=0.0) < -rounding:
+            raise InvalidDataError("/considered/covariance is not positive semidefinite")
+        kept = values > rounding
+        return np.asarray(deviation[:, None] * directions[:, kept] * np.sqrt(values[kept]), dtype=np.float64)
+
+    def given(self, k: int) -> "ConsideredErrors":
+        """Return the errors if the one of column k were known."""
+        variance, joint = self.covariance[k, k], self.covariance[k]
+        if variance <= 0.0:
+            return self
+        covariance = self.covariance - np.outer(joint, joint) / variance
+        # The rest of the known one is rounding.
+        covariance[k], covariance[:, k] = 0.0, 0.0
+        return self._replace(covariance=covariance)
 
     def contributors(self, row: int, count: int = 2) -> list[Contributor]:
         """Return the errors whose knowledge would reduce the variance of a constant state most, one after another."""
-        covariance, found = self.covariance, list[Contributor]()
+        left, found = self, list[Contributor]()
         for _ in range(count):
-            variance, joint = np.diagonal(covariance), covariance @ self.effect[row]
-            known = variance > _ROUNDING * np.diagonal(self.covariance)
-            reduction = np.divide(joint**2, variance, out=np.zeros_like(joint), where=known)
+            variance, joint = np.diagonal(left.covariance), left.covariance @ self.effect[row]
+            unknown = variance > _ROUNDING * np.diagonal(self.covariance)
+            reduction = np.divide(joint**2, variance, out=np.zeros_like(joint), where=unknown)
             k = int(reduction.argmax()) if reduction.size else 0
             if not reduction.size or reduction[k] <= 0.0:
                 break
             found.append(Contributor(self.faults[k], float(np.sqrt(reduction[k]))))
-            covariance = covariance - np.outer(covariance[k], covariance[k]) / variance[k]
+            left = left.given(k)
         return found

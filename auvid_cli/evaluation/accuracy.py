@@ -19,6 +19,8 @@ LARGEST_SHARE = 0.5
 STEADY_SHARE = 0.1
 # A coefficient whose uncertainty is more than this share of its value is not identified.
 LARGEST_SHARE_OF_VALUE = 0.2
+# Standard deviation of surge, as a share of its mean, below which drag and thrust are known at this speed only.
+ONE_SPEED = 0.05
 
 
 class SensorErrorResult(NamedTuple):
@@ -181,6 +183,20 @@ def contributors_text(estimate: Estimate, symbol: str) -> str:
     value = abs(float(estimate.mean[-1, estimate.state.index(symbol)]))
     found = estimate.contributors(symbol)
     return "; ".join(f"{each.fault} {100.0 * each.deviation / value:.2g} %" for each in found if value)
+
+
+def one_speed_remarks(estimate: Estimate) -> list[str]:
+    """Return a sentence on drag and thrust if surge hardly varies, so that they are known at one speed only."""
+    if not estimate.completed or "X_u|u|" not in estimate.state:
+        return []
+    surge = estimate.mean[:, estimate.state.index("u")]
+    speed = float(abs(surge.mean()))
+    if surge.std() > ONE_SPEED * speed:
+        return []
+    return [
+        f"X_u|u| and thrust are effective at U = {speed:.3g} m/s, because surge varies by less than {ONE_SPEED:.0%}. "
+        "At other speeds the linear share of the drag matters, which only runs at several speeds show."
+    ]
 
 
 def shares_of_prior(estimate: Estimate) -> dict[str, float]:

@@ -13,6 +13,7 @@ from auvid_cli.evaluation.accuracy import (
     SensorErrorResult,
     average_steady_state_error,
     coefficient_results,
+    one_speed_remarks,
     relative_rmse,
     sensor_error_results,
 )
@@ -96,7 +97,9 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
     judgements, with_noise = judge(estimates), _bounds_with_process_noise(prepared, estimates)
     bounds = {estimate.filter: bounds_of(estimate) for estimate in estimates}
     remarks = {f"no Cramer-Rao bound: {bound.remark}" for bound in bounds.values() if bound.remark}
-    evaluation = Evaluation([], [], [], [], [], [], {}, [*sorted(remarks), *_of_different_data(estimates)])
+    # Rounded speeds of different estimators may differ.
+    of_speed = one_speed_remarks(reference_among(estimates) or estimates[0])
+    evaluation = Evaluation([], [], [], [], [], [], {}, [*sorted(remarks), *_of_different_data(estimates), *of_speed])
     for estimate in estimates:
         own = prepared.with_settings(estimate.experiment)
         run, errors = free_run(own, estimate)

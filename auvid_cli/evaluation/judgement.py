@@ -41,6 +41,7 @@ _NARROW = 1.0  # factor of a prior that suits most runs
 _NARROWER = 0.3  # factor of a prior with these errors
 # Limits in standard deviations, chosen on simulations of six manoeuvres with and without faults, see docs/studies.md.
 LARGEST_NIS = 4.0  # excess of the sum of squares of a sensor's innovations
+LARGEST_AHRS_CORRELATION = 0.2  # autocorrelation of innovations of other sensors, due to an AHRS
 LARGEST_PORTMANTEAU = 10.0  # excess of the portmanteau statistic of a sensor's innovations
 FARTHEST = 2.25  # difference of a coefficient from the smoother's estimate
 FARTHEST_MINIMUM = 2.5  # largest difference of a coefficient in another minimum
@@ -302,11 +303,13 @@ def _doubted(reference: Estimate, causes: Sequence[Cause]) -> str:
 
 
 def _noises(reference: Estimate) -> Iterator[Cause]:
+    # Errors of an AHRS make the innovations of all sensors autocorrelated, for which the standard deviations allow.
+    largest_correlation = LARGEST_AHRS_CORRELATION if is_from_ahrs(reference) else 0.0
     for sensor, innovations in sensors_without_ahrs(reference):
         statistics, beyond = whiteness(innovations), ""
         if statistics.nis > LARGEST_NIS:
             beyond = f"are larger than expected (NIS exceeds 1 by {statistics.nis:.1f} sigma)"
-        elif statistics.portmanteau > LARGEST_PORTMANTEAU:
+        elif statistics.portmanteau > LARGEST_PORTMANTEAU and statistics.correlation > largest_correlation:
             beyond = f"are correlated in time ({statistics.portmanteau:.0f} sigma, Ljung-Box)"
         if beyond:
             cause = noise_cause(sensor, innovations)
@@ -385,10 +388,13 @@ class Whiteness(NamedTuple):
         Excess of the sum of squares; its variance accounts for the autocorrelation.
     portmanteau : float
         Statistic of Ljung and Box (Biometrika 65(2), 1978) of the component with the largest one.
+    correlation : float
+        Largest autocorrelation of a component.
     """
 
     nis: float
     portmanteau: float
+    correlation: float
 
 
 def whiteness(innovations: Innovations) -> Whiteness:
@@ -396,7 +402,7 @@ def whiteness(innovations: Innovations) -> Whiteness:
     tally = innovations.sums()
     squares, components = float(tally.squares.sum()), float(tally.components.sum())
     if not components:
-        return Whiteness(0.0, 0.0)
+        return Whiteness(0.0, 0.0, 0.0)
     correlation, samples = innovations.autocorrelation
     enough = samples >= _MIN_MEASUREMENTS
     squared, n = correlation[enough] ** 2, samples[enough]
@@ -404,4 +410,5 @@ def whiteness(innovations: Innovations) -> Whiteness:
     memory = float(squared.sum(axis=1).max(initial=0.0))
     nis = (squares - components) / np.sqrt(2.0 * components * (1.0 + 2.0 * memory))
     sums = n * (n + 2.0) * (squared / (n[:, None] - np.arange(1, N_LAGS + 1))).sum(axis=1)
-    return Whiteness(float(nis), float(((sums - N_LAGS) / np.sqrt(2.0 * N_LAGS)).max(initial=0.0)))
+    portmanteau = float(((sums - N_LAGS) / np.sqrt(2.0 * N_LAGS)).max(initial=0.0))
+    return Whiteness(float(nis), portmanteau, float(np.sqrt(squared.max(initial=0.0))))

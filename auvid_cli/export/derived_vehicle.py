@@ -14,6 +14,9 @@ from auvid_cli.vehicle.parameters import PARAMETERS
 
 # Distance of the centre of gravity below that of buoyancy, as a share of the diameter: mean of four published vehicles.
 _BOTTOM_HEAVINESS = 0.06
+_HEAVINESS_DEVIATION = 0.03
+# Standard deviation of the buoyancy of a vehicle that is ballasted to float just so, as a share of the weight.
+_BUOYANCY_DEVIATION = 0.005
 _UNITS = {quantity.symbol: quantity.unit for quantity in (*PARAMETERS, *COEFFICIENTS)}
 
 
@@ -22,12 +25,13 @@ def derived_vehicle_yaml(drawing: Drawing) -> str:
     mass, size, geometry = drawing.mass, drawing.size, drawing.geometry
     shape = geometry.shape(size.length, size.diameter, size.density)
     derived = {each.name: each for each in coefficients_from_geometry(shape, mass, geometry.speed)}
-    drag = -derived["X_u|u|"].mean
+    drag, weight = -derived["X_u|u|"].mean, mass * GRAVITY
+    heaviness, heaviness_deviation = (share * size.diameter for share in (_BOTTOM_HEAVINESS, _HEAVINESS_DEVIATION))
     assumed = {
         "m": _entry("m", mass, "read"),
-        "W": _entry("W", mass * GRAVITY, "derived: m times gravity"),
-        "B": _entry("B", mass * GRAVITY, "assumed: as W"),
-        "zG": _entry("zG", _BOTTOM_HEAVINESS * size.diameter, f"assumed: {_BOTTOM_HEAVINESS:g} of the diameter"),
+        "W": _entry("W", weight, "derived: m times gravity"),
+        "B": _entry("B", weight, "assumed: as W", _BUOYANCY_DEVIATION * weight),
+        "zG": _entry("zG", heaviness, f"assumed: {_BOTTOM_HEAVINESS:g} of the diameter", heaviness_deviation),
         "X_prop": _entry("X_prop", drag * geometry.speed**2, f"derived: -X_u|u| u^2 at {geometry.speed:g} m/s"),
     }
     zeros = {quantity.symbol: _entry(quantity.symbol, 0.0, "assumed") for quantity in PARAMETERS}
@@ -66,8 +70,9 @@ def _unit_in(annotation: Any) -> str:
     return next(filter(None, map(_unit_in, get_args(annotation))), "")
 
 
-def _entry(symbol: str, value: float, status: str) -> dict[str, Any]:
-    return {"value": f"{value:.6g} {_UNITS[symbol]}", "status": status}
+def _entry(symbol: str, value: float, status: str, deviation: float | None = None) -> dict[str, Any]:
+    stated = {} if deviation is None else {"standard_deviation": f"{deviation:.3g} {_UNITS[symbol]}"}
+    return {"value": f"{value:.6g} {_UNITS[symbol]}", **stated, "status": status}
 
 
 def _derived_entry(value: DerivedValue) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
 from auvid_cli.export.model_parts import TermSize
 from auvid_cli.text import one_line
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
+from auvid_cli.vehicle.parameters import PARAMETERS
 
 _COVARIANCES = "The covariances are lost; standard deviations are next to the values."
 
@@ -129,17 +130,25 @@ def heading_lines(model: IdentifiedModel, losses: UnsupportedFeatures) -> list[s
         f"made from {origin.dataset}",
         f"(experiment {experiment.name}, seed {experiment.seed}; all settings are in the estimate file).",
         *caveats(model),
+        _parameter_line(model),
         *unsupported_lines(losses),
     ]
+
+
+def _parameter_line(model: IdentifiedModel) -> str:
+    """Return the values of the known parameters without which the coefficients are wrong."""
+    known = model.experiment.vehicle.known_parameters()
+    values = ", ".join(f"{q.symbol} = {known[q.symbol]:.5g} {q.unit}" for q in PARAMETERS if known[q.symbol])
+    return f"The coefficients go with these parameters; change none of them alone: {values}."
 
 
 def caveats(model: IdentifiedModel) -> list[str]:
     """Return the reasons not to rely on the coefficients, a sentence each."""
     reasons = caveats_of(model.judgement)
-    if reasons or not model.not_identified():
-        return reasons
-    share = f"uncertain by more than {LARGEST_SHARE_OF_VALUE:.0%} of their value"
-    return [f"Not identified by these data, {share}: {', '.join(model.not_identified())}."]
+    if not reasons and (weak := model.not_identified()):
+        share = f"uncertain by more than {LARGEST_SHARE_OF_VALUE:.0%} of their value"
+        reasons = [f"Not identified by these data, {share}: {', '.join(weak)}."]
+    return [*reasons, *model.speed_remarks]
 
 
 def caveats_of(judgement: Judgement) -> list[str]:

@@ -14,7 +14,7 @@ from auvid_cli.config.extra_states import ERROR_STATES
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.evaluation.accuracy import coefficient_results
+from auvid_cli.evaluation.accuracy import coefficient_results, one_speed_remarks
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.judgement import Judgement, judge_one, with_considered_errors
 from auvid_cli.export.model_parts import (
@@ -85,6 +85,7 @@ class IdentifiedModel:
     # Change along that motion if the fins were lifting surfaces, RMS by row, N or N m
     surface_changes: dict[str, float]
     origin: Origin
+    speed_remarks: tuple[str, ...] = ()  # sentences, if drag and thrust are known at one speed only
 
     @property
     def coefficient_set(self) -> CoefficientSet:
@@ -165,5 +166,6 @@ def identified_model(
         actuation=actuation(estimate, dataset.inputs, values, motion),
         term_sizes=tuple(term_sizes(coefficient_set, term_histories(coefficient_set, values, motion, inputs))),
         surface_changes=surface_changes(values, motion, inputs),
+        speed_remarks=tuple(one_speed_remarks(estimate)),
         origin=origin,
     )

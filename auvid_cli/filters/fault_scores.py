@@ -5,7 +5,7 @@ the information ``sum(s_k^2)``, and the maximum-likelihood estimate of its size 
 IEEE Trans. Autom. Control 21(1), 1976). Motion and parameters adapt to the fault, so that no refit is needed.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -22,9 +22,9 @@ _ROUNDING = 1e-12
 # Share of a fault's effect on the data that parameters do not compensate, below which it is a rounding error.
 _UNOBSERVABLE = 1e-6
 _MOST_NEEDED = 8
-# Difference in log-likelihood, absolute and as a share, that does not tell two faults apart.
-_SAME_GAIN = 3.0
-_SAME_SHARE = 0.02
+# Smallest significance of an alternative, as a share of that of the fault that it replaces; and the largest that is
+# left of that fault.
+_MIN_SHARE = 0.5
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 
@@ -171,8 +171,13 @@ class _Conditional(NamedTuple):
     gain: Array
 
 
-def _conditional(scores: FaultScores, variance: Array, free: list[int]) -> _Conditional:
-    """Return the scores of each fault if all others of a positive prior `variance`, and those `free`, are estimated."""
+def _conditional(
+    scores: FaultScores, variance: Array, free: list[int], places: Iterable[int] | None = None
+) -> _Conditional:
+    """Return the scores of each fault if all others of a positive prior `variance`, and those `free`, are estimated.
+
+    Only those of the faults at `places` are valid, if it is given.
+    """
     known = np.flatnonzero(variance > 0.0)
     precision = np.divide(1.0, variance, out=np.zeros_like(variance), where=variance > 0.0)
     precision[free] = 0.0
@@ -180,7 +185,7 @@ def _conditional(scores: FaultScores, variance: Array, free: list[int]) -> _Cond
     inflation = scores.inflation if scores.inflation.size else np.ones_like(score)
     excess = scores.information * (np.outer(inflation, inflation) - 1.0)
     variance = information + np.diagonal(excess)
-    for f in range(score.size):
+    for f in range(score.size) if places is None else places:
         others = np.union1d(known, np.array(free, dtype=np.int64))
         others = others[(others != f) & (np.diagonal(scores.information)[others] > 0.0)]
         if others.size:
@@ -227,7 +232,9 @@ def second_moments(scores: FaultScores, tolerance: Array) -> Array:
     return tolerance[:, None] * moments * tolerance
 
 
-def significances(scores: FaultScores, tolerance: Array, free: Sequence[int] = ()) -> Array:
+def significances(
+    scores: FaultScores, tolerance: Array, free: Sequence[int] = (), places: Iterable[int] | None = None
+) -> Array:
     """Return the size of each fault in the standard deviation that data and tolerances allow, shape (n,).
 
     Parameters
@@ -237,8 +244,10 @@ def significances(scores: FaultScores, tolerance: Array, free: Sequence[int] = (
         Standard deviation of each fault before any data; 0 for a fault that is not expected.
     free : sequence of int
         Faults that are estimated, whatever their size.
+    places : iterable of int, optional
+        Faults whose significance is needed; that of the others is not valid.
     """
-    score, information, variance, _ = _conditional(scores, tolerance**2, [*free])
+    score, information, variance, _ = _conditional(scores, tolerance**2, [*free], places)
     seen = np.where(information > 0.0, information, np.inf)
     size, deviation = score / seen, np.hypot(np.sqrt(variance) / seen, tolerance)
     result = np.divide(np.abs(size), deviation, out=np.zeros_like(size), where=deviation > 0.0)
@@ -255,15 +264,34 @@ def needed_faults(scores: FaultScores, tolerance: Array, limit: float) -> list[N
         if not (significance > limit).any():
             break
         found.append(int(gain.argmax()))
+    # Later faults may explain the data of earlier ones.
+    while found:
+        significance = [_significance_of(scores, tolerance, f, [g for g in found if g != f]) for f in found]
+        if min(significance) > limit:
+            break
+        del found[int(np.argmin(significance))]
     needed = []
     for f in found:
         others = [other for other in found if other != f]
-        score, information, _, gain = _conditional(scores, tolerance**2, others)
+        score, information, _, _ = _conditional(scores, tolerance**2, others, [f])
         size = float(score[f] / information[f]) if information[f] > 0.0 else 0.0
-        as_good = gain >= gain[f] - max(_SAME_GAIN, _SAME_SHARE * gain[f])
-        alternatives = tuple(int(g) for g in np.flatnonzero(as_good) if g not in found)
-        needed.append(NeededFault(f, size, alternatives))
+        needed.append(NeededFault(f, size, _alternatives(scores, tolerance, limit, f, others)))
     return needed
+
+
+def _alternatives(scores: FaultScores, tolerance: Array, limit: float, f: int, others: list[int]) -> tuple[int, ...]:
+    """Return the faults that the data cannot tell from f: with one of them instead, f is not needed."""
+    significance = significances(scores, tolerance, others)
+    enough, most = significance >= _MIN_SHARE * significance[f], min(limit, _MIN_SHARE * float(significance[f]))
+    return tuple(
+        int(g)
+        for g in np.flatnonzero(enough)
+        if g != f and _significance_of(scores, tolerance, f, [*others, int(g)]) <= most
+    )
+
+
+def _significance_of(scores: FaultScores, tolerance: Array, f: int, free: list[int]) -> float:
+    return float(significances(scores, tolerance, free, [f])[f])
 
 
 def gains(scores: FaultScores) -> Array:

@@ -1,6 +1,6 @@
 """Effects of faults on the data of a problem, and the score tests of these faults after a run of the smoother."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +166,7 @@ class VehicleFaults:
 
 
 def fault_tests(
-    outcome: FilterOutcome, header: EstimateHeader, scale: Array
+    outcome: FilterOutcome, header: EstimateHeader, scale: Array, whole: Mapping[str, float]
 ) -> tuple[tuple[FaultTest, ...], ConsideredErrors | None]:
     """Return the test of each fault with an effect on the data and of each alternative estimate, and all their effects.
 
@@ -177,16 +177,19 @@ def fault_tests(
     header : EstimateHeader
     scale : ndarray, shape (n,)
         SI value of one unit of each component of the state.
+    whole : mapping
+        Size of a fault of which its tolerance is a share, by its name, SI.
     """
-    deviation = np.sqrt(np.diagonal(outcome.covariance))
-    tests, considered = ([], None) if outcome.faults is None else _score_tests(outcome, outcome.faults, header, scale)
+    deviation, tests, considered = np.sqrt(np.diagonal(outcome.covariance)), list[FaultTest](), None
+    if outcome.faults is not None:
+        tests, considered = _score_tests(outcome, outcome.faults, header, scale, whole)
     alternatives = (_test_of_alternative(other, header, deviation, scale) for other in outcome.others)
     # The difference from a segment that alone has all the information has no variance.
     return (*tests, *(test for test in alternatives if np.isfinite(test.standard_deviation))), considered
 
 
 def _score_tests(
-    outcome: FilterOutcome, faults: FaultScores, header: EstimateHeader, scale: Array
+    outcome: FilterOutcome, faults: FaultScores, header: EstimateHeader, scale: Array, whole: Mapping[str, float]
 ) -> tuple[list[FaultTest], ConsideredErrors]:
     deviation = np.sqrt(np.diagonal(outcome.covariance))
     coefficients, spread = header.coefficient_rows, header.experiment.identification.estimate.delay.spread
@@ -194,10 +197,10 @@ def _score_tests(
     faults = faults.conditional_on({model: spread for model in delays if model.state in header.state})
     # A fin that anticipates looks like delayed inputs, so it is tested conditional on their delay.
     without_delay = faults.conditional_on({model: spread for model in delays if not model.sensor})
-    tolerance = np.array([tolerance_of(model, header.experiment) for model in faults.labels])
+    tolerance = np.array([tolerance_of(model, header.experiment, whole) for model in faults.labels])
     significance, needed = significances(faults, tolerance), needed_faults(faults, tolerance, LARGEST_FAULT)
     considered = _considered(outcome, faults, tolerance, coefficients, scale)
-    total = considered.total_deviation(outcome.corrected * scale[: outcome.corrected.size])
+    of_data = outcome.corrected * scale[: outcome.corrected.size]
     tests = []
     for model in faults.labels:
         scores = without_delay if model.reacts_to else faults
@@ -212,11 +215,13 @@ def _score_tests(
         symbol = header.state[coefficients[worst]]
         test = FaultTest(model.fault, model.unit, size, sigma, symbol, float(shift[worst]) * sigma)
         place = faults.labels.index(model)
-        of_data = abs(test.z) if model.reacts_to else float(significance[place])
-        test = test._replace(tolerance=float(tolerance[place]), significance=of_data)
+        significant = abs(test.z) if model.reacts_to else float(significance[place])
+        test = test._replace(tolerance=float(tolerance[place]), significance=significant)
         for rank, fault in enumerate(needed, 1):
             if fault.place == place:
                 moves = np.abs(considered.effect[coefficients, place] * fault.size)
+                # Compared with the total without this fault, which otherwise includes its size.
+                total = considered.given(place).total_deviation(of_data)
                 moved = [header.state[row] for row, by in zip(coefficients, moves, strict=True) if by > total[row]]
                 others = [str(faults.labels[g].fault) for g in fault.alternatives]
                 test = test._replace(rank=rank, moved=" ".join(moved), alternatives="; ".join(others))
@@ -229,8 +234,8 @@ def _considered(
 ) -> ConsideredErrors:
     """Return the effects of all faults, with second moments by the tolerances and the data.
 
-    A fault without a tolerance counts with the smallest size that the tests find, if this moves a coefficient by more
-    than its total standard deviation.
+    If the smallest size of a fault that the tests find moves a coefficient by more than its total standard deviation,
+    this size is the tolerance of a fault that has none; not if all tolerances are none.
     """
     n, information = outcome.corrected.size, np.diagonal(faults.information)
     nominal = np.sqrt(np.diagonal(outcome.covariance)[:n])
@@ -241,11 +246,11 @@ def _considered(
     total = considered.total_deviation(outcome.corrected * scale[:n])
     smallest = LARGEST_FAULT * faults.inflation / np.sqrt(np.where(information > 0.0, information, np.inf))
     matters = (np.abs(effect[coefficients]) * smallest > total[coefficients, None]).any(axis=0)
-    hidden = np.where((tolerance == 0.0) & matters, smallest, 0.0)
-    return considered._replace(covariance=moments + np.diag(hidden**2))
+    hidden = (tolerance == 0.0) & matters & tolerance.any()
+    return considered._replace(covariance=second_moments(faults, np.where(hidden, smallest, tolerance)))
 
 
-def tolerance_of(model: FaultModel, experiment: RunSettings) -> float:
+def tolerance_of(model: FaultModel, experiment: RunSettings, whole: Mapping[str, float]) -> float:
     """Return the standard deviation of a known quantity before any data, SI; 0 if it is not expected to be wrong."""
     vehicle, settings = experiment.vehicle, experiment.identification.tolerances
     if (stated := vehicle.parameters.deviations().get(model.parameter)) is not None:
@@ -253,8 +258,9 @@ def tolerance_of(model: FaultModel, experiment: RunSettings) -> float:
     if not model.tolerance or (model.tolerance == "ahrs" and not experiment.has_ahrs):
         return 0.0
     size: float = getattr(settings, model.tolerance)
-    is_share = bool(model.parameter) and model.tolerance not in _LENGTHS
-    return size * abs(vehicle.known_parameters()[model.parameter]) if is_share else size
+    if model.parameter and model.tolerance not in _LENGTHS:
+        return size * abs(vehicle.known_parameters()[model.parameter])
+    return size * whole.get(str(model.fault), 1.0)
 
 
 def _test_of_alternative(

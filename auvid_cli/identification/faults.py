@@ -298,6 +298,7 @@ _TOLERANCES = {
     "yG": "trim",
     "zG": "centre_of_gravity",
 }
+_TERM_TOLERANCES = dict.fromkeys(((0, ("u",)), (4, ("q",)), (5, ("r",))), "linear_damping")
 _CURRENT = tuple(_components(FaultKind.CURRENT, "north east", "m/s", "current_{}", "dvl", _current))
 _FIN_TRIM = tuple(_components(FaultKind.FIN_TRIM, "rudder elevator", "rad", "{}_trim", "", _offset))
 # As constants these are confounded with other faults or with coefficients, so that only a drift is tested.
@@ -349,7 +350,7 @@ FAULTS: tuple[FaultModel, ...] = (
     *(_drift(kind, model) for kind, model in _ONLY_DRIFT),
     *_components(FaultKind.FIN_SCALE, "rudder elevator", "1", "", "", _scaled, "fins"),
     FaultModel(Fault(FaultKind.THRUST_SCALE), "1", "thrust_scale", "", _scaled(_THRUST), tolerance="thrust"),
-    FaultModel(Fault(FaultKind.THRUST_FADE), "s/m", "", "", _fading),
+    FaultModel(Fault(FaultKind.THRUST_FADE), "s/m", "", "", _fading, tolerance="thrust_fade"),
     FaultModel(Fault(FaultKind.THRUST_OFFSET), "N", "", "", _offset(_THRUST)),
     _parameter("m", "mass", FaultKind.MASS),
     _parameter("B", "buoyancy", FaultKind.BUOYANCY, "excess_buoyancy"),
@@ -358,7 +359,10 @@ FAULTS: tuple[FaultModel, ...] = (
     *(_parameter(symbol, tolerance) for symbol, tolerance in _TOLERANCES.items()),
     _anticipating("rudder", 0, 5, "N"),
     _anticipating("elevator", 1, 4, "M"),
-    *(missing_term(term(*row_and_factors)) for row_and_factors in TESTED_TERMS),
+    *(
+        missing_term(term(*row_and_factors))._replace(tolerance=_TERM_TOLERANCES.get(row_and_factors, ""))
+        for row_and_factors in TESTED_TERMS
+    ),
 )
 
 

@@ -115,8 +115,9 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     )
     if sensors.nonlinear.any():
         # Imported here because it takes long to compile, and few data need it.
-        from auvid_cli.identification.sensors import linearise, observe
+        from auvid_cli.identification.sensors import linearise, observe, refuse_unknown
 
+        refuse_unknown(name for name, is_nonlinear in zip(measuring, sensors.nonlinear, strict=True) if is_nonlinear)
         process = process._replace(observe=observe, linearise=linearise)
     parameters = _prior_of_parameters(layout, prepared)
     gaussians = [initial_gaussian(layout, parameters, segment.measured) for segment in prepared.segments]

@@ -12,6 +12,7 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.config.identification import Identification
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Outcome
+from auvid_cli.data.faults import Fault, FaultKind
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.filters import problem
 from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline, segment_gaussian
@@ -112,7 +113,7 @@ class FilterRun:
         if outcome.faults is not None or outcome.others:
             from auvid_cli.identification.fault_effects import fault_tests
 
-            tests, considered = fault_tests(outcome, self.header, self.scale)
+            tests, considered = fault_tests(outcome, self.header, self.scale, progress.whole_faults)
         return Outcome(
             self._status(outcome, progress),
             covariance,
@@ -190,6 +191,10 @@ class FilterRun:
         return ", ".join(parts)
 
 
+# Terms that are linear in speed, and the coefficients of which they may be a part.
+_LINEAR = {"X_u": "X_u|u|", "M_q": "M_uql", "N_r": "N_url"}
+
+
 class _Progress:
     """Progress of a run; the estimator passes its chunks to `add`.
 
@@ -207,13 +212,15 @@ class _Progress:
         Sum of the normalised innovations squared.
     n_components : int
         Number of components in that sum.
+    speed_sum : float
+        Sum of the surge speed over the valid events, m/s.
     clocks : ndarray, shape (2,)
         Processor and wall time of the estimator without that of `on_chunk`, s.
     """
 
     def __init__(self, run: FilterRun, on_chunk: Callable[[EstimateChunk], None]) -> None:
         self.n_valid, self.reached, self.sensor, self.last_innovation = 0, run.span[0], 0, np.nan
-        self.nis_sum, self.n_components = 0.0, 0
+        self.nis_sum, self.n_components, self.speed_sum = 0.0, 0, 0.0
         self.clocks = np.zeros(2)
         self._run, self._on_chunk = run, on_chunk
         self._every = run.header.experiment.identification.keep_every
@@ -232,6 +239,7 @@ class _Progress:
         if valid:
             self._latest = self._run.chunk(rows, self._latest.innovations, slice(valid - 1, valid))
         self.n_valid += valid
+        self.speed_sum += float(np.abs(records.mean[:, self._run.header.state.index("u")]).sum())
         self.reached = float(timeline.time[min(valid, timeline.time.size - 1)])
         if measurements := timeline.measurement_offset[valid]:
             self.sensor = int(timeline.measurement_sensor[measurements - 1])
@@ -247,6 +255,14 @@ class _Progress:
     def mean_nis(self) -> float:
         """Return the normalised innovation squared per component."""
         return self.nis_sum / max(self.n_components, 1)
+
+    @property
+    def whole_faults(self) -> dict[str, float]:
+        """Return sizes of faults: damping that is all linear in speed, and no thrust, at the mean speed, SI."""
+        header, speed = self._run.header, self.speed_sum / max(self.n_valid, 1)
+        final = header.held | dict(zip(header.state, self._latest.mean[-1].tolist(), strict=True))
+        linear = {term: abs(final[symbol]) * speed for term, symbol in _LINEAR.items()}
+        return linear | {str(Fault(FaultKind.THRUST_FADE)): 1.0 / speed if speed else 0.0}
 
     def finish(self) -> None:
         """Pass the last valid state on, unless it was kept anyway."""

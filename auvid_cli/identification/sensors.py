@@ -5,6 +5,7 @@ a DVL at l ``(1 + scale) Rz(yaw)' (nu1 + R' current + omega x l)``, a magnetomet
 the rotation matrix from body to earth axes, Fossen 2011, ch. 2.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from auvid_cli.arrays import Array
@@ -47,6 +48,14 @@ _BLOCK = _SLOPE + N_BLOCK
 _FOR_JACOBIAN = _BLOCK + N_JACOBIAN_WORK
 _FORCE = _FOR_JACOBIAN + 3 * LANES
 _three = types.UniTuple(types.float64, 3)
+# Sensors that `observe` and `linearise` predict.
+_PREDICTED = "accelerometer", "dvl", "magnetic_field"
+
+
+def refuse_unknown(names: Iterable[str]) -> None:
+    """Raise a TypeError if a nonlinear sensor has no compiled prediction."""
+    if unknown := sorted({*names} - {*_PREDICTED}):
+        raise TypeError(f"no compiled code predicts {', '.join(unknown)}")
 
 
 class _Workspace(NamedTuple):

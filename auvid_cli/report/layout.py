@@ -70,25 +70,25 @@ def _columns(group: str, filters: list[str]) -> list[Column]:
     return [Column(filter_label(name), group) for name in filters]
 
 
-def estimates(evaluation: Evaluation, filters: Sequence[str], with_deviations: bool = True) -> Table:
-    """Return the estimates at the end, for terminal and files, with or without their standard deviations.
+def estimates(evaluation: Evaluation, filters: Sequence[str]) -> Table:
+    """Return the estimates at the end with their standard deviations, for terminal and files.
 
     A total standard deviation has that of the data next to it, and for one filter the known quantities that it is
     mostly due to.
     """
     own = [row for row in evaluation.coefficients if row.filter in filters]
-    has_total = {row.filter for row in own if with_deviations and row.total_standard_deviation is not None}
-    has_cause = with_deviations and len(filters) == 1 and any(row.contributors for row in own)
+    has_total = {row.filter for row in own if row.total_standard_deviation is not None}
+    has_cause = len(filters) == 1 and any(row.contributors for row in own)
     columns = [text_column("symbol"), text_column("unit")]
     for name in filters:
-        kind = " ± total" if name in has_total else " ± sd" if with_deviations else ""
+        kind = " ± total" if name in has_total else " ± sd"
         columns += [Column(f"{filter_label(name)}{kind}"), *[Column("± data")] * (name in has_total)]
     columns += [text_column("mostly from")] * has_cause
 
     def cells(name: str, row: CoefficientResult | None) -> list[Cell]:
         if row is None:
             return [None] * (1 + (name in has_total))
-        estimate = PlusMinus(row.estimate, shown_deviation(row)) if with_deviations else row.estimate
+        estimate = PlusMinus(row.estimate, shown_deviation(row))
         return [marked(row, estimate), *[number(data_deviation(row), DEVIATION_DIGITS)] * (name in has_total)]
 
     rows: list[list[Cell]] = []

@@ -12,7 +12,7 @@ from rich.text import Text
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.checks import Check
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.accuracy import coefficient_results
+from auvid_cli.evaluation.accuracy import coefficient_results, one_speed_remarks
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FixSuggestion, Identifiability
@@ -55,6 +55,7 @@ _NOTES = (
 )
 # Columns left out on a narrow terminal, in this order.
 _DROPPED_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
+_DROPPED_OF_ESTIMATES = "unit", "± data", "mostly from"
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
 _STYLES = {"FAIL": "bold red", "note": "yellow"}
 _VALIDATION_DIGITS = 3
@@ -151,7 +152,7 @@ def print_estimate(console: Console, estimate: Estimate, judgement: Judgement) -
     evaluation = Evaluation(rows, [], [], [], [], [], {}, [])
     for screen in _estimate_tables(console, evaluation, [estimate.filter]):
         console.print(screen)
-    for text in estimates(evaluation, [estimate.filter]).notes:
+    for text in (*estimates(evaluation, [estimate.filter]).notes, *one_speed_remarks(estimate)):
         console.print(Text(encodable(console, text)))
 
 
@@ -215,12 +216,13 @@ def print_identifiability(console: Console, identifiability: Identifiability) ->
 
 
 def _estimate_tables(console: Console, evaluation: Evaluation, filters: list[str]) -> list[ScreenTable]:
-    """Return the widest table that fits, or else one table for each filter."""
-    full, bare = estimates(evaluation, filters), estimates(evaluation, filters, with_deviations=False)
+    """Return the widest table that fits, or else one table for each filter; total standard deviations are kept."""
+    full = estimates(evaluation, filters)
+    headers = {column.header for column in full.columns}
+    dropped = [header for header in _DROPPED_OF_ESTIMATES if header in headers]
     choices = [
-        screen_table(console, table.without(*left_out), unbroken=("symbol", "unit"), left_out=(*words, *left_out))
-        for table, words in ((full, ()), (bare, ("standard deviations",)))
-        for left_out in ((), ("unit",))
+        screen_table(console, full.without(*left_out), unbroken=("symbol", "unit"), left_out=left_out)
+        for left_out in (dropped[:count] for count in range(len(dropped) + 1))
     ]
     chosen = next((choice for choice in choices if fits(console, choice)), choices[-1] if len(filters) == 1 else None)
     if chosen is not None:

@@ -38,6 +38,7 @@ manoeuvre:
 %(spiral)s
 identification:
   filters: [smoother] # others: `auvid list filters`
+  tolerances: usual # of known quantities; or what you measured, such as {inertia: 2 %%, delay: 1 ms}
 """
 
 _MAP = """\
@@ -48,6 +49,7 @@ vehicle: vehicle.yaml
 identification:
   filters: [smoother]
   prior: %(prior)s # for coefficients that the log does not determine; without it, only the log counts
+  tolerances: usual # of known quantities; or what you measured, such as {inertia: 2 %%, delay: 1 ms}
 logs: {log: dive.csv}
 time: time # column, s
 sensors: # leave out sensors that the log does not have

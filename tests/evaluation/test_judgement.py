@@ -141,6 +141,14 @@ def test_innovations_that_last_are_told_with_their_sensor(ckf, smoother, rng):
         assert judgement.reason.startswith("innovations of dvl are correlated in time")
 
 
+@pytest.mark.parametrize(("source", "grade"), [("ahrs", Grade.SOUND), ("direct", Grade.DOUBTFUL)])
+def test_small_autocorrelation_is_doubted_only_without_an_ahrs(source, grade, smoother, experiment_with, rng):
+    innovations = {"dvl": white(rng, 1.0, 0.15), "gyroscope": white(rng)}
+    experiment = experiment_with(f"sensors.attitude.source={source}")
+    attitude = {"attitude": smoother.innovations["attitude"]} if source == "ahrs" else {}
+    assert judge_one(replace(smoother, experiment=experiment, innovations=innovations | attitude), None).grade is grade
+
+
 def test_an_attitude_is_judged_where_it_is_no_ahrs(smoother, experiment_with):
     direct = replace(smoother, experiment=experiment_with("sensors.attitude.source=direct"))
     assert judge_one(smoother, None).grade is Grade.SOUND
@@ -190,12 +198,14 @@ class _two_coefficients:
 
 def test_white_innovations_of_the_stated_variance_are_within_chance():
     found = [whiteness(white(np.random.default_rng(seed))) for seed in range(20)]
-    nis, portmanteau = np.transpose(found)
+    nis, portmanteau, correlation = np.transpose(found)
     assert np.abs(nis).max() < 3.0
     # Its own mean and deviation; the larger of three is told.
     assert abs(nis.mean()) < 0.7
     assert 0.6 < nis.std() < 1.4
     assert portmanteau.max() < 5.0
+    # The standard deviation of an autocorrelation of n white samples is 1 / sqrt(n).
+    assert correlation.max() < 5.0 / np.sqrt(N)
 
 
 def test_larger_ones_are_told_by_nis_alone(rng):
@@ -209,6 +219,7 @@ def test_larger_ones_are_told_by_nis_alone(rng):
 def test_coloured_ones_are_told_by_the_portmanteau_and_their_nis_counts_for_less(rng):
     coloured, noise = whiteness(white(rng, 1.1, 0.8)), whiteness(white(rng, 1.1))
     assert coloured.portmanteau > 10 * LARGEST_PORTMANTEAU
+    assert coloured.correlation == pytest.approx(0.8, abs=0.03)
     # The squares of an AR(1) sequence remember 0.64 to the power of the lag.
     assert coloured.nis < 0.8 * noise.nis
 
@@ -230,7 +241,7 @@ def test_of_few_only_their_size_is_judged(rng):
 
 
 def test_of_none_nothing_is_said(rng):
-    assert whiteness(white(rng, n=0)) == (0.0, 0.0)
+    assert whiteness(white(rng, n=0)) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(

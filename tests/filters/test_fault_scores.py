@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.fault_scores import FaultEffects
-from auvid_cli.filters.problem import OK, Gaussian, JointProblem, joint_gaussian, segment_indices
+from auvid_cli.filters.fault_scores import FaultEffects, needed_faults
+from auvid_cli.filters.problem import OK, FaultScores, Gaussian, JointProblem, joint_gaussian, segment_indices
 from auvid_cli.filters.smoother import run_smoother
 
 N_MOVING, N_FAULTS = 4, 3
@@ -130,3 +130,14 @@ def test_conditional_scores_are_those_of_least_squares(dense):
     one = np.linalg.solve(known[:1, :1], known[:1, 1:])
     assert_allclose(others.effect, dense.effect[:, 1:] - dense.effect[:, :1] @ one, rtol=1e-6, atol=1e-9)
     assert found.conditional_on({}) is found
+
+
+@pytest.mark.parametrize(("angle", "alternatives"), [(1e-3, (1,)), (1.0, ())])
+def test_faults_with_the_same_signature_are_alternatives(angle, alternatives):
+    """Of two unit signatures at an angle, the first is in the data; the third is unrelated."""
+    signatures = np.array([[1.0, 0.0, 0.0], [np.cos(angle), np.sin(angle), 0.0], [0.0, 0.0, 1.0]])
+    data = 20.0 * signatures[0]
+    scores = FaultScores(("a", "b", "c"), signatures @ data, signatures @ signatures.T, np.zeros((1, 3)))
+    (needed,) = needed_faults(scores, np.zeros(3), 3.5)
+    assert (needed.place, needed.alternatives) == (0, alternatives)
+    assert_allclose(needed.size, 20.0)

@@ -10,7 +10,7 @@ from auvid_cli.config.identification import Identification
 from auvid_cli.evaluation.free_run import VELOCITY_ERRORS, measured_velocity, velocity_through_water
 from auvid_cli.identification.compiled_layout import KnownSensor, KnownSensors
 from auvid_cli.identification.process import vehicle_process
-from auvid_cli.identification.sensors import linearise, observe
+from auvid_cli.identification.sensors import linearise, observe, refuse_unknown
 from auvid_cli.identification.states import state_layout
 from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.actuators import ActuatorErrors
@@ -179,3 +179,9 @@ def test_magnetometer_measures_field_and_bias(walk, has_depth, experiment_with):
     state = np.array([values.get(symbol, 0.7) for symbol in layout.symbols]) / layout.scale
     seen = Rotation.from_euler("ZYX", MOTION[:5:-1]).apply(FIELD, inverse=True) + np.array([0.2, -0.1, 0.05])
     assert_seen_alike(process, state, layout.n_parameters, seen, MAGNETOMETER)
+
+
+def test_nonlinear_sensor_without_compiled_prediction_is_refused():
+    refuse_unknown(["dvl", "accelerometer", "magnetic_field"])
+    with pytest.raises(TypeError, match="gyroscope"):
+        refuse_unknown(["dvl", "gyroscope"])

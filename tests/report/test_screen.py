@@ -46,6 +46,14 @@ def test_a_narrow_terminal_drops_columns_and_names_them(evaluation):
     assert "left out" not in printed(evaluation, 100)
 
 
+@pytest.mark.parametrize("width", [40, 60, 80, 120])
+def test_estimates_have_total_deviations_at_any_width(evaluation, width):
+    rows = [row._replace(total_standard_deviation=0.75, contributors="Iyy 5 %") for row in evaluation.coefficients]
+    text = printed(evaluation._replace(coefficients=rows), width)
+    assert text.count("± total") >= (1 if width > 60 else 3)
+    assert text.count("± 0.75") == len(rows)
+
+
 def test_what_an_error_is_of_is_said_where_there_is_one(evaluation):
     explained = "Steady-state error: distance of the mean over the last tenth of the run from the true value."
     assert explained in printed(evaluation, 200)

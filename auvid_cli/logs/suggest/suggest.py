@@ -106,6 +106,10 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
             YamlEntry("logs", files),
             YamlEntry("sensors", list(sensor_lines(names, sensors, evidence))),
             YamlEntry("inputs", list(input_lines(names, inputs, evidence))),
+            YamlEntry(
+                "identification",
+                [YamlEntry("tolerances", "usual", "or what you measured, such as {inertia: 2 %, delay: 1 ms}")],
+            ),
             *unused_lines(names, sensors, inputs),
         ]
     )
