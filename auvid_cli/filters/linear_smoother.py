@@ -159,16 +159,21 @@ class LinearSmoothing:
         self._n = problem.n_parameters + problem.n_moving
         self._work = SmootherWorkspace.of(process, self._n, sensors.matrix.shape[1])
         self._cache, self._cached_trajectory = dict[tuple[int, int], tuple[Linearised, ForwardPass]](), None
+        # The trajectory of all linearisations in the cache: noise changes forward passes only.
+        self._linearised_trajectory: Trajectory | None = None
 
     def change_noise(self, process: Process, sensors: Sensors) -> None:
         """Replace process and measurement noise."""
+        if not np.array_equal(process.constants, self._process.constants):
+            self._linearised_trajectory = None
         self._process, self._data = process, ModelData.of(process, sensors)
         self._cached_trajectory = None
 
     def filter(self, trajectory: Trajectory) -> Filtered | None:
         """Filter the deviations from a trajectory; None if its cost is not finite."""
         cost, least, log_determinant, before, by_parameters, state = 0.0, 0.0, 0.0, [], [], None
-        self._cached_trajectory, room = trajectory, _CACHE_SIZE
+        is_linearised = trajectory is self._linearised_trajectory
+        self._cached_trajectory, self._linearised_trajectory, room = trajectory, None, _CACHE_SIZE
         for segment in range(len(self._segments)):
             gaussian, derivative, distance = self._initial_deviation(trajectory, segment, state)
             cost += distance
@@ -178,7 +183,10 @@ class LinearSmoothing:
             for chunk, timeline in enumerate(self._segments[segment]):
                 # Reuse the arrays of the last trajectory: new memory is slow, because it comes page by page.
                 former, forward_pass = self._cache.pop((segment, chunk), (None, None))
-                about = self._linearise(trajectory, segment, chunk, timeline, former)
+                if former is None or not is_linearised:
+                    about = self._linearise(trajectory, segment, chunk, timeline, former)
+                else:
+                    about = former
                 before[-1].append(state.copy())
                 forward_pass = ForwardPass.of(about) if forward_pass is None else forward_pass
                 if (room := room - sum(array.nbytes for array in (*forward_pass, about.rows, about.transition))) >= 0:
@@ -188,6 +196,7 @@ class LinearSmoothing:
                 if good < timeline.time.size:
                     return None
         assert state is not None, "there is at least one segment"
+        self._linearised_trajectory = trajectory
         return Filtered(trajectory, cost, least, log_determinant, before, by_parameters, state)
 
     def step(self, filtered: Filtered) -> Trajectory:

@@ -148,7 +148,7 @@ def most_likely_noise(
         Receives a `NoiseProgress` before each forward or backward pass; an exception that it raises ends the search.
     """
     likelihood = _Likelihood(problem, groups, on_pass)
-    minima = most_probable(problem, likelihood.smoothing, max_passes)
+    minima = most_probable(problem, likelihood.smoothing, max_passes, enough=1)
     if not minima:
         return None
     trajectory, x, converged = minima[0][0].trajectory, np.zeros(len(groups)), False

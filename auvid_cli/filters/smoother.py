@@ -130,13 +130,15 @@ def run_smoother(
     return outcome._replace(faults=scores, others=tuple(alternatives), corrected=corrected)
 
 
-def most_probable(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) -> list[tuple[Filtered, bool]]:
-    """Return the last iterate from each start, and whether it converged; the most probable first."""
+def most_probable(
+    problem: JointProblem, smoothing: LinearSmoothing, max_passes: int, enough: int = _N_MINIMA
+) -> list[tuple[Filtered, bool]]:
+    """Return the last iterate from each start until `enough` converged, and whether it did; the most probable first."""
     minima = []
     for start in _starts(problem, smoothing, max_passes):
         if (minimum := gauss_newton(smoothing, start, max_passes)) is not None:
             minima.append(minimum)
-            if _is_near(start, minimum[0]) or sum(converged for _, converged in minima) == _N_MINIMA:
+            if _is_near(start, minimum[0]) or sum(converged for _, converged in minima) == enough:
                 break
     return sorted(minima, key=lambda minimum: minimum[0].cost)
 
