@@ -172,7 +172,7 @@ def main() -> None:
     lines = [
         "Runs of 60 s of vt690, remus100 and lauv. Known quantities are drawn from the usual tolerances; the smoother",
         "has the nominal ones, and process noise of the size of the misfit: 0.01 for velocity and rates, 0.001 for",
-        "angles. Runs that did not converge are left out. Total / spread: total standard deviation over the spread of the",
+        "angles. Runs that did not converge are left out. Total / spread: total standard deviation over spread of the",
         "errors, in the median. Beyond 5 by the data: errors beyond five standard deviations by the data alone.",
         "",
         "| runs of | runs | not converged | sound | within 2 total sd | largest error / total sd | largest, identified "
