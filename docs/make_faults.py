@@ -324,7 +324,7 @@ def main() -> None:
         "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
         *honest_table(honest),
         "",
-        f"With one fault each, {len(faulty)} runs: {faulty['kind'].nunique()} kinds of three sizes. {sound} are sound,",
+        f"With one fault each, {len(faulty)} runs: {faulty['kind'].nunique()} kinds of up to three sizes. {sound} are sound,",
         f"{wrong.sum()} of them with an identified coefficient beyond {_WRONG:g} total standard deviations;",
         f"{beyond.sum()} runs of any grade have one. Largest error of all coefficients by the data alone and by the",
         "total, for each size; - did not converge:",
