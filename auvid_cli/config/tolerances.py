@@ -36,6 +36,9 @@ class Tolerances(Settings):
         ),
     ] = 0.1
     fins: Annotated[_Share, Field(description="of each fin angle, as a share of it")] = 0.02
+    held_coefficients: Annotated[
+        _Share, Field(description="of each coefficient that is not estimated, as a share of it")
+    ] = 0.4
     dvl_scale: Annotated[_Share, Field(description="of the scale of the DVL")] = 0.002
     dvl_yaw: Annotated[_Angle, Field(description="of the mounting yaw of the DVL")] = 0.0034907
     dvl_position: Annotated[_Length, Field(description="of each coordinate of the DVL")] = 0.01

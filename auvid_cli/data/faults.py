@@ -142,6 +142,11 @@ class FaultKind(Enum):
         "the model lacks this term, and others make up for it: add it ({setting})",
         tuple(term(row, factors).symbol for row, factors in TESTED_TERMS),
     )
+    HELD_COEFFICIENT = (
+        "held {}",
+        "identification.coefficients",
+        "it is held at a value that these data contradict: estimate it ({setting}), or correct it",
+    )
     ANOTHER_MINIMUM = (
         "another minimum (cost {} higher)",
         "",

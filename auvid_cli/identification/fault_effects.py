@@ -20,6 +20,7 @@ from auvid_cli.identification.faults import (
     FaultedVehicle,
     FaultModel,
     Motion,
+    held_coefficient,
     stated_parameters,
 )
 from auvid_cli.identification.problem_setup import AugmentedProblem
@@ -54,10 +55,11 @@ class VehicleFaults:
         self._problem = problem
         present, modelled = ("", *problem.measuring), (*problem.layout.symbols, *delays)
         if tested is FAULTS:
-            tested = *FAULTS, *stated_parameters(problem.known_deviations)
+            held = (coefficient for coefficient in problem.coefficients if problem.held.get(coefficient.symbol))
+            tested = *FAULTS, *stated_parameters(problem.known_deviations), *map(held_coefficient, held)
         self._motion_rows = problem.layout.moving_rows_of("motion")
         constant = problem.layout.symbols[: problem.layout.n_parameters]
-        modelled_terms = {c.regressor for c in problem.coefficients if c.symbol in modelled}
+        modelled_terms = {c.regressor for c in problem.coefficients if c.symbol in modelled or problem.held[c.symbol]}
         others = (
             fault
             for fault in tested
@@ -253,13 +255,19 @@ def _considered(
 def tolerance_of(model: FaultModel, experiment: RunSettings, whole: Mapping[str, float]) -> float:
     """Return the standard deviation of a known quantity before any data, SI; 0 if it is not expected to be wrong."""
     vehicle, settings = experiment.vehicle, experiment.identification.tolerances
-    if (stated := vehicle.parameters.deviations().get(model.parameter)) is not None:
+    symbol, is_held = model.parameter, model.fault.kind is FaultKind.HELD_COEFFICIENT
+    if is_held:
+        symbol = model.fault.component
+    known = vehicle.parameters.deviations() | vehicle.stated_deviations()
+    if (stated := known.get(symbol)) is not None:
         return stated
     if not model.tolerance or (model.tolerance == "ahrs" and not experiment.has_ahrs):
         return 0.0
     size: float = getattr(settings, model.tolerance)
+    if is_held:
+        return size * abs(vehicle.stated_coefficients()[symbol])
     if model.parameter and model.tolerance not in _LENGTHS:
-        return size * abs(vehicle.known_parameters()[model.parameter])
+        return size * abs(vehicle.known_parameters()[symbol])
     return size * whole.get(str(model.fault), 1.0)
 
 

@@ -241,6 +241,12 @@ def missing_term(term: Coefficient) -> FaultModel:
     return FaultModel(Fault(FaultKind.MISSING_TERM, term.symbol), term.unit, "", "", effect, term.regressor)
 
 
+def held_coefficient(coefficient: Coefficient) -> FaultModel:
+    """Return the fault that a coefficient that is not estimated has another value."""
+    fault = Fault(FaultKind.HELD_COEFFICIENT, coefficient.symbol)
+    return missing_term(coefficient)._replace(fault=fault, regressor=None, tolerance="held_coefficients")
+
+
 def _delay(sensor: str, effect: Effect) -> FaultModel:
     component = "DVL" if sensor == "dvl" else sensor.replace("_", " ")
     fault = Fault(FaultKind.SENSOR_DELAY, component)

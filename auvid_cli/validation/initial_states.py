@@ -290,6 +290,8 @@ def _add_considered(
         elif fault.kind is FaultKind.FIN_SCALE:
             of_fin = [c for c, each in enumerate(estimate.coefficient_set) if fault.component in each.signals]
             drawn[:, of_fin] *= 1.0 + sizes[:, k : k + 1]
+        elif fault.kind is FaultKind.HELD_COEFFICIENT:
+            drawn[:, symbols.index(fault.component)] += sizes[:, k]
         elif symbol := fault.parameter:
             for own, size in zip(parameters, sizes[:, k].tolist(), strict=True):
                 own[symbol] = size

@@ -9,6 +9,7 @@ from auvid_cli.evaluation.accuracy import (
     average_steady_state_error,
     coefficient_results,
     normalised_estimation_error,
+    one_speed_remarks,
     steady_part,
 )
 from auvid_cli.evaluation.judgement import Grade, Judgement
@@ -131,3 +132,17 @@ def test_a_covariance_that_claims_to_know_a_combination_exactly_is_infinitely_wr
     estimate = hand_made([0.0, 1.0], {"Y_url": [0.0, 3.0], "Y_uvl": [0.0, 5.0]})
     estimate.covariance[:] = 1.0
     assert normalised_estimation_error(estimate, truth_of(Y_url=4.0, Y_uvl=4.0)) == np.inf
+
+
+@pytest.mark.parametrize(("spread", "is_said"), [(0.0, True), (0.04, True), (0.06, False)])
+def test_drag_at_one_speed_is_effective_at_that_speed(spread, is_said, hand_made):
+    time = np.arange(100.0)
+    estimate = hand_made(time, {"X_u|u|": np.full(100, -5.0)})
+    # Two values a standard deviation above and below the mean.
+    estimate.mean[:, estimate.state.index("u")] = 1.5 * (1.0 + spread * (-1.0) ** time)
+    (said,) = one_speed_remarks(estimate) or [""]
+    assert ("effective at U = 1.5 m/s" in said) == is_said
+
+
+def test_drag_that_is_held_needs_no_remark(hand_made):
+    assert one_speed_remarks(hand_made([0, 1], {"Y_url": [0.0, 3.0]})) == []

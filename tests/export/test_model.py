@@ -154,3 +154,13 @@ def test_inconsistent_estimate_has_a_caveat(estimate, dataset):
     lines = heading_lines(model, UnsupportedFeatures((), ()))
     assert any(line.startswith("Do not rely on these values, inconsistent: ") for line in lines)
     assert "Nothing is lost." in lines
+
+
+def test_heading_names_the_parameters_and_the_speed_of_the_coefficients(model):
+    at_one_speed = replace(model, speed_remarks=("X_u|u| holds at one speed.",))
+    lines = heading_lines(at_one_speed, UnsupportedFeatures((), ()))
+    (parameters,) = (line for line in lines if "go with these parameters" in line)
+    known = model.experiment.vehicle.known_parameters()
+    assert f"Izz = {known['Izz']:.5g} kg*m^2" in parameters
+    assert "X_u|u| holds at one speed." in lines
+    assert "X_u|u| holds at one speed." in caveats(at_one_speed)

@@ -141,3 +141,18 @@ def test_faults_with_the_same_signature_are_alternatives(angle, alternatives):
     (needed,) = needed_faults(scores, np.zeros(3), 3.5)
     assert (needed.place, needed.alternatives) == (0, alternatives)
     assert_allclose(needed.size, 20.0)
+
+
+def test_needed_faults_are_significant_in_their_joint_estimate():
+    """By least squares of the data on their signatures."""
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        signatures = rng.standard_normal((6, 8))
+        data = 8.0 * signatures[0] - 6.0 * signatures[1] + rng.standard_normal(8)
+        scores = FaultScores(tuple("abcdef"), signatures @ data, signatures @ signatures.T, np.zeros((1, 6)))
+        needed = needed_faults(scores, np.zeros(6), 3.5)
+        own = signatures[[fault.place for fault in needed]]
+        covariance = np.linalg.inv(own @ own.T)
+        sizes = covariance @ own @ data
+        assert_allclose([fault.size for fault in needed], sizes, rtol=1e-6)
+        assert (np.abs(sizes) / np.sqrt(np.diagonal(covariance)) > 3.5).all()

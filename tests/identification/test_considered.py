@@ -13,7 +13,10 @@ from auvid_cli.data.estimate_file import read_estimate, write_estimate
 from auvid_cli.data.faults import Fault
 from auvid_cli.filters.fault_scores import second_moments
 from auvid_cli.filters.problem import FaultScores
+from auvid_cli.identification.fault_effects import tolerance_of
+from auvid_cli.identification.faults import FAULTS, held_coefficient
 from auvid_cli.identification.run import identify
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
 
 
 @pytest.fixture(scope="module")
@@ -111,3 +114,37 @@ def test_tolerances_are_a_word_or_numbers():
     }
     with pytest.raises(ValueError, match="expected usual, none"):
         Tolerances.model_validate("some")
+
+
+@pytest.mark.parametrize(
+    ("fault", "settings", "expected"),
+    [
+        ("X_u", (), 0.1 * 20.0),
+        ("N_r", ("identification.tolerances={linear_damping: 5 %}",), 0.05 * 140.0),
+        ("thrust that falls with speed", (), 0.1 / 3.9),
+        ("Iyy", ("vehicle.parameters.Iyy={value: 15 kg*m^2}",), 0.05 * 15.0),
+        ("Iyy", ("vehicle.parameters.Iyy={value: 15 kg*m^2, standard_deviation: 2 kg*m^2}",), 2.0),
+        ("zG", (), 1e-3),
+        ("scale of the DVL", ("identification.tolerances=none",), 0.0),
+        ("bias of theta", (), np.deg2rad(0.2)),
+        ("bias of theta", ("sensors.attitude.source=direct",), 0.0),
+        ("Y_|v|r", (), 0.0),
+    ],
+)
+def test_tolerance_of_a_fault_is_stated_or_a_share_or_a_size(fault, settings, expected, experiment_with):
+    (model,) = (model for model in FAULTS if str(model.fault) == fault)
+    whole = {"X_u": 20.0, "N_r": 140.0, "thrust that falls with speed": 1.0 / 3.9}
+    assert_allclose(tolerance_of(model, experiment_with(*settings), whole), expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        (("vehicle.coefficients.M_uql={value: -20 kg*m/rad}",), 0.4 * 20.0),
+        (("vehicle.coefficients.M_uql={value: -20 kg*m/rad, standard_deviation: 3 kg*m/rad}",), 3.0),
+        (("identification.tolerances=none",), 0.0),
+    ],
+)
+def test_tolerance_of_a_held_coefficient_is_stated_or_a_share(settings, expected, experiment_with):
+    (coefficient,) = (each for each in COEFFICIENTS if each.symbol == "M_uql")
+    assert_allclose(tolerance_of(held_coefficient(coefficient), experiment_with(*settings), {}), expected)

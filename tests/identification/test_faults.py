@@ -10,11 +10,12 @@ from scipy.spatial.transform import Rotation
 from auvid_cli.data.faults import Fault, FaultKind
 from auvid_cli.filters.smoother_forward import Linearised
 from auvid_cli.identification.fault_effects import VehicleFaults
-from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, FaultedVehicle, Motion
+from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, FaultedVehicle, Motion, held_coefficient
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.actuators import ActuatorErrors
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.equations import factors, vehicle_constants
 from auvid_cli.vehicle.kinematics import GRAVITY, dvl_axes, rotation_matrix
 from auvid_cli.vehicle.matrices import mass_matrix
@@ -299,6 +300,22 @@ def test_estimated_thrust_and_ballast_move_the_vehicle(walk, simulated_with, alo
 
 def names_with(dataset):
     return names_of(VehicleFaults(augmented_problem(prepare(dataset))))
+
+
+@pytest.mark.parametrize("symbol", ["X_u|u|", "M_uql", "N_uudr", "Y_r|r|"])
+def test_held_coefficient_changes_the_rates_like_another_value(symbol, model, known, at, experiment_with):
+    values = experiment_with().vehicle.all_coefficients()
+    changed = FaultedVehicle(known, factors(values | {symbol: values[symbol] + 1.0}))
+    expected = changed.rates(at.motion, at.inputs, at.ballast) - at.rates
+    (coefficient,) = (each for each in COEFFICIENTS if each.symbol == symbol)
+    assert_allclose(held_coefficient(coefficient).effect(model, at), expected, atol=1e-11)
+
+
+def test_coefficients_that_are_held_are_tested(short_run, with_settings):
+    some = augmented_problem(prepare(with_settings(short_run, "identification.coefficients=[X_u|u|, Y_url]")))
+    everything = names_of(VehicleFaults(some))
+    assert {"held Y_uvl", "held M_uude"} <= {*everything}
+    assert not {"held X_u|u|", "held Y_url"} & {*everything}
 
 
 def test_each_fault_is_parsed_from_its_text():
