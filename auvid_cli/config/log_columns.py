@@ -43,15 +43,21 @@ def unit_factor(name: str, unit: str) -> float:
 
 def check_unit(name: str | None, unit: str) -> str | None:
     """Return the unit of a log unchanged; ValueError if it is not of the dimension of the SI unit `unit`."""
-    if name is not None:
-        try:
-            unit_factor(name, unit)
-        except ValueError:
-            usual = _SPELLINGS.get(unit, (unit,))
-            near = get_close_matches(name.lower(), usual, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"expected a unit such as {', '.join(usual)}"
-            raise ValueError(f"{name!r}: not a unit of {EXAMPLES.get(unit, ('this signal', ''))[0]}; {hint}") from None
+    # Validators do not see the default; a null is a question that a suggested map leaves open.
+    if name is None:
+        raise ValueError(f"got nothing; fill in the unit of the log's numbers, such as {_examples(unit)}")
+    try:
+        unit_factor(name, unit)
+    except ValueError:
+        usual = _SPELLINGS.get(unit, (unit,))
+        near = get_close_matches(name.lower(), usual, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"expected a unit such as {', '.join(usual)}"
+        raise ValueError(f"{name!r}: not a unit of {EXAMPLES.get(unit, ('this signal', ''))[0]}; {hint}") from None
     return name
+
+
+def _examples(unit: str) -> str:
+    return ", ".join(_SPELLINGS.get(unit, (unit,)))
 
 
 class NamedColumn(Settings):

@@ -21,14 +21,6 @@ _WORDS_OF_YAML = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 _PLAIN = re.compile(r"[A-Za-z_/][\w./-]*", re.ASCII)
 Flow: TypeAlias = "str | int | Mapping[str, Flow] | tuple[Flow, ...] | None"
 Value: TypeAlias = "Flow | list[Line] | list[YamlEntry]"
-# For each SI unit: 99 % quantile above which another unit is more probable, the largest first.
-_OTHER_UNITS: dict[str, tuple[tuple[float, str], ...]] = {
-    "rad": ((2.0 * np.pi, "deg"),),
-    "rad/s": ((3.0, "deg/s"),),
-    "m/s": ((200.0, "mm/s"), (20.0, "cm/s")),
-    "m/s^2": ((3000.0, "mm/s^2"), (300.0, "cm/s^2")),
-}
-_ONE_G = (0.8, 1.2)  # range of a mean vertical specific force that is probably in g
 
 
 class Phrase(str):
@@ -157,9 +149,20 @@ class Found(NamedTuple):
     log: str
     match: Match
     numbers: dict[str, Array]  # numbers of the log by component
-    unit: str
+    units: tuple[str, ...]  # possible units, the most probable first
     comment: str  # reason for the unit
-    is_stated: bool  # whether the log or a name states the unit; otherwise it is guessed
+    is_stated: bool  # whether the log or a name states the unit
+
+    @property
+    def unit(self) -> str:
+        """Return the most probable unit."""
+        return self.units[0]
+
+    def unit_entry(self) -> YamlEntry:
+        """Return the unit in the form of a map; null if several are possible."""
+        if len(self.units) == 1:
+            return YamlEntry("unit", self.unit, self.comment)
+        return YamlEntry("unit", None, f"required: {' or '.join(self.units)}; {self.comment}")
 
     @property
     def is_quaternion(self) -> bool:
@@ -180,10 +183,12 @@ class Found(NamedTuple):
 
 
 def found_in(logs: Mapping[str, Log], sensor: str, name: str, match: Match) -> Found:
-    """Read the columns of a sensor and determine their unit."""
+    """Read the columns of a sensor, in SI units if neither the log nor their names state a unit."""
     values = logs[name].read(match.table, [column.name for column in match.columns.values()])
     numbers = {component: np.asarray(values[column.name], np.float64) for component, column in match.columns.items()}
-    return Found(sensor, name, match, numbers, *_unit(list(match.columns.values()), numbers, SENSORS[sensor][0].unit))
+    si = SENSORS[sensor][0].unit
+    stated, comment = _stated_unit(list(match.columns.values()), si)
+    return Found(sensor, name, match, numbers, (stated or si,), comment, bool(stated))
 
 
 def tracks_of(log: Log, table: str, signals: Mapping[str, Array]) -> dict[str, Track]:
@@ -204,23 +209,18 @@ def tracks_of(log: Log, table: str, signals: Mapping[str, Array]) -> dict[str, T
     return {symbol: Track(time, values[order.rows]) for symbol, values in signals.items()} if time.size > 1 else {}
 
 
-def _unit(columns: Sequence[LogColumn], numbers: Mapping[str, Array], si: str) -> tuple[str, str, bool]:
-    """Return the unit of columns, the reason for it, and whether it is stated."""
+def _stated_unit(columns: Sequence[LogColumn], si: str) -> tuple[str, str]:
+    """Return the unit that the log or the names of columns state, and the source; an empty unit without one."""
     units = {column.unit for column in columns}
+    comment = ""
     if len(units) == 1 and (unit := units.pop()):
         try:
             unit_factor(unit, si)
         except ValueError:
-            return si, f"check: the log states the unknown unit {unit!r}", False
-        return unit, "unit stated by the log", True
-    largest = max(float(np.nanmax(np.abs(values), initial=0.0)) for values in numbers.values())
+            comment = f"the log states the unknown unit {unit!r}"
+        else:
+            return unit, "unit stated by the log"
     named = {named_unit(column.name, si) for column in columns}
     if len(named) == 1 and (unit := named.pop()):
-        return unit, f"unit by the name; check: values reach {largest:.4g}", True
-    known = np.concatenate([np.abs(values[np.isfinite(values)]) for values in numbers.values()])
-    usual = float(np.quantile(known, 0.99)) if known.size else 0.0
-    size = largest if si.startswith("rad") else usual
-    unit = next((unit for least, unit in _OTHER_UNITS.get(si, ()) if size > least), si)
-    if si == "m/s^2" and "fz" in numbers and _ONE_G[0] < abs(float(np.nanmean(numbers["fz"]))) < _ONE_G[1]:
-        unit = "g"
-    return unit, f"check: unit guessed, because values reach {largest:.4g}", False
+        return unit, "check: unit by the name"
+    return "", comment

@@ -25,6 +25,7 @@ from auvid_cli.logs.suggest.rows import (
     time_of,
     tracks_of,
 )
+from auvid_cli.logs.suggest.units import Columns, possible_units
 from auvid_cli.vehicle.parameters import SENSORS
 
 _EARTH_AXES = {"FRD": "NED", "FLU": "ENU"}
@@ -79,7 +80,41 @@ def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
         if place is not None:
             main = found_in(logs, sensor, *place)
             found[sensor] = FoundSensor(main, [] if main.is_quaternion else _apart(logs, main))
-    return found
+    return _with_units(logs, found)
+
+
+def _with_units(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
+    """Return sensors with the units that remain possible."""
+    parts = [part for sensor in sensors.values() for part in sensor.parts]
+    columns = []
+    for part in parts:
+        numbers = part.si() if part.is_quaternion else part.numbers
+        tracks = _part_tracks(logs, sensors, part, numbers)
+        is_stated = part.is_stated or part.is_quaternion
+        columns.append(Columns(part.sensor, tracks, part.unit if is_stated else ""))
+    is_over_ground = "dvl" in sensors and names.is_over_ground(sensors["dvl"].main.match.columns)
+    verdicts = possible_units(columns, is_over_ground)
+    known = [
+        part._replace(units=verdict.units, comment="; ".join(filter(None, (part.comment, verdict.reason))))
+        for part, verdict in zip(parts, verdicts, strict=True)
+    ]
+    return {
+        name: FoundSensor(*(own[0], own[1:]))
+        for name in sensors
+        if (own := [part for part in known if part.sensor == name])
+    }
+
+
+def _part_tracks(
+    logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], part: Found, signals: Mapping[str, Array]
+) -> dict[str, Track]:
+    """Return signals of a part with their times; rows that the log marks as invalid are NaN."""
+    log = logs[part.log]
+    if flag := flag_of(sensors, log, part):
+        flags = np.asarray(log.read(part.match.table, [flag])[flag], np.float64)
+        is_valid = flags == _valid_value(flags)
+        signals = {symbol: np.where(is_valid, values, np.nan) for symbol, values in signals.items()}
+    return tracks_of(log, part.match.table, signals)
 
 
 def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
@@ -100,12 +135,7 @@ def sensor_tracks(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -
     tracks: dict[str, Track] = {}
     for sensor in sensors.values():
         for part in sensor.parts:
-            log, signals = logs[part.log], part.si()
-            if flag := flag_of(sensors, log, part):
-                flags = np.asarray(log.read(part.match.table, [flag])[flag], np.float64)
-                is_valid = flags == _valid_value(flags)
-                signals = {symbol: np.where(is_valid, values, np.nan) for symbol, values in signals.items()}
-            tracks |= tracks_of(log, part.match.table, signals)
+            tracks |= _part_tracks(logs, sensors, part, part.si())
     if "phi" in tracks and _is_upside_down(tracks["phi"].values):
         tracks["phi"] = tracks["phi"]._replace(values=tracks["phi"].values + np.pi)
     return {symbol: track for symbol, track in tracks.items() if np.isfinite(track.values).any()}
@@ -169,16 +199,15 @@ def _sensor(
         yield YamlEntry("quaternion", [YamlEntry(axis, column.name) for axis, column in main.match.columns.items()])
     else:
         yield YamlEntry("columns", list(_columns(logs, found, frame, evidence)))
-        unit = evidence.units.get(name, main.unit)
-        why = main.comment if unit == main.unit else f"check: in {main.unit} it would not agree with related signals"
-        yield YamlEntry("unit", unit, why)
+        yield main.unit_entry()
     yield from _axes(log, found, frame, evidence)
     yield from _repeats(main.numbers)
     yield from _valid(sensors, log, main)
     si = main.si()
     noise = [estimate_noise(signal, SENSORS[name][0].unit == "rad").standard_deviation for signal in si.values()]
     scatter = ", ".join(f"{deviation:.2g}" for deviation in noise if deviation > 0.0)
-    hint = f"; scatter of the signals: {scatter} {SENSORS[name][0].unit}" if scatter and not main.is_quaternion else ""
+    is_known = len(main.units) == 1 and not main.is_quaternion
+    hint = f"; scatter of the signals: {scatter} {SENSORS[name][0].unit}" if scatter and is_known else ""
     yield YamlEntry("standard_deviation", None, f"required: noise by the data sheet, or the word estimate{hint}")
 
 
@@ -201,16 +230,19 @@ def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: 
         for component, column in part.match.columns.items():
             present.add(component)
             place: dict[str, Flow] = {}
+            comment = ""
             if part is not found.main:
-                place = (place_of(logs, part.log, part.match.table) or {}) | {"unit": part.unit}
+                unit = part.unit_entry()
+                place = (place_of(logs, part.log, part.match.table) or {}) | {"unit": unit.value}
+                comment = unit.comment
             axis = TRIPLES.get(name, (component,)).index(component)
             usual = USUAL_AXES.get(frame, (1, 1, 1))[axis]
             is_reversed = evidence.verdict.signs.get(component, usual) != usual
             more: dict[str, Flow] = {}
-            comment = ""
             if is_reversed and not (name == "dvl" and evidence.over_ground):
                 more = {"sign": -1, "offset": Phrase("90 deg")} if component == "psi" else {"sign": -1}
-                comment = f"check: opposite sign; {evidence.words([component])}"
+                sign = f"check: opposite sign; {evidence.words([component])}"
+                comment = "; ".join(filter(None, (comment, sign)))
             entry = {**place, "column": column.name, **more} if place or more else column.name
             yield YamlEntry(component, entry, comment)
     missing = [quantity.symbol for quantity in SENSORS[name] if quantity.symbol not in present]

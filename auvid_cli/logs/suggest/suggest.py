@@ -89,8 +89,7 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
     files = [YamlEntry(name, os.path.relpath(log.path, folder)) for name, log in names.items()]
     sensors, inputs = find_sensors(names), find_inputs(names)
     tracks = sensor_tracks(names, sensors) | input_tracks(names, inputs)
-    guessed = {name: sensor.main.unit for name, sensor in sensors.items() if not sensor.main.is_stated}
-    evidence = weigh_evidence(tracks, expected_of(names, sensors), guessed)
+    evidence = weigh_evidence(tracks, expected_of(names, sensors))
     return commented_text(
         [
             Comment(

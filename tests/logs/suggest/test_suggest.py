@@ -76,7 +76,7 @@ def test_absurd_numbers_do_not_count(suggested):
 
 
 def test_comment_gives_scatter_of_signal(suggested):
-    text, found = suggested(t=TIME, u=2.0 + 0.03 * NOISE, rudder=0.1 * WAVE)
+    text, found = suggested(**{"t": TIME, "u (m/s)": 2.0 + 0.03 * NOISE, "rudder": 0.1 * WAVE})
     assert found["sensors"]["dvl"]["standard_deviation"] is None
     assert "scatter of the signals: 0.03" in text or "scatter of the signals: 0.02" in text
 
@@ -362,9 +362,9 @@ def test_map_with_missing_values_raises_config_error(suggested, tmp_path):
     path.write_text(text)
     with pytest.raises(ConfigError) as caught:
         load_map(path)
-    for missing in ("vehicle.parameters.m: ", "vehicle.size.length: ", "sensors.dvl.standard_deviation: "):
+    for missing in ("vehicle.parameters.m: ", "vehicle.size.length: ", "sensors.dvl.standard_deviation: ", "sensors.dvl.unit: "):
         assert missing in str(caught.value)
-    assert str(caught.value).count("got nothing") == text.count(": null # required") == len(PARAMETERS) + 2 + 1
+    assert str(caught.value).count("got nothing") == text.count(": null # required") == len(PARAMETERS) + 2 + 2
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"])))
