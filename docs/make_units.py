@@ -21,7 +21,7 @@ from docs.section import replace_section
 
 _MANOEUVRES = {
     "vt690": ("doublets", "zigzag_20_20", "spiral"),
-    "remus100": ("zigzag_10_10", "spiral_remus100"),
+    "remus100": ("spiral_remus100",),
     "lauv": ("doublets", "spiral_lauv"),
     "lrauv": ("doublets", "spiral_lrauv"),
     "dive": ("doublets", "zigzag_10_10"),

@@ -133,11 +133,27 @@ class TimeSource(NamedColumn):
     table: Annotated[str | None, Field(description="table of the times, one row for each row of this table")] = None
     unit: Annotated[str | None, Field(description="unit; default: that in the log's header, else s")] = None
     offset: Annotated[float, Unit("s"), Field(description="offset, added to the times")] = 0.0
+    nanoseconds: Annotated[
+        str | None, Field(min_length=1, description="column with the nanoseconds, if `column` has whole seconds")
+    ] = None
+    format: Annotated[
+        str | None, Field(min_length=1, description="format of dates as text, such as '%d/%m/%Y %H:%M:%S.%f'")
+    ] = None
+    run: Annotated[
+        int | None, Field(ge=1, strict=True, description="run to use if the clock starts again in the log; first: 1")
+    ] = None
 
     @field_validator("unit", mode="after")
     @classmethod
     def _known_unit(cls, unit: str | None) -> str | None:
         return check_unit(unit, "s")
+
+    @field_validator("format", "run", mode="before")
+    @classmethod
+    def _answered(cls, value: Any) -> Any:
+        if value is None:
+            raise ValueError("got nothing; fill it in")
+        return value
 
 
 class RowChoice(Settings):

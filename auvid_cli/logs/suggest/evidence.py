@@ -143,7 +143,7 @@ def weigh_evidence(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[s
     fits = [fit for fit in fits if CROSSED not in fit.symbols]
     delays: dict[str, float] = {}
     # One sensor at a time, because its delay affects all relations that contain it.
-    while (late := _latest_sensor(fits)) is not None and late[0] not in delays:
+    while (late := _latest_sensor(fits, tracks)) is not None and late[0] not in delays:
         delays |= [late]
         sensor, delay = late
         tracks = {
@@ -201,11 +201,13 @@ def speed_as_surge(tracks: Mapping[str, Track]) -> dict[str, Track]:
     return others | {"u": tracks["u"]._replace(values=size)}
 
 
-def _latest_sensor(fits: Sequence[RelationFit]) -> tuple[str, float] | None:
+def _latest_sensor(fits: Sequence[RelationFit], tracks: Mapping[str, Track]) -> tuple[str, float] | None:
     """Return the sensor with a delay, and the delay, s, from the relation with the largest correlation that has one."""
     for fit in sorted(fits, key=lambda fit: abs(fit.correlation), reverse=True):
         first, other = _sensor_of(fit.symbols[0]), _sensor_of(fit.symbols[-1])
-        if first != other and abs(fit.delay) >= _MIN_DELAY:
+        # Less than a sampling step is not significant.
+        steps = [float(np.median(np.diff(tracks[symbol].time))) for symbol in fit.symbols if symbol in tracks]
+        if first != other and abs(fit.delay) >= max(_MIN_DELAY, *steps):
             # Inertial sensors are more likely on time, so the other one is early or late.
             return (other, -fit.delay) if first in ("gyroscope", "accelerometer") else (first, fit.delay)
     return None

@@ -31,11 +31,11 @@ def unused_lines(
     for log in logs:
         for table, columns in logs[log].tables().items():
             time, _ = time_of(logs[log], table)
-            times = time["column"] if isinstance(time, Mapping) else time
+            times = [str(text) for text in time.values()] if isinstance(time, Mapping) else [time]
             unused = _joined_elements(
                 f"{column.name}{_kind_of_column(column.name)}"
                 for column in columns
-                if (log, table, column.name) not in used and column.name != times
+                if (log, table, column.name) not in used and column.name not in times
             )
             if unused:
                 kind = " (output of a navigation filter)" if is_filter_output(table) else ""
