@@ -118,6 +118,10 @@ class Signals:
         """Return the rate of change."""
         return _change(self.values[symbol], self._cells) / (self._cells * self.step)
 
+    def change(self, values: Array, window: float) -> Array:
+        """Return the change of values on the grid over a time, s."""
+        return _change(values, _even_cells(window, self.step))
+
     def means(self, *symbols: str) -> tuple[Array, ...]:
         """Return the moving means of those symbols that the log has."""
         return tuple(self.mean(symbol) for symbol in symbols if symbol in self.values)

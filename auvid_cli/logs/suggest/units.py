@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.logs.suggest.evidence import course_direction, speed_as_surge
 from auvid_cli.logs.suggest.relations import Relation, Signals, Track, fit_relation, integral, on_grid
@@ -25,6 +24,8 @@ MAX_TURN_RATE = 6.0  # rad/s; no underwater vehicle keeps turning faster
 MAX_SPEED = 20.0  # m/s
 _MIN_SPEED = 0.1  # m/s, along the bow; a slower log has no manoeuvre
 _MIN_TURN_RATE = 0.005  # rad/s
+_SPEEDS = (0.3, 5.0)  # m/s, of a vehicle whose speed is not measured
+_DRIFT_WINDOW = 4.0  # s
 _MIN_DEPTH, _MAX_DEPTH = 0.2, 12_000.0  # m
 _NEAR_GRAVITY = 0.1  # tolerance of the median size of specific forces
 _MAX_TURNS = 6.0  # turns of a heading that is not wrapped
@@ -232,37 +233,43 @@ def _ties(s: Signals, over_ground: bool) -> Iterator[_Tie]:
         yield _Tie(tilt, tolerance=0.8, min_correlation=0.6)
 
 
-_SPEEDS = (0.3, 5.0)  # m/s, of a vehicle whose speed is not measured
-
-
 def _ties_of_depth(s: Signals, over_ground: bool) -> Iterator[_Tie]:
     if over_ground and s.has("w"):
         # Its sign is still unknown, and the gain does not depend on it.
         sinking = Relation(("w", "down"), "vertical velocity is the rate of depth", s.mean("w"), s.rate("down"))
         yield _Tie(sinking, tolerance=0.12, min_correlation=0.9)
-    pitch: tuple[str, Array] | None = None
-    trend: tuple[Array, ...] = ()
     if s.has("theta"):
-        pitch = "theta", np.sin(s.mean("theta"))
+        yield from _ties_of_pitch(s, over_ground)
     elif s.has("q"):
-        # The initial pitch and the bias of the gyroscope leave a trend.
-        pitch, trend = ("q", integral(s.mean("q"), s.step)), (np.linspace(-1.0, 1.0, s.mean("q").size),)
-    if pitch is not None and s.has("u"):
-        diving = -s.mean("u") * pitch[1]
-        relation = Relation(
-            ("down", "u", pitch[0]),
-            f"depth changes with u sin({'theta' if not trend else 'the integral of q'})",
-            s.rate("down"),
-            diving,
-            (*(() if over_ground else s.means("w")), *trend),
-        )
-        yield _Tie(relation, tolerance=0.12, min_correlation=0.9)
-        if s.has("w") and not over_ground:
-            heave = Relation(("w", "down"), "w is the rate of depth", s.mean("w"), s.rate("down"), (diving, *trend))
-            yield _Tie(heave, tolerance=0.12, min_correlation=0.9)
-    elif pitch is not None:
-        relation = Relation(("down", pitch[0]), f"depth changes with {pitch[0]}", s.rate("down"), -pitch[1], trend)
+        # Changes over some seconds, because the integral of a turn rate drifts.
+        pitch = integral(s.mean("q"), s.step)
+        sinking = s.change(s.rate("down"), _DRIFT_WINDOW)
+        if s.has("u"):
+            heave = 0.0 if over_ground or not s.has("w") else s.mean("w")
+            climbing = s.change(heave - s.mean("u") * pitch, _DRIFT_WINDOW)
+            words = "depth changes with u times the integral of q"
+            relation = Relation(("down", "u", "q"), words, sinking, climbing, window=_DRIFT_WINDOW)
+            yield _Tie(relation, tolerance=0.12, min_correlation=0.9)
+        else:
+            words, climbing = "depth changes with the integral of q", -s.change(pitch, _DRIFT_WINDOW)
+            relation = Relation(("down", "q"), words, sinking, climbing, window=_DRIFT_WINDOW)
+            yield _Tie(relation, tolerance=0.5, gains=_SPEEDS)
+
+
+def _ties_of_pitch(s: Signals, over_ground: bool) -> Iterator[_Tie]:
+    climb = np.sin(s.mean("theta"))
+    if not s.has("u"):
+        relation = Relation(("down", "theta"), "depth changes with pitch", s.rate("down"), -climb)
         yield _Tie(relation, tolerance=0.5, gains=_SPEEDS)
+        return
+    diving = -s.mean("u") * climb
+    heave = () if over_ground else s.means("w")
+    words = "depth changes with u sin(theta)"
+    yield _Tie(Relation(("down", "u", "theta"), words, s.rate("down"), diving, heave), 0.12, min_correlation=0.9)
+    if heave:
+        words = "w is the rate of depth"
+        relation = Relation(("w", "down"), words, s.mean("w"), s.rate("down"), (diving,))
+        yield _Tie(relation, tolerance=0.12, min_correlation=0.9)
 
 
 def _reason(
