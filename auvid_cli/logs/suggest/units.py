@@ -25,7 +25,7 @@ MAX_SPEED = 20.0  # m/s
 _MIN_SPEED = 0.1  # m/s, along the bow; a slower log has no manoeuvre
 _MIN_TURN_RATE = 0.005  # rad/s
 _SPEEDS = (0.3, 5.0)  # m/s, of a vehicle whose speed is not measured
-_DRIFT_WINDOW = 4.0  # s
+_DRIFT_WINDOW = 2.0  # s
 _MIN_DEPTH, _MAX_DEPTH = 0.2, 12_000.0  # m
 _NEAR_GRAVITY = 0.1  # tolerance of the median size of specific forces
 _MAX_TURNS = 6.0  # turns of a heading that is not wrapped
@@ -242,17 +242,16 @@ def _ties_of_depth(s: Signals, over_ground: bool) -> Iterator[_Tie]:
         yield from _ties_of_pitch(s, over_ground)
     elif s.has("q"):
         # Changes over some seconds, because the integral of a turn rate drifts.
-        pitch = integral(s.mean("q"), s.step)
+        pitch = s.change(integral(s.mean("q"), s.step), _DRIFT_WINDOW)
         sinking = s.change(s.rate("down"), _DRIFT_WINDOW)
         if s.has("u"):
-            heave = 0.0 if over_ground or not s.has("w") else s.mean("w")
-            climbing = s.change(heave - s.mean("u") * pitch, _DRIFT_WINDOW)
+            heave = () if over_ground else tuple(s.change(w, _DRIFT_WINDOW) for w in s.means("w"))
             words = "depth changes with u times the integral of q"
-            relation = Relation(("down", "u", "q"), words, sinking, climbing, window=_DRIFT_WINDOW)
-            yield _Tie(relation, tolerance=0.12, min_correlation=0.9)
+            relation = Relation(("down", "u", "q"), words, sinking, -s.mean("u") * pitch, heave, window=_DRIFT_WINDOW)
+            yield _Tie(relation, tolerance=0.15, min_correlation=0.85)
         else:
-            words, climbing = "depth changes with the integral of q", -s.change(pitch, _DRIFT_WINDOW)
-            relation = Relation(("down", "q"), words, sinking, climbing, window=_DRIFT_WINDOW)
+            words = "depth changes with the integral of q"
+            relation = Relation(("down", "q"), words, sinking, -pitch, window=_DRIFT_WINDOW)
             yield _Tie(relation, tolerance=0.5, gains=_SPEEDS)
 
 
