@@ -61,9 +61,7 @@ def logged(dataset: "auvid.Dataset", dvl: bool, ahrs: bool, rates_in_deg: bool, 
 def verdicts(text: str, rates_in_deg: bool, angles_in_deg: bool) -> dict[str, int]:
     """Return the numbers of right and wrong units, and of questions, of a suggested map; also the wrong ones."""
     found = yaml.safe_load(text)
-    truth = {
-        name: units[rates_in_deg if name == "gyroscope" else angles_in_deg] for name, units in _UNITS.items()
-    }
+    truth = {name: units[rates_in_deg if name == "gyroscope" else angles_in_deg] for name, units in _UNITS.items()}
     units = {name: (sensor["unit"], truth[name]) for name, sensor in found["sensors"].items()}
     for fin in ("rudder", "elevator"):
         units[fin] = found["inputs"][fin]["unit"], truth["attitude"]

@@ -11,11 +11,13 @@ from auvid_cli.config.log_columns import LogSignal, RowChoice
 from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.logs.clock import ClockDrift, Order, find_clock_drift, find_restarts, order_rows
 from auvid_cli.logs.formats.log import ColumnValues, Overlap, find_overlaps
+from auvid_cli.logs.no_value import is_code, rows_of_zeros
 from auvid_cli.logs.requests import ColumnReader, MapMismatchError, Request
 from auvid_cli.text import one_line
+from auvid_cli.vehicle.kinematics import MAX_SPEED, MAX_TURN_RATE
 
 # An underwater vehicle does not exceed these; larger numbers have another unit.
-_MAX_PLAUSIBLE = {"rad": 2.0 * np.pi, "rad/s": 20.0, "m/s": 50.0, "m/s^2": 500.0}
+_MAX_PLAUSIBLE = {"rad": 2.0 * np.pi, "rad/s": MAX_TURN_RATE, "m/s": MAX_SPEED, "m/s^2": 500.0}
 _MAX_INTERLEAVING = 1.0  # s, largest overlap of two files due to late messages
 _SAME_TIME = 1e-6  # s, largest rounding error of a time that several tables share
 _DAY = 86400.0  # s
@@ -38,9 +40,27 @@ class MeasuredRows(NamedTuple):
 
 
 def read_request(
-    request: Request, signals: Mapping[str, LogSignal], validity: RowChoice | None, columns: ColumnReader
+    request: Request,
+    signals: Mapping[str, LogSignal],
+    columns: ColumnReader,
+    validity: RowChoice | None = None,
+    codes: Sequence[float] = (),
+    drop_zeros: bool = False,
 ) -> MeasuredRows:
     """Read the rows of a request.
+
+    Parameters
+    ----------
+    request : Request
+    signals : mapping of str to LogSignal
+        By component.
+    columns : ColumnReader
+    validity : RowChoice, optional
+        Flag and its values in valid rows.
+    codes : sequence of float
+        Numbers of the log that mean a missing measurement.
+    drop_zeros : bool
+        Whether rows with zeros in all components are missing measurements.
 
     Raises
     ------
@@ -51,6 +71,9 @@ def read_request(
     """
     raw = {component: columns.take(place) for component, (place, *_) in request.values.items()}
     flags = columns.take(request.valid) if request.valid is not None else None
+    uncoded = {component: np.asarray(own, np.float64) for component, own in raw.items()}
+    zeros = rows_of_zeros(uncoded) if drop_zeros else np.zeros(next(iter(uncoded.values())).size, np.bool_)
+    marks = {component: zeros | is_code(own, codes) for component, own in uncoded.items()}
     try:
         seconds, rollovers = columns.take_time(request)
     except ValueError as error:
@@ -93,7 +116,7 @@ def read_request(
         signal = signals[component]
         numbers = to_si(raw.pop(component)[order.rows], signal, factor)
         # Infinite numbers mark missing measurements.
-        outside = np.isinf(numbers)
+        outside = np.isinf(numbers) | marks[component][order.rows]
         if signal.limits is not None:
             outside |= (numbers < signal.limits[0]) | (numbers > signal.limits[1])
         invalid += int(np.count_nonzero(outside))

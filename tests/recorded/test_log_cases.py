@@ -80,9 +80,7 @@ def outcome(name, files):
         asks = open_questions(text)
         if asks:
             return f"asks: {', '.join(asks)}"
-        text = re.sub(
-            r"(?s)vehicle: ?#?.*?\nlogs:", f"vehicle: {shipped_configs()}/vehicles/vt690.yaml\nlogs:", text
-        )
+        text = re.sub(r"(?s)vehicle: ?#?.*?\nlogs:", f"vehicle: {shipped_configs()}/vehicles/vt690.yaml\nlogs:", text)
         text = re.sub(r"standard_deviation: null[^\n]*", "standard_deviation: estimate", text)
         text = re.sub(r"a: null[^\n]*", "a: 0.05 N*s^2", text)
         text = re.sub(r"full: null[^\n]*", "full: 20 N", text)

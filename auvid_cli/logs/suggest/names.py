@@ -8,7 +8,7 @@ import numpy as np
 
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
 
-_VELOCITY, _TO_GROUND = r"(v|(ground_?)?vel(ocity)?|linear|dvl_v\w*)[_.]?", r"_vel(ocity)?(_wrt_ground)?"
+_VELOCITY, _TO_GROUND = r"(v|(bt_|ground_?)?vel(ocity)?|linear|dvl_v\w*)[_.]?", r"_vel(ocity)?(_wrt_ground)?"
 # By sensor and component: pattern of the end of a name in lower case, with underscores for blanks and dashes.
 SENSOR_NAMES: dict[str, dict[str, str]] = {
     "gyroscope": {
@@ -66,7 +66,17 @@ NAMED_UNITS: dict[str, dict[str, str]] = {
     "rad/s": {"dps": "deg/s", "deg_s": "deg/s", "degs": "deg/s", "rad_s": "rad/s", "rads": "rad/s"}
     | {"degree_per_second": "deg/s", "radian_per_second": "rad/s"},
     "rad": {"deg": "deg", "degree": "deg", "degrees": "deg", "rad": "rad", "radian": "rad", "radians": "rad"},
-    "m/s": {"m_s": "m/s", "ms": "m/s", "mps": "m/s", "cm_s": "cm/s", "kn": "knot", "kts": "knot", "knots": "knot"}
+    "m/s": {
+        "m_s": "m/s",
+        "ms": "m/s",
+        "mps": "m/s",
+        "cm_s": "cm/s",
+        "mm_s": "mm/s",
+        "mms": "mm/s",
+        "kn": "knot",
+        "kts": "knot",
+        "knots": "knot",
+    }
     | {"meter_per_second": "m/s"},
     "m/s^2": {"m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2", "g": "g", "mg": "mg"},
     "m": {"m": "m", "cm": "cm", "mm": "mm", "ft": "ft", "meter": "m"},

@@ -12,6 +12,7 @@ from auvid_cli.config.units import magnitude_of
 from auvid_cli.logs.clock import FARTHEST, find_restarts, order_rows, slashed_date_formats, to_seconds
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
 from auvid_cli.logs.frames import euler_of_quaternion
+from auvid_cli.logs.no_value import find_codes, has_rows_of_zeros, is_code, rows_of_zeros
 from auvid_cli.logs.suggest.names import QUATERNION_NAMES, Match, TimeColumn, named_unit, time_columns
 from auvid_cli.logs.suggest.relations import Track
 from auvid_cli.text import printable
@@ -232,6 +233,9 @@ class Found(NamedTuple):
     units: tuple[str, ...]  # possible units, the most probable first
     comment: str  # reason for the unit
     is_stated: bool  # whether the log or a name states the unit
+    codes: tuple[float, ...] = ()  # numbers that mean a missing measurement; NaN in `numbers`
+    marked: int = 0  # rows with such a number
+    zeros: int = 0  # rows with zeros in all components, which mean the same; NaN in `numbers`
 
     @property
     def unit(self) -> str:
@@ -268,7 +272,12 @@ def found_in(logs: Mapping[str, Log], sensor: str, name: str, match: Match) -> F
     numbers = {component: np.asarray(values[column.name], np.float64) for component, column in match.columns.items()}
     si = SENSORS[sensor][0].unit
     stated, comment = _stated_unit(list(match.columns.values()), si)
-    return Found(sensor, name, match, numbers, (stated or si,), comment, bool(stated))
+    codes = find_codes(numbers)
+    marked = np.any([is_code(own, codes) for own in numbers.values()], axis=0)
+    zeros = rows_of_zeros(numbers) if has_rows_of_zeros(numbers) else np.zeros(marked.size, np.bool_)
+    numbers = {key: np.where(is_code(own, codes) | zeros, np.nan, own) for key, own in numbers.items()}
+    counts = int(np.count_nonzero(marked)), int(np.count_nonzero(zeros))
+    return Found(sensor, name, match, numbers, (stated or si,), comment, bool(stated), codes, *counts)
 
 
 def tracks_of(log: Log, table: str, signals: Mapping[str, Array]) -> dict[str, Track]:

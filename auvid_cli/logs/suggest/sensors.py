@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.arrays import Array
-from auvid_cli.data.signals import estimate_noise
+from auvid_cli.data.signals import estimate_noise, is_smoothed
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.evidence import OVER_GROUND, TRIPLES, USUAL_AXES, Evidence
@@ -39,7 +39,7 @@ _HANGING = 2.0  # FLU axes for the DVL of a vehicle with an attitude upside down
 _HEADING = 1.5  # usual sign of a column with heading in its name
 _EAST = 8.0  # opposite sign of a heading with ENU in its name
 _BODY_AXES = 4.0  # FRD axes of an attitude with ENU in its name
-_FLAG = re.compile(r"(?P<whose>.*?)[_. ]?(valid|validity|is_valid|lock(ed)?)", re.IGNORECASE)
+_FLAG = re.compile(r"(?P<whose>.*?)[_. ]?(valid|validity|is_valid|lock(ed)?|good)", re.IGNORECASE)
 # Words in the names of a sensor's flags.
 _WORDS = {
     "gyroscope": ("gyro", "imu", "rate"),
@@ -203,12 +203,23 @@ def _sensor(
     yield from _axes(log, found, frame, evidence)
     yield from _repeats(main.numbers)
     yield from _valid(sensors, log, main)
+    if codes := sorted({code for part in found.parts for code in part.codes}):
+        count = sum(part.marked for part in found.parts)
+        numbers = tuple(Phrase(f"{code:.10g}") for code in codes)
+        yield YamlEntry("missing", numbers, f"check: numbers without a measurement, in {count} rows")
+    if main.zeros:
+        yield YamlEntry("zeros", "drop", f"check: all components are zero in {main.zeros} rows: no measurement?")
     si = main.si()
-    noise = [estimate_noise(signal, SENSORS[name][0].unit == "rad").standard_deviation for signal in si.values()]
+    unit = SENSORS[name][0].unit
+    noise = [estimate_noise(signal, unit == "rad").standard_deviation for signal in si.values()]
     scatter = ", ".join(f"{deviation:.2g}" for deviation in noise if deviation > 0.0)
     is_known = len(main.units) == 1 and not main.is_quaternion
-    hint = f"; scatter of the signals: {scatter} {SENSORS[name][0].unit}" if scatter and is_known else ""
-    yield YamlEntry("standard_deviation", None, f"required: noise by the data sheet, or the word estimate{hint}")
+    hint = f"; scatter of the signals: {scatter} {unit}" if scatter and is_known else ""
+    # The errors of an AHRS or of a filtered signal are autocorrelated and larger than its scatter.
+    if name != "attitude" and min(noise) > 0.0 and not any(is_smoothed(signal) for signal in si.values()):
+        yield YamlEntry("standard_deviation", "estimate", f"check: noise by the data sheet is better{hint}")
+    else:
+        yield YamlEntry("standard_deviation", None, f"required: noise by the data sheet, or the word estimate{hint}")
 
 
 def _frame(sensor: str, evidence: Evidence, convention: str) -> str:

@@ -65,7 +65,7 @@ def _joined_elements(names: Iterable[str]) -> list[str]:
     return runs
 
 
-def suggest(logs: Sequence[Log], folder: Path) -> str:
+def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> str:
     """Return a map suggested from names, units and values of logs, and from relations between their signals.
 
     Parameters
@@ -73,6 +73,8 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
     logs : sequence of Log
     folder : pathlib.Path
         Folder of the map; its paths are relative to it.
+    vehicle : str, optional
+        Vehicle file as the map names it. Default: the map asks for size and parameters.
 
     Returns
     -------
@@ -101,7 +103,9 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
                 if log.is_cut
             ),
             YamlEntry("name", next(iter(names))),
-            YamlEntry("vehicle", _vehicle(), "or the path of a vehicle file, such as `auvid init` writes"),
+            YamlEntry("vehicle", vehicle)
+            if vehicle is not None
+            else YamlEntry("vehicle", _vehicle(), "or the path of a vehicle file, such as `auvid init` writes"),
             YamlEntry("logs", files),
             YamlEntry("sensors", list(sensor_lines(names, sensors, evidence))),
             YamlEntry("inputs", list(input_lines(names, inputs, evidence))),

@@ -9,7 +9,7 @@ import numpy as np
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.logs.suggest.evidence import course_direction, speed_as_surge
 from auvid_cli.logs.suggest.relations import Relation, Signals, Track, fit_relation, integral, on_grid
-from auvid_cli.vehicle.kinematics import GRAVITY
+from auvid_cli.vehicle.kinematics import GRAVITY, MAX_SPEED, MAX_TURN_RATE
 from auvid_cli.vehicle.parameters import SENSORS
 
 # Units in which sensors are logged, by their SI unit; the SI unit comes first.
@@ -20,8 +20,6 @@ UNITS = {
     "m/s": ("m/s", "mm/s", "cm/s", "knot"),
     "m/s^2": ("m/s^2", "g", "mg", "cm/s^2", "mm/s^2"),
 }
-MAX_TURN_RATE = 6.0  # rad/s; no underwater vehicle keeps turning faster
-MAX_SPEED = 20.0  # m/s
 _MIN_SPEED = 0.1  # m/s, along the bow; a slower log has no manoeuvre
 _MIN_TURN_RATE = 0.005  # rad/s
 _SPEEDS = (0.3, 5.0)  # m/s, of a vehicle whose speed is not measured
@@ -35,7 +33,7 @@ _ANGLE_TOLERANCE = 1.02
 _LARGEST_ANGLES = {"phi": np.pi, "theta": 0.5 * np.pi}  # rad
 # Costs are negative log likelihoods.
 _MIN_DIFFERENCE = 6.0  # of a unit that is excluded, compared with the best
-_MAX_MISFIT = 2.0  # of a relation that agrees with the units
+_MAX_MISFIT = 0.7  # of a relation that agrees with the units
 
 
 class Columns(NamedTuple):
