@@ -191,7 +191,7 @@ class GoodLog:
         text = re.sub(r"(?s)vehicle: ?#?.*?\nlogs:", f"vehicle: {vehicle}\nlogs:", text)
         for name in _LOGGED:
             deviation = self._dataset.sensors[name].standard_deviation.tolist()
-            pattern = rf"(?s)(\n  {name}:.*?standard_deviation: )null[^\n]*"
+            pattern = rf"(?s)(\n  {name}:.*?standard_deviation: )(?:null|estimate)[^\n]*"
             text = re.sub(pattern, lambda found, d=deviation: f"{found[1]}{d}", text, count=1)
         return text
 

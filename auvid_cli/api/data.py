@@ -8,6 +8,7 @@ from pathlib import Path
 from auvid_cli.api import Destination, Progress, write_and_draw
 from auvid_cli.api.files import RecordedData, checked, read_dataset, results_folder
 from auvid_cli.config.log_map import load_map
+from auvid_cli.config.shipped import shipped_files, shipped_part
 from auvid_cli.data.checks import read_result_tables
 from auvid_cli.data.dataset import Dataset, cut
 from auvid_cli.data.files import check_no_overlap, dataset_in, folder_of_run, locked, write_text
@@ -85,17 +86,48 @@ def import_into(
     return path, dataset, conversion
 
 
-def suggest_map(logs: Sequence[Path], folder: Path) -> str:
-    """Return a first map of logs, which the user must complete; its paths are relative to `folder`."""
-    return suggest([open_log(log, max_bytes=MAX_TEXT) for log in logs], folder)
+def suggest_map(logs: Sequence[Path], folder: Path, vehicle: Path | None = None, like: str | None = None) -> str:
+    """Return a first map of logs, which the user must complete; its paths are relative to `folder`.
+
+    Parameters
+    ----------
+    logs : sequence of pathlib.Path
+    folder : pathlib.Path
+    vehicle : pathlib.Path, optional
+        Vehicle file. Default: the map asks for size and parameters.
+    like : str, optional
+        Name of a shipped vehicle, instead of a file.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such vehicle.
+    FileError
+        If a log is missing or damaged.
+    """
+    name = None if vehicle is None else os.path.relpath(vehicle, folder)
+    if vehicle is not None and not vehicle.is_file():
+        raise ConfigError(f"{vehicle}: no such vehicle file; `auvid init` writes one")
+    if like is not None:
+        name = f"vehicles/{like}.yaml"
+        if shipped_part(name) is None:
+            shipped = ", ".join(Path(file.name).stem for file in shipped_files("vehicles"))
+            raise ConfigError(f"--like {like}: unknown vehicle; expected one of {shipped}")
+    return suggest([open_log(log, max_bytes=MAX_TEXT) for log in logs], folder, name)
 
 
-def suggest_into(file: Path | None, logs: Sequence[Path], progress: Progress) -> str:
+def suggest_into(
+    file: Path | None,
+    logs: Sequence[Path],
+    progress: Progress,
+    vehicle: Path | None = None,
+    like: str | None = None,
+) -> str:
     """Return a first map of logs, and write it to `file` unless that is None; an existing file is never replaced."""
     if file is not None and file.exists():
         raise FileError(f"{file}: exists already; remove it, or choose another file for the suggested map")
     with progress.stage("read the logs"):
-        text = suggest_map(logs, Path() if file is None else file.parent)
+        text = suggest_map(logs, Path() if file is None else file.parent, vehicle, like)
     if file is not None:
         write_text(file, text)
     return text

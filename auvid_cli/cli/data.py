@@ -38,6 +38,12 @@ def import_log(
     suggest: Annotated[
         bool, typer.Option("--suggest", help="Write a first map from the logs; check and complete it by hand.")
     ] = False,
+    vehicle: Annotated[
+        Path | None, options.optional("FILE", "Vehicle file for the suggested map. Default: the map asks.", "--vehicle")
+    ] = None,
+    like: Annotated[
+        str | None, options.optional("NAME", "Shipped vehicle for the suggested map, such as remus100.", "--like")
+    ] = None,
     output: Annotated[Path | None, options.optional("FILE", _IMPORTED, "--output", "-o")] = None,
     overwrite: options.OverwriteOption = False,
     console: options.TerminalOptions,
@@ -52,8 +58,12 @@ def import_log(
         raise ConfigError("--suggest and --map: expected one of them; --suggest writes a map, --map reads one")
     if suggest and not logs:
         raise ConfigError("--suggest: expected log files, as in: auvid import --suggest LOG")
+    if vehicle is not None and like is not None:
+        raise ConfigError("--vehicle and --like: expected one of them")
+    if not suggest and (vehicle is not None or like is not None):
+        raise ConfigError("--vehicle and --like are for --suggest; a map names its vehicle itself")
     if suggest:
-        text = suggest_into(output, [Path(log) for log in logs or ()], terminal)
+        text = suggest_into(output, [Path(log) for log in logs or ()], terminal, vehicle, like)
         if output is None:
             print(text, end="")
         else:

@@ -43,15 +43,21 @@ def unit_factor(name: str, unit: str) -> float:
 
 def check_unit(name: str | None, unit: str) -> str | None:
     """Return the unit of a log unchanged; ValueError if it is not of the dimension of the SI unit `unit`."""
-    if name is not None:
-        try:
-            unit_factor(name, unit)
-        except ValueError:
-            usual = _SPELLINGS.get(unit, (unit,))
-            near = get_close_matches(name.lower(), usual, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"expected a unit such as {', '.join(usual)}"
-            raise ValueError(f"{name!r}: not a unit of {EXAMPLES.get(unit, ('this signal', ''))[0]}; {hint}") from None
+    # Validators do not see the default; a null is a question that a suggested map leaves open.
+    if name is None:
+        raise ValueError(f"got nothing; fill in the unit of the log's numbers, such as {_examples(unit)}")
+    try:
+        unit_factor(name, unit)
+    except ValueError:
+        usual = _SPELLINGS.get(unit, (unit,))
+        near = get_close_matches(name.lower(), usual, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"expected a unit such as {', '.join(usual)}"
+        raise ValueError(f"{name!r}: not a unit of {EXAMPLES.get(unit, ('this signal', ''))[0]}; {hint}") from None
     return name
+
+
+def _examples(unit: str) -> str:
+    return ", ".join(_SPELLINGS.get(unit, (unit,)))
 
 
 class NamedColumn(Settings):
@@ -127,11 +133,27 @@ class TimeSource(NamedColumn):
     table: Annotated[str | None, Field(description="table of the times, one row for each row of this table")] = None
     unit: Annotated[str | None, Field(description="unit; default: that in the log's header, else s")] = None
     offset: Annotated[float, Unit("s"), Field(description="offset, added to the times")] = 0.0
+    nanoseconds: Annotated[
+        str | None, Field(min_length=1, description="column with the nanoseconds, if `column` has whole seconds")
+    ] = None
+    format: Annotated[
+        str | None, Field(min_length=1, description="format of dates as text, such as '%d/%m/%Y %H:%M:%S.%f'")
+    ] = None
+    run: Annotated[
+        int | None, Field(ge=1, strict=True, description="run to use if the clock starts again in the log; first: 1")
+    ] = None
 
     @field_validator("unit", mode="after")
     @classmethod
     def _known_unit(cls, unit: str | None) -> str | None:
         return check_unit(unit, "s")
+
+    @field_validator("format", "run", mode="before")
+    @classmethod
+    def _answered(cls, value: Any) -> Any:
+        if value is None:
+            raise ValueError("got nothing; fill it in")
+        return value
 
 
 class RowChoice(Settings):

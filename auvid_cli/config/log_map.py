@@ -119,11 +119,34 @@ class SensorMap(LogRows):
         Field(description="standard deviation of the noise, one for all or one per component, or 'estimate'"),
     ]
     valid: Annotated[RowChoice | None, Field(description="column that marks valid rows")] = None
+    missing: Annotated[
+        tuple[float, ...], Field(description="numbers of the log that mean a missing measurement, such as -32768")
+    ] = ()
+    zeros: Annotated[
+        Literal["keep", "drop"],
+        Field(description="drop: rows in which all components are exactly zero are missing measurements"),
+    ] = "keep"
     repeats: Annotated[
         Literal["keep", "drop"],
         Field(description="drop: leave out rows that repeat the row before, if the table has a higher rate"),
     ] = "keep"
     exclude: Annotated[Spans, Field(description="spans [begin, end] without this sensor, in the dataset's time")] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _deviations_of_present_columns(cls, data: Any) -> Any:
+        """Accept one standard deviation for each column that the log has."""
+        columns = data.get("columns") if isinstance(data, dict) else None
+        deviations = data.get("standard_deviation") if isinstance(data, dict) else None
+        symbols = [quantity.symbol for quantity in SENSORS[cls.sensor]]
+        if not isinstance(columns, dict) or not isinstance(deviations, list | tuple):
+            return data
+        present = [symbol for symbol in symbols if symbol in columns]
+        if len(deviations) != len(present) or len(present) == len(symbols):
+            return data
+        # Components that are never measured need a number, too.
+        by_symbol = dict(zip(present, deviations, strict=True))
+        return {**data, "standard_deviation": [by_symbol.get(symbol, deviations[0]) for symbol in symbols]}
 
     @field_validator("unit", mode="after")
     @classmethod

@@ -170,6 +170,7 @@ def _sensor_checks(dataset: Dataset, name: str, screening: Screening) -> list[Ch
     record = dataset.sensors[name]
     checks = timing_checks(name, record, screening.jumps) if record.time.size > 1 else []
     checks += [*data_checks([dataset], "", [name]), *single_sensor.measurement_checks(name, record, screening)]
+    checks += [check for check in (single_sensor.range_check(name, record),) if check is not None]
     has_pitch = name == "attitude" and np.isfinite(record.values[:, 1]).any()
     return [*checks, single_sensor.gimbal_check(record)] if has_pitch else checks
 

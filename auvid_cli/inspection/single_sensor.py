@@ -15,7 +15,7 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import gap_limit, gaps, quantisation_step, stuck_times
 from auvid_cli.inspection.inspection import Mark, judged
 from auvid_cli.inspection.timing import clock_jumps
-from auvid_cli.vehicle.kinematics import euler_rates
+from auvid_cli.vehicle.kinematics import MAX_SPEED, MAX_TURN_RATE, euler_rates
 from auvid_cli.vehicle.parameters import SENSORS, Quantity
 
 _MAX_AVERAGING_SHARE = 0.1  # longest averaging time as a share of the record; longer averages are too few
@@ -33,6 +33,8 @@ _MAX_QUANTISATION_RATIO = 12.0**0.5  # ratio of the step to the stated noise; th
 _MIN_ANGLE_STEP = np.deg2rad(3.0)
 _MIN_ANGLE_STEP_SIGMAS = 10.0  # robust standard deviations
 _MAX_EXCURSION = 5.0  # s
+_LARGEST = {"gyroscope": MAX_TURN_RATE, "dvl": MAX_SPEED}
+_USUAL_SHARE = 0.99  # quantile that is compared with the largest plausible value, because spikes are another check
 _PITCH_NOTE = np.deg2rad(75.0)
 _PITCH_FAILURE = np.deg2rad(85.0)
 
@@ -320,6 +322,22 @@ def _excursions(time: Array, size: Array) -> NDArray[np.int64]:
     duration = np.where(back & (np.diff(time) <= _MAX_EXCURSION), np.diff(time), np.inf)
     least = np.minimum(np.append(np.inf, duration[:-1]), np.append(duration[1:], np.inf))
     return np.flatnonzero(np.isfinite(duration) & (duration < least))
+
+
+def range_check(name: str, record: SensorRecord) -> Check | None:
+    """Check that rates and speeds are possible for an underwater vehicle; None for other sensors."""
+    if name not in _LARGEST:
+        return None
+    sizes, unit = np.abs(record.values[np.isfinite(record.values)]), SENSORS[name][0].unit
+    reached = float(np.quantile(sizes, _USUAL_SHARE))
+    return judged(
+        name,
+        "range",
+        statistic=f"reaches {reached:.3g} {unit}",
+        threshold=f"<= {_LARGEST[name]:g} {unit}",
+        passed=reached <= _LARGEST[name],
+        advice="No underwater vehicle moves like this: correct the `unit` in the map.",
+    )
 
 
 def gimbal_check(record: SensorRecord) -> Check:

@@ -15,6 +15,10 @@ _DAY = 86400.0  # s
 _CLOCK = re.compile(r"\s*(?:(\d{1,2}):)?([0-5]?\d):((?:[0-5]?\d|60)(?:\.\d*)?)\s*", re.ASCII)
 _MAX_DATE = 9.2e9  # s since 1970 that fit into nanoseconds: the years 1679 to 2261
 _DATE = re.compile(r"\s*\d{4}-\d{2}-\d{2}")
+_GERMAN_DATE = re.compile(r"\s*\d{1,2}\.\d{1,2}\.\d{4} ")
+_SLASHED_DATE = re.compile(r"\s*(\d{1,2})/(\d{1,2})/\d{4} ")
+_FRACTION = re.compile(r"(?<=:\d\d),(?=\d)")  # decimal comma of seconds
+_RESTART = 1.0  # s; a clock that falls by more, and goes on from there, was restarted
 _CHUNK = 100_000  # dates converted at a time
 FARTHEST = 1e20  # more than any time stamp; nanoseconds since 1970 are about 2e18
 # A smaller variation of the difference between clocks is ignored.
@@ -42,15 +46,18 @@ class Order(NamedTuple):
     duplicates: int = 0  # rows with the time of another row
 
 
-def to_seconds(values: ColumnValues, factor: float) -> Clock:
+def to_seconds(values: ColumnValues, factor: float, date_format: str | None = None) -> Clock:
     """Convert a time column to seconds.
 
     Parameters
     ----------
     values : ndarray
-        Numbers, or text: ``mm:ss.s``, ``HH:MM:SS.s``, or ISO 8601 dates with times (UTC without a zone).
+        Numbers, or text: ``mm:ss.s``, ``HH:MM:SS.s``, ``dd.mm.yyyy HH:MM:SS``, or ISO 8601 dates with times (UTC
+        without a zone). The seconds may have a decimal point or comma.
     factor : float
         s per unit of numbers.
+    date_format : str, optional
+        Format of other dates, in the codes of `datetime.strptime`.
 
     Raises
     ------
@@ -63,8 +70,17 @@ def to_seconds(values: ColumnValues, factor: float) -> Clock:
             numbers = np.where(np.abs(numbers) < FARTHEST, numbers, np.nan)
         return Clock(numbers if factor == 1.0 else numbers * factor)
     first = str(next((text for text in values if text.strip()), ""))
+    if "," in first:
+        values = np.array([_FRACTION.sub(".", text) for text in values], np.str_)
+        first = _FRACTION.sub(".", first)
+    if date_format is not None:
+        return Clock(_dates(values, date_format.replace("%S,%f", "%S.%f")))
     if _DATE.match(first):
-        return Clock(_dates(values))
+        return Clock(_dates(values, "ISO8601"))
+    if _GERMAN_DATE.match(first):
+        return Clock(_dates(values, f"%d.%m.%Y %H:%M:%S{'.%f' if '.' in first.partition(':')[2] else ''}"))
+    if _SLASHED_DATE.match(first):
+        raise ValueError(f"{first!r} may have the day or the month first; state the `format` of the time")
     clock = _CLOCK.fullmatch(first)
     if clock is None:
         raise ValueError(
@@ -72,6 +88,27 @@ def to_seconds(values: ColumnValues, factor: float) -> Clock:
         )
     period = _DAY if clock[1] else _HOUR
     return _unwrapped(np.fromiter((_clock_seconds(text) for text in values), np.float64, values.size), period)
+
+
+def slashed_date_formats(values: ColumnValues) -> tuple[str, ...]:
+    """Return the formats that dates with slashes may have; empty for other texts."""
+    texts = [_FRACTION.sub(".", text) for text in values if text.strip()]
+    dates = [_SLASHED_DATE.match(text) for text in texts]
+    if not texts or not all(dates):
+        return ()
+    largest = [max(int(date[k]) for date in dates if date is not None) for k in (1, 2)]
+    seconds = "%H:%M:%S" + (".%f" if "." in texts[0] else "")
+    formats = (f"%d/%m/%Y {seconds}", f"%m/%d/%Y {seconds}")
+    return tuple(text for text, size in zip(formats, reversed(largest), strict=True) if size <= 12)
+
+
+def find_restarts(seconds: Array) -> NDArray[np.int64]:
+    """Return the rows at which a clock starts again: it falls by more than 1 s, and goes on from there."""
+    timed = np.flatnonzero(np.isfinite(seconds))
+    time = seconds[timed]
+    falls = np.flatnonzero(np.diff(time) < -_RESTART)
+    # A single late row is followed by a row that is not late.
+    return timed[[k + 1 for k in falls if k + 2 < time.size and time[k + 2] < time[k]]].astype(np.int64)
 
 
 def order_rows(seconds: Array) -> Order:
@@ -108,15 +145,16 @@ def _unwrapped(seconds: Array, period: float) -> Clock:
     return Clock(unwrapped, int(rollovers[-1]) if rollovers.size else 0)
 
 
-def _dates(values: ColumnValues) -> Array:
+def _dates(values: ColumnValues, date_format: str) -> Array:
     import pandas as pd
 
     seconds = np.empty(values.size)
     for begin in range(0, values.size, _CHUNK):
         part = pd.Series(values[begin : begin + _CHUNK]).str.strip()
-        dates = pd.to_datetime(part.where(part != "", None), utc=True, format="ISO8601", errors="coerce")
+        dates = pd.to_datetime(part.where(part != "", None), utc=True, format=date_format, errors="coerce")
         if (wrong := part[dates.isna() & (part != "")]).size:
-            raise ValueError(f"{str(wrong.iloc[0])!r} is not a date such as 2025-04-04T22:23:02Z, from 1679 to 2261")
+            form = "such as 2025-04-04T22:23:02Z" if date_format == "ISO8601" else f"of the form {date_format}"
+            raise ValueError(f"{str(wrong.iloc[0])!r} is not a date {form}, from 1679 to 2261")
         dates = dates.dt.tz_localize(None).to_numpy()
         # A conversion to nanoseconds wraps without a warning.
         far = np.abs(dates.astype("datetime64[s]").astype(np.int64)) > _MAX_DATE

@@ -75,7 +75,8 @@ def convert(settings: LogMap, tree: Tree, logs: Mapping[str, Log]) -> Conversion
     columns = ColumnReader(logs, requests.values())
     sensors = read_sensors(settings, requests, columns, errors)
     inputs, summaries, remarks = _read_inputs(settings, requests, columns, sensors, errors)
-    return Conversion(inputs, sensors.records, sensors.origin, (*sensors.summaries, *summaries), remarks)
+    of_logs = [text for log in logs.values() for text in log.remarks]
+    return Conversion(inputs, sensors.records, sensors.origin, (*sensors.summaries, *summaries), (*remarks, *of_logs))
 
 
 def dataset_from_logs(settings: LogMap, tree: Tree, files: LogFiles) -> tuple[Dataset, Conversion]:
@@ -223,7 +224,7 @@ def _read_channel(
     signal, has_unit = settings.channels()[key], request.values[key[-1]].has_unit
     if signal.si == "turn/s" and not has_unit:
         raise MapMismatchError(request.path, "has no unit; expected the `unit` of the log's numbers, rpm or turn/s")
-    rows = read_request(request, {key[-1]: signal}, None, columns)
+    rows = read_request(request, {key[-1]: signal}, columns)
     values = rows.values[key[-1]]
     finite = np.isfinite(values)
     n_missing = int(np.count_nonzero(~finite))

@@ -9,16 +9,21 @@ from numpy.typing import NDArray
 from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import LogSignal, RowChoice
 from auvid_cli.config.source_positions import KeyPath
-from auvid_cli.logs.clock import ClockDrift, Order, find_clock_drift, order_rows
+from auvid_cli.logs.clock import ClockDrift, Order, find_clock_drift, find_restarts, order_rows
 from auvid_cli.logs.formats.log import ColumnValues, Overlap, find_overlaps
+from auvid_cli.logs.no_value import is_code, rows_of_zeros
 from auvid_cli.logs.requests import ColumnReader, MapMismatchError, Request
 from auvid_cli.text import one_line
+from auvid_cli.vehicle.kinematics import MAX_SPEED, MAX_TURN_RATE
 
 # An underwater vehicle does not exceed these; larger numbers have another unit.
-_MAX_PLAUSIBLE = {"rad": 2.0 * np.pi, "rad/s": 20.0, "m/s": 50.0, "m/s^2": 500.0}
+_MAX_PLAUSIBLE = {"rad": 2.0 * np.pi, "rad/s": MAX_TURN_RATE, "m/s": MAX_SPEED, "m/s^2": 500.0}
 _MAX_INTERLEAVING = 1.0  # s, largest overlap of two files due to late messages
 _SAME_TIME = 1e-6  # s, largest rounding error of a time that several tables share
 _DAY = 86400.0  # s
+_MIN_INTERVAL = 1e-4  # s, smallest median interval; a higher rate has another unit of time
+_MIN_SPAN = 1.0  # s, shortest record
+_MAX_AMBIGUOUS = 0.1  # largest share of rows with the time of another row, but other values
 
 
 class MeasuredRows(NamedTuple):
@@ -35,9 +40,27 @@ class MeasuredRows(NamedTuple):
 
 
 def read_request(
-    request: Request, signals: Mapping[str, LogSignal], validity: RowChoice | None, columns: ColumnReader
+    request: Request,
+    signals: Mapping[str, LogSignal],
+    columns: ColumnReader,
+    validity: RowChoice | None = None,
+    codes: Sequence[float] = (),
+    drop_zeros: bool = False,
 ) -> MeasuredRows:
     """Read the rows of a request.
+
+    Parameters
+    ----------
+    request : Request
+    signals : mapping of str to LogSignal
+        By component.
+    columns : ColumnReader
+    validity : RowChoice, optional
+        Flag and its values in valid rows.
+    codes : sequence of float
+        Numbers of the log that mean a missing measurement.
+    drop_zeros : bool
+        Whether rows with zeros in all components are missing measurements.
 
     Raises
     ------
@@ -48,6 +71,9 @@ def read_request(
     """
     raw = {component: columns.take(place) for component, (place, *_) in request.values.items()}
     flags = columns.take(request.valid) if request.valid is not None else None
+    uncoded = {component: np.asarray(own, np.float64) for component, own in raw.items()}
+    zeros = rows_of_zeros(uncoded) if drop_zeros else np.zeros(next(iter(uncoded.values())).size, np.bool_)
+    marks = {component: zeros | is_code(own, codes) for component, own in uncoded.items()}
     try:
         seconds, rollovers = columns.take_time(request)
     except ValueError as error:
@@ -69,22 +95,28 @@ def read_request(
             )
         n_others = int(np.count_nonzero(others & np.isfinite(seconds)))
         seconds = np.where(others, np.nan, seconds)
+    files = np.asarray(columns.take(request.time.file), np.float64) if request.time.file is not None else None
+    is_other_run = _other_runs(request, seconds, files)
+    seconds = np.where(is_other_run, np.nan, seconds)
+    n_others += int(np.count_nonzero(is_other_run))
     order = order_rows(seconds)
     order = order._replace(without_time=order.without_time - n_others)
     time = seconds[order.rows]
     if time.size < 2:
         raise _no_times(request, seconds.size, time.size)
+    _check_intervals(request, time)
+    _check_stamps(request, seconds, order, raw)
     clock_drift, other = None, request.time.other
     if other is not None:
         names = request.time.place.column, other.column
         clock_drift = find_clock_drift(seconds, np.asarray(columns.take(other), np.float64), names)
-    overlaps = _overlaps(request, seconds, raw, columns)
+    overlaps = _overlaps(request, seconds, raw, files)
     values, invalid = {}, 0
     for component, (_, factor, _) in request.values.items():
         signal = signals[component]
         numbers = to_si(raw.pop(component)[order.rows], signal, factor)
         # Infinite numbers mark missing measurements.
-        outside = np.isinf(numbers)
+        outside = np.isinf(numbers) | marks[component][order.rows]
         if signal.limits is not None:
             outside |= (numbers < signal.limits[0]) | (numbers > signal.limits[1])
         invalid += int(np.count_nonzero(outside))
@@ -98,6 +130,55 @@ def read_request(
     return MeasuredRows(time, values, order, rollovers, invalid, 0, clock_drift, overlaps)
 
 
+def _other_runs(request: Request, seconds: Array, files: Array | None) -> NDArray[np.bool_]:
+    """Return the rows of other runs of the clock; MapMismatchError if the map must choose a run."""
+    starts = find_restarts(seconds)
+    if files is not None:
+        # Where a file ends, an earlier time means that files overlap.
+        starts = starts[files[starts] == files[starts - 1]]
+    path, run = (*request.path, "time"), request.time.run
+    if run is None and starts.size:
+        last, first = float(np.nanmax(seconds[: starts[0]])), float(seconds[starts[0]])
+        raise MapMismatchError(
+            path,
+            f"the clock of {request.time.place.column!r} starts again in row {starts[0] + 1}, from "
+            f"{last:.3f} back to {first:.3f} s: choose a `run`, 1 to {starts.size + 1}, one dataset for each",
+        )
+    if run is None:
+        return np.zeros(seconds.size, np.bool_)
+    if run > starts.size + 1:
+        raise MapMismatchError((*path, "run"), f"no run {run}; the clock has {starts.size + 1}")
+    edges = [0, *starts.tolist(), seconds.size]
+    is_other = np.ones(seconds.size, np.bool_)
+    is_other[edges[run - 1] : edges[run]] = False
+    return is_other
+
+
+def _check_intervals(request: Request, time: Array) -> None:
+    interval, span = float(np.median(np.diff(time))), float(time[-1] - time[0])
+    if interval < _MIN_INTERVAL or span < _MIN_SPAN:
+        problem = f"rows every {interval:.3g} s" if interval < _MIN_INTERVAL else f"rows of only {span:.3g} s"
+        hint = "check its `unit`; MATLAB and Excel count days"
+        raise MapMismatchError((*request.path, "time"), f"{problem} by {request.time.place.column!r}: {hint}")
+
+
+def _check_stamps(request: Request, seconds: Array, order: Order, raw: Mapping[str, ColumnValues]) -> None:
+    """Raise MapMismatchError if many rows have the time of another row, but other values."""
+    if order.duplicates <= _MAX_AMBIGUOUS * seconds.size:
+        return
+    rows = np.flatnonzero(np.isfinite(seconds))
+    rows = rows[np.argsort(seconds[rows], kind="stable")]
+    values = np.column_stack([np.asarray(own, np.float64)[rows] for own in raw.values()])
+    same_time = np.diff(seconds[rows]) == 0.0
+    differs = ((values[1:] != values[:-1]) & ~(np.isnan(values[1:]) & np.isnan(values[:-1]))).any(axis=1)
+    if (ambiguous := int(np.count_nonzero(same_time & differs))) > _MAX_AMBIGUOUS * rows.size:
+        raise MapMismatchError(
+            (*request.path, "time"),
+            f"{ambiguous} of {rows.size} rows share a time stamp with another row but differ: name a time with "
+            "fractions of a second, its `nanoseconds`, or the `rows` of one sender",
+        )
+
+
 def _no_times(request: Request, rows: int, times: int) -> MapMismatchError:
     log, table, column = request.time.place
     if rows < 2:
@@ -106,14 +187,11 @@ def _no_times(request: Request, rows: int, times: int) -> MapMismatchError:
     return MapMismatchError((*request.path, "time"), f"{column!r} {problem}: name another time")
 
 
-def _overlaps(
-    request: Request, seconds: Array, raw: Mapping[str, ColumnValues], columns: ColumnReader
-) -> list[Overlap]:
+def _overlaps(request: Request, seconds: Array, raw: Mapping[str, ColumnValues], files: Array | None) -> list[Overlap]:
     """Return overlaps of the files of a log; MapMismatchError if they interleave for too long."""
-    if request.time.file is None:
+    if files is None:
         return []
-    files, values = columns.take(request.time.file), np.column_stack([*raw.values()])
-    overlaps = find_overlaps(seconds, np.asarray(files, np.float64), np.asarray(values, np.float64))
+    overlaps = find_overlaps(seconds, files, np.column_stack([np.asarray(own, np.float64) for own in raw.values()]))
     for file, begin, end, own in overlaps:
         if own and end - begin > _MAX_INTERLEAVING:
             span = f"{begin:.3f} to {end:.3f} s"

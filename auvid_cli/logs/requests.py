@@ -79,6 +79,9 @@ class Times(NamedTuple):
     place: Place
     factor: float  # s per unit of numeric times
     offset: float  # s, added to the times
+    nanoseconds: Place | None  # column with nanoseconds next to whole seconds
+    date_format: str | None  # format of dates as text
+    run: int | None  # run to use if the clock starts again, from 1
     other: Place | None  # second clock of the messages
     file: Place | None  # number of the file of a row, in a log of several files
 
@@ -95,7 +98,8 @@ class Request(NamedTuple):
     def places(self) -> Iterator[Place]:
         """Yield all columns of the request."""
         yield from (source.place for source in self.values.values())
-        optional = (self.valid, self.time.place, self.time.other, self.time.file, self.chosen and self.chosen[0])
+        of_time = (self.time.place, self.time.nanoseconds, self.time.other, self.time.file)
+        optional = (self.valid, *of_time, self.chosen and self.chosen[0])
         yield from (place for place in optional if place is not None)
 
 
@@ -259,7 +263,14 @@ class _Finder:
         names = [column.name for column in self._tables[log][table]]
         other = {LOG_TIME: HEADER_STAMP, HEADER_STAMP: LOG_TIME}.get(column.name, "")
         more = (Place(log, table, name) if name in names else None for name in (other, FILE))
-        return Times(Place(log, table, column.name), factor, source.offset, *more)
+        fine: LogColumn | None = None
+        if source.nanoseconds is not None:
+            fine = self._column((*at, "nanoseconds"), log, table, source.nanoseconds, numbers=True)
+            if fine is None:
+                return None
+        nanoseconds = Place(log, table, fine.name) if fine is not None else None
+        place = Place(log, table, column.name)
+        return Times(place, factor, source.offset, nanoseconds, source.format, source.run, *more)
 
 
 class ColumnReader:
@@ -269,7 +280,7 @@ class ColumnReader:
         self._logs = logs
         self._wanted = Counter(place for request in requests for place in request.places())
         self._held: dict[Place, ColumnValues] = {}
-        self._clocks: dict[tuple[Place, float], Clock] = {}
+        self._clocks: dict[tuple[object, ...], Clock] = {}
 
     def take(self, place: Place) -> ColumnValues:
         """Return a column; call this once for each request that needs it."""
@@ -283,10 +294,14 @@ class ColumnReader:
     def take_time(self, request: Request) -> Clock:
         """Return the times of a request; the array may be shared. ValueError if a text is not a time."""
         times = request.time
-        key = times.place, times.factor
+        key = times.place, times.factor, times.nanoseconds, times.date_format
         values = self.take(times.place)
+        fine = self.take(times.nanoseconds) if times.nanoseconds is not None else None
         if key not in self._clocks:
-            self._clocks[key] = to_seconds(values, times.factor)
+            clock = to_seconds(values, times.factor, times.date_format)
+            if fine is not None:
+                clock = clock._replace(seconds=clock.seconds + 1e-9 * np.asarray(fine, np.float64))
+            self._clocks[key] = clock
         clock = self._clocks[key]
         if not self._wanted[times.place]:
             del self._clocks[key]

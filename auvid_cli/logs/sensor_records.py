@@ -98,7 +98,12 @@ def read_sensors(
 def _read(
     path: KeyPath, sensor: SensorMap, requests: Sequence[Request], columns: ColumnReader
 ) -> tuple[MeasuredRows, Array]:
-    parts = [measurements.read_request(request, sensor.signals(), sensor.valid, columns) for request in requests]
+    parts = [
+        measurements.read_request(
+            request, sensor.signals(), columns, sensor.valid, sensor.missing, drop_zeros=sensor.zeros == "drop"
+        )
+        for request in requests
+    ]
     if sensor.repeats == "drop":
         parts = [measurements.without_repeats(part) for part in parts]
     rows = measurements.together(parts)

@@ -5,6 +5,9 @@ import numpy as np
 from auvid_cli.arrays import Array
 
 GRAVITY = 9.80665  # m/s^2, standard gravity
+# No underwater vehicle keeps turning or moving faster; larger numbers have another unit.
+MAX_TURN_RATE = 6.0  # rad/s
+MAX_SPEED = 20.0  # m/s
 
 
 def earth_to_body(angles: Array, vectors: Array) -> Array:

@@ -110,7 +110,8 @@ def test_zigzag_determines_signs_of_horizontal_plane(symbol, sound_run, changed)
 def test_degrees_as_radians_are_named(symbol, other, sound_run, changed):
     inspection, fails = verdicts(scaled(changed, sound_run(), symbol, 180.0 / np.pi))
     assert (("gyroscope", f"{symbol} against {other}")) in fails
-    assert fails <= {("gyroscope", f"{symbol} against {angle}") for angle in (other, "heading")}
+    related = {("gyroscope", f"{symbol} against {angle}") for angle in (other, "heading")}
+    assert fails <= related | {("gyroscope", "range")}
     assert f"{symbol} is in deg/s" in advice_of(inspection, "gyroscope", f"{symbol} against {other}").advice
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.logs.clock import order_rows, to_seconds
+from auvid_cli.logs.clock import find_restarts, order_rows, slashed_date_formats, to_seconds
 
 
 def test_numbers_are_scaled():
@@ -86,3 +86,33 @@ def test_year_outside_nanoseconds_is_refused(year):
 def test_leap_second_and_early_year_are_read():
     assert to_seconds(np.array(["23:59:59", "23:59:60"]), 1.0).seconds.tolist() == [86399.0, 86400.0]
     assert to_seconds(np.array(["1700-01-01"]), 1.0).seconds == pytest.approx([-8520336000.0])
+
+
+@pytest.mark.parametrize(
+    "texts",
+    [
+        ("2024-06-10 08:00:00,000", "2024-06-10 08:00:00,100"),
+        ("10.06.2024 08:00:00,000", "10.06.2024 08:00:00,100"),
+        ("10.06.2024 08:00:00.000", "10.06.2024 08:00:00.100"),
+    ],
+)
+def test_dates_with_commas_and_points_are_read(texts):
+    # 2024-06-10 08:00 UTC is 1718006400 s after 1970.
+    assert to_seconds(np.array(texts), 1.0).seconds == pytest.approx([1718006400.0, 1718006400.1], abs=1e-6)
+
+
+def test_date_with_slashes_needs_format():
+    texts = np.array(["06/10/2024 08:00:00.000", "06/10/2024 08:00:00.100"])
+    with pytest.raises(ValueError, match="state the `format`"):
+        to_seconds(texts, 1.0)
+    found = to_seconds(texts, 1.0, "%m/%d/%Y %H:%M:%S.%f").seconds
+    assert found == pytest.approx([1718006400.0, 1718006400.1], abs=1e-6)
+    assert slashed_date_formats(texts) == ("%d/%m/%Y %H:%M:%S.%f", "%m/%d/%Y %H:%M:%S.%f")
+    assert slashed_date_formats(np.array(["13/10/2024 08:00:00"])) == ("%d/%m/%Y %H:%M:%S",)
+    assert slashed_date_formats(np.array(["10/13/2024 08:00:00"])) == ("%m/%d/%Y %H:%M:%S",)
+
+
+def test_restart_differs_from_late_row():
+    assert find_restarts(np.array([0.0, 10.0, 20.0, 0.0, 10.0, 20.0])).tolist() == [3]
+    assert find_restarts(np.array([0.0, 10.0, 5.0, 20.0, 30.0])).tolist() == []
+    assert find_restarts(np.array([0.0, np.nan, 10.0, np.nan, 1.0, 2.0])).tolist() == [4]

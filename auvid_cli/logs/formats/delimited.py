@@ -44,6 +44,7 @@ class TextRows(NamedTuple):
     lines: int
     filler: frozenset[int]
     encoding: str
+    repeated_headers: int = 0
 
     def numbers(self, header: Header) -> NDArray[np.int64]:
         """Return the numbers of the lines with values, from 1."""
@@ -58,8 +59,9 @@ def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
     FileError
         If a row has too many or too few fields, or zero bytes after a power cut.
     """
-    lines = 0
+    lines, repeated_headers = 0, 0
     filler: set[int] = set()
+    heading = header.names[0].encode()[:1] if header.line else b""
     utf8 = codecs.getincrementaldecoder("utf-8")()
     encoding = "utf-8"
     for block in _whole_lines(path, file):
@@ -74,6 +76,8 @@ def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
             )
         fields = _count_fields(data, ends, header.delimiter)
         suspects = (fields != header.fields) | _may_be_filler(data[starts], header.delimiter)
+        if heading:
+            suspects |= data[starts] == heading[0]
         for k in np.flatnonzero(suspects):
             number = lines + int(k) + 1
             if number <= header.line:
@@ -81,12 +85,17 @@ def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
             line = block[starts[k] : ends[k]].decode(encoding, errors="replace")
             if is_filler(line, header.delimiter):
                 filler.add(number)
-            elif (n_fields := len(split_row(line, header.delimiter))) != header.fields:
+                continue
+            row = split_row(line, header.delimiter)
+            if header.line and row[: len(header.names)] == [*header.names]:
+                filler.add(number)
+                repeated_headers += 1
+            elif len(row) != header.fields:
                 raise FileError(
-                    f"{path}:{number}: row with {n_fields} fields; expected {header.fields} as in the others"
+                    f"{path}:{number}: row with {len(row)} fields; expected {header.fields} as in the others"
                 )
         lines += len(ends)
-    return TextRows(lines, frozenset(filler), encoding)
+    return TextRows(lines, frozenset(filler), encoding, repeated_headers)
 
 
 def _whole_lines(path: Path, file: IO[bytes]) -> Iterator[bytes]:
@@ -163,7 +172,10 @@ class DelimitedLog(FileLog):
     @cached_property
     def _rows(self) -> TextRows:
         with self._opened() as file:
-            return survey(self.path, file, self._header)
+            rows = survey(self.path, file, self._header)
+        if rows.repeated_headers:
+            self.remarks.append(f"{self.path.name}: {rows.repeated_headers} repeated headers skipped")
+        return rows
 
     @contextmanager
     def _opened(self) -> Iterator[IO[bytes]]:

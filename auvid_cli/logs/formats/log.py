@@ -37,6 +37,7 @@ class Log(ABC):
     def __init__(self, path: Path) -> None:
         self.path = path
         self.is_cut = False  # whether only the beginning is read
+        self.remarks: list[str] = []  # rows that the reader left out, with the reason
 
     @abstractmethod
     def tables(self) -> Tables:
@@ -122,6 +123,7 @@ class JoinedLog(FileLog):
         parts = enumerate(zip(self._parts, self._contents, strict=True), 1)
         by_part = {k: part.read(table, stored) for k, (part, content) in parts if table in content}
         joined = {c: cast(ColumnValues, np.concatenate([values[c] for values in by_part.values()])) for c in stored}
+        self.remarks = [text for part in self._parts for text in part.remarks]
         joined[FILE] = np.repeat(
             np.array([*by_part], np.float64), [values[stored[0]].size for values in by_part.values()]
         )

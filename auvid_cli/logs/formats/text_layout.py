@@ -125,6 +125,7 @@ class Header(NamedTuple):
     delimiter: str
     decimal: str
     line: int  # last line of the header, from 1; 0 without a header
+    names: tuple[str, ...]  # headings as they are written
     fields: int  # fields of each row: one more than columns if rows end with a delimiter
     columns: tuple[LogColumn, ...]  # one without a name has its number, such as ``#3``
     is_flag: tuple[bool, ...]  # whether the values of a column are "true" and "false"
@@ -170,7 +171,8 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
     has_units = len(units) >= len(names) and not layout.names and are_units(units, below)
     # A Slocum glider writes the size of each number, bytes, below the units.
     last = line + has_units + (has_units and lines[0].startswith(_SLOCUM))
-    rows = list(_split_rows(lines[last:], delimiter).values())
+    # A logger that starts again writes its header again.
+    rows = [row for row in _split_rows(lines[last:], delimiter).values() if row[: len(names)] != names]
     fields = _usual_length(rows) or len(names)
     ends_with_delimiter = fields == len(names) + 1 and all(row[-1] == "" for row in rows)
     if fields != len(names) and not ends_with_delimiter:
@@ -187,7 +189,7 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
         unit = agreed_unit(f"{path}:{line + has_units}: {name!r}", heading, under, suffixes[k])
         numeric = is_flag[k] or suffixes[k] or all(is_number(v, decimal, layout.missing) for v in samples[k])
         columns.append(LogColumn(name, unit, is_text=not numeric))
-    return Header(delimiter, decimal, last, fields, tuple(columns), is_flag, suffixes)
+    return Header(delimiter, decimal, last, tuple(names), fields, tuple(columns), is_flag, suffixes)
 
 
 def _uncomment(line: str) -> str:

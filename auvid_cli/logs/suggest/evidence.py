@@ -1,14 +1,13 @@
 """Signs, axes, units and delays of a suggested map, weighed by the evidence of kinematic relations."""
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations, product
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
-from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.logs.frames import interpolate
 from auvid_cli.logs.suggest.relations import CROSSED, RelationFit, Track, fit_relations
 from auvid_cli.vehicle.parameters import SENSORS
@@ -36,19 +35,9 @@ _MIN_SPEED = 0.2  # m/s
 _MIN_COURSES = 30  # rows with a speed above `_MIN_SPEED`
 _MIN_ALIGNMENT = 0.8  # mean resultant length of course minus heading
 _MAX_SCATTER_RATIO = 0.25  # scatter of the course about the heading divided by its scatter about the bow
-_UNIT_CORRELATION = 0.8  # smallest correlation at which a gain shows the unit
-_UNIT_TOLERANCE = 0.15  # tolerance of the logarithm of a gain
 _MIN_DELAY = 0.05  # s
 OVER_GROUND = "NED"  # axes of a velocity whose names contain north and east
 _EXCHANGE = {"rudder": "elevator", "elevator": "rudder"}
-# Candidates for a unit that was guessed.
-_UNITS = {
-    "gyroscope": ("rad/s", "deg/s"),
-    "attitude": ("rad", "deg"),
-    "depth": ("m", "mm", "cm", "ft"),
-    "dvl": ("m/s", "mm/s", "cm/s", "knot"),
-    "accelerometer": ("m/s^2", "g"),
-}
 
 
 class LikelySigns(NamedTuple):
@@ -111,7 +100,6 @@ class Evidence(NamedTuple):
     over_ground: str  # ``NED`` or ``ENU`` if the velocity of the DVL is over ground, else empty
     exchanged: bool  # whether rudder and elevator are exchanged
     delays: dict[str, float]  # delay of the times of a sensor, s
-    units: dict[str, str]  # unit of a sensor whose unit was guessed wrong
 
     def words(self, symbols: Sequence[str]) -> str:
         """Return the evidence for the signs of some symbols: strength, relations and correlations."""
@@ -131,10 +119,8 @@ class Evidence(NamedTuple):
         return "; ".join(texts)
 
 
-def weigh_evidence(
-    tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float]], guessed: Mapping[str, str]
-) -> Evidence:
-    """Find units, exchanged fins, delays and signs, in this order, by the relations between signals.
+def weigh_evidence(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float]]) -> Evidence:
+    """Find exchanged fins, delays and signs, in this order, by the relations between signals.
 
     Parameters
     ----------
@@ -142,27 +128,11 @@ def weigh_evidence(
         Signals in SI by symbol.
     expected : mapping of mappings
         Log likelihoods that follow from names and conventions; see `likely_signs`.
-    guessed : mapping of str to str
-        Assumed unit of each sensor whose unit is not stated.
     """
-    tracks, units = dict(tracks), {}
     is_named = OVER_GROUND in expected.get("dvl", {}) and {"u", "v"} <= {*tracks}
-    direction = 1 if is_named else _course_direction(tracks)
-    if direction:
-        tracks = _speed_as_surge(tracks)
+    direction = 1 if is_named else course_direction(tracks)
+    tracks = speed_as_surge(tracks) if direction else dict(tracks)
     fits = fit_relations(tracks)
-    for fit in fits:
-        for sensor, unit in _wrong_units(fit, guessed):
-            if sensor not in units:
-                units[sensor] = unit
-                ratio = _unit_ratio(sensor, unit, guessed)
-                tracks |= {
-                    q.symbol: track._replace(values=ratio * track.values)
-                    for q in SENSORS[sensor]
-                    if (track := tracks.get(q.symbol)) is not None
-                }
-    if units:
-        fits = fit_relations(tracks)
     of_fins = [fit for fit in fits if {*_EXCHANGE} & {*fit.symbols}]
     crossed = sum(abs(fit.weight) for fit in of_fins if CROSSED in fit.symbols)
     as_named = sum(abs(fit.weight) for fit in of_fins if CROSSED not in fit.symbols)
@@ -173,7 +143,7 @@ def weigh_evidence(
     fits = [fit for fit in fits if CROSSED not in fit.symbols]
     delays: dict[str, float] = {}
     # One sensor at a time, because its delay affects all relations that contain it.
-    while (late := _latest_sensor(fits)) is not None and late[0] not in delays:
+    while (late := _latest_sensor(fits, tracks)) is not None and late[0] not in delays:
         delays |= [late]
         sensor, delay = late
         tracks = {
@@ -185,7 +155,7 @@ def weigh_evidence(
     over_ground = ""
     if direction:
         over_ground = OVER_GROUND if is_named or direction * verdict.signs["psi"] > 0 else "ENU"
-    return Evidence(fits, verdict, over_ground, exchanged, delays, units)
+    return Evidence(fits, verdict, over_ground, exchanged, delays)
 
 
 def _with_values(
@@ -203,7 +173,7 @@ def _with_values(
     return full
 
 
-def _course_direction(tracks: Mapping[str, Track]) -> int:
+def course_direction(tracks: Mapping[str, Track]) -> int:
     """Return 1 if the direction of a velocity turns with the heading, -1 if it turns against it, 0 in body axes."""
     if not {"u", "v", "psi"} <= {*tracks}:
         return 0
@@ -224,48 +194,20 @@ def _course_direction(tracks: Mapping[str, Track]) -> int:
     return 1 if with_heading > against else -1
 
 
-def _speed_as_surge(tracks: Mapping[str, Track]) -> dict[str, Track]:
+def speed_as_surge(tracks: Mapping[str, Track]) -> dict[str, Track]:
     """Replace a velocity over ground by its size as `u`, because the axes of its components are still unknown."""
     size = np.hypot(tracks["u"].values, tracks["v"].values)
     others = {symbol: track for symbol, track in tracks.items() if symbol not in ("v", "w")}
     return others | {"u": tracks["u"]._replace(values=size)}
 
 
-def _wrong_units(fit: RelationFit, guessed: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Return sensors whose unit was guessed, with units that explain the gain of a relation."""
-    if abs(fit.correlation) < _UNIT_CORRELATION or abs(np.log(fit.gain)) < _UNIT_TOLERANCE:
-        return []
-    gains: dict[tuple[str, str], float] = {}
-    for place, symbol in enumerate(fit.symbols):
-        sensor = _sensor_of(symbol)
-        # Only the rate of a pitch shows whether it is in degrees; its sine is not proportional to it.
-        if sensor == "attitude" and fit.symbols[0] not in TRIPLES["gyroscope"]:
-            continue
-        for unit in _UNITS.get(sensor, ()) if sensor in guessed else ():
-            ratio = _unit_ratio(sensor, unit, guessed)
-            # A unit that is too large increases the signal, which is the first symbol, or else its prediction.
-            gains[sensor, unit] = 1.0 / ratio if place == 0 else ratio
-    single = [key for key, gain in gains.items() if abs(np.log(fit.gain / gain)) < _UNIT_TOLERANCE]
-    if single:
-        return single
-    for pair in combinations(gains, 2):
-        product_of_gains = gains[pair[0]] * gains[pair[1]]
-        if pair[0][0] != pair[1][0] and abs(np.log(fit.gain / product_of_gains)) < _UNIT_TOLERANCE:
-            return [*pair]
-    return []
-
-
-def _unit_ratio(sensor: str, unit: str, guessed: Mapping[str, str]) -> float:
-    """Return the size of a unit in guessed units."""
-    si = SENSORS[sensor][0].unit
-    return unit_factor(unit, si) / unit_factor(guessed[sensor], si)
-
-
-def _latest_sensor(fits: Sequence[RelationFit]) -> tuple[str, float] | None:
+def _latest_sensor(fits: Sequence[RelationFit], tracks: Mapping[str, Track]) -> tuple[str, float] | None:
     """Return the sensor with a delay, and the delay, s, from the relation with the largest correlation that has one."""
     for fit in sorted(fits, key=lambda fit: abs(fit.correlation), reverse=True):
         first, other = _sensor_of(fit.symbols[0]), _sensor_of(fit.symbols[-1])
-        if first != other and abs(fit.delay) >= _MIN_DELAY:
+        # Less than a sampling step is not significant.
+        steps = [float(np.median(np.diff(tracks[symbol].time))) for symbol in fit.symbols if symbol in tracks]
+        if first != other and abs(fit.delay) >= max(_MIN_DELAY, *steps):
             # Inertial sensors are more likely on time, so the other one is early or late.
             return (other, -fit.delay) if first in ("gyroscope", "accelerometer") else (first, fit.delay)
     return None

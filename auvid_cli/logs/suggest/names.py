@@ -8,7 +8,7 @@ import numpy as np
 
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
 
-_VELOCITY, _TO_GROUND = r"(v|(ground_?)?vel(ocity)?|linear|dvl_v\w*)[_.]?", r"_vel(ocity)?(_wrt_ground)?"
+_VELOCITY, _TO_GROUND = r"(v|(bt_|ground_?)?vel(ocity)?|linear|dvl_v\w*)[_.]?", r"_vel(ocity)?(_wrt_ground)?"
 # By sensor and component: pattern of the end of a name in lower case, with underscores for blanks and dashes.
 SENSOR_NAMES: dict[str, dict[str, str]] = {
     "gyroscope": {
@@ -66,7 +66,17 @@ NAMED_UNITS: dict[str, dict[str, str]] = {
     "rad/s": {"dps": "deg/s", "deg_s": "deg/s", "degs": "deg/s", "rad_s": "rad/s", "rads": "rad/s"}
     | {"degree_per_second": "deg/s", "radian_per_second": "rad/s"},
     "rad": {"deg": "deg", "degree": "deg", "degrees": "deg", "rad": "rad", "radian": "rad", "radians": "rad"},
-    "m/s": {"m_s": "m/s", "ms": "m/s", "mps": "m/s", "cm_s": "cm/s", "kn": "knot", "kts": "knot", "knots": "knot"}
+    "m/s": {
+        "m_s": "m/s",
+        "ms": "m/s",
+        "mps": "m/s",
+        "cm_s": "cm/s",
+        "mm_s": "mm/s",
+        "mms": "mm/s",
+        "kn": "knot",
+        "kts": "knot",
+        "knots": "knot",
+    }
     | {"meter_per_second": "m/s"},
     "m/s^2": {"m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2", "g": "g", "mg": "mg"},
     "m": {"m": "m", "cm": "cm", "mm": "mm", "ft": "ft", "meter": "m"},
@@ -79,6 +89,10 @@ _OWNER = r"((platform|vehicle|auv|nav|m)_)?"
 _FILTERED = r"(_filt(ered)?)?"
 _COMMANDED = r"((desired|commanded|cmd|c)_)?"  # before inputs of MOOS, Slocum gliders and others
 _SOME_TIME = r"(t|time|timestamp|stamp)_\w+|\w+_(t|time|timestamp|stamp)"
+# Times of measurement, which are better than times of reception.
+_STAMPS = r"(header[._])?stamp([._](secs?|t))?|\w*time_?of_?validity\w*|(\w+_)?validity_time"
+_WHOLE_SECONDS = re.compile(r"(?P<stem>(.*[._])?)(sec|secs|seconds|s)")
+_ANY_TIME = r"\w*time|(.*[._])?secs?|zeit"
 _TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
 _BARE_FIELD = re.compile(r"(data|value|xyz)(\[(?P<index>[012])\])?|(?P<axis>[xyz])")
 # Fields of ROS messages in forward-left-up and east-north-up axes (REP 103).
@@ -205,17 +219,33 @@ def standard_message(columns: Iterable[LogColumn]) -> str:
     return next((kind for kind, fields in _REP_103.items() if names.issuperset(fields)), "")
 
 
-def find_time(columns: Iterable[LogColumn]) -> LogColumn | None:
-    """Return the column that most probably contains the times; None without any."""
+class TimeColumn(NamedTuple):
+    """A column that may have the times of a table."""
+
+    column: LogColumn
+    nanoseconds: LogColumn | None  # column with the fraction, if this one has whole seconds
+    is_stamp: bool  # whether its name says that it is the time of measurement
+
+
+def time_columns(columns: Iterable[LogColumn]) -> list[TimeColumn]:
+    """Return the columns that may have the times, the most probable names first."""
     columns = list(columns)
+    by_name = {_plain(column.name): column for column in columns}
+    found: list[TimeColumn] = []
     for name in (HEADER_STAMP, LOG_TIME):
-        if name in [column.name for column in columns]:
-            return next(column for column in columns if column.name == name)
-    for pattern in (_TIMES, _SOME_TIME):
+        found += [TimeColumn(column, None, True) for column in columns if column.name == name]
+    if found:
+        return found
+    for pattern in (_STAMPS, _TIMES, _SOME_TIME, _ANY_TIME):
         for column in columns:
-            if _is_called(column.name, pattern):
-                return column
-    return None
+            if _is_called(column.name, pattern) and column not in [one.column for one in found]:
+                fraction = None
+                if whole := _WHOLE_SECONDS.fullmatch(_plain(column.name)):
+                    names = (f"{whole['stem']}{end}" for end in ("nanosec", "nanosecs", "nsec", "nsecs", "nanoseconds"))
+                    fraction = next((by_name[name] for name in names if name in by_name), None)
+                found.append(TimeColumn(column, fraction, pattern is _STAMPS))
+    fractions = [one.nanoseconds for one in found]
+    return [one for one in found if one.column not in fractions]
 
 
 def _possible_names(table: str, column: LogColumn) -> tuple[str, ...]:

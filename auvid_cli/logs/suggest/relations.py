@@ -51,7 +51,7 @@ class RelationFit(NamedTuple):
     delay: float  # s, by which the first signal is late; NaN if no delay is significant
 
 
-class _Relation(NamedTuple):
+class Relation(NamedTuple):
     """Signals on the grid that should be equal, apart from a linear effect of the covariates."""
 
     symbols: tuple[str, ...]
@@ -72,28 +72,34 @@ def fit_relations(tracks: Mapping[str, Track]) -> list[RelationFit]:
     tracks : mapping of str to Track
         Signals by symbol of the component; fins by ``rudder``, ``elevator``, or ``fins.top`` and so on.
     """
-    if not tracks:
-        return []
-    # Medians, because one sensor's clock may be days away.
-    begin, end = (float(np.median([track.time[k] for track in tracks.values()])) for k in (0, -1))
-    step = max(_STEP, (end - begin) / _MAX_CELLS)
-    grid = np.arange(begin, end + 0.5 * step, step)
-    if grid.size < _MIN_WINDOWS:
-        return []
-    values = {
-        symbol: interpolate(track.time, track.values[:, None], grid, is_angle=symbol in _ANGLES)[:, 0]
-        for symbol, track in tracks.items()
-    }
+    signals = on_grid(tracks)
     fits: dict[str, RelationFit] = {}
-    for relation in _relations(_Signals(values, step)):
-        fit = _fit(relation, step)
+    for relation in _relations(signals) if signals is not None else ():
+        fit = fit_relation(relation, signals.step)
         # A response is measured over several windows; the one with the most evidence counts.
         if fit is not None and (fit.words not in fits or abs(fits[fit.words].weight) < abs(fit.weight)):
             fits[fit.words] = fit
     return [*fits.values()]
 
 
-class _Signals:
+def on_grid(tracks: Mapping[str, Track]) -> "Signals | None":
+    """Return signals on one grid of times; None if they are too short."""
+    if not tracks:
+        return None
+    # Medians, because one sensor's clock may be days away.
+    begin, end = (float(np.median([track.time[k] for track in tracks.values()])) for k in (0, -1))
+    step = max(_STEP, (end - begin) / _MAX_CELLS)
+    grid = np.arange(begin, end + 0.5 * step, step)
+    if grid.size < _MIN_WINDOWS:
+        return None
+    values = {
+        symbol: interpolate(track.time, track.values[:, None], grid, is_angle=symbol in _ANGLES)[:, 0]
+        for symbol, track in tracks.items()
+    }
+    return Signals(values, step)
+
+
+class Signals:
     """Signals on one grid of times, their moving means and rates of change."""
 
     def __init__(self, values: Mapping[str, Array], step: float) -> None:
@@ -101,13 +107,20 @@ class _Signals:
         self._cells = _even_cells(_WINDOW, step)
 
     def has(self, *symbols: str) -> bool:
+        """Whether the log has all these symbols."""
         return {*symbols} <= {*self.values}
 
     def mean(self, symbol: str) -> Array:
+        """Return the moving mean."""
         return _mean(self.values[symbol], self._cells)
 
     def rate(self, symbol: str) -> Array:
+        """Return the rate of change."""
         return _change(self.values[symbol], self._cells) / (self._cells * self.step)
+
+    def change(self, values: Array, window: float) -> Array:
+        """Return the change of values on the grid over a time, s."""
+        return _change(values, _even_cells(window, self.step))
 
     def means(self, *symbols: str) -> tuple[Array, ...]:
         """Return the moving means of those symbols that the log has."""
@@ -124,10 +137,10 @@ class _Signals:
         return (angle, self.rate(angle)) if angle in self.values else None
 
 
-def _relations(s: _Signals) -> Iterator[_Relation]:
+def _relations(s: Signals) -> Iterator[Relation]:
     for symbol, angle in (("p", "phi"), ("q", "theta"), ("r", "psi")):
         if s.has(symbol, angle):
-            yield _Relation((symbol, angle), f"{symbol} is the rate of {angle}", s.mean(symbol), s.rate(angle))
+            yield Relation((symbol, angle), f"{symbol} is the rate of {angle}", s.mean(symbol), s.rate(angle))
     yield from _of_depth(s)
     yield from _of_acceleration(s)
     turn = s.turning("r", "psi")
@@ -135,14 +148,14 @@ def _relations(s: _Signals) -> Iterator[_Relation]:
         axis, rate = turn
         if s.has("v"):
             words, limit = "v points outward in turns", _SIDESLIP_WEIGHT
-            yield _Relation(("v", axis), words, s.mean("v"), -rate, s.course(), max_weight=limit, shows_delay=False)
+            yield Relation(("v", axis), words, s.mean("v"), -rate, s.course(), max_weight=limit, shows_delay=False)
         yield from _responses(s, axis, rate, YAW_FINS)
     pitching = s.turning("q", "theta")
     if pitching is not None:
         yield from _responses(s, *pitching, PITCH_FINS)
 
 
-def _of_depth(s: _Signals) -> Iterator[_Relation]:
+def _of_depth(s: Signals) -> Iterator[Relation]:
     if not s.has("down"):
         return
     diving: tuple[Array, ...] = ()
@@ -152,29 +165,29 @@ def _of_depth(s: _Signals) -> Iterator[_Relation]:
         diving = (-speed * np.sin(s.mean("theta")),)
         symbols, words = ("down", *ahead, "theta"), "depth changes with pitch"
         # Without heave, the path of a vehicle lags behind its pitch.
-        yield _Relation(symbols, words, s.rate("down"), diving[0], s.means("w"), shows_delay=s.has("w"))
+        yield Relation(symbols, words, s.rate("down"), diving[0], s.means("w"), shows_delay=s.has("w"))
     if s.has("w"):
         words = "w is the rate of depth"
-        yield _Relation(("w", "down"), words, s.mean("w"), s.rate("down"), diving, shows_delay=False)
+        yield Relation(("w", "down"), words, s.mean("w"), s.rate("down"), diving, shows_delay=False)
 
 
-def _of_acceleration(s: _Signals) -> Iterator[_Relation]:
+def _of_acceleration(s: Signals) -> Iterator[Relation]:
     if s.has("fx", "theta"):
         gravity, covariates = GRAVITY * np.sin(s.mean("theta")), (s.rate("u"),) if s.has("u") else ()
-        yield _Relation(("fx", "theta"), "fx contains gravity due to pitch", s.mean("fx"), gravity, covariates)
+        yield Relation(("fx", "theta"), "fx contains gravity due to pitch", s.mean("fx"), gravity, covariates)
     if s.has("fx", "u"):
-        yield _Relation(("fx", "u"), "fx is the rate of u", s.mean("fx"), s.rate("u"), s.means("theta"))
+        yield Relation(("fx", "u"), "fx is the rate of u", s.mean("fx"), s.rate("u"), s.means("theta"))
     turn = s.turning("r", "psi")
     if s.has("fy", "phi"):
         gravity, covariates = -GRAVITY * np.sin(s.mean("phi")), (turn[1],) if turn is not None else ()
-        yield _Relation(("fy", "phi"), "fy contains gravity due to roll", s.mean("fy"), gravity, covariates)
+        yield Relation(("fy", "phi"), "fy contains gravity due to roll", s.mean("fy"), gravity, covariates)
     if s.has("fy", "u") and turn is not None:
         symbols, words = ("fy", "u", turn[0]), "fy is centripetal in turns"
         force, limit = s.mean("u") * turn[1], _CONFOUNDED_WEIGHT
-        yield _Relation(symbols, words, s.mean("fy"), force, s.means("phi"), max_weight=limit, shows_delay=False)
+        yield Relation(symbols, words, s.mean("fy"), force, s.means("phi"), max_weight=limit, shows_delay=False)
 
 
-def _responses(s: _Signals, axis: str, rate: Array, fins: Sequence[str]) -> Iterator[_Relation]:
+def _responses(s: Signals, axis: str, rate: Array, fins: Sequence[str]) -> Iterator[Relation]:
     """Yield the responses of a rate to its own fins, and to the other fins as crossed."""
     for fin in (*YAW_FINS, *PITCH_FINS):
         if fin not in s.values:
@@ -184,13 +197,14 @@ def _responses(s: _Signals, axis: str, rate: Array, fins: Sequence[str]) -> Iter
         for window in _RESPONSE_TIMES:
             cells, words = _even_cells(window, s.step), f"{axis} responds to {name}"
             change, moment = _change(rate, cells), -_mean(s.values[fin], cells)
-            yield _Relation(symbols, words, change, moment, (rate,), window=window, shows_delay=False)
+            yield Relation(symbols, words, change, moment, (rate,), window=window, shows_delay=False)
         cells, words = _even_cells(_LONG_WINDOW, s.step), f"{axis} follows {name}"
         mean, moment, limit = _mean(rate, cells), -_mean(s.values[fin], cells), _CONFOUNDED_WEIGHT
-        yield _Relation(symbols, words, mean, moment, max_weight=limit, window=_LONG_WINDOW, shows_delay=False)
+        yield Relation(symbols, words, mean, moment, max_weight=limit, window=_LONG_WINDOW, shows_delay=False)
 
 
-def _fit(relation: _Relation, step: float) -> RelationFit | None:
+def fit_relation(relation: Relation, step: float) -> RelationFit | None:
+    """Fit a relation on a grid with a `step`, s; None if too few rows have numbers."""
     best, delay = _correlation(relation, 0), float("nan")
     if best is None or (n_windows := best.rows * step / relation.window) < _MIN_WINDOWS:
         return None
@@ -218,7 +232,7 @@ class _Correlation(NamedTuple):
     rows: int
 
 
-def _correlation(relation: _Relation, lag: int) -> _Correlation | None:
+def _correlation(relation: Relation, lag: int) -> _Correlation | None:
     """Return the partial correlation given the covariates; the signal is taken `lag` cells later."""
     rows = np.stack([_shifted(relation.signal, lag), relation.prediction, *relation.covariates])
     rows = rows[:, np.isfinite(rows).all(axis=0)]
@@ -260,6 +274,12 @@ def _change(values: Array, cells: int) -> Array:
     if values.size <= cells:
         return np.full(values.size, np.nan)
     return np.pad(values[cells:] - values[:-cells], cells // 2, constant_values=np.nan)
+
+
+def integral(rate: Array, step: float) -> Array:
+    """Return the integral of a rate over a grid; missing rates count as zero, and their times have no value."""
+    known = np.isfinite(rate)
+    return np.where(known, step * np.cumsum(np.where(known, rate, 0.0)), np.nan)
 
 
 def _even_cells(window: float, step: float) -> int:

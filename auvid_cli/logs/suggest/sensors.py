@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.arrays import Array
-from auvid_cli.data.signals import estimate_noise
+from auvid_cli.data.signals import estimate_noise, is_smoothed
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.evidence import OVER_GROUND, TRIPLES, USUAL_AXES, Evidence
@@ -25,6 +25,7 @@ from auvid_cli.logs.suggest.rows import (
     time_of,
     tracks_of,
 )
+from auvid_cli.logs.suggest.units import Columns, possible_units
 from auvid_cli.vehicle.parameters import SENSORS
 
 _EARTH_AXES = {"FRD": "NED", "FLU": "ENU"}
@@ -38,7 +39,7 @@ _HANGING = 2.0  # FLU axes for the DVL of a vehicle with an attitude upside down
 _HEADING = 1.5  # usual sign of a column with heading in its name
 _EAST = 8.0  # opposite sign of a heading with ENU in its name
 _BODY_AXES = 4.0  # FRD axes of an attitude with ENU in its name
-_FLAG = re.compile(r"(?P<whose>.*?)[_. ]?(valid|validity|is_valid|lock(ed)?)", re.IGNORECASE)
+_FLAG = re.compile(r"(?P<whose>.*?)[_. ]?(valid|validity|is_valid|lock(ed)?|good)", re.IGNORECASE)
 # Words in the names of a sensor's flags.
 _WORDS = {
     "gyroscope": ("gyro", "imu", "rate"),
@@ -79,7 +80,41 @@ def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
         if place is not None:
             main = found_in(logs, sensor, *place)
             found[sensor] = FoundSensor(main, [] if main.is_quaternion else _apart(logs, main))
-    return found
+    return _with_units(logs, found)
+
+
+def _with_units(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
+    """Return sensors with the units that remain possible."""
+    parts = [part for sensor in sensors.values() for part in sensor.parts]
+    columns = []
+    for part in parts:
+        numbers = part.si() if part.is_quaternion else part.numbers
+        tracks = _part_tracks(logs, sensors, part, numbers)
+        is_stated = part.is_stated or part.is_quaternion
+        columns.append(Columns(part.sensor, tracks, part.unit if is_stated else ""))
+    is_over_ground = "dvl" in sensors and names.is_over_ground(sensors["dvl"].main.match.columns)
+    verdicts = possible_units(columns, is_over_ground)
+    known = [
+        part._replace(units=verdict.units, comment="; ".join(filter(None, (part.comment, verdict.reason))))
+        for part, verdict in zip(parts, verdicts, strict=True)
+    ]
+    return {
+        name: FoundSensor(*(own[0], own[1:]))
+        for name in sensors
+        if (own := [part for part in known if part.sensor == name])
+    }
+
+
+def _part_tracks(
+    logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], part: Found, signals: Mapping[str, Array]
+) -> dict[str, Track]:
+    """Return signals of a part with their times; rows that the log marks as invalid are NaN."""
+    log = logs[part.log]
+    if flag := flag_of(sensors, log, part):
+        flags = np.asarray(log.read(part.match.table, [flag])[flag], np.float64)
+        is_valid = flags == _valid_value(flags)
+        signals = {symbol: np.where(is_valid, values, np.nan) for symbol, values in signals.items()}
+    return tracks_of(log, part.match.table, signals)
 
 
 def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
@@ -100,12 +135,7 @@ def sensor_tracks(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -
     tracks: dict[str, Track] = {}
     for sensor in sensors.values():
         for part in sensor.parts:
-            log, signals = logs[part.log], part.si()
-            if flag := flag_of(sensors, log, part):
-                flags = np.asarray(log.read(part.match.table, [flag])[flag], np.float64)
-                is_valid = flags == _valid_value(flags)
-                signals = {symbol: np.where(is_valid, values, np.nan) for symbol, values in signals.items()}
-            tracks |= tracks_of(log, part.match.table, signals)
+            tracks |= _part_tracks(logs, sensors, part, part.si())
     if "phi" in tracks and _is_upside_down(tracks["phi"].values):
         tracks["phi"] = tracks["phi"]._replace(values=tracks["phi"].values + np.pi)
     return {symbol: track for symbol, track in tracks.items() if np.isfinite(track.values).any()}
@@ -169,17 +199,27 @@ def _sensor(
         yield YamlEntry("quaternion", [YamlEntry(axis, column.name) for axis, column in main.match.columns.items()])
     else:
         yield YamlEntry("columns", list(_columns(logs, found, frame, evidence)))
-        unit = evidence.units.get(name, main.unit)
-        why = main.comment if unit == main.unit else f"check: in {main.unit} it would not agree with related signals"
-        yield YamlEntry("unit", unit, why)
+        yield main.unit_entry()
     yield from _axes(log, found, frame, evidence)
     yield from _repeats(main.numbers)
     yield from _valid(sensors, log, main)
+    if codes := sorted({code for part in found.parts for code in part.codes}):
+        count = sum(part.marked for part in found.parts)
+        numbers = tuple(Phrase(f"{code:.10g}") for code in codes)
+        yield YamlEntry("missing", numbers, f"check: numbers without a measurement, in {count} rows")
+    if main.zeros:
+        yield YamlEntry("zeros", "drop", f"check: all components are zero in {main.zeros} rows: no measurement?")
     si = main.si()
-    noise = [estimate_noise(signal, SENSORS[name][0].unit == "rad").standard_deviation for signal in si.values()]
+    unit = SENSORS[name][0].unit
+    noise = [estimate_noise(signal, unit == "rad").standard_deviation for signal in si.values()]
     scatter = ", ".join(f"{deviation:.2g}" for deviation in noise if deviation > 0.0)
-    hint = f"; scatter of the signals: {scatter} {SENSORS[name][0].unit}" if scatter and not main.is_quaternion else ""
-    yield YamlEntry("standard_deviation", None, f"required: noise by the data sheet, or the word estimate{hint}")
+    is_known = len(main.units) == 1 and not main.is_quaternion
+    hint = f"; scatter of the signals: {scatter} {unit}" if scatter and is_known else ""
+    # The errors of an AHRS or of a filtered signal are autocorrelated and larger than its scatter.
+    if name != "attitude" and min(noise) > 0.0 and not any(is_smoothed(signal) for signal in si.values()):
+        yield YamlEntry("standard_deviation", "estimate", f"check: noise by the data sheet is better{hint}")
+    else:
+        yield YamlEntry("standard_deviation", None, f"required: noise by the data sheet, or the word estimate{hint}")
 
 
 def _frame(sensor: str, evidence: Evidence, convention: str) -> str:
@@ -201,16 +241,19 @@ def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: 
         for component, column in part.match.columns.items():
             present.add(component)
             place: dict[str, Flow] = {}
+            comment = ""
             if part is not found.main:
-                place = (place_of(logs, part.log, part.match.table) or {}) | {"unit": part.unit}
+                unit = part.unit_entry()
+                place = (place_of(logs, part.log, part.match.table) or {}) | {"unit": unit.value}
+                comment = unit.comment
             axis = TRIPLES.get(name, (component,)).index(component)
             usual = USUAL_AXES.get(frame, (1, 1, 1))[axis]
             is_reversed = evidence.verdict.signs.get(component, usual) != usual
             more: dict[str, Flow] = {}
-            comment = ""
             if is_reversed and not (name == "dvl" and evidence.over_ground):
                 more = {"sign": -1, "offset": Phrase("90 deg")} if component == "psi" else {"sign": -1}
-                comment = f"check: opposite sign; {evidence.words([component])}"
+                sign = f"check: opposite sign; {evidence.words([component])}"
+                comment = "; ".join(filter(None, (comment, sign)))
             entry = {**place, "column": column.name, **more} if place or more else column.name
             yield YamlEntry(component, entry, comment)
     missing = [quantity.symbol for quantity in SENSORS[name] if quantity.symbol not in present]

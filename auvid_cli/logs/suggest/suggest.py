@@ -31,11 +31,11 @@ def unused_lines(
     for log in logs:
         for table, columns in logs[log].tables().items():
             time, _ = time_of(logs[log], table)
-            times = time["column"] if isinstance(time, Mapping) else time
+            times = [str(text) for text in time.values()] if isinstance(time, Mapping) else [time]
             unused = _joined_elements(
                 f"{column.name}{_kind_of_column(column.name)}"
                 for column in columns
-                if (log, table, column.name) not in used and column.name != times
+                if (log, table, column.name) not in used and column.name not in times
             )
             if unused:
                 kind = " (output of a navigation filter)" if is_filter_output(table) else ""
@@ -65,7 +65,7 @@ def _joined_elements(names: Iterable[str]) -> list[str]:
     return runs
 
 
-def suggest(logs: Sequence[Log], folder: Path) -> str:
+def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> str:
     """Return a map suggested from names, units and values of logs, and from relations between their signals.
 
     Parameters
@@ -73,6 +73,8 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
     logs : sequence of Log
     folder : pathlib.Path
         Folder of the map; its paths are relative to it.
+    vehicle : str, optional
+        Vehicle file as the map names it. Default: the map asks for size and parameters.
 
     Returns
     -------
@@ -89,8 +91,7 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
     files = [YamlEntry(name, os.path.relpath(log.path, folder)) for name, log in names.items()]
     sensors, inputs = find_sensors(names), find_inputs(names)
     tracks = sensor_tracks(names, sensors) | input_tracks(names, inputs)
-    guessed = {name: sensor.main.unit for name, sensor in sensors.items() if not sensor.main.is_stated}
-    evidence = weigh_evidence(tracks, expected_of(names, sensors), guessed)
+    evidence = weigh_evidence(tracks, expected_of(names, sensors))
     return commented_text(
         [
             Comment(
@@ -102,7 +103,9 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
                 if log.is_cut
             ),
             YamlEntry("name", next(iter(names))),
-            YamlEntry("vehicle", _vehicle(), "or the path of a vehicle file, such as `auvid init` writes"),
+            YamlEntry("vehicle", vehicle)
+            if vehicle is not None
+            else YamlEntry("vehicle", _vehicle(), "or the path of a vehicle file, such as `auvid init` writes"),
             YamlEntry("logs", files),
             YamlEntry("sensors", list(sensor_lines(names, sensors, evidence))),
             YamlEntry("inputs", list(input_lines(names, inputs, evidence))),

@@ -76,7 +76,7 @@ def test_absurd_numbers_do_not_count(suggested):
 
 
 def test_comment_gives_scatter_of_signal(suggested):
-    text, found = suggested(t=TIME, u=2.0 + 0.03 * NOISE, rudder=0.1 * WAVE)
+    text, found = suggested(**{"t": TIME, "u (m/s)": 2.0 + 0.03 * NOISE, "rudder": 0.1 * WAVE})
     assert found["sensors"]["dvl"]["standard_deviation"] is None
     assert "scatter of the signals: 0.03" in text or "scatter of the signals: 0.02" in text
 
@@ -319,7 +319,7 @@ def test_changing_quaternion_is_preferred(tmp_path):
 
 def test_compressed_log_with_text_clock_is_read(tmp_path):
     path = tmp_path / "log.csv.gz"
-    rows = "\n".join(f"59:{50 + k % 10}.0,{k}.5,{k}" for k in range(20))
+    rows = "\n".join(f"59:{40 + k}.0,{k}.5,{k}" for k in range(20))
     path.write_bytes(gzip.compress(f"Time,Vehicle depth (m),depth (m)\n{rows}\n".encode()))
     found = yaml.safe_load(suggest([open_log(path)], tmp_path))
     assert found["sensors"]["depth"]["time"] == {"column": "Time"}
@@ -362,9 +362,14 @@ def test_map_with_missing_values_raises_config_error(suggested, tmp_path):
     path.write_text(text)
     with pytest.raises(ConfigError) as caught:
         load_map(path)
-    for missing in ("vehicle.parameters.m: ", "vehicle.size.length: ", "sensors.dvl.standard_deviation: "):
+    for missing in (
+        "vehicle.parameters.m: ",
+        "vehicle.size.length: ",
+        "sensors.dvl.standard_deviation: ",
+        "sensors.dvl.unit: ",
+    ):
         assert missing in str(caught.value)
-    assert str(caught.value).count("got nothing") == text.count(": null # required") == len(PARAMETERS) + 2 + 1
+    assert str(caught.value).count("got nothing") == text.count(": null # required") == len(PARAMETERS) + 2 + 2
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"])))
