@@ -98,7 +98,8 @@ def _with_errors(dataset: Dataset, tolerances: Tolerances, rng: np.random.Genera
     gain = np.array([tolerances.fins, tolerances.fins, tolerances.thrust, 0.0]) * rng.standard_normal(4)
     values = dataset.inputs.values.copy()
     values[:, :4] /= 1.0 + gain
-    delays = dict(zip(("inputs", "gyroscope", "dvl"), tolerances.delay * rng.standard_normal(3), strict=True))
+    late: list[str] = ["inputs", "gyroscope", "dvl"]
+    delays = dict(zip(late, tolerances.delay * rng.standard_normal(3), strict=True))
     scale, yaw = tolerances.dvl_scale * rng.standard_normal(), tolerances.dvl_yaw * rng.standard_normal()
     arm = tolerances.dvl_position * rng.standard_normal(3)
     dvl = sensors["dvl"]
