@@ -279,8 +279,10 @@ class ImportSummary(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def summary_of(name: str, time: Array, missing: int, rows: MeasuredRows, remarks: tuple[str, ...]) -> ImportSummary:
-    """Return the summary of a sensor or input with samples at `time`, s."""
+def summary_of(
+    name: str, time: Array, missing: int, rows: MeasuredRows, remarks: tuple[str, ...], interval: float | None = None
+) -> ImportSummary:
+    """Return the summary of a sensor or input with samples at `time`, s; `interval` as `sampling_interval` has it."""
     order, rollovers, drift = rows.order, rows.rollovers, rows.clock_drift
     treatment = (
         (order.backward, f"time went back in {order.backward} rows, by up to {order.furthest_back:.3g} s: sorted"),
@@ -290,9 +292,19 @@ def summary_of(name: str, time: Array, missing: int, rows: MeasuredRows, remarks
         *((True, _overlap_text(overlap)) for overlap in rows.overlaps),
     )
     of_rows = tuple(text for applies, text in treatment if applies)
-    rate = 1.0 / float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    interval = interval or (float(np.median(np.diff(time))) if time.size > 1 else 0.0)
+    rate = 1.0 / interval if interval else 0.0
     span = float(time[0]), float(time[-1])
     return ImportSummary(name, time.size, rate, span, missing, order.duplicates, (*of_rows, *remarks))
+
+
+def sampling_interval(time: Array, values: Array) -> float:
+    """Return the smallest median interval of a component, s; 0 if none has two values.
+
+    Components from several tables have times of their own.
+    """
+    times = (time[np.isfinite(component)] for component in values.T)
+    return min((float(np.median(np.diff(own))) for own in times if own.size > 1), default=0.0)
 
 
 def _drift_text(drift: ClockDrift) -> str:

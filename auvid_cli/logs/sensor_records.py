@@ -237,4 +237,5 @@ def _summary(
             f"{len(unrecorded)} {'gap' if len(unrecorded) == 1 else 'gaps'}, the longest of {longest:.4g} s from t = "
             f"{begin:.4g} s: leave it out with auvid identify --use, or set identification.use.longest_gap"
         )
-    return measurements.summary_of(name, record.time, missing, rows, tuple(remarks))
+    interval = measurements.sampling_interval(record.time, record.values)
+    return measurements.summary_of(name, record.time, missing, rows, tuple(remarks), interval)

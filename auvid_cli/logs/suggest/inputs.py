@@ -19,6 +19,10 @@ _MAX_FRACTION = 1.5
 _SERVO_PULSES = (800.0, 2200.0)  # us
 _MIDDLE_PULSE = 1500  # us
 _MIDDLE_BYTE = 128
+_EITHER = ("rudder", "elevator")
+_MOTION = ("phi", "theta", "psi", "p", "q", "r")
+_SAME_SIGNAL = 0.05  # largest difference from a measurement that a column repeats, as a share of its spread
+_MIN_ROWS = 30
 _OPPOSITE = (("top", "bottom"), ("right", "left"))
 _FIN_WORDS = re.compile(r"(?<![a-z])((stern|bow)_?)?(fin|rudder|elevator|plane|servo)s?(?![a-z])")
 
@@ -51,13 +55,26 @@ class FoundInputs(NamedTuple):
     thrusters: list[str]
 
 
-def find_inputs(logs: Mapping[str, Log]) -> FoundInputs | None:
-    """Return the columns whose names are those of inputs; None without any."""
+def find_inputs(logs: Mapping[str, Log], measured: Mapping[str, Track]) -> FoundInputs | None:
+    """Return the columns whose names are those of inputs; None without any.
+
+    A column that repeats a measured angle or rate is not a fin, such as the ``yaw_input`` of a controller.
+
+    Parameters
+    ----------
+    logs : mapping of str to Log
+    measured : mapping of str to Track
+        Signals of sensors by symbol.
+    """
     place = find_in_logs(logs, INPUT_NAMES)
     if place is None:
         return None
     name, main = place
-    signals = _inputs(logs, name, main.table)
+    signals = {
+        key: signal
+        for key, signal in _inputs(logs, name, main.table).items()
+        if not (key in _EITHER and _repeats_measurement(logs[signal.log], signal, measured))
+    }
     direct = {"rudder", "elevator"} & {*signals}
     signals = {key: signal for key, signal in signals.items() if not (direct and key.startswith("fins."))}
     # Several thrusters are not one surge force. Their revolutions and shares have similar names.
@@ -70,6 +87,26 @@ def find_inputs(logs: Mapping[str, Log]) -> FoundInputs | None:
     if thrusters:
         signals = {key: signal for key, signal in signals.items() if not _is_thrust(key)}
     return FoundInputs(name, main.table, signals, [*thrusters])
+
+
+def _repeats_measurement(log: Log, signal: FoundInput, measured: Mapping[str, Track]) -> bool:
+    """Whether a column is a measured angle or turn rate, in rad or deg."""
+    tracks = tracks_of(log, signal.table, {"fin": signal.values})
+    if "fin" not in tracks:
+        return False
+    time, values = tracks["fin"]
+    for symbol in _MOTION:
+        if symbol in measured:
+            other = np.interp(time, *measured[symbol], left=np.nan, right=np.nan)
+            known = np.isfinite(other) & np.isfinite(values)
+            if np.count_nonzero(known) < _MIN_ROWS:
+                continue
+            # A fin that an autopilot moves in proportion to an angle has another gain.
+            for factor in (1.0, -1.0, np.degrees(1.0), -np.degrees(1.0)):
+                rest = values[known] - factor * other[known]
+                if np.std(rest) < _SAME_SIGNAL * np.std(values[known]):
+                    return True
+    return False
 
 
 def _similar_columns(log: Log, signal: FoundInput) -> list[str]:

@@ -161,10 +161,14 @@ def find_columns(
             matching = [c for c in numbers if any(_is_called(name, full_name) for name in _possible_names(table, c))]
             if matching:
                 # "velocity.x" rather than "target.velocity.x".
-                matches[component] = min(matching, key=lambda c: (is_filter_output("", c.name), len(c.name)))
+                matches[component] = min(matching, key=_preference)
         if matches:
             places.append(Match(table, matches))
     return sorted(places, key=lambda place: (*_rank(place), hint in place.table), reverse=True)
+
+
+def _preference(column: LogColumn) -> tuple[bool, bool, int]:
+    return is_filter_output("", column.name), "filt" in column.name.lower(), len(column.name)
 
 
 def is_set_point(table: str, name: str) -> bool:

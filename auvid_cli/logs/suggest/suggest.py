@@ -89,8 +89,10 @@ def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> st
     """
     names = _log_names(logs)
     files = [YamlEntry(name, os.path.relpath(log.path, folder)) for name, log in names.items()]
-    sensors, inputs = find_sensors(names), find_inputs(names)
-    tracks = sensor_tracks(names, sensors) | input_tracks(names, inputs)
+    sensors = find_sensors(names)
+    measured = sensor_tracks(names, sensors)
+    inputs = find_inputs(names, measured)
+    tracks = measured | input_tracks(names, inputs)
     evidence = weigh_evidence(tracks, expected_of(names, sensors))
     return commented_text(
         [

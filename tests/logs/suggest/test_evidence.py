@@ -383,3 +383,24 @@ def test_file_name_marks_servos_of_text_log():
     log.path = Path("SetServoPosition.csv")
     text = suggest([log, Columns({name: TRUTH[name] for name in ("u", "psi")})], Path())
     assert "possible fins: {log: SetServoPosition, column: value, rows: {column: id, values: [0]}}" in text
+
+
+def test_column_that_repeats_measured_angle_is_no_fin():
+    """A controller's input is the measured angle; the fins have their own columns."""
+    columns = {name: values for name, values in TRUTH.items() if name not in ("rudder", "elevator")}
+    columns |= {"yaw_input": TRUTH["psi"], "pitch_input": TRUTH["theta"]}
+    fins = {"fin_top": TRUTH["rudder"], "fin_bottom": TRUTH["rudder"]}
+    fins |= {"fin_right": TRUTH["elevator"], "fin_left": TRUTH["elevator"]}
+    _, found = suggested(columns | fins)
+    assert [*found["inputs"]["fins"]] == ["top", "bottom", "right", "left"]
+    assert not {"rudder", "elevator"} & {*found["inputs"]}
+
+
+def test_raw_column_is_preferred_to_filtered_one():
+    _, found = suggested(TRUTH | {"down": TRUTH["u"], "depth_filt": TRUTH["down"], "depth_raw_m": TRUTH["down"]})
+    assert "filt" not in str(found["sensors"]["depth"]["columns"])
+
+
+def test_flag_called_good_marks_valid_rows():
+    _, found = suggested(TRUTH | {"dvl_good": np.ones(TIME.size)})
+    assert found["sensors"]["dvl"]["valid"]["column"] == "dvl_good"
