@@ -75,7 +75,8 @@ def convert(settings: LogMap, tree: Tree, logs: Mapping[str, Log]) -> Conversion
     columns = ColumnReader(logs, requests.values())
     sensors = read_sensors(settings, requests, columns, errors)
     inputs, summaries, remarks = _read_inputs(settings, requests, columns, sensors, errors)
-    return Conversion(inputs, sensors.records, sensors.origin, (*sensors.summaries, *summaries), remarks)
+    of_logs = tuple(f"{name}: {remark}" for name, log in logs.items() for remark in log.remarks())
+    return Conversion(inputs, sensors.records, sensors.origin, (*sensors.summaries, *summaries), (*of_logs, *remarks))
 
 
 def dataset_from_logs(settings: LogMap, tree: Tree, files: LogFiles) -> tuple[Dataset, Conversion]:

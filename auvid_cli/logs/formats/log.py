@@ -38,6 +38,10 @@ class Log(ABC):
         self.path = path
         self.is_cut = False  # whether only the beginning is read
 
+    def remarks(self) -> tuple[str, ...]:
+        """Return parts of the log that are left out, such as damaged ones, with their number."""
+        return ()
+
     @abstractmethod
     def tables(self) -> Tables:
         """Return the columns of each table (topic or kind of message); a single table has an empty name.
@@ -115,6 +119,10 @@ class JoinedLog(FileLog):
     def __init__(self, parts: Sequence[Log]) -> None:
         super().__init__(parts[0].path)
         self._parts = tuple(parts)
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return the remarks of all parts, each with its file."""
+        return tuple(f"{part.path.name}: {remark}" for part in self._parts for remark in part.remarks())
 
     def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
         # At least one stored column, for the number of rows.

@@ -1,6 +1,5 @@
 """Open a log of any kind, which is recognised by its content."""
 
-import gzip
 import re
 import zipfile
 import zlib
@@ -53,6 +52,7 @@ _ADVICE_BY_MAGIC = {
     b"\xfe\xff": "looks like UTF-16 text: save it as UTF-8",
     b"\xd0\xcf\x11\xe0": "looks like an old Excel workbook: save it as CSV",
     b"FMT, 128,": "looks like a DataFlash log turned into text: give the .BIN it came from",
+    b"version https://git-lfs.github.com/": "is a Git LFS pointer, not the log: run git lfs pull where it came from",
     b"#ROSBAG V1": "looks like a ROS bag of version 1: run rosbag fix or rosbag migrate",
 }
 
@@ -86,7 +86,7 @@ def open_log(path: Path, layout: TextLayout | None = None, max_bytes: int | None
         from auvid_cli.logs.formats.delimited import DelimitedLog
 
         return DelimitedLog(path, layout or TextLayout(), max_bytes)
-    if path.suffix.lower() != kind.suffix:
+    if path.suffix.lower() != kind.suffix and not path.name.lower().endswith(f"{kind.suffix}.gz"):
         raise FileError(f"{path}: looks like {kind.description}, whose name must end in {kind.suffix}: rename it")
     return _open(path, kind)
 
@@ -111,10 +111,14 @@ def _reader(kind: _Kind) -> Callable[[Path], Log]:
             from auvid_cli.logs.formats.ardupilot import DataFlashLog, TelemetryLog
 
             return DataFlashLog if kind is _Kind.DATAFLASH else TelemetryLog
-        case _Kind.ULOG | _Kind.LSF | _Kind.ALOG:
-            from auvid_cli.logs.formats.vehicle_logs import AlogLog, LsfLog, ULogLog
+        case _Kind.LSF:
+            from auvid_cli.logs.formats.imc import LsfLog
 
-            return {_Kind.ULOG: ULogLog, _Kind.LSF: LsfLog, _Kind.ALOG: AlogLog}[kind]
+            return LsfLog
+        case _Kind.ULOG | _Kind.ALOG:
+            from auvid_cli.logs.formats.vehicle_logs import AlogLog, ULogLog
+
+            return ULogLog if kind is _Kind.ULOG else AlogLog
         case _Kind.NPZ | _Kind.MAT | _Kind.MAT_HDF5:
             from auvid_cli.logs.formats.arrays import MatlabHdf5Log, MatlabLog, NumpyLog
 
@@ -137,10 +141,12 @@ def _kind_of(path: Path) -> _Kind | None:
         if not head:
             raise FileError(f"{path}: empty file")
         if head.startswith(b"\x1f\x8b"):
-            with gzip.open(path) as file:
-                head = file.read(_HEAD_BYTES)
+            # Not with gzip, which refuses a short file that is cut.
+            head = zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(head, _HEAD_BYTES)
             if _is_text(head):
                 return None
+            if head.startswith(_Kind.LSF.magic):
+                return _Kind.LSF
             raise FileError(f"{path}: compressed file without text; expected text inside: unpack it with gunzip first")
     except (OSError, EOFError, zlib.error) as error:
         raise FileError(f"{path}: cannot be read: {error}") from error

@@ -101,6 +101,7 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
                 for log in logs
                 if log.is_cut
             ),
+            *(Comment(f"{log.path.name}: {remark}") for log in logs for remark in log.remarks()),
             YamlEntry("name", next(iter(names))),
             YamlEntry("vehicle", _vehicle(), "or the path of a vehicle file, such as `auvid init` writes"),
             YamlEntry("logs", files),
