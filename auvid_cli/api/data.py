@@ -86,8 +86,13 @@ def import_into(
 
 
 def suggest_map(logs: Sequence[Path], folder: Path) -> str:
-    """Return a first map of logs, which the user must complete; its paths are relative to `folder`."""
-    return suggest([open_log(log, max_bytes=MAX_TEXT) for log in logs], folder)
+    """Return a first map of logs, which the user must complete; its paths are relative to `folder`.
+
+    Files named .msg define messages that ROS bags among the logs lack.
+    """
+    definitions = [path for path in logs if path.suffix == ".msg"]
+    opened = [open_log(path, None, MAX_TEXT, definitions) for path in logs if path not in definitions]
+    return suggest(opened, folder)
 
 
 def suggest_into(file: Path | None, logs: Sequence[Path], progress: Progress) -> str:

@@ -82,10 +82,12 @@ def convert(settings: LogMap, tree: Tree, logs: Mapping[str, Log]) -> Conversion
 def dataset_from_logs(settings: LogMap, tree: Tree, files: LogFiles) -> tuple[Dataset, Conversion]:
     """Open and convert log files; the dataset names them in its settings. Errors are those of `convert`."""
     logs = dict[str, Log]()
+    folder = tree.at.source.path.parent if tree.at.source.path is not None else Path()
     for name, paths in files.items():
         of_map = settings.logs[name]
         layout = TextLayout(of_map.delimiter, of_map.header_row, of_map.decimal, of_map.missing, of_map.names)
-        opened = [open_log(path, layout) for path in paths]
+        definitions = [folder / file for file in of_map.messages]
+        opened = [open_log(path, layout, definitions=definitions) for path in paths]
         logs[name] = opened[0] if len(opened) == 1 else JoinedLog(opened)
     conversion = convert(settings, tree, logs)
     recorded = tuple(RecordedFile(name=file.name, sha256=digest(file)) for file in recorded_files(files))

@@ -42,8 +42,9 @@ class TextRows(NamedTuple):
     """Number of lines of a text log, lines after the header without values (counted from 1), and encoding."""
 
     lines: int
-    filler: frozenset[int]
+    filler: frozenset[int]  # including a last row that is cut short
     encoding: str
+    is_cut: bool  # whether the last row is cut short
 
     def numbers(self, header: Header) -> NDArray[np.int64]:
         """Return the numbers of the lines with values, from 1."""
@@ -62,7 +63,8 @@ def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
     filler: set[int] = set()
     utf8 = codecs.getincrementaldecoder("utf-8")()
     encoding = "utf-8"
-    for block in _whole_lines(path, file):
+    is_cut = False
+    for block, is_whole in _whole_lines(path, file):
         encoding = encoding if encoding == "latin-1" or _decodes(utf8, block) else "latin-1"
         data = np.frombuffer(block, np.uint8)
         ends = np.flatnonzero(data == ord("\n"))
@@ -81,25 +83,28 @@ def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
             line = block[starts[k] : ends[k]].decode(encoding, errors="replace")
             if is_filler(line, header.delimiter):
                 filler.add(number)
-            elif (n_fields := len(split_row(line, header.delimiter))) != header.fields:
+            elif (n_fields := len(split_row(line, header.delimiter))) < header.fields and not is_whole:
+                filler.add(number)
+                is_cut = True
+            elif n_fields != header.fields:
                 raise FileError(
                     f"{path}:{number}: row with {n_fields} fields; expected {header.fields} as in the others"
                 )
         lines += len(ends)
-    return TextRows(lines, frozenset(filler), encoding)
+    return TextRows(lines, frozenset(filler), encoding, is_cut)
 
 
-def _whole_lines(path: Path, file: IO[bytes]) -> Iterator[bytes]:
-    """Yield blocks of whole lines that end with a line feed."""
+def _whole_lines(path: Path, file: IO[bytes]) -> Iterator[tuple[bytes, bool]]:
+    """Yield blocks of whole lines that end with a line feed, and a last line without one, to which it is added."""
     rest = b""
     while block := file.read(_BLOCK_BYTES):
         whole, feed, rest = (rest + block).rpartition(b"\n")
         if feed:
-            yield whole + feed
+            yield whole + feed, True
         elif len(rest) > _MAX_LINE_BYTES:
             raise FileError(f"{path}: a line of more than {_MAX_LINE_BYTES >> 20} MB; expected a table")
     if rest:
-        yield rest + b"\n"
+        yield rest + b"\n", False
 
 
 def _decodes(decoder: codecs.IncrementalDecoder, block: bytes) -> bool:
@@ -159,6 +164,10 @@ class DelimitedLog(FileLog):
             # Blanks around numbers, or invalid numbers: slower, but errors name the line.
             values = self._parse(list(positions.values()), strict=False)
         return {name: values[position] for name, position in positions.items()}
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return whether the last row is left out."""
+        return ("the last row is cut short: left out",) if self._rows.is_cut else ()
 
     @cached_property
     def _rows(self) -> TextRows:

@@ -205,7 +205,7 @@ def _crc_table() -> NDArray[np.uint16]:
     table = np.arange(256, dtype=np.uint16)
     for _ in range(8):
         table = (table >> 1) ^ (table & 1) * np.uint16(0xA001)
-    return table
+    return table.astype(np.uint16)
 
 
 _CRC = _crc_table()
@@ -216,7 +216,7 @@ def _checksums(rows: NDArray[np.uint8]) -> NDArray[np.uint16]:
     crc = np.zeros(len(rows), np.uint16)
     for column in rows.T:
         crc = _CRC[(crc ^ column) & 0xFF] ^ (crc >> 8)
-    return crc
+    return crc.astype(np.uint16)
 
 
 def _numeric_fields(message: Any) -> list[str]:

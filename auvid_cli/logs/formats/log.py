@@ -37,6 +37,7 @@ class Log(ABC):
     def __init__(self, path: Path) -> None:
         self.path = path
         self.is_cut = False  # whether only the beginning is read
+        self.definitions: Sequence[Path] = ()  # definitions of messages, given in addition to those of the log
 
     def remarks(self) -> tuple[str, ...]:
         """Return parts of the log that are left out, such as damaged ones, with their number."""

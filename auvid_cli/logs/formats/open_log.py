@@ -3,8 +3,9 @@
 import re
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import assert_never
 
@@ -57,7 +58,9 @@ _ADVICE_BY_MAGIC = {
 }
 
 
-def open_log(path: Path, layout: TextLayout | None = None, max_bytes: int | None = None) -> Log:
+def open_log(
+    path: Path, layout: TextLayout | None = None, max_bytes: int | None = None, definitions: Sequence[Path] = ()
+) -> Log:
     """Open a log, or a bag that is a folder.
 
     Parameters
@@ -67,6 +70,8 @@ def open_log(path: Path, layout: TextLayout | None = None, max_bytes: int | None
         Layout of a text log; unknown parts of it are detected.
     max_bytes : int, optional
         Size of the beginning of a text log that is read. Default: all of it is read.
+    definitions : sequence of pathlib.Path, optional
+        Definitions of messages (.msg) that a ROS bag lacks.
 
     Raises
     ------
@@ -79,7 +84,7 @@ def open_log(path: Path, layout: TextLayout | None = None, max_bytes: int | None
             raise FileError(f"{path}: folder without metadata.yaml; expected a ROS 2 bag or a file: give a file in it")
         for part in path.iterdir():
             _check_regular(part)
-        return _open(path, _Kind.SQLITE)
+        return _open(path, _Kind.SQLITE, definitions)
     _check_regular(path)
     kind = _kind_of(path)
     if kind is None:
@@ -88,12 +93,12 @@ def open_log(path: Path, layout: TextLayout | None = None, max_bytes: int | None
         return DelimitedLog(path, layout or TextLayout(), max_bytes)
     if path.suffix.lower() != kind.suffix and not path.name.lower().endswith(f"{kind.suffix}.gz"):
         raise FileError(f"{path}: looks like {kind.description}, whose name must end in {kind.suffix}: rename it")
-    return _open(path, kind)
+    return _open(path, kind, definitions)
 
 
-def _open(path: Path, kind: _Kind) -> Log:
+def _open(path: Path, kind: _Kind, definitions: Sequence[Path]) -> Log:
     try:
-        return _reader(kind)(path)
+        return _reader(kind, definitions)(path)
     except ModuleNotFoundError as error:
         if not kind.extra:
             raise
@@ -101,12 +106,12 @@ def _open(path: Path, kind: _Kind) -> Log:
         raise FileError(f"reading {logs} needs the package {package}: pip install 'auvid[{kind.extra}]'") from error
 
 
-def _reader(kind: _Kind) -> Callable[[Path], Log]:
+def _reader(kind: _Kind, definitions: Sequence[Path]) -> Callable[[Path], Log]:
     match kind:
         case _Kind.BAG1 | _Kind.MCAP | _Kind.SQLITE:
             from auvid_cli.logs.formats.ros import BagLog
 
-            return BagLog
+            return partial(BagLog, definitions=definitions)
         case _Kind.DATAFLASH | _Kind.TELEMETRY:
             from auvid_cli.logs.formats.ardupilot import DataFlashLog, TelemetryLog
 

@@ -10,7 +10,7 @@ from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest.evidence import weigh_evidence
 from auvid_cli.logs.suggest.inputs import FoundInputs, find_inputs, input_lines, input_tracks
 from auvid_cli.logs.suggest.names import is_filter_output, is_set_point
-from auvid_cli.logs.suggest.rows import Comment, Line, Phrase, YamlEntry, commented_text, time_of
+from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, commented_text, time_of
 from auvid_cli.logs.suggest.sensors import FoundSensor, expected_of, find_sensors, flag_of, sensor_lines, sensor_tracks
 from auvid_cli.vehicle.parameters import PARAMETERS
 
@@ -86,7 +86,7 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
         If a log is damaged.
     """
     names = _log_names(logs)
-    files = [YamlEntry(name, os.path.relpath(log.path, folder)) for name, log in names.items()]
+    files = [YamlEntry(name, _file(log, folder)) for name, log in names.items()]
     sensors, inputs = find_sensors(names), find_inputs(names)
     tracks = sensor_tracks(names, sensors) | input_tracks(names, inputs)
     guessed = {name: sensor.main.unit for name, sensor in sensors.items() if not sensor.main.is_stated}
@@ -110,6 +110,12 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
             *unused_lines(names, sensors, inputs),
         ]
     )
+
+
+def _file(log: Log, folder: Path) -> Flow:
+    file = os.path.relpath(log.path, folder)
+    messages = tuple(os.path.relpath(path, folder) for path in log.definitions)
+    return {"file": file, "messages": messages} if messages else file
 
 
 def _log_names(logs: Sequence[Log]) -> dict[str, Log]:
