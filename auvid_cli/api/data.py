@@ -89,6 +89,8 @@ def import_into(
 def suggest_map(logs: Sequence[Path], folder: Path, vehicle: Path | None = None, like: str | None = None) -> str:
     """Return a first map of logs, which the user must complete; its paths are relative to `folder`.
 
+    Files named .msg define messages that ROS bags among the logs lack.
+
     Parameters
     ----------
     logs : sequence of pathlib.Path
@@ -113,7 +115,9 @@ def suggest_map(logs: Sequence[Path], folder: Path, vehicle: Path | None = None,
         if shipped_part(name) is None:
             shipped = ", ".join(Path(file.name).stem for file in shipped_files("vehicles"))
             raise ConfigError(f"--like {like}: unknown vehicle; expected one of {shipped}")
-    return suggest([open_log(log, max_bytes=MAX_TEXT) for log in logs], folder, name)
+    definitions = [path for path in logs if path.suffix == ".msg"]
+    opened = [open_log(path, None, MAX_TEXT, definitions) for path in logs if path not in definitions]
+    return suggest(opened, folder, name)
 
 
 def suggest_into(

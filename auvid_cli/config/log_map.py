@@ -325,6 +325,9 @@ class LogFile(Settings):
     names: Annotated[tuple[str, ...], Field(description="names of the columns, if the file has none")] = ()
     decimal: Annotated[str | None, Field(pattern=r"^[.,]$", description="decimal point")] = None
     missing: Annotated[tuple[str, ...], Field(description="texts that mean a missing number")] = ()
+    messages: Annotated[
+        tuple[str, ...], Field(description="definitions of messages (.msg) that a ROS bag lacks, relative to the map")
+    ] = ()
 
     @model_validator(mode="before")
     @classmethod

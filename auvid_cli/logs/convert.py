@@ -75,17 +75,19 @@ def convert(settings: LogMap, tree: Tree, logs: Mapping[str, Log]) -> Conversion
     columns = ColumnReader(logs, requests.values())
     sensors = read_sensors(settings, requests, columns, errors)
     inputs, summaries, remarks = _read_inputs(settings, requests, columns, sensors, errors)
-    of_logs = [text for log in logs.values() for text in log.remarks]
-    return Conversion(inputs, sensors.records, sensors.origin, (*sensors.summaries, *summaries), (*remarks, *of_logs))
+    of_logs = tuple(f"{name}: {remark}" for name, log in logs.items() for remark in log.remarks())
+    return Conversion(inputs, sensors.records, sensors.origin, (*sensors.summaries, *summaries), (*of_logs, *remarks))
 
 
 def dataset_from_logs(settings: LogMap, tree: Tree, files: LogFiles) -> tuple[Dataset, Conversion]:
     """Open and convert log files; the dataset names them in its settings. Errors are those of `convert`."""
     logs = dict[str, Log]()
+    folder = tree.at.source.path.parent if tree.at.source.path is not None else Path()
     for name, paths in files.items():
         of_map = settings.logs[name]
         layout = TextLayout(of_map.delimiter, of_map.header_row, of_map.decimal, of_map.missing, of_map.names)
-        opened = [open_log(path, layout) for path in paths]
+        definitions = [folder / file for file in of_map.messages]
+        opened = [open_log(path, layout, definitions=definitions) for path in paths]
         logs[name] = opened[0] if len(opened) == 1 else JoinedLog(opened)
     conversion = convert(settings, tree, logs)
     recorded = tuple(RecordedFile(name=file.name, sha256=digest(file)) for file in recorded_files(files))

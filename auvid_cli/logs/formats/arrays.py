@@ -4,6 +4,7 @@ Arrays of equal length form a table, which has the name of their struct, or no n
 each length forms a table with the name of its first array.
 """
 
+import re
 from abc import abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -14,7 +15,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat
-from scipy.io.matlab import mat_struct
+from scipy.io.matlab import MatlabOpaque, mat_struct
 
 from auvid_cli.child_processes import Workers
 from auvid_cli.data.files import damage_as_file_error
@@ -26,6 +27,17 @@ _MAX_COLUMNS = 100  # columns of an array or structs of a list; larger ones, suc
 
 _MAX_TOTAL = 10_000  # columns of a file
 
+_OBJECT = "MATLAB_object_decode"  # attribute of an object in a file of version 7.3
+_TIME = re.compile(r"(?i)(^t$|^t_|time|stamp|seconds|epoch|utc)")
+# Classes of MATLAB that only MATLAB decodes, and its line that exports them.
+_EXPORTS = {
+    "table": "S = table2struct({0}, 'ToScalar', true); save('{0}.mat', '-struct', 'S')",
+    "timetable": "T = timetable2table({0}); T.(1) = seconds(T.(1) - T.(1)(1)); "
+    "S = table2struct(T, 'ToScalar', true); save('{0}.mat', '-struct', 'S')",
+    "datetime": "{0} = posixtime({0}), and save again",
+    "duration": "{0} = seconds({0}), and save again",
+    "timeseries": "S = struct('time', {0}.Time, 'data', {0}.Data); save('{0}.mat', '-struct', 'S')",
+}
 _Path = tuple[str, ...]
 # Kinds of dtypes.
 _NUMBERS = "biuf"
@@ -44,6 +56,7 @@ class _Place(NamedTuple):
     number: int | None
     across: bool
     is_text: bool
+    is_short: bool = False  # whether the last sample is missing
 
 
 class ArrayLog(FileLog):
@@ -67,14 +80,28 @@ class ArrayLog(FileLog):
             if place.number is not None:
                 array = array[place.number] if place.across else array[:, place.number]
             values[name] = array.astype(str if place.is_text else np.float64)
+            if place.is_short:
+                values[name] = np.append(values[name], "" if place.is_text else np.nan)
         return {name: values[name] for name in places}
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return the objects of MATLAB that are left out, and the arrays that are a sample short."""
+        short = {place.path for columns in self._places.values() for place in columns.values() if place.is_short}
+        names = ", ".join(dict.fromkeys(".".join(path) for path in sorted(short)))
+        ends = (f"{names}: one sample shorter than the time; the last sample is taken as missing",) if short else ()
+        return (*map(_export, self._objects().items()), *ends)
+
+    def _objects(self) -> Mapping[str, str]:
+        """Return the class of each object of MATLAB by its name."""
+        return {}
 
     @cached_property
     def _places(self) -> dict[str, dict[str, _Place]]:
         shapes = {path: _Shape(array.shape, array.dtype.kind in _TEXT) for path, array in self._arrays()}
         places = _tabulate(shapes)
         if not places:
-            raise FileError(f"{self.path}: no arrays of numbers")
+            objects = "; ".join(map(_export, self._objects().items()))
+            raise FileError(f"{self.path}: {objects or 'no arrays of numbers'}")
         if (n_columns := sum(map(len, places.values()))) > _MAX_TOTAL:
             raise FileError(f"{self.path}: has {n_columns} columns; expected at most {_MAX_TOTAL}")
         return places
@@ -110,6 +137,9 @@ class MatlabLog(ArrayLog):
         ):
             yield from _flatten((variable,), self._content[variable])
 
+    def _objects(self) -> dict[str, str]:
+        return dict(_opaque(self._content))
+
     @cached_property
     def _content(self) -> dict[str, Any]:
         # In another process, because a damaged file may crash the reader.
@@ -119,6 +149,17 @@ class MatlabLog(ArrayLog):
 
 class MatlabHdf5Log(ArrayLog):
     """A MATLAB file of version 7.3: arrays of numbers, and structs of them."""
+
+    def _objects(self) -> dict[str, str]:
+        objects: dict[str, str] = {}
+
+        def add(name: str, item: h5py.Dataset | h5py.Group) -> None:
+            if _OBJECT in item.attrs and not name.startswith("#"):
+                objects[name.replace("/", ".")] = _text(item.attrs.get("MATLAB_class", b"object"))
+
+        with self._refusing_damage(), open_hdf5(self.path, foreign=True) as file:
+            file.visititems(add)
+        return objects
 
     def _arrays(self, variables: Collection[str] | None = None) -> Iterator[tuple[_Path, NDArray[Any]]]:
         with self._refusing_damage(), open_hdf5(self.path, foreign=True) as file:
@@ -136,10 +177,32 @@ class MatlabHdf5Log(ArrayLog):
                         yield from _if_usable(path, _values(dataset))
 
 
+def _export(item: tuple[str, str]) -> str:
+    """Return how to export an object of MATLAB, given its name and class."""
+    name, kind = item
+    line = _EXPORTS.get(kind, "S = struct({0}); save('{0}.mat', '-struct', 'S')").format(name)
+    return f"{name} is a {kind} of MATLAB, which only MATLAB reads; export it there: {line}"
+
+
+def _opaque(content: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield name and class of the objects of a MATLAB file up to version 7."""
+    for variable, value in content.items():
+        if isinstance(value, MatlabOpaque) and not variable.startswith("__"):
+            fields = {str(name): np.ravel(value[name])[0] for name in value.dtype.names or ()}
+            name, kind = (fields.get(new, fields.get(old, b"")) for new, old in (("_Name", "s0"), ("_Class", "s2")))
+            yield (_text(name) or variable, _text(kind))
+        elif isinstance(value, mat_struct):
+            yield from _opaque({f"{variable}.{field}": getattr(value, field) for field in vars(value)["_fieldnames"]})
+
+
+def _text(value: Any) -> str:
+    return value.decode("latin-1") if isinstance(value, bytes) else str(value)
+
+
 def _values(dataset: h5py.Dataset) -> NDArray[Any]:
     """Return a dataset as MATLAB shows it; empty for text and cells, which are stored elsewhere."""
     kind = dataset.attrs.get("MATLAB_class", b"double")
-    return np.empty(0) if kind in (b"char", b"cell") else np.squeeze(dataset[()].T)
+    return np.empty(0) if kind in (b"char", b"cell") or _OBJECT in dataset.attrs else np.squeeze(dataset[()].T)
 
 
 def _flatten(path: _Path, content: Any) -> Iterator[tuple[_Path, NDArray[Any]]]:
@@ -147,6 +210,8 @@ def _flatten(path: _Path, content: Any) -> Iterator[tuple[_Path, NDArray[Any]]]:
     if isinstance(content, mat_struct):
         for field in vars(content)["_fieldnames"]:
             yield from _flatten((*path, field), getattr(content, field))
+    elif isinstance(content, MatlabOpaque):
+        return
     elif isinstance(content, np.ndarray) and content.dtype == object:
         if content.size and all(isinstance(element, str) for element in content.flat):
             yield from _if_usable(path, content.astype(str))
@@ -167,12 +232,15 @@ def _if_usable(path: _Path, array: NDArray[Any]) -> Iterator[tuple[_Path, NDArra
 def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
     vectors = {shape.shape[0] for shape in shapes.values() if len(shape.shape) == 1}
     groups: dict[tuple[str, int], list[_Path]] = {}
-    across = {}
-    for path, (shape, _) in shapes.items():
-        # Time may run along the rows, as the lengths of vectors show.
-        across[path] = len(shape) == 2 and shape[0] not in vectors and shape[1] in vectors
-        struct = path[0] if len(path) > 1 else ""
-        groups.setdefault((struct, shape[1] if across[path] else shape[0]), []).append(path)
+    # Time may run along the rows, as the lengths of vectors show, or as so many columns do.
+    across = {
+        path: len(shape) == 2 and shape[0] not in vectors and (shape[1] in vectors or shape[1] > _MAX_COLUMNS)
+        for path, (shape, _) in shapes.items()
+    }
+    lengths = {path: shape[1] if across[path] else shape[0] for path, (shape, _) in shapes.items()}
+    short = _one_short(lengths)
+    for path, length in lengths.items():
+        groups.setdefault((path[0] if len(path) > 1 else "", length + (path in short)), []).append(path)
     parents = [_parent(paths) for paths in groups.values()]
     tables: dict[str, dict[str, _Place]] = {}
     for parent, paths in zip(parents, groups.values(), strict=True):
@@ -181,11 +249,21 @@ def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
         for path in paths:
             name, (shape, is_text) = ".".join(path[len(parent) :]), shapes[path]
             if len(shape) == 1:
-                columns[name] = _Place(path, None, False, is_text)
+                columns[name] = _Place(path, None, False, is_text, path in short)
             else:
                 for k in range(shape[0] if across[path] else shape[1]):
-                    columns[f"{name}[{k}]"] = _Place(path, k, across[path], is_text)
+                    columns[f"{name}[{k}]"] = _Place(path, k, across[path], is_text, path in short)
     return tables
+
+
+def _one_short(lengths: Mapping[_Path, int]) -> set[_Path]:
+    """Return the arrays without a time of their length next to them, but with one that is a sample longer."""
+    times = {(path[:-1], length) for path, length in lengths.items() if _TIME.search(path[-1])}
+    return {
+        path
+        for path, length in lengths.items()
+        if length > 1 and (path[:-1], length) not in times and (path[:-1], length + 1) in times
+    }
 
 
 def _parent(paths: Sequence[_Path]) -> _Path:

@@ -42,9 +42,10 @@ class TextRows(NamedTuple):
     """Number of lines of a text log, lines after the header without values (counted from 1), and encoding."""
 
     lines: int
-    filler: frozenset[int]
+    filler: frozenset[int]  # including a last row that is cut short
     encoding: str
-    repeated_headers: int = 0
+    is_cut: bool  # whether the last row is cut short
+    repeated_headers: int
 
     def numbers(self, header: Header) -> NDArray[np.int64]:
         """Return the numbers of the lines with values, from 1."""
@@ -64,7 +65,8 @@ def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
     heading = header.names[0].encode()[:1] if header.line else b""
     utf8 = codecs.getincrementaldecoder("utf-8")()
     encoding = "utf-8"
-    for block in _whole_lines(path, file):
+    is_cut = False
+    for block, is_whole in _whole_lines(path, file):
         encoding = encoding if encoding == "latin-1" or _decodes(utf8, block) else "latin-1"
         data = np.frombuffer(block, np.uint8)
         ends = np.flatnonzero(data == ord("\n"))
@@ -90,25 +92,28 @@ def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
             if header.line and row[: len(header.names)] == [*header.names]:
                 filler.add(number)
                 repeated_headers += 1
+            elif len(row) < header.fields and not is_whole:
+                filler.add(number)
+                is_cut = True
             elif len(row) != header.fields:
                 raise FileError(
                     f"{path}:{number}: row with {len(row)} fields; expected {header.fields} as in the others"
                 )
         lines += len(ends)
-    return TextRows(lines, frozenset(filler), encoding, repeated_headers)
+    return TextRows(lines, frozenset(filler), encoding, is_cut, repeated_headers)
 
 
-def _whole_lines(path: Path, file: IO[bytes]) -> Iterator[bytes]:
-    """Yield blocks of whole lines that end with a line feed."""
+def _whole_lines(path: Path, file: IO[bytes]) -> Iterator[tuple[bytes, bool]]:
+    """Yield blocks of whole lines that end with a line feed, and a last line without one, to which it is added."""
     rest = b""
     while block := file.read(_BLOCK_BYTES):
         whole, feed, rest = (rest + block).rpartition(b"\n")
         if feed:
-            yield whole + feed
+            yield whole + feed, True
         elif len(rest) > _MAX_LINE_BYTES:
             raise FileError(f"{path}: a line of more than {_MAX_LINE_BYTES >> 20} MB; expected a table")
     if rest:
-        yield rest + b"\n"
+        yield rest + b"\n", False
 
 
 def _decodes(decoder: codecs.IncrementalDecoder, block: bytes) -> bool:
@@ -169,13 +174,19 @@ class DelimitedLog(FileLog):
             values = self._parse(list(positions.values()), strict=False)
         return {name: values[position] for name, position in positions.items()}
 
+    def remarks(self) -> tuple[str, ...]:
+        """Return which rows are left out."""
+        rows, said = self._rows, []
+        if rows.is_cut:
+            said.append("the last row is cut short: left out")
+        if rows.repeated_headers:
+            said.append(f"{rows.repeated_headers} repeated headers skipped")
+        return tuple(said)
+
     @cached_property
     def _rows(self) -> TextRows:
         with self._opened() as file:
-            rows = survey(self.path, file, self._header)
-        if rows.repeated_headers:
-            self.remarks.append(f"{self.path.name}: {rows.repeated_headers} repeated headers skipped")
-        return rows
+            return survey(self.path, file, self._header)
 
     @contextmanager
     def _opened(self) -> Iterator[IO[bytes]]:

@@ -37,7 +37,11 @@ class Log(ABC):
     def __init__(self, path: Path) -> None:
         self.path = path
         self.is_cut = False  # whether only the beginning is read
-        self.remarks: list[str] = []  # rows that the reader left out, with the reason
+        self.definitions: Sequence[Path] = ()  # definitions of messages, given in addition to those of the log
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return parts of the log that are left out, such as damaged ones, with their number."""
+        return ()
 
     @abstractmethod
     def tables(self) -> Tables:
@@ -117,13 +121,16 @@ class JoinedLog(FileLog):
         super().__init__(parts[0].path)
         self._parts = tuple(parts)
 
+    def remarks(self) -> tuple[str, ...]:
+        """Return the remarks of all parts, each with its file."""
+        return tuple(f"{part.path.name}: {remark}" for part in self._parts for remark in part.remarks())
+
     def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
         # At least one stored column, for the number of rows.
         stored = [column.name for column in columns if column.name != FILE] or [self._tables[table][0].name]
         parts = enumerate(zip(self._parts, self._contents, strict=True), 1)
         by_part = {k: part.read(table, stored) for k, (part, content) in parts if table in content}
         joined = {c: cast(ColumnValues, np.concatenate([values[c] for values in by_part.values()])) for c in stored}
-        self.remarks = [text for part in self._parts for text in part.remarks]
         joined[FILE] = np.repeat(
             np.array([*by_part], np.float64), [values[stored[0]].size for values in by_part.values()]
         )

@@ -1,11 +1,11 @@
 """Open a log of any kind, which is recognised by its content."""
 
-import gzip
 import re
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import assert_never
 
@@ -53,11 +53,14 @@ _ADVICE_BY_MAGIC = {
     b"\xfe\xff": "looks like UTF-16 text: save it as UTF-8",
     b"\xd0\xcf\x11\xe0": "looks like an old Excel workbook: save it as CSV",
     b"FMT, 128,": "looks like a DataFlash log turned into text: give the .BIN it came from",
+    b"version https://git-lfs.github.com/": "is a Git LFS pointer, not the log: run git lfs pull where it came from",
     b"#ROSBAG V1": "looks like a ROS bag of version 1: run rosbag fix or rosbag migrate",
 }
 
 
-def open_log(path: Path, layout: TextLayout | None = None, max_bytes: int | None = None) -> Log:
+def open_log(
+    path: Path, layout: TextLayout | None = None, max_bytes: int | None = None, definitions: Sequence[Path] = ()
+) -> Log:
     """Open a log, or a bag that is a folder.
 
     Parameters
@@ -67,6 +70,8 @@ def open_log(path: Path, layout: TextLayout | None = None, max_bytes: int | None
         Layout of a text log; unknown parts of it are detected.
     max_bytes : int, optional
         Size of the beginning of a text log that is read. Default: all of it is read.
+    definitions : sequence of pathlib.Path, optional
+        Definitions of messages (.msg) that a ROS bag lacks.
 
     Raises
     ------
@@ -79,21 +84,21 @@ def open_log(path: Path, layout: TextLayout | None = None, max_bytes: int | None
             raise FileError(f"{path}: folder without metadata.yaml; expected a ROS 2 bag or a file: give a file in it")
         for part in path.iterdir():
             _check_regular(part)
-        return _open(path, _Kind.SQLITE)
+        return _open(path, _Kind.SQLITE, definitions)
     _check_regular(path)
     kind = _kind_of(path)
     if kind is None:
         from auvid_cli.logs.formats.delimited import DelimitedLog
 
         return DelimitedLog(path, layout or TextLayout(), max_bytes)
-    if path.suffix.lower() != kind.suffix:
+    if path.suffix.lower() != kind.suffix and not path.name.lower().endswith(f"{kind.suffix}.gz"):
         raise FileError(f"{path}: looks like {kind.description}, whose name must end in {kind.suffix}: rename it")
-    return _open(path, kind)
+    return _open(path, kind, definitions)
 
 
-def _open(path: Path, kind: _Kind) -> Log:
+def _open(path: Path, kind: _Kind, definitions: Sequence[Path]) -> Log:
     try:
-        return _reader(kind)(path)
+        return _reader(kind, definitions)(path)
     except ModuleNotFoundError as error:
         if not kind.extra:
             raise
@@ -101,20 +106,24 @@ def _open(path: Path, kind: _Kind) -> Log:
         raise FileError(f"reading {logs} needs the package {package}: pip install 'auvid[{kind.extra}]'") from error
 
 
-def _reader(kind: _Kind) -> Callable[[Path], Log]:
+def _reader(kind: _Kind, definitions: Sequence[Path]) -> Callable[[Path], Log]:
     match kind:
         case _Kind.BAG1 | _Kind.MCAP | _Kind.SQLITE:
             from auvid_cli.logs.formats.ros import BagLog
 
-            return BagLog
+            return partial(BagLog, definitions=definitions)
         case _Kind.DATAFLASH | _Kind.TELEMETRY:
             from auvid_cli.logs.formats.ardupilot import DataFlashLog, TelemetryLog
 
             return DataFlashLog if kind is _Kind.DATAFLASH else TelemetryLog
-        case _Kind.ULOG | _Kind.LSF | _Kind.ALOG:
-            from auvid_cli.logs.formats.vehicle_logs import AlogLog, LsfLog, ULogLog
+        case _Kind.LSF:
+            from auvid_cli.logs.formats.imc import LsfLog
 
-            return {_Kind.ULOG: ULogLog, _Kind.LSF: LsfLog, _Kind.ALOG: AlogLog}[kind]
+            return LsfLog
+        case _Kind.ULOG | _Kind.ALOG:
+            from auvid_cli.logs.formats.vehicle_logs import AlogLog, ULogLog
+
+            return ULogLog if kind is _Kind.ULOG else AlogLog
         case _Kind.NPZ | _Kind.MAT | _Kind.MAT_HDF5:
             from auvid_cli.logs.formats.arrays import MatlabHdf5Log, MatlabLog, NumpyLog
 
@@ -137,10 +146,12 @@ def _kind_of(path: Path) -> _Kind | None:
         if not head:
             raise FileError(f"{path}: empty file")
         if head.startswith(b"\x1f\x8b"):
-            with gzip.open(path) as file:
-                head = file.read(_HEAD_BYTES)
+            # Not with gzip, which refuses a short file that is cut.
+            head = zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(head, _HEAD_BYTES)
             if _is_text(head):
                 return None
+            if head.startswith(_Kind.LSF.magic):
+                return _Kind.LSF
             raise FileError(f"{path}: compressed file without text; expected text inside: unpack it with gunzip first")
     except (OSError, EOFError, zlib.error) as error:
         raise FileError(f"{path}: cannot be read: {error}") from error

@@ -6,17 +6,20 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from functools import cached_property
+from itertools import islice
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn, Tables, missing
 
 _MAX_LIST_LENGTH = 100  # elements that become columns; longer lists, such as images, are read by an index only
+_FIRST_MESSAGES = 200  # messages of a topic that are searched for filled lists
 _NANOSECONDS = 10**9  # nanoseconds in 1 s
 _STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 _REPAIR = {".bag": "rosbag reindex", ".mcap": "mcap recover"}
@@ -25,17 +28,33 @@ _REPAIR = {".bag": "rosbag reindex", ".mcap": "mcap recover"}
 class _Topic(NamedTuple):
     columns: tuple[LogColumn, ...]
     note: str
+    is_unreadable: bool = False
 
 
 class BagLog(Log):
-    """A bag. Messages are decoded by its own definitions, or without any by those of ROS 2."""
+    """A bag. Messages are decoded by its own definitions, by those of ROS 2, or by given ones.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    definitions : sequence of pathlib.Path
+        Files such as ``dvl_msgs/msg/DVL.msg`` for the messages that the bag does not define.
+    """
+
+    def __init__(self, path: Path, definitions: Sequence[Path] = ()) -> None:
+        super().__init__(path)
+        self.definitions = definitions
 
     def tables(self) -> Tables:
-        """Return the columns of each topic; the first message determines the length of lists.
+        """Return the columns of each topic; the longest of the first messages determines the length of lists.
 
-        A topic without messages or without a definition has the time of the log only.
+        A topic without messages, without a definition or with a wrong one has the time of the log only.
         """
         return {name: topic.columns for name, topic in self._topics.items()}
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return the topics that are not decoded, with the reason."""
+        return tuple(f"{name}{topic.note}" for name, topic in self._topics.items() if topic.is_unreadable)
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
         """Return fields by dotted paths; NaN or an empty text if a list is too short for an index."""
@@ -67,16 +86,55 @@ class BagLog(Log):
             types = {connection.topic: connection.msgtype for connection in reader.connections}
             return {topic: self._topic(reader, topic, types[topic]) for topic in sorted(types)}
 
+    def _register(self, reader: AnyReader) -> None:
+        """Replace definitions by the given ones; default of the package: that which lacks it."""
+        undefined = sorted({c.msgtype for c in reader.connections} - reader.typestore.fielddefs.keys())
+        packages = {name.split("/")[-1]: name.split("/")[0] for name in undefined}
+        types: dict[str, Any] = {}
+        for path in self.definitions:
+            try:
+                text = path.read_text(encoding="utf-8")
+                folder = path.parent.parent.name if path.parent.name == "msg" else ""
+                package = folder or packages.get(path.stem) or next(iter(packages.values()), "")
+                types |= get_types_from_msg(text, f"{package}/msg/{path.stem}")
+            except (OSError, UnicodeDecodeError, TypesysError) as error:
+                raise FileError(f"{path}: not a definition of a message: {error}") from error
+        if types:
+            for name in types:
+                reader.typestore.fielddefs.pop(name, None)
+            reader.typestore.register(types)
+
     def _topic(self, reader: AnyReader, topic: str, msgtype: str) -> _Topic:
         time = (LogColumn(LOG_TIME),)
+        package, _, kind = msgtype.rpartition("/")
+        give = f"name its file in the map, `logs: {{bag: {{file: ..., messages: [{package}/{kind}.msg]}}}}`"
         if msgtype not in reader.typestore.fielddefs:
-            return _Topic(time, f": the bag does not define its messages, {msgtype}")
-        _, message = next(self._messages(reader, topic), (0, None))
+            return _Topic(time, f": the bag does not define its messages, {msgtype}: {give}", is_unreadable=True)
+        if not self._is_decodable(reader, topic):
+            return _Topic(time, f": its messages do not fit the definition of {msgtype}: {give}", is_unreadable=True)
+        message, columns = None, ()
+        for _, message in islice(self._messages(reader, topic), _FIRST_MESSAGES):
+            columns = max(columns, tuple(_leaves("", message)), key=len)
+            if not _has_empty_list(message):
+                break
         if message is None:
             return _Topic(time, ": the topic has no messages")
         has_stamp = hasattr(getattr(getattr(message, "header", None), "stamp", None), "nanosec")
         stamp = (LogColumn(HEADER_STAMP),) if has_stamp else ()
-        return _Topic((*time, *stamp, *_leaves("", message)), "")
+        return _Topic((*time, *stamp, *columns), "")
+
+    def _is_decodable(self, reader: AnyReader, topic: str) -> bool:
+        connections = [connection for connection in reader.connections if connection.topic == topic]
+        with damage_as_file_error(lambda reason: self._damaged(f"in {topic}", reason)):
+            first = next(reader.messages(connections), None)
+        if first is None:
+            return True
+        try:
+            with damage_as_file_error(lambda reason: reason):
+                reader.deserialize(first[2], first[0].msgtype)
+        except FileError:
+            return False
+        return True
 
     @contextmanager
     def _opened(self) -> Iterator[AnyReader]:
@@ -84,6 +142,7 @@ class BagLog(Log):
             reader = AnyReader([self.path], default_typestore=get_typestore(Stores.LATEST))
             reader.open()
         try:
+            self._register(reader)
             yield reader
         finally:
             reader.close()
@@ -116,6 +175,13 @@ def _leaves(prefix: str, value: Any) -> Iterator[LogColumn]:
                 yield from _leaves(f"{prefix}[{k}]", element)
     else:
         yield LogColumn(prefix, is_text=isinstance(value, str))
+
+
+def _has_empty_list(value: Any) -> bool:
+    """Whether a message has a list without elements, which other messages may have."""
+    if is_dataclass(value):
+        return any(_has_empty_list(getattr(value, field.name)) for field in fields(value))
+    return isinstance(value, list | np.ndarray) and len(value) == 0
 
 
 def _extractor(name: str, beyond: float | str) -> Callable[[int, Any], Any]:

@@ -1,12 +1,11 @@
-"""Logs of PX4 (ULog), DUNE vehicles (IMC, .lsf) and MOOS (.alog)."""
+"""Logs of PX4 (ULog) and MOOS (.alog)."""
 
 import os
-import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import redirect_stdout
 from functools import cached_property
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import IO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +18,6 @@ from auvid_cli.logs.formats.text_layout import is_number
 T = TypeVar("T")
 _TIMESTAMP = "timestamp"  # us, of PX4
 _VALUE = "value"
-# IMC: sync mark, kind, bytes of the fields, time, sender, its entity, receiver, its entity; a check sum at the end.
-_HEADER = struct.Struct("<HHHdHBHB")
-_FOOTER_BYTES = 2
-_SOURCES = ("src", "src_ent")
 # pyulog reads an undamaged log once, and tries every byte of a damaged part as the start of a message.
 _MAX_READ = 4.0  # sizes of the file
 _MAX_SEEKS = 200_000
@@ -84,55 +79,6 @@ class ULogLog(FileLog):
             for topic in topics
             if _TIMESTAMP in topic.data
         }
-
-
-class LsfLog(FileLog):
-    """Log of DUNE: a table for each kind of message with its numeric fields and sender, in SI.
-
-    `LOG_TIME` is the time at which a message was sent. A message that is cut off at the end is left out.
-    """
-
-    def __init__(self, path: Path) -> None:
-        import imcpy
-
-        super().__init__(path)
-        self._deserialize = imcpy.Packet.deserialize
-
-    def _find_tables(self) -> Tables:
-        return {table: tuple(map(LogColumn, fields)) for table, fields in self._messages.items()}
-
-    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
-        return {name: np.array(self._messages[table][name], np.float64) for name, *_ in columns}
-
-    @cached_property
-    def _messages(self) -> dict[str, dict[str, list[float]]]:
-        tables: dict[str, dict[str, list[float]]] = {}
-        with damage_as_file_error(lambda reason: f"{self.path}: is a damaged IMC log: {reason}"):
-            for packet in _packets(self.path.read_bytes()):
-                message = self._deserialize(packet)
-                fields = tables.setdefault(message.msg_name, {LOG_TIME: []})
-                fields[LOG_TIME].append(message.timestamp)
-                for name in _numeric_fields(message):
-                    fields.setdefault(name, []).append(float(getattr(message, name)))
-        return tables
-
-
-def _packets(data: bytes) -> Iterator[bytes]:
-    start = 0
-    while start + _HEADER.size <= len(data):
-        size = _HEADER.size + _HEADER.unpack_from(data, start)[2] + _FOOTER_BYTES
-        if start + size <= len(data):
-            yield data[start : start + size]
-        start += size
-
-
-def _numeric_fields(message: Any) -> list[str]:
-    fields = [name for name in dir(type(message)) if isinstance(getattr(type(message), name), property)]
-    return [
-        name
-        for name in (*_SOURCES, *fields)
-        if isinstance(getattr(message, name), int | float) and name not in ("timestamp", "msg_id")
-    ]
 
 
 class AlogLog(FileLog):

@@ -10,7 +10,7 @@ from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest.evidence import weigh_evidence
 from auvid_cli.logs.suggest.inputs import FoundInputs, find_inputs, input_lines, input_tracks
 from auvid_cli.logs.suggest.names import is_filter_output, is_set_point
-from auvid_cli.logs.suggest.rows import Comment, Line, Phrase, YamlEntry, commented_text, time_of
+from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, commented_text, time_of
 from auvid_cli.logs.suggest.sensors import FoundSensor, expected_of, find_sensors, flag_of, sensor_lines, sensor_tracks
 from auvid_cli.vehicle.parameters import PARAMETERS
 
@@ -88,7 +88,7 @@ def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> st
         If a log is damaged.
     """
     names = _log_names(logs)
-    files = [YamlEntry(name, os.path.relpath(log.path, folder)) for name, log in names.items()]
+    files = [YamlEntry(name, _file(log, folder)) for name, log in names.items()]
     sensors = find_sensors(names)
     measured = sensor_tracks(names, sensors)
     inputs = find_inputs(names, measured)
@@ -104,6 +104,7 @@ def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> st
                 for log in logs
                 if log.is_cut
             ),
+            *(Comment(f"{log.path.name}: {remark}") for log in logs for remark in log.remarks()),
             YamlEntry("name", next(iter(names))),
             YamlEntry("vehicle", vehicle)
             if vehicle is not None
@@ -118,6 +119,12 @@ def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> st
             *unused_lines(names, sensors, inputs),
         ]
     )
+
+
+def _file(log: Log, folder: Path) -> Flow:
+    file = os.path.relpath(log.path, folder)
+    messages = tuple(os.path.relpath(path, folder) for path in log.definitions)
+    return {"file": file, "messages": messages} if messages else file
 
 
 def _log_names(logs: Sequence[Log]) -> dict[str, Log]:

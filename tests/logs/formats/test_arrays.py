@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.io.matlab import MatlabOpaque
 
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats import arrays
@@ -153,3 +154,48 @@ def test_matlab_file_that_crashes_reader_raises_file_error(tmp_path, monkeypatch
 
 def _abort(path, **options):
     os.abort()
+
+
+def test_signal_one_sample_short_has_the_time_of_its_struct(tmp_path):
+    path = tmp_path / "log.mat"
+    savemat(path, {"dvl": {"rovtime": TIME, "u": TIME[:-1] + 1}, "depth": {"time": TIME[:-1], "d": TIME[:-1]}})
+    log = open_log(path)
+    assert names(log) == {"dvl": ["rovtime", "u"], "depth": ["time", "d"]}
+    assert_reads(log, "dvl", {"rovtime": TIME, "u": [*(TIME[:-1] + 1), np.nan]})
+    (remark,) = log.remarks()
+    assert remark.startswith("dvl.u: one sample shorter")
+
+
+def test_matrix_of_many_columns_has_time_along_rows(tmp_path):
+    path = tmp_path / "log.mat"
+    savemat(path, {"data": np.arange(600.0).reshape(3, 200)})
+    assert_reads(open_log(path), "", {"data[2]": np.arange(400.0, 600.0)})
+
+
+def test_object_of_matlab_is_named_with_its_export(tmp_path):
+    path = tmp_path / "log.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["t"] = TIME[None]
+        run = file.create_group("run")
+        run["TT"] = np.zeros((1, 6), np.uint32)
+        run["TT"].attrs["MATLAB_class"] = np.bytes_("timetable")
+        run["TT"].attrs["MATLAB_object_decode"] = np.int32(3)
+    content = path.read_bytes()
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + content[512:])
+    log = open_log(path)
+    assert names(log) == {"": ["t"]}
+    (remark,) = log.remarks()
+    assert remark.startswith("run.TT is a timetable of MATLAB")
+    assert "timetable2table(run.TT)" in remark
+
+
+def test_object_of_old_matlab_file_is_named(tmp_path, monkeypatch):
+    fields = [("s0", "O"), ("s1", "O"), ("s2", "O"), ("arr", "O")]
+    opaque = np.array([(b"when", b"MCOS", b"datetime", np.zeros(6, np.uint32))], fields).view(MatlabOpaque)
+    path = tmp_path / "log.mat"
+    savemat(path, {"t": TIME})
+    monkeypatch.setattr(arrays.MatlabLog, "_content", {"t": TIME, "None": opaque})
+    assert "when is a datetime of MATLAB" in open_log(path).remarks()[0]
+    monkeypatch.setattr(arrays.MatlabLog, "_content", {"None": opaque})
+    with pytest.raises(FileError, match=r"when is a datetime of MATLAB.*posixtime"):
+        open_log(path).tables()

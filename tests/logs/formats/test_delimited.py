@@ -286,3 +286,19 @@ def test_text_of_a_slocum_glider_is_read(opened):
     )
     assert [column.unit for column in log.tables()[""]] == ["", "m", "rad"]
     np.testing.assert_array_equal(log.read("", ["m_depth"])["m_depth"], [np.nan, 3.5])
+
+
+def test_cut_last_row_is_left_out_and_named(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,u,v\n0,1,2\n1,3,4\n2,5")
+    log = open_log(path)
+    assert log.read("", ["u"])["u"].tolist() == [1.0, 3.0]
+    assert log.remarks() == ("the last row is cut short: left out",)
+
+
+@pytest.mark.parametrize("text", ["t,u,v\n0,1,2\n1,3\n2,5,6\n", "t,u,v\n0,1,2\n1,3\n", "t,u,v\n0,1,2\n1,3,4,5"])
+def test_other_row_of_wrong_length_raises_file_error(tmp_path, text):
+    path = tmp_path / "log.csv"
+    path.write_text(text)
+    with pytest.raises(FileError, match=r"log\.csv:3: row with"):
+        open_log(path).read("", ["u"])

@@ -90,3 +90,10 @@ def test_missing_package_raises_file_error(tmp_path, monkeypatch, package, reade
     path.write_bytes(content)
     with pytest.raises(FileError, match=rf"^reading \w+ \w+ needs the package {re.escape(extra)}"):
         open_log(path)
+
+
+def test_git_lfs_pointer_raises_file_error_with_command(tmp_path):
+    path = tmp_path / "dive_0.db3"
+    path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0123\nsize 175083520\n")
+    with pytest.raises(FileError, match="Git LFS pointer, not the log: run git lfs pull"):
+        open_log(path)

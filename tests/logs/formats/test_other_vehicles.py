@@ -1,5 +1,6 @@
 """Logs of PX4, DUNE (IMC) and MOOS, each written here by its own format."""
 
+import gzip
 import struct
 import sys
 
@@ -47,13 +48,20 @@ def test_damaged_px4_log_raises_file_error(tmp_path):
         open_log(path).tables()
 
 
-def test_imc_messages_have_tables(tmp_path):
-    imcpy = pytest.importorskip("imcpy")
-    packets = b""
+def imc_packets(imcpy, senders=(7,)):
+    """Packets of two servos and of a text, one each second."""
     for k in range(4):
         servo = imcpy.SetServoPosition()
-        servo.id, servo.value, servo.timestamp, servo.src = k % 2, 0.25 * k, 1e9 + k, 7
-        packets += imcpy.Packet.serialize(servo)
+        servo.id, servo.value, servo.timestamp, servo.src = k % 2, 0.25 * k, 1e9 + k, senders[k % len(senders)]
+        yield imcpy.Packet.serialize(servo)
+        entity = imcpy.EntityInfo()
+        entity.id, entity.label, entity.timestamp, entity.src = k, "x" * k, 1e9 + k, 7
+        yield imcpy.Packet.serialize(entity)
+
+
+def test_imc_messages_have_tables(tmp_path):
+    imcpy = pytest.importorskip("imcpy")
+    packets = b"".join(imc_packets(imcpy))
     path = tmp_path / "Data.lsf"
     path.write_bytes(packets + packets[:11])
     log = open_log(path)
@@ -61,9 +69,66 @@ def test_imc_messages_have_tables(tmp_path):
     assert found["id"].tolist() == [0.0, 1.0, 0.0, 1.0]
     assert found["value"].tolist() == [0.0, 0.25, 0.5, 0.75]
     np.testing.assert_array_equal(found["@log_time"], 1e9 + np.arange(4))
-    path.write_bytes(packets[:30] + bytes(20))
+    # Messages with texts, of different sizes.
+    assert sorted(log.read("EntityInfo", ["id"])["id"]) == [0.0, 1.0, 2.0, 3.0]
+    assert log.remarks() == ("the last message is cut short: left out",)
+    path.write_bytes(packets[:20] + bytes(20))
     with pytest.raises(FileError, match=r"Data\.lsf: is a damaged IMC log"):
         log.__class__(path).tables()
+
+
+def test_imc_numbers_of_every_type_are_read_as_imcpy_does(tmp_path):
+    imcpy = pytest.importorskip("imcpy")
+    packets, sent = [], []
+    for k in range(3):
+        rpm = imcpy.Rpm()
+        rpm.value, rpm.timestamp = (-1200, 0, 32767)[k], 1e9 + k
+        state = imcpy.EstimatedState()
+        state.lat, state.depth, state.timestamp, state.src_ent = 0.7 + 1e-12 * k, -1.5 * k, 1e9 + k, 255
+        packets += [imcpy.Packet.serialize(rpm), imcpy.Packet.serialize(state)]
+        sent.append((rpm.value, state.lat, state.depth))
+    path = tmp_path / "Data.lsf"
+    path.write_bytes(b"".join(packets))
+    log = open_log(path)
+    found = [log.read("Rpm", ["value"])["value"], *log.read("EstimatedState", ["lat", "depth"]).values()]
+    np.testing.assert_array_equal(np.column_stack(found), sent)
+
+
+def test_imc_senders_have_tables(tmp_path):
+    imcpy = pytest.importorskip("imcpy")
+    path = tmp_path / "Data.lsf"
+    path.write_bytes(b"".join(imc_packets(imcpy, senders=(7, 9))))
+    log = open_log(path)
+    assert {"SetServoPosition[7.255]", "SetServoPosition[9.255]"} < {*log.tables()}
+    assert log.read("SetServoPosition[9.255]", ["value"])["value"].tolist() == [0.25, 0.75]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda packets: [packets[0], packets[1], b"noise" * 9, *packets[2:]],
+        lambda packets: [packets[0], packets[1], b"", packets[3][:-9] + bytes(9), *packets[2:]],
+        lambda packets: [packets[0], packets[1], packets[3][:4] + b"\xff\xff" + packets[3][6:], *packets[2:]],
+    ],
+    ids=["noise", "wrong check sum", "wrong size"],
+)
+def test_damaged_imc_spot_is_skipped_and_counted(tmp_path, damage):
+    imcpy = pytest.importorskip("imcpy")
+    path = tmp_path / "Data.lsf.gz"
+    path.write_bytes(gzip.compress(b"".join(damage([*imc_packets(imcpy)]))))
+    log = open_log(path)
+    assert log.read("SetServoPosition", ["value"])["value"].tolist() == [0.0, 0.25, 0.5, 0.75]
+    assert log.remarks() == ("1 damaged spots skipped, up to the next message",)
+
+
+def test_cut_compressed_imc_log_is_read_up_to_the_cut(tmp_path):
+    imcpy = pytest.importorskip("imcpy")
+    whole = gzip.compress(b"".join(imc_packets(imcpy)) * 50)
+    path = tmp_path / "Data.lsf.gz"
+    path.write_bytes(whole[: -len(whole) // 3])
+    log = open_log(path)
+    assert 4 <= log.read("SetServoPosition", ["value"])["value"].size < 200
+    assert "cut short" in log.remarks()[0]
 
 
 @pytest.mark.parametrize(("name", "content", "package"), [("a.ulg", ulog(), "pyulog"), ("a.lsf", b"\x54\xfe", "imcpy")])

@@ -1,6 +1,8 @@
 """Bags written by rosbags, with an own type of message."""
 
 import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -111,7 +113,62 @@ def test_numbers_and_texts_of_message_are_columns(bag):
         LogColumn("range[0]"),
         LogColumn("range[1]"),
         LogColumn("notes[0]", is_text=True),
+        LogColumn("beams[0].distance"),
+        LogColumn("beams[1].distance"),
     ]
+
+
+def write_some(folder, version, topics):
+    """Write a bag with 20 messages of each topic: type and bytes."""
+    store = typestore(Stores.ROS2_HUMBLE)
+    with rosbag2.Writer(folder / "dive", version=version, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        for topic, (msgtype, contents) in topics.items():
+            connection = writer.add_connection(topic, msgtype, typestore=store)
+            for k in range(COUNT):
+                writer.write(connection, START * 10**9 + k, contents(store, k))
+    return folder / "dive"
+
+
+def depth(store, k):
+    return store.serialize_cdr(store.types["std_msgs/msg/Float64"](0.5 * k), "std_msgs/msg/Float64")
+
+
+def beam(store, k):
+    return store.serialize_cdr(store.types["dvl_msgs/msg/Beam"](1.5 * k), "dvl_msgs/msg/Beam")
+
+
+@pytest.mark.parametrize("name", ["Beam.msg", "dvl_msgs/msg/Beam.msg"])
+def test_undefined_topic_is_named_and_read_with_given_definition(tmp_path, name):
+    bag = write_some(tmp_path, 8, {"/depth": ("std_msgs/msg/Float64", depth), "/beam": ("dvl_msgs/msg/Beam", beam)})
+    with closing(sqlite3.connect(bag / "dive.db3")) as storage, storage:
+        storage.execute("DELETE FROM message_definitions")
+    log = open_log(bag)
+    (remark,) = log.remarks()
+    assert "/beam" in remark
+    assert "dvl_msgs/msg/Beam.msg" in remark
+    assert log.read("/depth", ["data"])["data"].tolist() == [0.5 * k for k in range(COUNT)]
+    path = tmp_path / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("float64 distance\n")
+    log = open_log(bag, definitions=[path])
+    assert log.remarks() == ()
+    assert log.read("/beam", ["distance"])["distance"].tolist() == [1.5 * k for k in range(COUNT)]
+
+
+def test_undecodable_topic_is_skipped_and_named(tmp_path):
+    wrong = "dvl_msgs/msg/Beam", lambda store, k: bytes([0, 1, 0, 0, 1])
+    log = open_log(write_some(tmp_path, 9, {"/depth": ("std_msgs/msg/Float64", depth), "/beam": wrong}))
+    assert log.tables()["/beam"] == (LogColumn(LOG_TIME),)
+    assert "/beam" in log.remarks()[0]
+    assert log.read("/depth", ["data"])["data"].size == COUNT
+
+
+def test_invalid_definition_raises_file_error(tmp_path):
+    bag = write_some(tmp_path, 9, {"/beam": ("dvl_msgs/msg/Beam", beam)})
+    path = tmp_path / "Beam.msg"
+    path.write_text("float64 = = distance\n")
+    with pytest.raises(FileError, match=r"Beam\.msg: not a definition"):
+        open_log(bag, definitions=[path]).tables()
 
 
 def test_written_values_are_read(bag):
