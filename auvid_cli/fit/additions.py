@@ -6,7 +6,7 @@ from typing import NamedTuple
 from auvid_cli.config.coefficients import Term
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import BiasName
-from auvid_cli.data.faults import TESTED_TERMS, Fault, FaultKind
+from auvid_cli.data.faults import TESTED_TERMS, FaultKind, FaultTest
 from auvid_cli.identification.noise import disturbance_like_noise
 from auvid_cli.identification.terms import with_terms
 from auvid_cli.vehicle.coefficients import term
@@ -44,7 +44,8 @@ class Addition(NamedTuple):
 
     family: str  # one of `FAMILIES`: what the user may include or exclude
     name: str = ""  # sensor, input, setting or term; empty if the family has one
-    size: float = 0.0  # first value, SI: of a delay, a random walk, or the time constant of the fins
+    size: float = 0.0  # value, SI: of a delay, a random walk, or the time constant of the fins
+    deviation: float = 0.0  # standard deviation of a delay or of the time constant, s
 
     def __str__(self) -> str:
         texts = {
@@ -67,22 +68,14 @@ class Addition(NamedTuple):
         return self.family, self.name
 
     @property
-    def is_delay(self) -> bool:
-        """Whether it is a delay, which the settings state during the search and estimate in the end."""
-        return self.family == BiasName.DELAY
+    def is_time(self) -> bool:
+        """Whether it is a delay or a time constant: no state of a filter, so the settings state it."""
+        return self.family in (BiasName.DELAY, "lag")
 
 
-def addition_for(fault: Fault, size: float, duration: float) -> Addition | None:
-    """Return the addition that a fault asks for; None if no setting represents it.
-
-    Parameters
-    ----------
-    fault : Fault
-    size : float
-        SI.
-    duration : float
-        Of the data, s.
-    """
+def addition_for(test: FaultTest, duration: float) -> Addition | None:
+    """Return the addition that a fault in data of a duration, s, asks for; None if no setting represents it."""
+    fault, size = test.fault, test.size
     if fault.kind is FaultKind.DVL_LEVER_ARM:
         return Addition(BiasName.DVL_ARM.value, fault.component)
     if fault.kind in _ERRORS:
@@ -91,7 +84,9 @@ def addition_for(fault: Fault, size: float, duration: float) -> Addition | None:
         error, key = _WALKS[fault.kind]
         return Addition("walk", f"{error.value}.{key}", abs(size) * sqrt(duration))
     if fault.kind in _DELAYS:
-        return Addition(BiasName.DELAY.value, fault.component.lower().replace(" ", "_") or "inputs", size)
+        return Addition(
+            BiasName.DELAY.value, fault.component.lower().replace(" ", "_") or "inputs", size, test.standard_deviation
+        )
     if fault.kind is FaultKind.MISSING_TERM:
         return Addition("term", fault.component)
     return None
@@ -101,10 +96,9 @@ def with_addition(settings: RunSettings, addition: Addition) -> RunSettings:
     """Return settings with an addition."""
     identification = settings.identification
     estimate, family, name = identification.estimate, addition.family, addition.name
-    if addition.is_delay:
-        # Estimated by `auvid_cli.identification.delays`, starting from here.
-        return settings
     match family:
+        case BiasName.DELAY:
+            return with_identification(settings, delays={**identification.delays, name: addition.size})
         case "term":
             found = next(each for each in (term(*of) for of in TESTED_TERMS) if each.symbol == name)
             return with_terms(settings, (*settings.vehicle.terms, Term.of(found)))
@@ -119,9 +113,10 @@ def with_addition(settings: RunSettings, addition: Addition) -> RunSettings:
         case BiasName.DISTURBANCE:
             changes = {} if estimate.disturbance.blocks() else {"disturbance": disturbance_like_noise(settings)}
         case BiasName.DVL_ARM:
-            others = estimate.dvl_arm.axes if BiasName.DVL_ARM in estimate.biases else ()
+            arm = getattr(estimate, family)
+            others = arm.axes if BiasName.DVL_ARM in estimate.biases else ()
             axes = tuple(axis for axis in "xyz" if axis in (*others, name))
-            changes = {"dvl_arm": estimate.dvl_arm.model_copy(update={"axes": axes})}
+            changes = {family: arm.model_copy(update={"axes": axes})}
         case _:
             changes = {}
     biases = tuple(dict.fromkeys((*estimate.biases, BiasName(family))))
@@ -132,10 +127,10 @@ def without_addition(settings: RunSettings, addition: Addition) -> RunSettings:
     """Return settings without an addition."""
     identification = settings.identification
     estimate, family, name = identification.estimate, addition.family, addition.name
-    if addition.is_delay:
-        delays = {sensor: delay for sensor, delay in identification.delays.items() if sensor != name}
-        return with_identification(settings, delays=delays)
     match family:
+        case BiasName.DELAY:
+            delays = {sensor: delay for sensor, delay in identification.delays.items() if sensor != name}
+            return with_identification(settings, delays=delays)
         case "term":
             return with_terms(settings, [each for each in settings.vehicle.terms if each.name != name])
         case "lag":
@@ -148,9 +143,10 @@ def without_addition(settings: RunSettings, addition: Addition) -> RunSettings:
             changed = getattr(estimate, error)
             default = type(changed).model_fields[key].default
             return _with_estimate(settings, **{error: changed.model_copy(update={key: default})})
-        case BiasName.DVL_ARM if len(estimate.dvl_arm.axes) > 1:
-            axes = tuple(axis for axis in estimate.dvl_arm.axes if axis != name)
-            return _with_estimate(settings, dvl_arm=estimate.dvl_arm.model_copy(update={"axes": axes}))
+        case BiasName.DVL_ARM if len(getattr(estimate, family).axes) > 1:
+            arm = getattr(estimate, family)
+            axes = tuple(axis for axis in arm.axes if axis != name)
+            return _with_estimate(settings, dvl_arm=arm.model_copy(update={"axes": axes}))
         case _:
             return _with_estimate(settings, biases=tuple(error for error in estimate.biases if error != family))
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from auvid_cli.config.extra_states import BiasName, ProcessNoise
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.faults import FaultKind
+from auvid_cli.data.faults import FaultTest
 from auvid_cli.evaluation.innovations import noise_cause, sensors_without_ahrs
 from auvid_cli.fit.additions import Addition, addition_for
 
@@ -42,9 +42,9 @@ def candidates(
     duration : float
         Of the data, s.
     """
-    keys = {addition.key for addition in present if not addition.is_delay}
+    keys = {addition.key for addition in present if not addition.is_time}
     gains: dict[tuple[str, str], Candidate] = {}
-    for candidate in [*_of_faults(estimate, duration), *_of_noise(estimate)]:
+    for candidate in [*_of_faults(estimate, present, duration), *_of_noise(estimate)]:
         key = candidate.addition.key
         if key not in keys:
             before = gains.get(key)
@@ -63,16 +63,31 @@ def noise_excess(estimate: Estimate, least: ProcessNoise) -> float:
     return max(used / stated for used, stated in pairs)
 
 
-def _of_faults(estimate: Estimate, duration: float) -> Iterator[Candidate]:
+def times_from(estimate: Estimate, present: Collection[Addition]) -> Iterator[tuple[Addition, FaultTest]]:
+    """Yield each delay, and the lag of the fins, with the correction by its score test."""
+    of_settings = estimate.experiment.identification.delays
+    lags = [addition for addition in present if addition.family == "lag"]
     for test in estimate.faults:
-        addition = addition_for(test.fault, test.size, duration)
-        if addition is None:
+        addition = addition_for(test, 0.0)
+        if addition is None or addition.family != BiasName.DELAY:
             continue
-        expected = 0.5 * test.z**2
-        yield Candidate(addition, expected)
-        if test.fault.kind is FaultKind.INPUT_DELAY and test.size > 0.0:
+        if addition.name == "inputs" and (lags or test.size > 0.0):
             # Fins that lag look like late inputs.
-            yield Candidate(Addition("lag", size=test.size), expected)
+            before = lags[0].size if lags else 0.0
+            if before + test.size > 0.0:
+                yield Addition("lag", "", before + test.size, test.standard_deviation), test
+            if lags:
+                continue
+        yield addition._replace(size=of_settings.get(addition.name, 0.0) + test.size), test
+
+
+def _of_faults(estimate: Estimate, present: Collection[Addition], duration: float) -> Iterator[Candidate]:
+    for addition, test in times_from(estimate, present):
+        yield Candidate(addition, 0.5 * test.z**2)
+    for test in estimate.faults:
+        addition = addition_for(test, duration)
+        if addition is not None and not addition.is_time:
+            yield Candidate(addition, 0.5 * test.z**2)
 
 
 def _of_noise(estimate: Estimate) -> Iterator[Candidate]:

@@ -40,6 +40,7 @@ class Fit:
     steps: tuple[FitStep, ...]
     experiment: RunSettings  # settings of the model
     unexplained: tuple[str, ...]  # what the model leaves unexplained, and advice
+    trial: str = ""  # how well the model predicts the last third of the data if it is fitted to the rest
     stopped: str = ""  # reason of an early end; empty if the search was complete
 
     @property

@@ -22,10 +22,11 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.innovations import causes_text, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
-from auvid_cli.fit.additions import FAMILIES, Addition, with_addition, with_identification, without_addition
-from auvid_cli.fit.candidates import WORTH, Candidate, candidates, noise_excess
+from auvid_cli.fit.additions import Addition, with_addition, with_identification, without_addition
+from auvid_cli.fit.candidates import WORTH, Candidate, candidates, noise_excess, times_from
 from auvid_cli.fit.results import Fit, FitStep
-from auvid_cli.identification.delays import estimate_delays
+from auvid_cli.fit.sizes import is_certain, size_text
+from auvid_cli.fit.trial import trial_text, try_on_held_out
 from auvid_cli.identification.noise import tune_coarsely
 from auvid_cli.identification.prepared_data import PreparedData, prepare
 from auvid_cli.identification.run import identify, set_up_filters
@@ -39,11 +40,13 @@ _LOOSE = 100.0
 # Number of candidates that are tried in a look.
 _N_TRIALS = 3
 _MAX_LOOKS = 8
+# Gain for each measurement below which a cause explains little, so that noise and a disturbance are tried too.
+_SMALL_SHARE = 0.02
 # Process noise up to this factor on the stated one is no sign of a missing part of the model.
 _TIGHT = 3.0
-# Prior standard deviation of a delay: a multiple of its first estimate, at least `_MIN_DELAY_SPREAD`.
-_DELAY_SPREAD = 2.0
-_MIN_DELAY_SPREAD = 0.01  # s
+# Corrections of delays at the end, and the size of one that is small enough, in standard deviations.
+_MAX_CORRECTIONS = 4
+_SMALL_CORRECTION = 0.5
 
 
 class FitLimits(NamedTuple):
@@ -69,11 +72,6 @@ class _Model:
     settings: RunSettings
     additions: tuple[Addition, ...]
     evidence: float
-
-    @property
-    def delays(self) -> tuple[str, ...]:
-        """Return the sensors and inputs with an estimated delay."""
-        return tuple(addition.name for addition in self.additions if addition.is_delay)
 
 
 def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None] = lambda text: None) -> Fit:
@@ -101,12 +99,14 @@ def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None
         judgement = judge_one(estimate, None)
         search.note("start", "settings as they are", None, True, "", judgement)
         if judgement.grade is Grade.SOUND:
-            return Fit(estimate, judgement, tuple(search.steps), dataset.experiment, ())
+            trial = search.trial(dataset.experiment)
+            return Fit(estimate, judgement, tuple(search.steps), dataset.experiment, (), trial)
     stopped = ""
     try:
         search.start_loose()
         search.improve()
         search.simplify()
+        search.correct_times()
     except _OutOfTimeError:
         stopped = "the time limit was reached"
     except KeyboardInterrupt:
@@ -135,6 +135,7 @@ class _Search:
         self.model: _Model | None = None
         self._look = 0
         self._judgement: Judgement | None = None
+        self._estimate: Estimate | None = None  # of the present model from the thinned data
 
     def holds_as_stated(self) -> bool:
         """Whether a fit of the thinned data with the settings as they are is sound."""
@@ -159,21 +160,24 @@ class _Search:
     def improve(self) -> None:
         """Add what the data ask for, one addition after another, until nothing is worth it."""
         assert self.model is not None, "a search starts with a model"
-        failed: set[tuple[str, str]] = set()
         for self._look in range(1, _MAX_LOOKS + 1):
-            estimate = _smoothed(self._prepared.with_settings(self.model.settings))
+            estimate = self._estimate = _smoothed(self._prepared.with_settings(self.model.settings))
             self._judgement = judge_one(estimate, None)
             if self._judgement.grade is Grade.SOUND and noise_excess(estimate, self._least) <= _TIGHT:
                 return
             found = candidates(estimate, self.model.additions, self._least, self._duration)
-            tried = [c for c in found if self._limits.allows(c.addition) and c.addition.key not in failed]
-            best = self._try(self.model, _trials(tried))
+            tried = [candidate for candidate in found if self._limits.allows(candidate.addition)]
+            causes, others = _by_kind(tried)
+            best = self._try(self.model, causes)
+            if best is None or best.evidence - self.model.evidence < _SMALL_SHARE * self._n_measured:
+                # A disturbance, or noise of another size, explains a little of everything: only if nothing else does.
+                best = self._try(self.model, others, best)
             if best is None:
                 return
-            self.model = best
+            self._estimate, self.model = None, best
 
-    def _try(self, model: _Model, trials: Sequence[Candidate]) -> _Model | None:
-        """Return the best model with one of the additions; None if none is worth it."""
+    def _try(self, model: _Model, trials: Sequence[Candidate], rival: _Model | None = None) -> _Model | None:
+        """Return the best of the models with one of the additions and a rival; None if none is worth it."""
         before = str(self._judgement.grade) if self._judgement else ""
         models: list[tuple[Addition, _Model]] = []
         rows: list[FitStep] = []
@@ -185,36 +189,52 @@ class _Search:
             if other is not None:
                 models.append((addition, other))
         best = max(models, key=lambda pair: pair[1].evidence, default=None)
-        if best is None or best[1].evidence - model.evidence < WORTH:
+        if best is None or best[1].evidence - (rival or model).evidence < WORTH:
             self.steps += rows
-            return None
+            return rival
+        self.steps = [step._replace(kept=step.kept and step.look < self._look) for step in self.steps]
         self.steps += [row._replace(kept=row.what == str(best[0])) for row in rows]
         return best[1]
 
     def simplify(self) -> None:
         """Take away additions that the others make unnecessary."""
         assert self.model is not None, "a search starts with a model"
-        for addition in self.model.additions[:-1]:
-            rest = tuple(each for each in self.model.additions if each.key != addition.key)
+        model = self.model
+        estimate = self._estimate or _smoothed(self._prepared.with_settings(model.settings))
+        for addition in model.additions[:-1]:
+            if is_certain(estimate, addition):
+                continue
+            rest = tuple(each for each in model.additions if each.key != addition.key)
             self._on_step(f"try without {addition}")
-            other = self._tuned(without_addition(self.model.settings, addition), rest)
-            loss = None if other is None else other.evidence - self.model.evidence
+            other = self._tuned(without_addition(model.settings, addition), rest)
+            loss = None if other is None else other.evidence - model.evidence
             is_better = loss is not None and loss > -WORTH
             self.steps.append(self._step("remove", str(addition), loss, is_better, ""))
-            if is_better:
-                self.model = other
+            if other is not None and is_better:
+                self.model = model = other
+
+    def correct_times(self) -> None:
+        """Move delays and the lag of the fins to the zero of their score tests."""
+        assert self.model is not None, "a search starts with a model"
+        model = self.model
+        present = {addition.key for addition in model.additions if addition.is_time}
+        for _ in range(_MAX_CORRECTIONS if present else 0):
+            estimate = self._estimate or _smoothed(self._prepared.with_settings(model.settings))
+            settings, additions, largest = model.settings, model.additions, 0.0
+            for addition, test in times_from(estimate, model.additions):
+                if addition.key in present:
+                    settings = with_addition(settings, addition)
+                    additions = tuple(addition if each.key == addition.key else each for each in additions)
+                    largest = max(largest, abs(test.z))
+            self.model = model = replace(model, settings=settings, additions=additions)
+            self._estimate = None
+            if largest < _SMALL_CORRECTION:
+                break
 
     def _with(self, model: _Model, addition: Addition) -> _Model | None:
         """Return the model with an addition and the noise tuned again; None if it does not converge."""
-        settings, additions = with_addition(model.settings, addition), (*model.additions, addition)
-        if addition.is_delay:
-            additions = (*(each for each in model.additions if each.key != addition.key), addition)
-            try:
-                found = estimate_delays(self._prepared.with_settings(_with_delays(settings, additions)))
-            except DataError:
-                return None
-            settings = with_identification(settings, delays=found.experiment.identification.delays)
-        return self._tuned(settings, additions)
+        others = tuple(each for each in model.additions if each.key != addition.key)
+        return self._tuned(with_addition(model.settings, addition), (*others, addition))
 
     def _tuned(self, settings: RunSettings, additions: tuple[Addition, ...]) -> _Model | None:
         """Return the model of some settings with the most likely noise; None if no trajectory follows the data."""
@@ -226,7 +246,7 @@ class _Search:
             return None
         if tuning is None:
             return None
-        free = len(sensors) + sum(addition.is_delay or addition.family == "lag" for addition in additions)
+        free = len(sensors) + sum(addition.is_time for addition in additions)
         free += sum(noise.setting.startswith("identification.estimate.") for noise in tuning.noises)
         evidence = tuning.log_likelihood - 0.5 * free * log(self._n_measured)
         tuned = with_identification(tuning.experiment, smoother=settings.identification.smoother)
@@ -237,8 +257,6 @@ class _Search:
         assert self.model is not None, "a search starts with a model"
         self._on_step("fit of the model to all data")
         settings = self.model.settings
-        if self.model.delays:
-            settings = _with_delays(settings, self.model.additions)
         smoother = self._dataset.experiment.identification.smoother
         if smoother.answer == "automatic" and settings.identification.process_noise != self._least:
             smoother = smoother.model_copy(update={"answer": "marginal"})
@@ -246,9 +264,21 @@ class _Search:
         estimate = identify(replace(self._dataset, experiment=settings), JUDGE)
         judgement = judge_one(estimate, None)
         self.note("end", "fit to all data", None, True, "", judgement)
-        steps = tuple(step._replace(size=_sizes(estimate, step)) for step in self.steps)
+        additions = {str(addition): addition for addition in self.model.additions}
+        steps = tuple(
+            step._replace(size=size_text(estimate, additions[step.what]))
+            if step.kept and step.what in additions
+            else step
+            for step in self.steps
+        )
+        trial = self.trial(settings) if estimate.completed else ""
         causes = likely_causes(estimate) if judgement.grade is not Grade.SOUND else []
-        return Fit(estimate, judgement, steps, settings, (causes_text(causes),) if causes else (), stopped)
+        return Fit(estimate, judgement, steps, settings, (causes_text(causes),) if causes else (), trial, stopped)
+
+    def trial(self, settings: RunSettings) -> str:
+        """Return how well a model predicts the last third of the data if it is fitted to the rest."""
+        self._on_step("predict the last third by a fit to the rest")
+        return trial_text(try_on_held_out(self._dataset, settings))
 
     def note(
         self, action: str, what: str, gain: float | None, kept: bool, before: str, judgement: Judgement | None = None
@@ -293,28 +323,7 @@ def _smoothed(prepared: PreparedData) -> Estimate:
     return Estimate.of(run.header, chunks, outcome)
 
 
-def _trials(found: Sequence[Candidate]) -> list[Candidate]:
-    """Return the candidates to try: the best, and always a disturbance, which no score test ranks."""
-    best = [*found[:_N_TRIALS]]
-    return best + [c for c in found[_N_TRIALS:] if c.addition.family == BiasName.DISTURBANCE]
-
-
-def _with_delays(settings: RunSettings, additions: Sequence[Addition]) -> RunSettings:
-    """Return settings that estimate the delays among the additions."""
-    estimate = settings.identification.estimate
-    delays = [addition for addition in additions if addition.is_delay]
-    spread = max(_MIN_DELAY_SPREAD, _DELAY_SPREAD * max(abs(addition.size) for addition in delays))
-    of = tuple(dict.fromkeys(addition.name for addition in delays))
-    changed = {
-        "biases": tuple(dict.fromkeys((*estimate.biases, BiasName.DELAY))),
-        "delay": estimate.delay.model_copy(update={"of": of, "spread": spread}),
-    }
-    return with_identification(settings, estimate=estimate.model_copy(update=changed))
-
-
-def _sizes(estimate: Estimate, step: FitStep) -> str:
-    """Return the estimated values of the states of a kept addition, with their standard deviations, SI."""
-    return ""
-
-
-__all__ = ["FAMILIES", "FitLimits", "fit_model", "thinned"]
+def _by_kind(found: Sequence[Candidate]) -> tuple[list[Candidate], list[Candidate]]:
+    """Return the best candidates that are a cause, and those that only describe errors: noise and a disturbance."""
+    vague = [candidate for candidate in found if candidate.addition.family in ("noise", BiasName.DISTURBANCE)]
+    return [candidate for candidate in found if candidate not in vague][:_N_TRIALS], vague[:_N_TRIALS]
