@@ -30,6 +30,7 @@ from auvid_cli.fit.trial import trial_text, try_on_held_out
 from auvid_cli.identification.noise import tune_coarsely
 from auvid_cli.identification.prepared_data import PreparedData, prepare
 from auvid_cli.identification.run import identify, set_up_filters
+from auvid_cli.identification.terms import fit_smoother
 
 # Samples of a sensor closer than this are left out during the search, s.
 _INTERVAL = 0.1
@@ -150,7 +151,8 @@ class _Search:
     def start_loose(self) -> None:
         """Find the most likely process noise, beginning with far more than stated."""
         self._on_step("process noise from the data")
-        noise = self._least.times(_LOOSE)
+        names = [name for name in ("velocity", "rate", "attitude", "depth") if name != "depth" or name in self._prepared.measuring]
+        noise = self._least.times(_LOOSE, names)
         loose = with_identification(self._prepared.experiment, process_noise=noise)
         self.model = self._tuned(loose, ())
         if self.model is None:
@@ -181,7 +183,11 @@ class _Search:
         before = str(self._judgement.grade) if self._judgement else ""
         models: list[tuple[Addition, _Model]] = []
         rows: list[FitStep] = []
-        for addition, _ in trials:
+        additions = [addition for addition, _ in trials]
+        if BiasName.DISTURBANCE in model.settings.identification.estimate.biases:
+            # Tuning the noise of a disturbance takes long, so only the best one is fitted with tuned noise.
+            additions = self._best_with_present_noise(model, additions)
+        for addition in additions:
             self._on_step(f"look {self._look}: try {addition} (evidence {model.evidence:.0f})")
             other = self._with(model, addition)
             gain = None if other is None else other.evidence - model.evidence
@@ -195,6 +201,18 @@ class _Search:
         self.steps = [step._replace(kept=step.kept and step.look < self._look) for step in self.steps]
         self.steps += [row._replace(kept=row.what == str(best[0])) for row in rows]
         return best[1]
+
+    def _best_with_present_noise(self, model: _Model, additions: Sequence[Addition]) -> list[Addition]:
+        """Return the addition with the largest evidence if the noise does not change; none if no fit converges."""
+        spans = tuple(segment.timelines.span for segment in self._prepared.segments)
+        evidence: dict[Addition, float] = {}
+        for addition in additions:
+            self._check_time()
+            self._on_step(f"look {self._look}: compare {addition}")
+            fit = fit_smoother(self._prepared, with_addition(model.settings, addition), spans)
+            if fit is not None:
+                evidence[addition] = fit.log_evidence
+        return sorted(evidence, key=lambda addition: -evidence[addition])[:1]
 
     def simplify(self) -> None:
         """Take away additions that the others make unnecessary."""
@@ -278,7 +296,7 @@ class _Search:
     def trial(self, settings: RunSettings) -> str:
         """Return how well a model predicts the last third of the data if it is fitted to the rest."""
         self._on_step("predict the last third by a fit to the rest")
-        return trial_text(try_on_held_out(self._dataset, settings))
+        return trial_text(try_on_held_out(thinned(self._dataset), settings))
 
     def note(
         self, action: str, what: str, gain: float | None, kept: bool, before: str, judgement: Judgement | None = None

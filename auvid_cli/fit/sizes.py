@@ -12,7 +12,7 @@ _CERTAIN = 8.0
 def values(estimate: Estimate, addition: Addition) -> dict[str, tuple[float, float]]:
     """Return value and standard deviation, SI, of each estimated state of an addition, by symbol."""
     symbols: list[str] = [addition.name]
-    if addition.family in BiasName and not addition.is_time:
+    if addition.family in {*BiasName} and not addition.is_time:
         blocks = estimate.experiment.identification.estimate.blocks_of(BiasName(addition.family))
         symbols = [quantity.symbol for block in blocks for quantity in block.quantities]
     rows = [estimate.state.index(symbol) for symbol in symbols if symbol in estimate.state]
