@@ -12,9 +12,9 @@ from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.data.files import write_text
 from auvid_cli.data.results import other_estimates, refuse_unless
 from auvid_cli.errors import ConfigError
-from auvid_cli.fit.additions import FAMILIES
-from auvid_cli.fit.results import Fit
-from auvid_cli.fit.search import FitLimits, fit_model
+from auvid_cli.fitting.additions import FAMILIES
+from auvid_cli.fitting.results import Fit
+from auvid_cli.fitting.search import FitLimits, fit_model
 from auvid_cli.report.page.pages import fit_page
 from auvid_cli.report.page.render import write_page
 from auvid_cli.report.text_tables import write_csv_tables

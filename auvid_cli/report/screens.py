@@ -14,7 +14,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.findings import DisturbanceChoice, ScoredTerm, TermFindings, TunedNoise, Tuning
 from auvid_cli.evaluation.differences import ComparedValue, Comparison
 from auvid_cli.evaluation.judgement import Judgement, whiteness
-from auvid_cli.fit.results import Fit
+from auvid_cli.fitting.results import Fit
 from auvid_cli.logs.measurements import ImportSummary
 from auvid_cli.report.screen_table import MISSING, narrowed, print_texts, printed, screen_table
 from auvid_cli.report.table import Cell, Column, Table, UnitCell, tabulated, text_column

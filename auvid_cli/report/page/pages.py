@@ -11,7 +11,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import shares_of_prior
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, Identifiability
-from auvid_cli.fit.results import Fit
+from auvid_cli.fitting.results import Fit
 from auvid_cli.inspection.inspection import Inspection
 from auvid_cli.report.layout import lay_out
 from auvid_cli.report.page import curves, parts, sections

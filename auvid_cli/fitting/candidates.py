@@ -8,7 +8,7 @@ from auvid_cli.config.extra_states import BiasName, ProcessNoise
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.evaluation.innovations import noise_cause, sensors_without_ahrs
-from auvid_cli.fit.additions import Addition, addition_for
+from auvid_cli.fitting.additions import Addition, addition_for
 
 # Gain in log-likelihood from which an addition is worth it: that of a fault of 3.5 standard deviations, from which an
 # estimate is doubtful.

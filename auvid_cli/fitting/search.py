@@ -22,11 +22,11 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.innovations import causes_text, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
-from auvid_cli.fit.additions import Addition, with_addition, with_identification, without_addition
-from auvid_cli.fit.candidates import WORTH, Candidate, candidates, noise_excess, times_from
-from auvid_cli.fit.results import Fit, FitStep
-from auvid_cli.fit.sizes import is_certain, size_text
-from auvid_cli.fit.trial import trial_text, try_on_held_out
+from auvid_cli.fitting.additions import Addition, with_addition, with_identification, without_addition
+from auvid_cli.fitting.candidates import WORTH, Candidate, candidates, noise_excess, times_from
+from auvid_cli.fitting.results import Fit, FitStep
+from auvid_cli.fitting.sizes import is_certain, size_text
+from auvid_cli.fitting.trial import trial_text, try_on_held_out
 from auvid_cli.identification.noise import tune_coarsely
 from auvid_cli.identification.prepared_data import PreparedData, prepare
 from auvid_cli.identification.run import identify, set_up_filters
@@ -151,7 +151,11 @@ class _Search:
     def start_loose(self) -> None:
         """Find the most likely process noise, beginning with far more than stated."""
         self._on_step("process noise from the data")
-        names = [name for name in ("velocity", "rate", "attitude", "depth") if name != "depth" or name in self._prepared.measuring]
+        names = [
+            name
+            for name in ("velocity", "rate", "attitude", "depth")
+            if name != "depth" or name in self._prepared.measuring
+        ]
         noise = self._least.times(_LOOSE, names)
         loose = with_identification(self._prepared.experiment, process_noise=noise)
         self.model = self._tuned(loose, ())

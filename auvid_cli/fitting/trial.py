@@ -11,7 +11,7 @@ from auvid_cli.config.identification import Use
 from auvid_cli.data.dataset import Dataset, cut
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.fit.additions import with_identification
+from auvid_cli.fitting.additions import with_identification
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 from auvid_cli.identification.terms import split

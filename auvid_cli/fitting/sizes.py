@@ -3,7 +3,7 @@
 from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.settings import three
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.fit.additions import Addition
+from auvid_cli.fitting.additions import Addition
 
 # Distance of an estimated error from 0 beyond which the model needs it, in standard deviations.
 _CERTAIN = 8.0
