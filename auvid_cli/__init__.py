@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from auvid_cli.api.evaluation import check, evaluate, identifiability, validate
     from auvid_cli.api.export import export_model, export_run
     from auvid_cli.api.files import load_experiment, read_dataset, read_estimate, write_dataset
+    from auvid_cli.api.fit import fit
     from auvid_cli.api.identification import identify
     from auvid_cli.api.results import run
     from auvid_cli.api.simulation import simulate, vehicle_from_geometry
@@ -29,6 +30,7 @@ __all__ = [
     "export_model",
     "export_run",
     "find_terms",
+    "fit",
     "identifiability",
     "identify",
     "import_logs",
@@ -51,6 +53,7 @@ _MODULES = {
     "export_model": "auvid_cli.api.export",
     "export_run": "auvid_cli.api.export",
     "find_terms": "auvid_cli.api.analysis",
+    "fit": "auvid_cli.api.fit",
     "identifiability": "auvid_cli.api.evaluation",
     "identify": "auvid_cli.api.identification",
     "import_logs": "auvid_cli.api.data",

@@ -21,10 +21,22 @@ MAY_IMPORT = {
     "evaluation": {"config", "data", "filters", "identification", "inspection", "vehicle"},
     "design": {"config", "data", "identification", "simulation", "vehicle"},
     "validation": {"config", "data", "evaluation", "filters", "identification", "vehicle"},
+    "fitting": {"config", "data", "evaluation", "identification", "validation", "vehicle"},
     "export": {"config", "data", "evaluation", "identification", "vehicle"},
     "start": {"config", "export", "simulation", "vehicle"},
     "campaign": {"config", "data", "evaluation", "identification", "simulation", "vehicle"},
-    "report": {"campaign", "config", "data", "design", "evaluation", "inspection", "logs", "validation", "vehicle"},
+    "report": {
+        "campaign",
+        "config",
+        "data",
+        "design",
+        "evaluation",
+        "fitting",
+        "inspection",
+        "logs",
+        "validation",
+        "vehicle",
+    },
 }
 MAY_IMPORT["api"] = {*MAY_IMPORT} - {"filters", "vehicle"}
 MAY_IMPORT["cli"] = {"api", "config", "data", "report"}

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from auvid_cli._version import __version__
-from auvid_cli.cli import data, design, experiment, judge, start
+from auvid_cli.cli import data, design, experiment, fit, judge, start
 from auvid_cli.cli.options import BOTH_HELPS, Command, Group, examples_text, paragraphs
 
 
@@ -70,6 +70,12 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
             experiment.identify,
             "auvid identify results/dive/dataset.h5 --use 0:80",
             "auvid identify spiral --filter tukf",
+        ),
+        _entry(
+            "fit",
+            fit.fit,
+            "auvid fit results/dive/dataset.h5",
+            "auvid fit results/dive/dataset.h5 --not current,dvl --max-time '5 min'",
         ),
         _entry("tune", experiment.tune, "auvid tune results/dive/dataset.h5 --sensors"),
         _entry("terms", experiment.terms, "auvid terms results/dive/dataset.h5 --use 0:120"),

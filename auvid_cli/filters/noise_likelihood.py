@@ -135,6 +135,7 @@ def most_likely_noise(
     groups: Sequence[NoiseGroup],
     max_passes: int,
     on_pass: OnPass = lambda progress: None,
+    with_intervals: bool = True,
 ) -> NoiseFactors | None:
     """Estimate the factors of groups of noise; None if no trajectory has a finite cost.
 
@@ -146,6 +147,8 @@ def most_likely_noise(
         Maximum number of forward passes for each trajectory.
     on_pass : callable
         Receives a `NoiseProgress` before each forward or backward pass; an exception that it raises ends the search.
+    with_intervals : bool
+        Whether to compute the intervals, which can take longer than the estimate; without, they are 0 to infinity.
     """
     likelihood = _Likelihood(problem, groups, on_pass)
     minima = most_probable(problem, likelihood.smoothing, max_passes, enough=1)
@@ -168,6 +171,8 @@ def most_likely_noise(
     if filtered is None:
         return None
     best = log_likelihood(filtered)
+    if not with_intervals:
+        return NoiseFactors(np.exp(x), np.zeros(x.size), np.full(x.size, np.inf), best, best - stated, converged)
     information = likelihood.scores(filtered).information
 
     def decrease(logarithms: Array) -> float:

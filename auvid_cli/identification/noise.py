@@ -1,6 +1,6 @@
 """Noise levels of a dataset, estimated by maximum likelihood of the innovations."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from math import log
 from typing import NamedTuple, TypeVar
@@ -14,13 +14,14 @@ from auvid_cli.config.extra_states import (
     DisturbingForce,
     DisturbingMoment,
     EstimatedDisturbance,
+    ProcessNoise,
 )
 from auvid_cli.config.identification import STEPS_PER_TIME_CONSTANT, Identification
 from auvid_cli.config.settings import Settings, three
 from auvid_cli.config.units import Unit
 from auvid_cli.data.findings import DisturbanceChoice, TunedNoise, Tuning
 from auvid_cli.errors import DataError
-from auvid_cli.filters.noise_likelihood import NoiseFactors, NoiseProgress, most_likely_noise
+from auvid_cli.filters.noise_likelihood import NoiseFactors, NoiseProgress, OnPass, most_likely_noise
 from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
@@ -103,8 +104,47 @@ def tune_noise(
     return _tuning(experiment, noises, likeliest)
 
 
+def tune_coarsely(
+    prepared: PreparedData, least: ProcessNoise, sensors: Collection[str], on_pass: OnPass
+) -> Tuning | None:
+    """Return the most likely noise levels without their intervals; None if no trajectory follows the data.
+
+    Parameters
+    ----------
+    prepared : PreparedData
+    least : ProcessNoise
+        Lower limits of the process noise. Less is hardly observable, and slows the convergence of the smoother.
+    sensors : collection of str
+        Sensors whose noise is tuned too.
+    on_pass : callable
+        Receives a `NoiseProgress` before each pass through the data; an exception from it ends the search.
+
+    Raises
+    ------
+    ConfigError, DataError
+        As `augmented_problem`.
+    """
+    experiment, settings = prepared.experiment, prepared.experiment.identification
+    augmented = augmented_problem(prepared)
+    noises = [_with_limit(noise, least) for noise in process_noises(augmented, settings, with_time_constants=True)]
+    noises += [noise for noise in _sensor_noises(augmented, settings) if noise.path[-1] in sensors]
+    groups, max_passes = [noise.group for noise in noises], settings.smoother.max_passes
+    likeliest = most_likely_noise(augmented.joint, groups, max_passes, on_pass, with_intervals=False)
+    return None if likeliest is None else _tuning(experiment, noises, likeliest)
+
+
+def _with_limit(noise: AdjustableNoise, least: ProcessNoise) -> AdjustableNoise:
+    """Return a noise level with the lower limit of the process noise; other levels have none."""
+    section, key, *axis = noise.path
+    if section != "process_noise":
+        return noise
+    limit = getattr(least, key)
+    limit = three(limit)[int(axis[0]) if axis else 0] if isinstance(limit, tuple) else limit
+    return noise._replace(group=noise.group._replace(min_log_factor=min(log(limit / noise.stated), 0.0)))
+
+
 def _tuning(experiment: RunSettings, noises: Sequence[AdjustableNoise], likeliest: NoiseFactors) -> Tuning:
-    """Return the levels of noise for factors on the stated ones, and settings with them."""
+    """Return the tuned levels, and the settings with them."""
     factors = zip(noises, likeliest.factor.tolist(), likeliest.low.tolist(), likeliest.high.tolist(), strict=True)
     tuned = [
         TunedNoise(
@@ -133,7 +173,7 @@ def choose_disturbance(
     others = tuple(bias for bias in asked.estimate.biases if bias != BiasName.DISTURBANCE)
     without = tune_noise(_with_estimate(prepared, biases=others), with_sensors, on_progress)
     stated = asked.estimate.disturbance
-    disturbance = stated if stated.blocks() else _as_of_white_noise(without.experiment)
+    disturbance = stated if stated.blocks() else disturbance_like_noise(without.experiment)
     biases = (*others, BiasName.DISTURBANCE)
     having = _with_estimate(prepared, biases=biases, disturbance=disturbance)
 
@@ -161,7 +201,7 @@ def _with_estimate(prepared: PreparedData, **changes: object) -> PreparedData:
     return prepared.with_identification(estimate=estimate)
 
 
-def _as_of_white_noise(experiment: RunSettings) -> EstimatedDisturbance:
+def disturbance_like_noise(experiment: RunSettings) -> EstimatedDisturbance:
     """Return a disturbance with the same power spectral density at low frequencies as the white process noise."""
     noise, force, moment = experiment.identification.process_noise, DisturbingForce(), DisturbingMoment()
     inertia = np.diagonal(mass_matrix(experiment.vehicle.known_parameters()))

@@ -92,13 +92,13 @@ class Model(NamedTuple):
 def fitted_model(prepared: PreparedData, settings: RunSettings) -> Model | None:
     """Fit the model of some settings; None if the smoother does not converge."""
     training_spans, held_out_spans = split(prepared)
-    fit = _fit(prepared, settings, training_spans)
+    fit = fit_smoother(prepared, settings, training_spans)
     if fit is None:
         return None
     training = fit.log_evidence
     # A fit is large: keep one at a time.
     del fit
-    whole = _fit(prepared, settings, (*training_spans, *held_out_spans))
+    whole = fit_smoother(prepared, settings, (*training_spans, *held_out_spans))
     if whole is None:
         return None
     own = {term.symbol for term in settings.vehicle.coefficient_set.terms}
@@ -116,7 +116,7 @@ def with_more_process_noise(prepared: PreparedData, settings: RunSettings, best:
     for factor in _NOISE_FACTORS:
         noise = stated.times(factor, ("velocity", "rate"))
         inflated = identification.model_copy(update={"process_noise": noise})
-        fit = _fit(prepared, settings.model_copy(update={"identification": inflated}), split(prepared)[0])
+        fit = fit_smoother(prepared, settings.model_copy(update={"identification": inflated}), split(prepared)[0])
         if fit is None or fit.log_evidence < best.log_evidence:
             break
         best = fit
@@ -150,7 +150,7 @@ def split(prepared: PreparedData) -> tuple[Spans, Spans]:
     return tuple(training), tuple(held_out)
 
 
-def _fit(prepared: PreparedData, settings: RunSettings, spans: Spans) -> Fit | None:
+def fit_smoother(prepared: PreparedData, settings: RunSettings, spans: Spans) -> Fit | None:
     """Run the smoother on spans of the data; None if it does not converge."""
     identification = settings.identification.model_copy(update={"use": Use(spans=spans)})
     augmented = augmented_problem(
@@ -213,7 +213,7 @@ def search_terms(
     for look in range(1, max_terms + 1):
         new = tuple(t for t in _new(candidates, model.settings) if t.symbol not in dropped)
         on_step(f"look {look}: {len(new)} terms")
-        fit = _converged(_fit(prepared, model.settings, training))
+        fit = _converged(fit_smoother(prepared, model.settings, training))
         scored = _CandidateScores.about(fit, new)
         noisier = _CandidateScores.about(with_more_process_noise(prepared, model.settings, fit), new)
         # A fit is large, and is not needed to compare models.

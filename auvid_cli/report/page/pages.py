@@ -1,4 +1,4 @@
-"""Pages of a run, of an inspection, of a validation and of identifiability."""
+"""Pages of a run, of an inspection, of a fit, of a validation and of identifiability."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -11,6 +11,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import shares_of_prior
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, Identifiability
+from auvid_cli.fitting.results import Fit
 from auvid_cli.inspection.inspection import Inspection
 from auvid_cli.report.layout import lay_out
 from auvid_cli.report.page import curves, parts, sections
@@ -18,6 +19,7 @@ from auvid_cli.report.page.coefficients import coefficient_list, convergence, es
 from auvid_cli.report.page.render import symbol_parts
 from auvid_cli.report.plot_data import HorizonPlot, horizon_plots
 from auvid_cli.report.screen import assessment_sentences, bounds_table, holding_sentence
+from auvid_cli.report.screens import fit_sentences
 from auvid_cli.report.table import by_kind, filter_label, number
 from auvid_cli.validation.results import Validation
 
@@ -132,6 +134,25 @@ def _recorded(dataset: Dataset, inspection: Inspection) -> list[parts.Part]:
     words = f"{curves.HOW_TO_LOOK} Shaded: spikes, jumps, stuck values, gaps and clocks that jump."
     plots = [*curves.input_plots(dataset.inputs), *curves.sensor_plots(dataset.sensors, {}, marks)]
     return [parts.Words([words]), parts.Plots(plots, linked="time", wide=True)]
+
+
+def fit_page(dataset: Dataset, fit: Fit) -> parts.Page:
+    """Lay out a found model: its judgement, the steps that led to it, and what it leaves unexplained."""
+    steps = [parts.TablePart(sections.table_of_rows("fit_steps", "Steps", fit.rows()))]
+    words = (
+        "Each look starts from one model. The tests of that model rank candidates; the best are fitted, and the one "
+        "with the largest gain in evidence is kept if it is worth it. The gain is that of the log marginal likelihood, "
+        "less half the logarithm of the number of measurements for each number without a prior."
+    )
+    content = (
+        parts.Section("verdict", "Verdict", [parts.Words([*fit_sentences(fit)], listed=True)]),
+        parts.Section("steps", "How this model was found", [parts.Words([words]), *steps]),
+        parts.Section("settings", "Settings", [parts.Listing("fit.yaml", fit.settings())]),
+        sections.provenance_section(dataset),
+    )
+    vehicle = dataset.experiment.vehicle.name
+    subtitle = f"{vehicle}, {sections.what_ran(dataset)}, sensors {', '.join(dataset.sensors)}"
+    return parts.Page(f"Fit: {dataset.experiment.name}", subtitle, content)
 
 
 def validation_page(validation: Validation) -> parts.Page:

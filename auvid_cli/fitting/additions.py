@@ -1,0 +1,167 @@
+"""Additions to a model: what explains data that the model does not, and the settings with and without it."""
+
+from math import sqrt
+from typing import NamedTuple
+
+from auvid_cli.config.coefficients import Term
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.extra_states import BiasName
+from auvid_cli.data.faults import TESTED_TERMS, FaultKind, FaultTest
+from auvid_cli.identification.noise import disturbance_like_noise
+from auvid_cli.identification.terms import with_terms
+from auvid_cli.vehicle.coefficients import term
+
+# Errors of sensors, actuators and vehicle that a fault of this kind asks for.
+_ERRORS = {
+    FaultKind.GYROSCOPE_BIAS: BiasName.GYRO,
+    FaultKind.ACCELEROMETER_BIAS: BiasName.ACCELEROMETER,
+    FaultKind.MAGNETIC_FIELD_BIAS: BiasName.MAGNETIC_FIELD,
+    FaultKind.ATTITUDE_BIAS: BiasName.ATTITUDE,
+    FaultKind.DVL_SCALE: BiasName.DVL,
+    FaultKind.DVL_YAW: BiasName.DVL,
+    FaultKind.DVL_LEVER_ARM: BiasName.DVL_ARM,
+    FaultKind.CURRENT: BiasName.CURRENT,
+    FaultKind.FIN_TRIM: BiasName.FIN_TRIM,
+    FaultKind.THRUST_SCALE: BiasName.THRUST,
+    FaultKind.THRUST_OFFSET: BiasName.THRUST,
+    FaultKind.BUOYANCY: BiasName.BALLAST,
+    FaultKind.CENTRE_OF_GRAVITY: BiasName.BALLAST,
+}
+# Error and setting of the random walk that a drift asks for.
+_WALKS = {
+    FaultKind.CURRENT_DRIFT: (BiasName.CURRENT, "walk"),
+    FaultKind.FIN_TRIM_DRIFT: (BiasName.FIN_TRIM, "walk"),
+    FaultKind.THRUST_SCALE_DRIFT: (BiasName.THRUST, "walk"),
+    FaultKind.EXCESS_BUOYANCY_DRIFT: (BiasName.BALLAST, "buoyancy_walk"),
+    FaultKind.TRIM_MOMENT_DRIFT: (BiasName.BALLAST, "moment_walk"),
+}
+_DELAYS = FaultKind.SENSOR_DELAY, FaultKind.INPUT_DELAY
+FAMILIES = *(name.value for name in BiasName), "walk", "noise", "lag", "term"
+
+
+class Addition(NamedTuple):
+    """An addition to a model; two of the same family and name are the same."""
+
+    family: str  # one of `FAMILIES`: what the user may include or exclude
+    name: str = ""  # sensor, input, setting or term; empty if the family has one
+    size: float = 0.0  # value, SI: of a delay, a random walk, or the time constant of the fins
+    deviation: float = 0.0  # standard deviation of a delay or of the time constant, s
+
+    def __str__(self) -> str:
+        texts = {
+            "delay": "delay of the {}",
+            "walk": "random walk of {}",
+            "noise": "noise of the {}",
+            "lag": "lag of the fins",
+            "term": "term {}",
+            "dvl": "scale and yaw of the DVL",
+            "dvl_arm": "lever arm of the DVL, {}",
+            "gyro": "bias of the gyroscope",
+            "fin_trim": "trim of the fins",
+            "thrust": "scale of the thrust",
+        }
+        return texts.get(self.family, self.family.replace("_", " ")).format(self.name.replace("_", " "))
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Return family and name."""
+        return self.family, self.name
+
+    @property
+    def is_time(self) -> bool:
+        """Whether it is a delay or a time constant: no state of a filter, so the settings state it."""
+        return self.family in (BiasName.DELAY, "lag")
+
+
+def addition_for(test: FaultTest, duration: float) -> Addition | None:
+    """Return the addition that a fault in data of a duration, s, asks for; None if no setting represents it."""
+    fault, size = test.fault, test.size
+    if fault.kind is FaultKind.DVL_LEVER_ARM:
+        return Addition(BiasName.DVL_ARM.value, fault.component)
+    if fault.kind in _ERRORS:
+        return Addition(_ERRORS[fault.kind].value)
+    if fault.kind in _WALKS:
+        error, key = _WALKS[fault.kind]
+        return Addition("walk", f"{error.value}.{key}", abs(size) * sqrt(duration))
+    if fault.kind in _DELAYS:
+        return Addition(
+            BiasName.DELAY.value, fault.component.lower().replace(" ", "_") or "inputs", size, test.standard_deviation
+        )
+    if fault.kind is FaultKind.MISSING_TERM:
+        return Addition("term", fault.component)
+    return None
+
+
+def with_addition(settings: RunSettings, addition: Addition) -> RunSettings:
+    """Return settings with an addition."""
+    identification = settings.identification
+    estimate, family, name = identification.estimate, addition.family, addition.name
+    match family:
+        case BiasName.DELAY:
+            return with_identification(settings, delays={**identification.delays, name: addition.size})
+        case "term":
+            found = next(each for each in (term(*of) for of in TESTED_TERMS) if each.symbol == name)
+            return with_terms(settings, (*settings.vehicle.terms, Term.of(found)))
+        case "lag":
+            return _with_lag(settings, addition.size)
+        case "noise":
+            return settings
+        case "walk":
+            error, _, key = name.partition(".")
+            changed = getattr(estimate, error).model_copy(update={key: addition.size})
+            return _with_estimate(settings, **{error: changed})
+        case BiasName.DISTURBANCE:
+            changes = {} if estimate.disturbance.blocks() else {"disturbance": disturbance_like_noise(settings)}
+        case BiasName.DVL_ARM:
+            arm = getattr(estimate, family)
+            others = arm.axes if BiasName.DVL_ARM in estimate.biases else ()
+            axes = tuple(axis for axis in "xyz" if axis in (*others, name))
+            changes = {family: arm.model_copy(update={"axes": axes})}
+        case _:
+            changes = {}
+    biases = tuple(dict.fromkeys((*estimate.biases, BiasName(family))))
+    return _with_estimate(settings, biases=biases, **changes)
+
+
+def without_addition(settings: RunSettings, addition: Addition) -> RunSettings:
+    """Return settings without an addition."""
+    identification = settings.identification
+    estimate, family, name = identification.estimate, addition.family, addition.name
+    match family:
+        case BiasName.DELAY:
+            delays = {sensor: delay for sensor, delay in identification.delays.items() if sensor != name}
+            return with_identification(settings, delays=delays)
+        case "term":
+            return with_terms(settings, [each for each in settings.vehicle.terms if each.name != name])
+        case "lag":
+            return _with_lag(settings, None)
+        case "noise":
+            factors = {s: factor for s, factor in identification.measurement_noise.items() if s != name}
+            return with_identification(settings, measurement_noise=factors)
+        case "walk":
+            error, _, key = name.partition(".")
+            changed = getattr(estimate, error)
+            default = type(changed).model_fields[key].default
+            return _with_estimate(settings, **{error: changed.model_copy(update={key: default})})
+        case BiasName.DVL_ARM if len(getattr(estimate, family).axes) > 1:
+            arm = getattr(estimate, family)
+            axes = tuple(axis for axis in arm.axes if axis != name)
+            return _with_estimate(settings, dvl_arm=arm.model_copy(update={"axes": axes}))
+        case _:
+            return _with_estimate(settings, biases=tuple(error for error in estimate.biases if error != family))
+
+
+def with_identification(settings: RunSettings, **changes: object) -> RunSettings:
+    """Return settings with changes below `identification`."""
+    return settings.model_copy(update={"identification": settings.identification.model_copy(update=changes)})
+
+
+def _with_estimate(settings: RunSettings, **changes: object) -> RunSettings:
+    return with_identification(settings, estimate=settings.identification.estimate.model_copy(update=changes))
+
+
+def _with_lag(settings: RunSettings, time_constant: float | None) -> RunSettings:
+    vehicle = settings.vehicle
+    fins = vehicle.actuators.fins.model_copy(update={"time_constant": time_constant})
+    actuators = vehicle.actuators.model_copy(update={"fins": fins})
+    return settings.model_copy(update={"vehicle": vehicle.model_copy(update={"actuators": actuators})})

@@ -1,0 +1,97 @@
+"""Candidates for an addition to a model, ranked by the score tests and innovations of its estimate."""
+
+from collections.abc import Collection, Iterator
+from math import log
+from typing import NamedTuple
+
+from auvid_cli.config.extra_states import BiasName, ProcessNoise
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.faults import FaultTest
+from auvid_cli.evaluation.innovations import noise_cause, sensors_without_ahrs
+from auvid_cli.fitting.additions import Addition, addition_for
+
+# Gain in log-likelihood from which an addition is worth it: that of a fault of 3.5 standard deviations, from which an
+# estimate is doubtful.
+WORTH = 6.0
+# Factor on the stated process noise from which a disturbance is tried, because the motion has errors that last.
+_LARGE_NOISE = 3.0
+# Smallest change of the noise of a sensor that is tried, as a logarithm.
+_MIN_NOISE_CHANGE = 0.1
+
+
+class Candidate(NamedTuple):
+    """A candidate for an addition, and the gain in log-likelihood that the tests predict."""
+
+    addition: Addition
+    expected: float
+
+
+def candidates(
+    estimate: Estimate, present: Collection[Addition], least: ProcessNoise, duration: float
+) -> list[Candidate]:
+    """Return the candidates for an addition, the best first.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of the smoother with the present model.
+    present : collection of Addition
+        Additions of this model.
+    least : ProcessNoise
+        Process noise that the user states; more of it means that the model lacks something.
+    duration : float
+        Of the data, s.
+    """
+    keys = {addition.key for addition in present if not addition.is_time}
+    gains: dict[tuple[str, str], Candidate] = {}
+    for candidate in [*_of_faults(estimate, present, duration), *_of_noise(estimate)]:
+        key = candidate.addition.key
+        if key not in keys:
+            before = gains.get(key)
+            gains[key] = candidate if before is None else max(before, candidate, key=lambda each: each.expected)
+    found = [candidate for candidate in gains.values() if candidate.expected > WORTH]
+    estimated = estimate.experiment.identification.estimate.biases
+    if BiasName.DISTURBANCE not in estimated and noise_excess(estimate, least) > _LARGE_NOISE:
+        found.append(Candidate(Addition(BiasName.DISTURBANCE.value), WORTH))
+    return sorted(found, key=lambda candidate: -candidate.expected)
+
+
+def noise_excess(estimate: Estimate, least: ProcessNoise) -> float:
+    """Return the largest ratio of the process noise of velocity and rate to the stated one."""
+    noise = estimate.experiment.identification.process_noise
+    pairs = zip(noise.of_motion()[:6], least.of_motion()[:6], strict=True)
+    return max(used / stated for used, stated in pairs)
+
+
+def times_from(estimate: Estimate, present: Collection[Addition]) -> Iterator[tuple[Addition, FaultTest]]:
+    """Yield each delay, and the lag of the fins, with the correction by its score test."""
+    of_settings = estimate.experiment.identification.delays
+    lags = [addition for addition in present if addition.family == "lag"]
+    for test in estimate.faults:
+        addition = addition_for(test, 0.0)
+        if addition is None or addition.family != BiasName.DELAY:
+            continue
+        if addition.name == "inputs" and (lags or test.size > 0.0):
+            # Fins that lag look like late inputs.
+            before = lags[0].size if lags else 0.0
+            if before + test.size > 0.0:
+                yield Addition("lag", "", before + test.size, test.standard_deviation), test
+            if lags:
+                continue
+        yield addition._replace(size=of_settings.get(addition.name, 0.0) + test.size), test
+
+
+def _of_faults(estimate: Estimate, present: Collection[Addition], duration: float) -> Iterator[Candidate]:
+    for addition, test in times_from(estimate, present):
+        yield Candidate(addition, 0.5 * test.z**2)
+    for test in estimate.faults:
+        addition = addition_for(test, duration)
+        if addition is not None and not addition.is_time:
+            yield Candidate(addition, 0.5 * test.z**2)
+
+
+def _of_noise(estimate: Estimate) -> Iterator[Candidate]:
+    for sensor, innovations in sensors_without_ahrs(estimate):
+        nis = innovations.sums().mean_nis
+        if nis > 0.0 and abs(log(nis)) > _MIN_NOISE_CHANGE:
+            yield Candidate(Addition("noise", sensor), noise_cause(sensor, innovations).gain)

@@ -1,0 +1,351 @@
+"""Search for the model of a dataset.
+
+Look, start loose, improve, simplify, judge: `fit_model` reads as these steps. Evidence is the log marginal likelihood,
+with trajectory and parameters integrated out and the noise at its maximum, less half the logarithm of the number of
+measurements for each number that has no prior (Schwarz, Ann. Stat. 6(2), 1978).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import log
+from time import process_time
+from typing import NamedTuple
+
+import numpy as np
+
+import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while the smoother runs
+from auvid_cli.config.enums import JUDGE
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.extra_states import BiasName, ProcessNoise
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.errors import DataError
+from auvid_cli.evaluation.innovations import causes_text, likely_causes
+from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
+from auvid_cli.fitting.additions import Addition, with_addition, with_identification, without_addition
+from auvid_cli.fitting.candidates import WORTH, Candidate, candidates, noise_excess, times_from
+from auvid_cli.fitting.results import Fit, FitStep
+from auvid_cli.fitting.sizes import is_certain, size_text
+from auvid_cli.fitting.trial import trial_text, try_on_held_out
+from auvid_cli.identification.noise import tune_coarsely
+from auvid_cli.identification.prepared_data import PreparedData, prepare
+from auvid_cli.identification.run import identify, set_up_filters
+from auvid_cli.identification.terms import fit_smoother
+
+# Samples of a sensor closer than this are left out during the search, s.
+_INTERVAL = 0.1
+# Passes of the first fit, with the noise as stated: a model that holds converges in a few.
+_FIRST_PASSES = 8
+# Factor on the stated process noise at the start, so that the smoother converges with a wrong model.
+_LOOSE = 100.0
+# Number of candidates that are tried in a look.
+_N_TRIALS = 3
+_MAX_LOOKS = 8
+# Gain for each measurement below which a cause explains little, so that noise and a disturbance are tried too.
+_SMALL_SHARE = 0.02
+# Process noise up to this factor on the stated one is no sign of a missing part of the model.
+_TIGHT = 3.0
+# Corrections of delays at the end, and the size of one that is small enough, in standard deviations.
+_MAX_CORRECTIONS = 4
+_SMALL_CORRECTION = 0.5
+
+
+class FitLimits(NamedTuple):
+    """Limits of a search."""
+
+    only: tuple[str, ...] = ()  # families of additions that may be tried; empty for all
+    excluded: tuple[str, ...] = ()  # families that may not be tried
+    max_time: float = float("inf")  # s of processor time
+
+    def allows(self, addition: Addition) -> bool:
+        """Whether an addition may be tried."""
+        return addition.family not in self.excluded and (not self.only or addition.family in self.only)
+
+
+class _OutOfTimeError(Exception):
+    """The time limit of the search is over."""
+
+
+@dataclass(frozen=True)
+class _Model:
+    """Settings with tuned noise, the additions that they have, and their evidence."""
+
+    settings: RunSettings
+    additions: tuple[Addition, ...]
+    evidence: float
+
+
+def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None] = lambda text: None) -> Fit:
+    """Return the model of a dataset, found step by step; the truth of a simulation is not used.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its settings are the first model.
+    limits : FitLimits
+    on_step : callable
+        Called with a description of each step. A KeyboardInterrupt ends the search with the best model so far.
+
+    Raises
+    ------
+    ConfigError, DataError
+        As `auvid_cli.identification.problem_setup.augmented_problem`.
+    DataError
+        If no trajectory follows the data.
+    """
+    search = _Search(dataset, limits, on_step)
+    on_step("fit with the settings as they are")
+    if search.holds_as_stated():
+        estimate = identify(dataset, JUDGE)
+        judgement = judge_one(estimate, None)
+        search.note("start", "settings as they are", None, True, "", judgement)
+        if judgement.grade is Grade.SOUND:
+            trial = search.trial(dataset.experiment)
+            return Fit(estimate, judgement, tuple(search.steps), dataset.experiment, (), trial)
+    stopped = ""
+    try:
+        search.start_loose()
+        search.improve()
+        search.simplify()
+        search.correct_times()
+    except _OutOfTimeError:
+        stopped = "the time limit was reached"
+    except KeyboardInterrupt:
+        stopped = "interrupted"
+    if search.model is None:
+        raise DataError(f"auvid fit: {stopped or 'no trajectory follows these data'} before a first model was found")
+    return search.finish(stopped)
+
+
+class _Search:
+    """State of a search: the best model so far, and the steps."""
+
+    def __init__(self, dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None]) -> None:
+        self._dataset, self._limits, self._on_step = dataset, limits, on_step
+        self._prepared = prepare(_joint(thinned(dataset)))
+        spans = [segment.timelines.span for segment in self._prepared.segments]
+        self._duration = sum(end - begin for begin, end in spans)
+        self._n_measured = sum(
+            int(np.isfinite(timeline.measurement).sum())
+            for segment in self._prepared.segments
+            for timeline in segment.timelines
+        )
+        self._least: ProcessNoise = dataset.experiment.identification.process_noise
+        self._begin = self._last = process_time()
+        self.steps: list[FitStep] = []
+        self.model: _Model | None = None
+        self._look = 0
+        self._judgement: Judgement | None = None
+        self._estimate: Estimate | None = None  # of the present model from the thinned data
+
+    def holds_as_stated(self) -> bool:
+        """Whether a fit of the thinned data with the settings as they are is sound."""
+        smoother = self._dataset.experiment.identification.smoother
+        quick = smoother.model_copy(update={"max_passes": min(smoother.max_passes, _FIRST_PASSES), "answer": "joint"})
+        try:
+            estimate = _smoothed(self._prepared.with_identification(smoother=quick))
+        except DataError:
+            return False
+        return judge_one(estimate, None).grade is Grade.SOUND
+
+    def start_loose(self) -> None:
+        """Find the most likely process noise, beginning with far more than stated."""
+        self._on_step("process noise from the data")
+        names = [
+            name
+            for name in ("velocity", "rate", "attitude", "depth")
+            if name != "depth" or name in self._prepared.measuring
+        ]
+        noise = self._least.times(_LOOSE, names)
+        loose = with_identification(self._prepared.experiment, process_noise=noise)
+        self.model = self._tuned(loose, ())
+        if self.model is None:
+            raise DataError("no trajectory follows these data, even with much process noise; see auvid inspect")
+        self.note("start", "process noise from the data", None, True, "")
+
+    def improve(self) -> None:
+        """Add what the data ask for, one addition after another, until nothing is worth it."""
+        assert self.model is not None, "a search starts with a model"
+        for self._look in range(1, _MAX_LOOKS + 1):
+            estimate = self._estimate = _smoothed(self._prepared.with_settings(self.model.settings))
+            self._judgement = judge_one(estimate, None)
+            if self._judgement.grade is Grade.SOUND and noise_excess(estimate, self._least) <= _TIGHT:
+                return
+            found = candidates(estimate, self.model.additions, self._least, self._duration)
+            tried = [candidate for candidate in found if self._limits.allows(candidate.addition)]
+            causes, others = _by_kind(tried)
+            best = self._try(self.model, causes)
+            if best is None or best.evidence - self.model.evidence < _SMALL_SHARE * self._n_measured:
+                # A disturbance, or noise of another size, explains a little of everything: only if nothing else does.
+                best = self._try(self.model, others, best)
+            if best is None:
+                return
+            self._estimate, self.model = None, best
+
+    def _try(self, model: _Model, trials: Sequence[Candidate], rival: _Model | None = None) -> _Model | None:
+        """Return the best of the models with one of the additions and a rival; None if none is worth it."""
+        before = str(self._judgement.grade) if self._judgement else ""
+        models: list[tuple[Addition, _Model]] = []
+        rows: list[FitStep] = []
+        additions = [addition for addition, _ in trials]
+        if BiasName.DISTURBANCE in model.settings.identification.estimate.biases:
+            # Tuning the noise of a disturbance takes long, so only the best one is fitted with tuned noise.
+            additions = self._best_with_present_noise(model, additions)
+        for addition in additions:
+            self._on_step(f"look {self._look}: try {addition} (evidence {model.evidence:.0f})")
+            other = self._with(model, addition)
+            gain = None if other is None else other.evidence - model.evidence
+            rows.append(self._step("add", str(addition), gain, False, before))
+            if other is not None:
+                models.append((addition, other))
+        best = max(models, key=lambda pair: pair[1].evidence, default=None)
+        if best is None or best[1].evidence - (rival or model).evidence < WORTH:
+            self.steps += rows
+            return rival
+        self.steps = [step._replace(kept=step.kept and step.look < self._look) for step in self.steps]
+        self.steps += [row._replace(kept=row.what == str(best[0])) for row in rows]
+        return best[1]
+
+    def _best_with_present_noise(self, model: _Model, additions: Sequence[Addition]) -> list[Addition]:
+        """Return the addition with the largest evidence if the noise does not change; none if no fit converges."""
+        spans = tuple(segment.timelines.span for segment in self._prepared.segments)
+        evidence: dict[Addition, float] = {}
+        for addition in additions:
+            self._check_time()
+            self._on_step(f"look {self._look}: compare {addition}")
+            fit = fit_smoother(self._prepared, with_addition(model.settings, addition), spans)
+            if fit is not None:
+                evidence[addition] = fit.log_evidence
+        return sorted(evidence, key=lambda addition: -evidence[addition])[:1]
+
+    def simplify(self) -> None:
+        """Take away additions that the others make unnecessary."""
+        assert self.model is not None, "a search starts with a model"
+        model = self.model
+        estimate = self._estimate or _smoothed(self._prepared.with_settings(model.settings))
+        for addition in model.additions[:-1]:
+            if is_certain(estimate, addition):
+                continue
+            rest = tuple(each for each in model.additions if each.key != addition.key)
+            self._on_step(f"try without {addition}")
+            other = self._tuned(without_addition(model.settings, addition), rest)
+            loss = None if other is None else other.evidence - model.evidence
+            is_better = loss is not None and loss > -WORTH
+            self.steps.append(self._step("remove", str(addition), loss, is_better, ""))
+            if other is not None and is_better:
+                self.model = model = other
+
+    def correct_times(self) -> None:
+        """Move delays and the lag of the fins to the zero of their score tests."""
+        assert self.model is not None, "a search starts with a model"
+        model = self.model
+        present = {addition.key for addition in model.additions if addition.is_time}
+        for _ in range(_MAX_CORRECTIONS if present else 0):
+            estimate = self._estimate or _smoothed(self._prepared.with_settings(model.settings))
+            settings, additions, largest = model.settings, model.additions, 0.0
+            for addition, test in times_from(estimate, model.additions):
+                if addition.key in present:
+                    settings = with_addition(settings, addition)
+                    additions = tuple(addition if each.key == addition.key else each for each in additions)
+                    largest = max(largest, abs(test.z))
+            self.model = model = replace(model, settings=settings, additions=additions)
+            self._estimate = None
+            if largest < _SMALL_CORRECTION:
+                break
+
+    def _with(self, model: _Model, addition: Addition) -> _Model | None:
+        """Return the model with an addition and the noise tuned again; None if it does not converge."""
+        others = tuple(each for each in model.additions if each.key != addition.key)
+        return self._tuned(with_addition(model.settings, addition), (*others, addition))
+
+    def _tuned(self, settings: RunSettings, additions: tuple[Addition, ...]) -> _Model | None:
+        """Return the model of some settings with the most likely noise; None if no trajectory follows the data."""
+        sensors = [addition.name for addition in additions if addition.family == "noise"]
+        prepared = self._prepared.with_settings(settings)
+        try:
+            tuning = tune_coarsely(prepared, self._least, sensors, lambda progress: self._check_time())
+        except DataError:
+            return None
+        if tuning is None:
+            return None
+        free = len(sensors) + sum(addition.is_time for addition in additions)
+        free += sum(noise.setting.startswith("identification.estimate.") for noise in tuning.noises)
+        evidence = tuning.log_likelihood - 0.5 * free * log(self._n_measured)
+        tuned = with_identification(tuning.experiment, smoother=settings.identification.smoother)
+        return _Model(tuned, additions, evidence)
+
+    def finish(self, stopped: str) -> Fit:
+        """Fit the best model to all data, and judge it."""
+        assert self.model is not None, "a search starts with a model"
+        self._on_step("fit of the model to all data")
+        settings = self.model.settings
+        smoother = self._dataset.experiment.identification.smoother
+        if smoother.answer == "automatic" and settings.identification.process_noise != self._least:
+            smoother = smoother.model_copy(update={"answer": "marginal"})
+        settings = with_identification(settings, smoother=smoother)
+        estimate = identify(replace(self._dataset, experiment=settings), JUDGE)
+        judgement = judge_one(estimate, None)
+        self.note("end", "fit to all data", None, True, "", judgement)
+        additions = {str(addition): addition for addition in self.model.additions}
+        steps = tuple(
+            step._replace(size=size_text(estimate, additions[step.what]))
+            if step.kept and step.what in additions
+            else step
+            for step in self.steps
+        )
+        trial = self.trial(settings) if estimate.completed else ""
+        causes = likely_causes(estimate) if judgement.grade is not Grade.SOUND else []
+        return Fit(estimate, judgement, steps, settings, (causes_text(causes),) if causes else (), trial, stopped)
+
+    def trial(self, settings: RunSettings) -> str:
+        """Return how well a model predicts the last third of the data if it is fitted to the rest."""
+        self._on_step("predict the last third by a fit to the rest")
+        return trial_text(try_on_held_out(thinned(self._dataset), settings))
+
+    def note(
+        self, action: str, what: str, gain: float | None, kept: bool, before: str, judgement: Judgement | None = None
+    ) -> None:
+        """Add a step."""
+        self.steps.append(self._step(action, what, gain, kept, before, judgement))
+
+    def _step(
+        self, action: str, what: str, gain: float | None, kept: bool, before: str, judgement: Judgement | None = None
+    ) -> FitStep:
+        now = process_time()
+        elapsed, self._last = now - self._last, now
+        after = "" if judgement is None else str(judgement.grade)
+        return FitStep(self._look, action, what, "", gain, kept, before, after, elapsed)
+
+    def _check_time(self) -> None:
+        if process_time() - self._begin > self._limits.max_time:
+            raise _OutOfTimeError
+
+
+def thinned(dataset: Dataset) -> Dataset:
+    """Return a dataset with the samples of fast sensors at most every `_INTERVAL`."""
+    sensors = {}
+    for name, record in dataset.sensors.items():
+        usual = float(np.median(np.diff(record.time))) if record.time.size > 1 else _INTERVAL
+        every = max(1, int(_INTERVAL / usual + 0.5))
+        sensors[name] = replace(record, time=record.time[::every], values=record.values[::every])
+    return replace(dataset, sensors=sensors)
+
+
+def _joint(dataset: Dataset) -> Dataset:
+    """Return a dataset whose settings ask for the joint estimate, with noise and delays as stated."""
+    identification = dataset.experiment.identification
+    smoother = identification.smoother.model_copy(update={"answer": "joint"})
+    return replace(dataset, experiment=with_identification(dataset.experiment, smoother=smoother, noise="stated"))
+
+
+def _smoothed(prepared: PreparedData) -> Estimate:
+    """Return the estimate of the smoother with settings as stated."""
+    (run,), chunks = set_up_filters(prepared, [JUDGE]), []
+    outcome = run.run(chunks.append)
+    return Estimate.of(run.header, chunks, outcome)
+
+
+def _by_kind(found: Sequence[Candidate]) -> tuple[list[Candidate], list[Candidate]]:
+    """Return the best candidates that are a cause, and those that only describe errors: noise and a disturbance."""
+    vague = [candidate for candidate in found if candidate.addition.family in ("noise", BiasName.DISTURBANCE)]
+    return [candidate for candidate in found if candidate not in vague][:_N_TRIALS], vague[:_N_TRIALS]

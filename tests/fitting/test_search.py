@@ -1,0 +1,73 @@
+"""Search for the model of a dataset."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import auvid_cli as auvid
+from auvid_cli.config.enums import JUDGE
+from auvid_cli.errors import ConfigError
+from auvid_cli.evaluation.judgement import Grade
+from auvid_cli.fitting.search import FitLimits, fit_model, thinned
+from auvid_cli.identification.run import identify
+
+TRIM = 0.02  # rad
+
+
+@pytest.fixture(scope="module")
+def trimmed(multisine_with):
+    """A multisine with a trimmed rudder, which the settings do not know."""
+    return multisine_with(f"manoeuvre.fin_trim.rudder={TRIM}")
+
+
+def test_thinned_data_keep_every_sample_of_slow_sensors(short_run):
+    few = thinned(short_run)
+    assert np.diff(few.sensors["gyroscope"].time) == pytest.approx(0.1)
+    assert few.sensors["dvl"].time.size == short_run.sensors["dvl"].time.size
+
+
+def test_unknown_kind_of_addition_is_refused(short_run):
+    with pytest.raises(ConfigError, match="tide"):
+        auvid.fit(short_run, only=["tide"])
+
+
+@pytest.mark.slow
+def test_trimmed_rudder_is_found_and_nothing_else(trimmed):
+    # The truth must not matter.
+    fit = fit_model(replace(trimmed, truth=None), FitLimits())
+    assert fit.judgement.grade is Grade.SOUND
+    assert fit.added == ("trim of the fins",)
+    row = fit.estimate.state.index("rudder_trim")
+    found, deviation = fit.estimate.mean[-1, row], fit.estimate.standard_deviation[-1, row]
+    assert abs(found - TRIM) < 4.0 * deviation
+    assert "vehicle file" in fit.trial
+    again = identify(replace(trimmed, experiment=fit.experiment), JUDGE)
+    assert np.array_equal(again.mean, fit.estimate.mean)
+
+
+@pytest.mark.slow
+def test_nothing_is_added_without_a_fault(multisine_with):
+    dataset = multisine_with()
+    fit = fit_model(dataset, FitLimits())
+    assert fit.judgement.grade is Grade.SOUND
+    assert fit.added == ()
+    assert fit.experiment == dataset.experiment
+
+
+@pytest.mark.slow
+def test_interrupt_keeps_the_best_model_so_far(trimmed):
+    def interrupt(step: str) -> None:
+        if step.startswith("look 1"):
+            raise KeyboardInterrupt
+
+    fit = fit_model(trimmed, FitLimits(), interrupt)
+    assert fit.stopped == "interrupted"
+    assert fit.added == ()
+    assert fit.judgement.is_against
+
+
+@pytest.mark.slow
+def test_excluded_addition_is_not_tried(trimmed):
+    fit = fit_model(trimmed, FitLimits(excluded=("fin_trim",)))
+    assert "trim of the fins" not in [step.what for step in fit.steps]
