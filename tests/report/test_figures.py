@@ -276,7 +276,7 @@ def test_densities_hold_all_innovations_and_say_how_many_are_within():
     of_dvl = list(innovations).index("dvl") * 3
     assert sizes[of_dvl] == 400, "one lies a hundred standard deviations off"
     within = 100.0 * (np.abs(innovations["dvl"].innovation[:, 0]) <= 0.02).mean()
-    assert axes.texts[of_dvl].get_text() == f"{within:.1f} %, 1 beyond"
+    assert axes.texts[of_dvl].get_text() == f"{within:.1f} % within, 1 beyond 4 sd"
 
 
 def test_attitude_is_in_degrees_and_unwrapped(dataset, evaluation):
