@@ -20,7 +20,7 @@ from auvid_cli.report import series
 from auvid_cli.report.figures import style
 from auvid_cli.report.plot_data import travelled, travelled_paths
 from auvid_cli.report.table import filter_label, symbol_math
-from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity
+from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
 
 _HEIGHT = 5.8
 _PATH_POINTS = 1000
@@ -259,7 +259,7 @@ def _narrowed(line: dict[str, Any], width: float) -> dict[str, Any]:
 
 def _measured(quantity: Quantity, sensors: dict[str, SensorRecord]) -> Curve | None:
     for name, record in sensors.items():
-        symbols = [component.symbol for component in SENSORS[name]]
+        symbols = [state_of(component) for component in SENSORS[name]]
         if quantity.symbol in symbols and record.time.size:
             values = record.values[:, symbols.index(quantity.symbol)]
             if np.isfinite(values).any():
