@@ -7,6 +7,7 @@ import json
 import types
 import typing
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,109 @@ TARGET = Path(__file__).with_name("reference.md")
 KEYS = Path(__file__).parents[1] / "auvid_cli/cli/setting_keys.txt"
 UNITS = Path(__file__).parents[1] / "auvid_cli/config/usual_units.json"
 SHIPPED = Path(__file__).parents[1] / "configs"
+LONGEST_EXAMPLE = 40  # characters
+# Examples of keys that no shipped file has, by key or by the last part of the key.
+WRITTEN = {
+    "vehicle.source": "Prestero (2001), table 4.2",
+    "vehicle.notes": "[inertia assumed]",
+    "vehicle.parameters": "{m: 30.5 kg, zG: 1.96 cm}",
+    "vehicle.coefficients": '{"X_u|u|": -1.62}',
+    "vehicle.geometry.appendages.name": "antenna",
+    "vehicle.terms.name": "N_|v|r",
+    "vehicle.terms.standard_deviation": "2.5",
+    "vehicle.terms.source": "tank test of 2024",
+    "identification.delays": "{dvl: 0.1 s, inputs: 50 ms}",
+    "identification.prior.standard_deviation": "{N_uudr: 2}",
+    "inputs.rudder.column": "rudder_angle",
+    "inputs.rudder.unit": "deg",
+    "inputs.rudder.scale": "0.1 deg",
+    "inputs.rudder.constant": "0 deg",
+    "inputs.surge_force.column": "thrust",
+    "inputs.surge_force.unit": "kgf",
+    "inputs.surge_force.scale": "0.1 N",
+    "inputs.surge_force.constant": "10.9 N",
+    "inputs.thrust.revolutions.column": "rpm",
+    "inputs.thrust.revolutions.unit": "rpm",
+    "inputs.thrust.revolutions.scale": "1 rpm",
+    "inputs.thrust.share.column": "throttle",
+    "inputs.thrust.share.unit": "%",
+    "inputs.thrust.share.scale": "1 %",
+    "inputs.roll_moment.column": "roll_moment",
+    "inputs.roll_moment.unit": "N*m",
+    "inputs.roll_moment.scale": "0.01 N*m",
+    "inputs.roll_moment.constant": "0.2 N*m",
+    "inputs.voltage.column": "battery",
+    "inputs.voltage.unit": "V",
+    "inputs.voltage.scale": "0.01 V",
+    "inputs.voltage.constant": "14.8 V",
+    "vary.relative": "true",
+    "identification.use.least_speed": "0.5 m/s",
+    "sensors.gyroscope.unit": "deg/s",
+    "sensors.accelerometer.unit": "g",
+    "sensors.magnetometer.unit": "deg",
+    "sensors.magnetic_field.unit": "uT",
+    "sensors.dvl.unit": "cm/s",
+    "sensors.attitude.unit": "deg",
+    "sensors.depth.unit": "cm",
+    "sensors.magnetic_field.strength": "50 uT",
+    "sensors.magnetic_field.dip": "60 deg",
+    "sensors.dvl.arm": "[0.3, 0, 0.1]",
+    "sensors.dvl.scale_error": "0.01",
+    "sensors.dvl.position": "[0.3, 0, 0.1]",
+    "sensors.depth.position": "[-0.5, 0, 0]",
+    "manoeuvre.file": "inputs.csv",
+    "logs.file": "dive.csv",
+    "time.table": "sensor_combined",
+    "time.column": "timestamp",
+    "time.unit": "us",
+    "settings": "{manoeuvre.duration: 120 s}",
+    "filters.settings": "{identification.gate: 6}",
+    "vary.levels": "{slow: {sensors.dvl.rate: 1 Hz}}",
+    "station": "[0, 0.3, 1.2, 1.6]",
+    "radius": "[0, 0.09, 0.09, 0]",
+    "drag_coefficient": "1.2",
+    "factors": '["|v|", r]',
+    "value": "-8.5",
+    "meaning": "yaw damping by sway",
+    "mean": "-10",
+    "standard_deviation": "estimate",
+    "vehicle.terms.prior.standard_deviation": "5",
+    "measurement_noise": "{attitude: 2}",
+    "gate": "6",
+    "spans": "[[0, 80], [120, null]]",
+    "relative": "30 %",
+    "from_estimate": "results/dive/estimates/smoother.h5",
+    "bounds": "{N_uudr: [-20, 0]}",
+    "range": "3 cm/s",
+    "use": "[[10, 200]]",
+    "exclude": "[[42, 45.5]]",
+    "more": "[dive_2.csv]",
+    "delimiter": ";",
+    "header_row": "3",
+    "names": "[time, p, q, r]",
+    "decimal": ",",
+    "missing": "[NaN, -9999]",
+    "table": "/imu",
+    "log": "navigation",
+    "coloured_share": "0.5",
+    "outlier_probability": "0.01",
+    "column": "status",
+    "limits": "[-100, 100]",
+    "constant": "10.9 N",
+    "uniform": "[0.5, 2]",
+    "log_uniform": "[0.1, 10]",
+    "normal": "[1, 0.1]",
+}
+# Column, unit and size of one count of signals in a log.
+SIGNALS = {
+    "angular rate": ("yaw_rate", "deg/s", "0.01 deg/s"),
+    "specific force": ("acc_x", "g", "0.001 g"),
+    "angle": ("heading", "deg", "0.35 deg"),
+    "magnetic flux density": ("mag_x", "uT", "0.1 uT"),
+    "velocity": ("dvl_x", "cm/s", "1 mm/s"),
+    "length": ("depth", "cm", "1 cm"),
+    "pure number": ("q_w", "1", "0.0001"),
+}
 OPENING = """# Reference
 
 Made by `python docs/make_reference.py` from the tables and settings classes in the package; do not edit.
@@ -158,12 +262,87 @@ def section(path: str, model: type[BaseModel]) -> str:
     kind = typing.get_args(model.model_fields["type"].annotation)[0] if "type" in model.model_fields else ""
     heading += f" with `type: {kind}`" if kind else ""
     rows = [
-        (f"`{field.alias or name}`", unit(model, name, field), limits(field), default(field), field.description or "")
+        (
+            f"`{field.alias or name}`",
+            unit(model, name, field),
+            limits(field),
+            default(field),
+            example(path, kind, model, name, field),
+            meaning(field),
+        )
         for name, field in model.model_fields.items()
         if name != "type"
     ]
-    summary = (model.__doc__ or "").split("\n\n")[0].strip()
-    return f"{heading}\n\n{summary}\n\n" + table(("key", "unit or choices", "from ... to", "default", "meaning"), rows)
+    header = "key", "unit or choices", "from ... to", "default", "example", "meaning"
+    return f"{heading}\n\n{summary(model)}\n\n" + table(header, rows)
+
+
+def summary(model: type[BaseModel]) -> str:
+    """Return the first paragraph of a settings class."""
+    return (model.__doc__ or "").split("\n\n")[0].strip()
+
+
+def meaning(field) -> str:
+    """Return the description of a key, or that of its only section."""
+    inner = classes(field.annotation)
+    if field.description or not inner:
+        return field.description or ""
+    first = summary(inner[0]).split(". ")[0].removesuffix(".") if len(inner) == 1 else "one of the types below"
+    word = first.split()[0]
+    return first[0].lower() + first[1:] if len(word) == 1 or word[1:].islower() else first
+
+
+def example(path: str, kind: str, model: type[BaseModel], name: str, field) -> str:
+    """Return an example of a key: from a shipped file, of its unit, one of its choices, or its default."""
+    key = f"{path}.{field.alias or name}".lstrip(".")
+    shipped = [value for value in (shipped_values().get((kind, key)), shipped_values().get(("", key))) if value]
+    if classes(field.annotation):
+        return ""
+    if shipped:
+        return f"`{shipped[0]}`"
+    if summary(model).startswith("A signal of ") and name in ("column", "unit", "scale"):
+        quantity = summary(model).removeprefix("A signal of ").removesuffix(".").split(";")[0].split(" ", 1)[1]
+        return f"`{SIGNALS[quantity][('column', 'unit', 'scale').index(name)]}`"
+    if key in WRITTEN:
+        return f"`{WRITTEN[key]}`"
+    own, given = unit(model, name, field), default(field)
+    is_component = issubclass(model, SensorSettings) and typing.get_origin(field.annotation) is tuple
+    if is_component or any(isinstance(item, Unit) for item in field.metadata):
+        usual = EXAMPLES.get(own, ("", f"1e-07 {own}" if own.startswith("T") else f"0.001 {own}"))[1]
+        usual = "20 ms" if name.startswith("delay") else usual
+        return f"`{f'{given} {own}'.removesuffix(' 1') if given not in ('', 'required', '0.0') else usual}`"
+    if (field.alias or name) in WRITTEN:
+        return f"`{WRITTEN[field.alias or name]}`"
+    if typing.get_origin(field.annotation) is typing.Literal:
+        return f"`{typing.get_args(field.annotation)[-1]}`"
+    if field.annotation is bool:
+        return f"`{str(not field.default).lower()}`"
+    return f"`{given}`" if given not in ("", "required") else ""
+
+
+@cache
+def shipped_values() -> dict[tuple[str, str], str]:
+    """Return values in shipped files by type of the section, where it has one, and key."""
+    found: dict[tuple[str, str], str] = {}
+
+    def walk(kind: str, path: str, tree: Any) -> None:
+        if isinstance(tree, dict):
+            own = str(tree.get("type", ""))
+            for key, inner in tree.items():
+                walk(own, f"{path}.{key}".lstrip("."), inner)
+        elif isinstance(tree, list) and any(isinstance(inner, dict) for inner in tree):
+            for inner in tree:
+                walk(kind, path, inner)
+        else:
+            text = yaml.safe_dump(tree, default_flow_style=True, width=1000).removesuffix("\n...\n").strip()
+            if len(text) <= LONGEST_EXAMPLE:
+                found.setdefault((kind, path), text)
+                found.setdefault(("", path), text)
+
+    roots = {"vehicles": "vehicle", "sensors": "sensors", "manoeuvres": "manoeuvre"}
+    for file in sorted(SHIPPED.rglob("*.yaml")):
+        walk("", roots.get(file.parent.name, ""), yaml.safe_load(file.read_text("utf-8")))
+    return found
 
 
 def unit(model: type[BaseModel], name: str, field) -> str:
@@ -172,6 +351,8 @@ def unit(model: type[BaseModel], name: str, field) -> str:
         if isinstance(item, Unit):
             return item.unit
     if issubclass(model, SensorSettings) and typing.get_origin(field.annotation) is tuple:
+        if name == "arm":
+            return "m"
         own = SENSORS[model.sensor][0].unit if model is not SensorSettings else ""
         return f"{own}/s^0.5" if name == "drift" else own
     if typing.get_origin(field.annotation) is typing.Literal:

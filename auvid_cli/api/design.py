@@ -21,7 +21,7 @@ from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import dump_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.files import check_no_overlap, locked, write_text
+from auvid_cli.data.files import check_no_overlap, locked, remove, write_text
 from auvid_cli.data.findings import SearchState, read_search, write_search
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.results import refuse_unless
@@ -38,7 +38,7 @@ from auvid_cli.design.posterior import uncounted_information
 from auvid_cli.design.problem import DesignProblem, EarlierInformation, Requirement, make_problem, simulate_draws
 from auvid_cli.design.search import Design, SearchProgress, conclude, search
 from auvid_cli.design.trials import Map, TrialRun
-from auvid_cli.errors import DataError
+from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.bounds import information_with_process_noise, probable_motion
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import resolve_settings
@@ -257,6 +257,8 @@ def design_into(
         progress.message(
             f"{experiment.vehicle.name}: {wish.draws} trial vehicles drawn from {task.distribution.origin}"
         )
+        if estimate is not None and isinstance(estimate.experiment, Experiment):
+            progress.message(f"note: {sources.at} is an estimate from simulated data, not from a real vehicle")
         for name in uncounted_information(experiment):
             progress.message(f"note: not included in the design: {name}")
         for path in data:
@@ -264,7 +266,12 @@ def design_into(
         key = _search_key(experiment, wish, read)
         reached = _search_until(task, limits, folder / SEARCH_FILE, key, place)
         with progress.stage("compare"):
-            design = conclude(task, reached)
+            try:
+                design = conclude(task, reached)
+            except ConfigError:
+                # No manoeuvre fits: with other limits, as the message advises, another search begins.
+                remove([folder / SEARCH_FILE])
+                raise
             gain = (
                 "the spiral itself" if design.keeps_spiral else f"{design.chosen}, x{design.gain:.2f} over the spiral"
             )

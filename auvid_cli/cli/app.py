@@ -35,7 +35,13 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
     ),
     "Start with a simulation": (
         _entry("list", start.list_shipped, "auvid list", "auvid list vehicles"),
-        _entry("init", start.init, "auvid init mine --like remus100", "auvid init mine", cls=start.OutlineCommand),
+        _entry(
+            "init",
+            start.init,
+            "auvid init mine --like remus100",
+            "auvid init my --length 2 --diameter .2 --mass 60 --fin-span .1 --fin-area .008",
+            cls=start.OutlineCommand,
+        ),
         _entry(
             "run",
             experiment.run,

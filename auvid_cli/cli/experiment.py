@@ -222,7 +222,8 @@ def _print_result(result: "RunResult", terminal: Terminal, show: bool) -> int:
     print_summary(terminal.out, result.evaluation)
     print_texts(terminal.out, counts_in_words(result.checks))
     if any(not check.passed for check in result.checks):
-        terminal.print(f"failed checks and advice: auvid check {shlex.quote(str(result.folder))}")
+        kind = "failed checks" if any(check.passed is False for check in result.checks) else "notes"
+        terminal.print(f"{kind} and advice: auvid check {shlex.quote(str(result.folder))}")
     print_files(terminal.out, result.files)
     terminal.print(f"report: {result.page}")
     if show:

@@ -97,7 +97,7 @@ class CampaignAxis(Settings):
 class FilterVariant(Settings):
     """A filter with its own settings."""
 
-    filter: FilterName
+    filter: Annotated[FilterName, Field(description="filter to run")]
     name: Annotated[str, Field(pattern=_NAME, description="name in the results; default: that of the filter")]
     settings: Annotated[
         dict[str, AnyValue], Field(description="settings of the filter by dotted key, in identification or vehicle")

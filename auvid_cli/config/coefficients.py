@@ -28,15 +28,17 @@ _FORCES = ("surge force", "sway force", "heave force", "roll moment", "pitch mom
 class TermPrior(Settings):
     """Prior of the coefficient of a term, in the unit of its value."""
 
-    mean: float | None = None
-    standard_deviation: float | None = None
+    mean: Annotated[float | None, Field(description="mean; default: that of `identification.prior`")] = None
+    standard_deviation: Annotated[
+        float | None, Field(description="standard deviation; default: that of `identification.prior`")
+    ] = None
 
 
 class Term(Settings):
     """A term of the equations of motion: a coefficient times a product of factors."""
 
     name: Annotated[str, Field(pattern=TERM_NAME, description="row, underscore and word, such as N_|v|r")]
-    row: Literal["X", "Y", "Z", "K", "M", "N"]
+    row: Annotated[Literal["X", "Y", "Z", "K", "M", "N"], Field(description="force or moment to which it belongs")]
     factors: Annotated[
         tuple[str, ...],
         Field(

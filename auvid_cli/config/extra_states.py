@@ -110,10 +110,10 @@ class ProcessNoise(Settings):
 class InitialMotion(Settings):
     """Standard deviations of the initial motion, whose mean is the first sample of each sensor."""
 
-    velocity: Annotated[float, Amount("m/s"), Field(gt=0)] = 0.1
-    rate: Annotated[float, Amount("rad/s"), Field(gt=0)] = 0.05
-    attitude: Annotated[float, Amount("rad"), Field(gt=0)] = 0.05
-    depth: Annotated[float, Amount("m"), Field(gt=0)] = 0.5
+    velocity: Annotated[float, Amount("m/s"), Field(gt=0, description="standard deviation of u, v, w")] = 0.1
+    rate: Annotated[float, Amount("rad/s"), Field(gt=0, description="standard deviation of p, q, r")] = 0.05
+    attitude: Annotated[float, Amount("rad"), Field(gt=0, description="standard deviation of phi, theta, psi")] = 0.05
+    depth: Annotated[float, Amount("m"), Field(gt=0, description="standard deviation of the depth")] = 0.5
 
 
 class FurtherState(NamedTuple):

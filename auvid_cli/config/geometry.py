@@ -139,7 +139,7 @@ class FinSettings(Settings):
 class AppendageSettings(Settings):
     """Appendage of the hull."""
 
-    name: str = ""
+    name: Annotated[str, Field(description="name of the appendage")] = ""
     area: Annotated[float, Amount("m^2"), Field(gt=0, le=1e4, description="reference area of its drag coefficient")]
     drag_coefficient: Annotated[float, Field(ge=0, le=10, description="drag coefficient along the axis")]
 

@@ -110,7 +110,7 @@ class SmootherSettings(Settings):
 class Identification(Settings):
     """Estimation of coefficients from a dataset."""
 
-    filters: Annotated[tuple[FilterName, ...], Field(min_length=1)] = (
+    filters: Annotated[tuple[FilterName, ...], Field(min_length=1, description="filters to run")] = (
         FilterName.SMOOTHER,
         FilterName.CKF,
         FilterName.TUKF,

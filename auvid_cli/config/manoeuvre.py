@@ -162,7 +162,7 @@ class NoAutopilot(Autopilot):
 class ManoeuvreSettings(Settings):
     """Settings of all manoeuvres."""
 
-    name: str = ""
+    name: Annotated[str, Field(description="name of the manoeuvre")] = ""
     duration: Annotated[Seconds, Field(description="length of the run")]
     speed: Annotated[float, Amount("m/s"), Field(gt=0, le=100, description="speed to hold")]
     initial_speed: Annotated[

@@ -212,7 +212,7 @@ class AhrsSensors(NamedTuple):
 class SensorSuite(Settings):
     """A sensor file; an AHRS needs gyroscope, accelerometer, magnetometer and DVL."""
 
-    name: str = ""
+    name: Annotated[str, Field(description="name of the sensors")] = ""
     gyroscope: Gyroscope | None = None
     accelerometer: Accelerometer | None = None
     magnetometer: Magnetometer | None = None

@@ -224,12 +224,14 @@ class Drawing(_WithGeometry):
 class VehicleSettings(_WithGeometry):
     """A vehicle file."""
 
-    name: str
+    name: Annotated[str, Field(description="name of the vehicle, in headings and exported files")]
     source: Annotated[str, Field(description="source of the numbers")] = ""
-    notes: tuple[str, ...] = ()
+    notes: Annotated[tuple[str, ...], Field(description="remarks on the numbers, a text each")] = ()
     size: Size
     geometry: Annotated[GeometrySettings | None, Field(description="hull and fins, for prior and checks")] = None
-    parameters: ParameterTable
+    parameters: Annotated[
+        ParameterTable, Field(description="known parameters, such as mass, inertia and added mass, by symbol")
+    ]
     coefficients: Annotated[
         CoefficientTable,
         Field(description="values; needed by a simulation, and for coefficients that are not estimated"),

@@ -25,6 +25,8 @@ TESTED_TERMS: tuple[tuple[int, tuple[str, ...]], ...] = (
     (4, ("q",)),
     (5, ("r",)),
 )
+# Words of version 0.2.0 and earlier, in files, and those of today.
+_FORMER_TEXT = "that answers pushes", "reacting to disturbances"
 _BIASES = "identification.estimate.biases: [{}]"
 _ESTIMATE = "estimate it ({setting})"
 _WALK = (
@@ -130,10 +132,11 @@ class FaultKind(Enum):
     )
     TRIM_MOMENT_DRIFT = ("drift of the moment of trim", "identification.estimate.ballast.moment_walk", _WALK)
     ANTICIPATING_FIN = (
-        "{} that answers pushes",
+        "{} reacting to disturbances",
         "",
-        "an autopilot moves this fin by more than the log has, so that it seems to do less: log what it steers by (its "
-        "gyroscope), move fins by a plan, or hold the coefficients of this axis; or this fin alone is late",
+        "the autopilot reacted to disturbances that the log does not show, so that the fin seems to have less effect: "
+        "log its inputs (its gyroscope), move the fins by a plan, or fix the coefficients of this axis; or the "
+        "recorded angle of this fin is late",
         ("rudder", "elevator"),
     )
     MISSING_TERM = (
@@ -200,6 +203,7 @@ class Fault(NamedTuple):
     @classmethod
     def parse(cls, text: str) -> "Fault":
         """Return the fault of a text; of kind `UNKNOWN` if no kind matches."""
+        text = text.replace(*_FORMER_TEXT)
         for kind in FaultKind:
             found = re.fullmatch(re.escape(kind.text).replace(r"\{\}", "(.+)"), text)
             component = found[1] if found and found.groups() else ""

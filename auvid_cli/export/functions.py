@@ -87,6 +87,18 @@ def constants(model: IdentifiedModel) -> list[Constant]:
     ]
 
 
+def _fin_signs(model: IdentifiedModel) -> list[str]:
+    """Return how the vehicle turns with a positive angle of each fin, by the signs of the moments."""
+    values = {coefficient.symbol: coefficient.value for coefficient in model.coefficients}
+    effects = ("rudder", "N_uudr", "to starboard", "to port"), ("elevator", "M_uude", "up", "down")
+    turns = [
+        f"a positive {fin} turns the bow {positive if values[symbol] > 0.0 else negative}"
+        for fin, symbol, positive, negative in effects
+        if values.get(symbol)
+    ]
+    return [f"Signs of the fins, moving forwards: {'; '.join(turns)}."] if turns else []
+
+
 def inputs_of(model: IdentifiedModel) -> tuple[Quantity, ...]:
     """Return the inputs of a model; revolutions and voltage only if terms depend on them."""
     return ALL_INPUTS if model.coefficient_set.of_propulsion else INPUTS
@@ -144,7 +156,7 @@ def matlab_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) 
     help_text = _MATLAB_HELP.format(name=name, example=example, **_in_words(inputs))
     lines = [
         f"function derivative = {name}(motion, inputs)\n",
-        line_comments("%", [*help_text.splitlines(), *heading_lines(model, losses)]),
+        line_comments("%", [*help_text.splitlines(), *_fin_signs(model), *heading_lines(model, losses)]),
         _matlab_constants(model),
         *(f"{statement};\n" for statement in [*signals, *_matlab_acceleration(model)]),
         "derivative = [acceleration; phi_rate; theta_rate; psi_rate];\n",
@@ -191,7 +203,7 @@ def python_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) 
     lines = [
         # Without this line the name of a vehicle could declare another encoding.
         "# coding: utf-8\n",
-        line_comments("#", heading_lines(model, losses)),
+        line_comments("#", [*heading_lines(model, losses), *_fin_signs(model)]),
         "\nfrom math import cos, sin\n\nimport numpy as np\n\n",
         f"# Rigid-body and added mass, kg, kg m, kg m^2.\nMASS = np.array(\n    [\n{rows},\n    ]\n)\n",
         *(f"{c.name} = {c.value!r}  # {c.remark}\n" for c in constants(model)),
@@ -234,7 +246,7 @@ def mss_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> 
     ]
     lines = [
         f"function [xdot, U, M] = {name}(x, ui, Vc, betaVc, w_c)\n",
-        line_comments("%", [*help_text.splitlines(), *heading_lines(model, losses)]),
+        line_comments("%", [*help_text.splitlines(), *_fin_signs(model), *heading_lines(model, losses)]),
         _matlab_constants(model),
         *(statement + ("\n" if statement.startswith(("%", "if ")) else ";\n") for statement in body),
         "end\n",

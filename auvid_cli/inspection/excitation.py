@@ -109,8 +109,9 @@ def _affected(symbol: str, coefficients: CoefficientSet, *others: str) -> str:
 
 def _unobservable(coefficients: str) -> str:
     return (
-        f"these data hardly show {coefficients}. Leave them out of `identification.coefficients` (they stay at the "
-        "values of the vehicle file), or move it more in the next log."
+        f"these data may not determine {coefficients}. Run `auvid identifiability`; leave those that are not "
+        "identified out of `identification.coefficients` (they stay at the values of the vehicle file), or move it "
+        "more in the next log."
     )
 
 

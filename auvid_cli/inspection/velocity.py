@@ -29,6 +29,7 @@ _MAX_ARM = 0.15  # m, between DVL and accelerometer
 _ARM_SIGMAS = 3.0
 _ARM_SOURCES = (("v", "fy", "r"), ("w", "fz", "q"))  # symbols of velocity, specific force and turn rate
 _MAX_HEADING_OFFSET = np.deg2rad(2.0)
+_MAX_CANCELLED = 2.0  # ratio of the sway that a heading offset explains to all sway, RMS
 _MAX_DVL_AHEAD = 0.25  # lengths of the vehicle, from its pivot point to a DVL near the nose
 
 
@@ -206,6 +207,13 @@ def _heading_offset(signals: Signals) -> Check:
     if fitted is None or not fitted.error < 0.5 * np.tan(_MAX_HEADING_OFFSET):
         advice = "A rotation of the DVL against the hull was not checked: the speed hardly changes apart from turns."
         return undetermined("dvl", name, "too little excitation", threshold, advice)
+    known = np.isfinite(u) & np.isfinite(v)
+    if abs(fitted.gain) * np.sqrt(np.mean(u[known] ** 2)) > _MAX_CANCELLED * np.sqrt(np.mean(v[known] ** 2)):
+        # Slip in steady turns is proportional to surge as well; a large v cannot come from a small one.
+        advice = "A rotation of the DVL against the hull was not checked: it cannot be separated from slip in turns."
+        return undetermined(
+            "dvl", name, f"v is too small for {np.rad2deg(np.arctan(fitted.gain)):.2g} deg", threshold, advice
+        )
     return judged(
         "dvl",
         name,

@@ -43,7 +43,7 @@ _BOUND = "Cramér-Rao bound"
 _AVERAGE = "average error %"
 NIS_MEANS = (
     "NIS: squared prediction error / expected variance, mean over the components. 1 is right. Larger: data and model "
-    "disagree. Smaller: the stated noise is too large, which is intended for an AHRS."
+    "disagree. Smaller: the stated noise is too large; for an AHRS this is intended."
 )
 _TOTAL = (
     "± total: standard deviation that also allows for errors of known quantities (identification.tolerances), such as "

@@ -77,6 +77,8 @@ def test_invalid_limit_is_one_line_with_its_option(options, words, tmp_path):
     result = auvid("design", "remus100", "--duration", "20 s", "--draws", "1", *options, cwd=tmp_path)
     assert_one_clear_complaint(result, *words)
     assert not (tmp_path / "mission/manoeuvre.yaml").exists()
+    # The same command with other limits, as the message advises, must not be refused.
+    assert not (tmp_path / "mission/search.json").exists()
 
 
 @pytest.mark.slow

@@ -63,8 +63,8 @@ def test_sound_data_pass_everything(long_enough, filter_name, smoothed):
     checks, fails = verdicts(long_enough, filter_name, smoothed)
     assert fails == set()
     assert {check.check for check in checks} >= {
-        "finished", "sound", "stuck", "gap", "NIS", "whiteness", "free of inputs", "information", "identified",
-        "near the bound", "not below the bound", "sign of drag", "sign of fins", "size",
+        "finished", "sound", "stuck", "gap", "NIS", "whiteness", "uncorrelated with inputs", "information",
+        "identified", "near the bound", "not below the bound", "sign of drag", "sign of fins", "size",
         "within 3 sigma of truth", "NEES",
     }  # fmt: skip
     assert all(check.passed for check in checks)
@@ -95,6 +95,17 @@ def test_a_stuck_sensor_is_named_with_its_time(sensor, long_enough):
     (advice,) = [check.advice for check in checks if (check.subject, check.check) == (sensor, "stuck")]
     assert "from t = 30" in advice
     assert any(check == "NIS" for _, check in fails)
+
+
+def test_enlarged_noise_of_an_ahrs_is_not_noted(simulated_with):
+    checks, _ = verdicts(simulated_with("manoeuvre.duration=60 s"), FilterName.CKF)
+    of_attitude = {check.check: check for check in checks if check.subject == "attitude"}
+    assert {"NIS", "whiteness", "uncorrelated with inputs"} <= set(of_attitude)
+    assert all(check.passed for check in of_attitude.values())
+    # The true values are known, so that a drawing shows nothing more.
+    names = {check.check for check in checks}
+    assert "within 3 sigma of truth" in names
+    assert "plausible size" not in names
 
 
 def test_time_between_two_segments_is_no_gap(long_enough, with_settings):
@@ -147,7 +158,7 @@ def test_half_the_mass_contradicts_the_data(long_enough, with_settings):
     mass = long_enough.experiment.vehicle.known_parameters()["m"]
     light = with_settings(long_enough, f"vehicle.parameters.m={0.5 * mass}")
     _, fails = verdicts(replace(light, truth=None))
-    assert {("gyroscope", "NIS"), ("dvl", "NIS"), ("dvl", "free of inputs")} <= fails
+    assert {("gyroscope", "NIS"), ("dvl", "NIS"), ("dvl", "uncorrelated with inputs")} <= fails
 
 
 def test_a_diffuse_prior_diverges_and_says_so(long_enough, with_settings):

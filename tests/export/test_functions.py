@@ -94,6 +94,20 @@ def test_python_module_has_uncertainties(model_with, tmp_path):
     assert re.search(r"^N_uudr = .*held, not estimated$", text, re.MULTILINE)
 
 
+def test_functions_state_the_signs_of_the_fins(model_with, tmp_path):
+    model = model_with()
+    text = python_text(model, unsupported_features(model), "m")
+    derivative = read_python(text, tmp_path)["motion_derivative"]
+    straight = [2.0, *[0.0] * 8]
+    turned = {fin: derivative(straight, given) for fin, given in (("r", [0.1, 0, 0, 0]), ("q", [0, 0.1, 0, 0]))}
+    still = derivative(straight, [0, 0, 0, 0])
+    side = "starboard" if turned["r"][5] > still[5] else "port"
+    way = "up" if turned["q"][4] > still[4] else "down"
+    stated = f"a positive rudder turns the bow to {side}; a positive elevator turns the bow {way}."
+    assert stated in text
+    assert stated in matlab_text(model, unsupported_features(model), "m")
+
+
 def test_matlab_function_has_the_name_of_its_file(skewed):
     assert read_matlab(matlab_text(skewed, unsupported_features(skewed), "my_model"))[0] == "my_model"
 

@@ -262,5 +262,5 @@ def test_an_autopilot_that_steers_by_more_than_is_logged_is_named(simulated_with
     )
     estimate = identify(dataset.without_truth(), FilterName.SMOOTHER)
     worst = max(estimate.faults, key=lambda test: abs(test.z))
-    assert str(worst.fault) == "elevator that answers pushes"
+    assert str(worst.fault) == "elevator reacting to disturbances"
     assert worst.z > LARGEST_FAULT

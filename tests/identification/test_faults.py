@@ -326,6 +326,7 @@ def test_each_fault_is_parsed_from_its_text():
         assert str(Fault.parse(text)) == text
     assert Fault.parse("the segment from 30 s") == Fault(FaultKind.SEGMENT, "30")
     assert Fault.parse("a fault of an older version").remedy == ""
+    assert Fault.parse("rudder that answers pushes") == Fault(FaultKind.ANTICIPATING_FIN, "rudder")
 
 
 def test_confounded_ballast_is_named():
@@ -393,12 +394,12 @@ def test_small_moves_of_an_anticipating_fin_are_rates(model, at):
     for fin, given, turning in (("rudder", 0, 5), ("elevator", 1, 4)):
         expected = np.zeros((N, 9))
         expected[:, turning] = at.small_rate[:, given]
-        assert_allclose(effect(f"{fin} that answers pushes", model, at), expected)
+        assert_allclose(effect(f"{fin} reacting to disturbances", model, at), expected)
 
 
 def test_large_fin_moves_are_not_anticipation(along):
     problem, timeline, about = along
-    faults = VehicleFaults(problem, tested=[BY_NAME["elevator that answers pushes"]._replace(reacts_to="")])
+    faults = VehicleFaults(problem, tested=[BY_NAME["elevator reacting to disturbances"]._replace(reacts_to="")])
     rate = problem.segments[0].timelines.input_rate[:, 1]
     large = np.abs(rate) > np.quantile(np.abs(rate), 0.98)
     assert 0 < large.mean() < 0.03

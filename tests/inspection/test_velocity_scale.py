@@ -1,8 +1,11 @@
 """A DVL to another scale than the depth, where the vehicle dives."""
 
+import numpy as np
 import pytest
 
 from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.inspection.kinematic_relations import Grid, Signals
+from auvid_cli.inspection.velocity import velocity_checks
 
 MULTISINE = "manoeuvre=manoeuvres/multisine.yaml"
 DEPTH = "sensors.depth={{rate: {} Hz, noise: 1 cm}}"
@@ -49,3 +52,17 @@ def test_velocity_scale_is_undetermined_without_evidence(settings, rate, why, sc
     assert found.passed is None
     assert found.statistic.startswith("undetermined")
     assert why in found.statistic
+
+
+def test_heading_offset_larger_than_the_sway_is_undetermined(rng):
+    """Steady turns: slip takes back what an offset of 25 degrees would add, so that v stays small."""
+    cells, slope = 6000, np.tan(np.deg2rad(25.0))
+    r = np.full(cells, 0.1)
+    u = 1.5 + 0.2 * rng.standard_normal(cells)
+    r = r + 0.02 * rng.standard_normal(cells)
+    v = slope * u - slope * (r / 0.1) * u
+    zeros = dict.fromkeys(("rudder", "elevator", "surge_force", "roll_moment"), np.zeros(cells))
+    signals = Signals(Grid(0.0, 0.1, cells), zeros | {"u": u, "v": v, "r": r}, dict.fromkeys("uvr", 0.1))
+    (offset,) = (check for check in velocity_checks(signals, 2.0, None) if check.check == "heading offset")
+    assert offset.passed is None
+    assert offset.statistic == "undetermined: v is too small for 25 deg"

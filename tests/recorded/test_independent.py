@@ -125,7 +125,7 @@ def test_the_mismatch_of_the_structure_is_noticed(name, training):
     )
     failed = {(check.subject, check.check) for check in checks if check.passed is False}
     assert {(sensor, "NIS") for sensor in COLUMNS} <= failed
-    assert {("gyroscope", "whiteness"), ("dvl", "whiteness"), ("dvl", "free of inputs")} <= failed
+    assert {("gyroscope", "whiteness"), ("dvl", "whiteness"), ("dvl", "uncorrelated with inputs")} <= failed
 
 
 def test_what_both_models_share_agrees_and_the_rest_does_not(loosely_identified):

@@ -1,4 +1,4 @@
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 from xml.etree import ElementTree
@@ -11,12 +11,13 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from auvid_cli.config.enums import FigureFormat, FilterName
+from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.errors import FileError
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FreeRun, Identifiability
 from auvid_cli.report.figures import kinds
 from auvid_cli.report.figures.coefficients import bounds_figure, convergence_figure, correlation_figure
-from auvid_cli.report.figures.draw import FigureQueue
+from auvid_cli.report.figures.draw import FigureQueue, FreeRunRequest
 from auvid_cli.report.figures.motion import motion_error_figure, motion_figure, path_figure
 from auvid_cli.report.figures.style import new_figure, plain_log_ticks
 from auvid_cli.report.figures.validation import free_run_figure, innovation_figure
@@ -276,7 +277,7 @@ def test_densities_hold_all_innovations_and_say_how_many_are_within():
     of_dvl = list(innovations).index("dvl") * 3
     assert sizes[of_dvl] == 400, "one lies a hundred standard deviations off"
     within = 100.0 * (np.abs(innovations["dvl"].innovation[:, 0]) <= 0.02).mean()
-    assert axes.texts[of_dvl].get_text() == f"{within:.1f} %, 1 beyond"
+    assert axes.texts[of_dvl].get_text() == f"{within:.1f} % within, 1 beyond 4 sd"
 
 
 def test_attitude_is_in_degrees_and_unwrapped(dataset, evaluation):
@@ -285,6 +286,31 @@ def test_attitude_is_in_degrees_and_unwrapped(dataset, evaluation):
     assert "°" in heading.get_ylabel()
     measured = heading.lines[0].get_ydata()
     assert np.nanmax(measured) == pytest.approx(np.rad2deg(0.1 * TIME[-1]), abs=5.0)
+
+
+def test_component_measured_in_few_rows_of_a_long_record_is_drawn(dataset, estimates, tmp_path):
+    size = 250_000
+    values = np.zeros((size, 3))
+    values[:, 2] = np.nan
+    # Rows that every third row, from the first, leaves out.
+    values[1::30, 2] = 0.1
+    sensors = {"gyroscope": SensorRecord(np.linspace(0.0, TIME[-1], size), values, np.full(3, 0.01))}
+    requests = []
+
+    def submit(work, request, *rest):
+        requests.append(request)
+        return Future()
+
+    evaluation = evaluation_of(dataset, estimates)
+    FigureQueue(tmp_path, submit, EVERY_FORMAT).add_free_runs(replace(dataset, sensors=sensors), evaluation)
+    (drawn,) = (request for request in requests if isinstance(request, FreeRunRequest))
+    assert np.isfinite(drawn.sensors["gyroscope"].values[:, 2]).any()
+
+
+def test_heading_of_a_compass_is_no_missing_measurement(dataset, estimates):
+    compass = {"magnetometer": SensorRecord(TIME, np.full((TIME.size, 1), 0.1), np.array([0.01]))}
+    figure = motion_figure(MOTION[8:], compass, evaluation_of(dataset, estimates).free_runs)
+    assert not [text for text in figure.axes[0].texts if text.get_text() == "not measured"]
 
 
 def test_without_a_measurement_the_sound_free_run_sets_the_scale(dataset, estimates):

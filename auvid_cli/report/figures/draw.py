@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+import numpy as np
+
 from auvid_cli.arrays import Array
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord
@@ -264,5 +266,8 @@ def _records_of(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord]
 
 
 def _thinned(record: SensorRecord) -> SensorRecord:
-    every = slice(None, None, 1 + record.time.size // _MAX_SAMPLES)
-    return SensorRecord(record.time[every], record.values[every], record.standard_deviation)
+    """Return about `_MAX_SAMPLES` rows, and as many of each component, because their rows may differ."""
+    every = 1 + record.time.size // _MAX_SAMPLES
+    of_components = [np.flatnonzero(known)[::every] for known in np.isfinite(record.values).T]
+    rows = np.unique(np.concatenate([np.arange(0, record.time.size, every), *of_components]))
+    return SensorRecord(record.time[rows], record.values[rows], record.standard_deviation)

@@ -20,7 +20,7 @@ from auvid_cli.report import series
 from auvid_cli.report.figures import style
 from auvid_cli.report.plot_data import travelled, travelled_paths
 from auvid_cli.report.table import filter_label, symbol_math
-from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity
+from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
 
 _HEIGHT = 5.8
 _PATH_POINTS = 1000
@@ -62,9 +62,9 @@ def path_figure(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> 
         style.show_message(plan, "no finite position")
         return figure
     profile = figure.add_subplot(grid[1, 1] if has_distance else grid[1:, 1])
-    _draw_in_space(views, tracks)
+    _draw_in_space(views, tracks, _depth_name(truth))
     _draw_plan(plan, tracks)
-    _draw_profile(profile, tracks)
+    _draw_profile(profile, tracks, _depth_name(truth))
     if has_distance:
         _draw_distance(figure.add_subplot(grid[2, 1]), tracks[0], tracks[1:])
     ends = [Line2D([], [], label=label, **_end(marker, face)) for label, marker, face in _ENDS]
@@ -92,7 +92,12 @@ def _as_far_as_others(position: Array, first: Array) -> Array:
     return position[: int(beyond.argmax())] if beyond.any() else position
 
 
-def _draw_in_space(axes: Axes3D, tracks: list[_Track]) -> None:
+def _depth_name(truth: TruthRecord | None) -> str:
+    """Return the label of the depth; without truth it is integrated from the start and drifts."""
+    return "depth (m)" if truth is not None else "depth below the start (m)"
+
+
+def _draw_in_space(axes: Axes3D, tracks: list[_Track], depth_name: str) -> None:
     """Draw only the first path and its plan below, because the others would hide it."""
     position = tracks[0].position
     north, east, down = position[series.spaced(len(position), _SPACE_POINTS)].T
@@ -106,14 +111,15 @@ def _draw_in_space(axes: Axes3D, tracks: list[_Track]) -> None:
     axes.set(xlim=wide[0], ylim=wide[1], zlim=depth[::-1])
     axes.set_xlabel("east (m)", fontsize=9)
     axes.set_ylabel("north (m)", fontsize=9)
-    axes.set_zlabel("depth (m)", fontsize=9)
+    axes.set_zlabel(depth_name, fontsize=9)
     axes.tick_params(labelsize=8)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(5))
     axes.set_box_aspect((1.0, 1.0, 0.75))
     axes.grid(False)
     words = (
-        f"{tracks[0].label}, above its plan; depth not to scale\nestimates: dead reckoning from velocity and attitude"
+        f"{tracks[0].label}, above its plan; depth not to scale\n"
+        "estimates: dead reckoning from velocity and attitude; it drifts"
     )
     axes.text2D(0.03, 0.94, words, transform=axes.transAxes, fontsize=9, color="0.35")
 
@@ -132,14 +138,14 @@ def _upwards(tracks: list[_Track]) -> list[_Track]:
     return [*tracks[1:], tracks[0]]
 
 
-def _draw_profile(axes: Axes, tracks: list[_Track]) -> None:
+def _draw_profile(axes: Axes, tracks: list[_Track], depth_name: str) -> None:
     for track in _upwards(tracks):
         some = series.spaced(len(track.position), _PATH_POINTS)
         position = track.position[some]
         _draw(axes, travelled(position), position[:, 2], track)
     axes.set_ylim(*_range(tracks[0].position[:, 2])[::-1])
     axes.set_xlabel("distance along the track (m)", fontsize=9)
-    axes.set_ylabel("depth (m)", fontsize=9)
+    axes.set_ylabel(depth_name, fontsize=9)
 
 
 def _draw_distance(axes: Axes, true: _Track, others: list[_Track]) -> None:
@@ -253,7 +259,7 @@ def _narrowed(line: dict[str, Any], width: float) -> dict[str, Any]:
 
 def _measured(quantity: Quantity, sensors: dict[str, SensorRecord]) -> Curve | None:
     for name, record in sensors.items():
-        symbols = [component.symbol for component in SENSORS[name]]
+        symbols = [state_of(component) for component in SENSORS[name]]
         if quantity.symbol in symbols and record.time.size:
             values = record.values[:, symbols.index(quantity.symbol)]
             if np.isfinite(values).any():

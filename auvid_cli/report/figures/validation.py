@@ -45,11 +45,11 @@ _MARGIN = 1.4
 _ROOM_FOR_WORDS = 0.15
 _EXPECTED = "0.85"
 _HORIZON_NOISE = {"color": "0.35", "linewidth": 0.9, "linestyle": (0, (1, 2))}
-# Colours of Okabe and Ito that no filter has.
+# Colours as on the page, see page.css.
 _OTHERS = {
     "constant_velocity_rmse": ("unchanged", {"color": "#E69F00", "linestyle": (0, (5, 2)), "marker": "v"}),
     "prior_rmse": ("prior", {"color": "#7A3E9D", "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"}),
-    "vehicle_file_rmse": ("vehicle file", {"color": "black", "linestyle": (0, (9, 2)), "marker": "D"}),
+    "vehicle_file_rmse": ("vehicle file", {"color": "#009E73", "linestyle": (0, (9, 2)), "marker": "D"}),
 }
 
 
@@ -75,11 +75,11 @@ def innovation_figure(innovations: dict[str, dict[str, Innovations]]) -> Figure:
     components = [(sensor, component) for sensor in sensors for component in range(len(SENSORS[sensor]))]
     strips = [_Strip(*row, -2.0 * _HALF_HEIGHT * place) for place, row in enumerate(components)]
     handles = [
-        Patch(color=_DARKEST, label="innovations (darker: more of them)"),
+        Patch(color=_DARKEST, label="measured - predicted, over its standard deviation (darker: more often)"),
         Line2D(
             [],
             [],
-            label="±2 standard deviations; numbers: share within them, and count beyond the strip",
+            label="±2 standard deviations; number: share within (95 % is right)",
             **_BOUND,
         ),
     ]
@@ -122,10 +122,10 @@ def _draw_strip(axes: Axes, innovations: Innovations | None, strip: _Strip) -> N
         component = component_innovations(innovations, strip.component)
         words = "no finite innovations"
         if component.time.size:
-            words = f"{component.percent_within:.1f} %"
+            words = f"{component.percent_within:.1f} % within"
             _draw_histogram(axes, component.time, component.normalised, strip.middle)
             if beyond := int((np.abs(component.normalised) > _HALF_HEIGHT).sum()):
-                words += f", {beyond} beyond"
+                words += f", {beyond} beyond 4 sd"
     # Above the upper bound.
     place = axes.get_xlim()[1], strip.middle + _HALF_HEIGHT
     axes.annotate(words, place, (-2.0, -2.0), textcoords="offset points", ha="right", va="top", fontsize=7.5)
@@ -169,11 +169,11 @@ def free_run_figure(sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) 
     handles: list[Artist] = [*style.filter_handles(runs, marked=True)]
     wanted = _panels(sensors)
     begin, end = value_range(*(panel.time for panel in wanted)) or (0.0, 1.0)
-    handles.append(Patch(color=_FREE_RUN_NOISE, linewidth=0, label="expected from noise alone (95 %)"))
+    handles.append(Patch(color=_FREE_RUN_NOISE, linewidth=0, label="expected from sensor noise alone (95 %)"))
     figure, panels = style.new_panels(len(wanted), 3, 1.7, handles, style.Room(), (begin, end))
     for axes, panel in zip(panels, wanted, strict=True):
         _draw_panel(axes, panel, runs, (begin, max(end, begin + 1e-3)))
-    style.name_values(figure, "means of measured - free run")
+    style.name_values(figure, "measured - free run, mean of each of at most 120 parts of the run")
     return figure
 
 

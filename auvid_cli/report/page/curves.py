@@ -131,7 +131,7 @@ def path_parts(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list
         f"{track.label} {np.linalg.norm(track.position[-1] - tracks[0].position[-1]):.3g} m" for track in tracks[1:]
     )
     words = "The path of an estimate is dead reckoning: the estimated velocity, rotated by the attitude and integrated"
-    words += " from the true start." if truth is not None else " from its start."
+    words += " from the true start." if truth is not None else " from its start. It drifts, also in depth."
     if ends and truth is not None:
         words += f" Position errors at the end: {ends}."
     says = f"Paths of {', '.join(track.label for track in tracks)} in space."

@@ -37,8 +37,14 @@ _SYMBOLS = {*SYMBOLS, *MOTION_SYMBOLS}
 
 
 def what_ran(dataset: Dataset) -> str:
-    """Return the duration of the data and, if simulated, the manoeuvre."""
-    duration = f"{dataset.inputs.time[-1] - dataset.inputs.time[0]:.6g} s"
+    """Return the duration of the data, the part of it that was used and, if simulated, the manoeuvre."""
+    first, last, use = dataset.inputs.time[0], dataset.inputs.time[-1], dataset.experiment.identification.use
+    duration = f"{last - first:.6g} s"
+    used = sum(max(min(end, last) - max(begin, first), 0.0) for begin, end in use.spans)
+    if use.longest_gap is not None or use.least_speed is not None:
+        duration += " (parts used)"
+    elif use.spans and used < last - first:
+        duration += f" ({used:.6g} s used)"
     if dataset.truth is None or not isinstance(dataset.experiment, Experiment):
         return duration
     return f"{dataset.experiment.manoeuvre.type.replace('_', ' ')} of {duration}"

@@ -18,7 +18,7 @@ from auvid_cli.report.page.curves import path_parts
 from auvid_cli.report.page.pages import identifiability_page, inspection_page, run_page, validation_page
 from auvid_cli.report.page.parts import Box, Dot, Listing, Picture, Plots, TextLabel
 from auvid_cli.report.page.render import render_page
-from auvid_cli.report.page.sections import table_of_rows
+from auvid_cli.report.page.sections import table_of_rows, what_ran
 from auvid_cli.report.table import Symbol, UnitCell
 from auvid_cli.validation.results import AHEAD, Prediction, Validation
 from auvid_cli.vehicle.parameters import MOTION
@@ -50,6 +50,13 @@ def test_recorded_data_have_a_page_without_a_truth(known):
     assert not any("Table IV" in heading for heading in elements.texts("h3"))
     assert "truth not known" in page.subtitle
     assert ", 80 s, " in page.subtitle
+
+
+def test_page_states_the_part_of_the_data_that_was_used(known, with_settings):
+    used = with_settings(known, "identification.use.spans=[[10, 30], [70, null]]")
+    assert what_ran(used) == "spiral of 80 s (30 s used)"
+    slow = with_settings(known, "identification.use.least_speed=0.5 m/s")
+    assert what_ran(slow) == "spiral of 80 s (parts used)"
 
 
 def test_the_page_of_data_shades_where_something_is_the_matter(known):
