@@ -14,7 +14,6 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.files import write_text
 from auvid_cli.data.findings import TermFindings, Tuning
 from auvid_cli.evaluation.judgement import Judgement, judge_one
-from auvid_cli.filters.noise_likelihood import MAX_TRAJECTORIES, NoiseProgress
 from auvid_cli.identification.delays import estimate_delays
 from auvid_cli.identification.noise import OnProgress, TuningProgress, choose_disturbance, tune_noise
 from auvid_cli.identification.prepared_data import prepare
@@ -141,7 +140,7 @@ def tune_into(
             def show(progress: TuningProgress) -> None:
                 nonlocal latest
                 is_next = latest is None or progress.search.trajectories > latest.search.trajectories
-                latest, text = progress, f"tune: {_text(progress.search)}"
+                latest, text = progress, f"tune: {progress}"
                 label(text)
                 if is_next:
                     place.progress.message(text)
@@ -159,14 +158,6 @@ def tune_into(
         write_text(folder / "tuned.yaml", tuning.settings())
         fits = [(estimate, judge_one(estimate, None)) for estimate in (before, after)]
         return TunedResults(tuning, fits, files, folder / "tuned.yaml")
-
-
-def _text(search: NoiseProgress) -> str:
-    """Return how far a tuning has come, in words."""
-    return (
-        f"{search.passes} passes through the data, trajectory {search.trajectories + 1} of at most {MAX_TRAJECTORIES}, "
-        f"log-likelihood {search.gain:+.4g}"
-    )
 
 
 def find_terms_into(

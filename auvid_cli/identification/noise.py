@@ -21,7 +21,13 @@ from auvid_cli.config.settings import Settings, three
 from auvid_cli.config.units import Unit
 from auvid_cli.data.findings import DisturbanceChoice, TunedNoise, Tuning
 from auvid_cli.errors import DataError
-from auvid_cli.filters.noise_likelihood import NoiseFactors, NoiseProgress, OnPass, most_likely_noise
+from auvid_cli.filters.noise_likelihood import (
+    MAX_TRAJECTORIES,
+    NoiseFactors,
+    NoiseProgress,
+    OnPass,
+    most_likely_noise,
+)
 from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
@@ -49,6 +55,12 @@ class TuningProgress(NamedTuple):
 
     search: NoiseProgress
     so_far: Callable[[], Tuning]  # best noise so far, without intervals
+
+    def __str__(self) -> str:
+        """Return how far it is, in words."""
+        passes, trajectories, _, _, gain = self.search
+        where = f"trajectory {trajectories + 1} of at most {MAX_TRAJECTORIES}"
+        return f"{passes} passes through the data, {where}, log-likelihood {gain:+.4g}"
 
 
 OnProgress = Callable[[TuningProgress], None]
