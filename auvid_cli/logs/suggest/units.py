@@ -209,8 +209,10 @@ def _fitted(parts: Sequence[Columns], units: Sequence[str], is_over_ground: bool
     if over_ground:
         tracks = {symbol: track for symbol, track in tracks.items() if symbol == "w"} | speed_as_surge(tracks)
     signals = on_grid(tracks)
+    if signals is None:
+        return []
     fitted = []
-    for tie in _ties(signals, over_ground) if signals is not None else ():
+    for tie in _ties(signals, over_ground):
         fit = fit_relation(tie.relation, signals.step)
         if fit is not None and abs(fit.correlation) >= tie.min_correlation:
             fitted.append(_FittedTie(tie, fit.correlation, fit.gain))
