@@ -58,8 +58,8 @@ def logged(dataset: "auvid.Dataset", dvl: bool, ahrs: bool, rates_in_deg: bool, 
     return csv_text([*columns], np.column_stack([*columns.values()]).tolist())
 
 
-def verdicts(text: str, rates_in_deg: bool, angles_in_deg: bool) -> dict[str, int]:
-    """Return the numbers of right and wrong units, and of questions, of a suggested map; also the wrong ones."""
+def verdicts(text: str, rates_in_deg: bool, angles_in_deg: bool) -> dict[str, int | str]:
+    """Return the numbers of right, wrong and asked units of a suggested map, and which are wrong or asked."""
     found = yaml.safe_load(text)
     truth = {name: units[rates_in_deg if name == "gyroscope" else angles_in_deg] for name, units in _UNITS.items()}
     units = {name: (sensor["unit"], truth[name]) for name, sensor in found["sensors"].items()}

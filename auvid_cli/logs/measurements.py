@@ -105,12 +105,12 @@ def read_request(
     if time.size < 2:
         raise _no_times(request, seconds.size, time.size)
     _check_intervals(request, time)
-    _check_stamps(request, seconds, order, raw)
     clock_drift, other = None, request.time.other
     if other is not None:
         names = request.time.place.column, other.column
         clock_drift = find_clock_drift(seconds, np.asarray(columns.take(other), np.float64), names)
     overlaps = _overlaps(request, seconds, raw, files)
+    _check_stamps(request, seconds, order, raw)
     values, invalid = {}, 0
     for component, (_, factor, _) in request.values.items():
         signal = signals[component]

@@ -94,10 +94,11 @@ def test_suggested_map_of_exported_logs_imports_once_it_is_filled_in(short_run, 
     assert auvid_import("--suggest", *logs, "-o", path).exit_code == 0
     refused = auvid_import("--map", path, "-o", tmp_path / "d.h5")
     assert refused.exit_code == 2
-    assert "sensors.dvl.standard_deviation: expected a speed" in refused.output
+    assert "sensors.dvl.unit: got nothing" in refused.output
     text = re.sub(
         r"(?s)vehicle: #.*?logs:", f"vehicle: {shipped_configs()}/vehicles/vt690.yaml\nlogs:", path.read_text()
     )
+    text = text.replace("unit: null # required: m/s", "unit: m/s # m/s")
     path.write_text(text.replace("standard_deviation: null", "standard_deviation: estimate"))
     result = auvid_import("--map", path, "-o", tmp_path / "d.h5")
     assert result.exit_code == 0, result.output
@@ -294,3 +295,24 @@ def test_import_replaces_only_datasets(own_log, tmp_path):
     assert "notes.txt" in result.stderr
     assert notes.read_text() == "mine"
     assert auvid_import("--map", own_log / "map.yaml", "-o", "/dev/null", "--overwrite").exit_code == 2
+
+
+def test_vehicle_of_suggested_map_is_named(exported, tmp_path):
+    log = exported / "dvl.csv"
+    path = tmp_path / "map.yaml"
+    assert auvid_import("--suggest", log, "--like", "remus100", "-o", path).exit_code == 0
+    assert "\nvehicle: vehicles/remus100.yaml\n" in path.read_text()
+    own = tmp_path / "mine.yaml"
+    own.write_text((shipped_configs() / "vehicles" / "vt690.yaml").read_text())
+    result = auvid_import("--suggest", log, "--vehicle", own, "-o", tmp_path / "own.yaml")
+    assert result.exit_code == 0
+    assert "\nvehicle: mine.yaml\n" in (tmp_path / "own.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    "arguments", [("--like", "submarine"), ("--vehicle", "nowhere.yaml"), ("--like", "vt690", "--vehicle", "x.yaml")]
+)
+def test_unknown_vehicle_is_refused(exported, arguments):
+    result = auvid_import("--suggest", exported / "dvl.csv", *arguments)
+    assert result.exit_code == 2
+    assert "Traceback" not in result.output

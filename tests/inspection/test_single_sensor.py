@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from auvid_cli.inspection.single_sensor import level_distance, noise_floor, spike_sizes
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.inspection.single_sensor import level_distance, noise_floor, range_check, spike_sizes
 
 TIME = 0.1 * np.arange(3000)
 
@@ -65,3 +66,14 @@ def test_sharp_extreme_is_no_spike(rng):
     sizes = spike_sizes(time, heading, 1e-3)
     assert sizes.argmax() == 60
     assert sizes[60] > 15.0
+
+
+RANGES = [("gyroscope", 17.0, False), ("gyroscope", 2.0, True), ("dvl", 30.0, False), ("dvl", 4.0, True)]
+
+
+@pytest.mark.parametrize(("name", "reached", "passed"), RANGES)
+def test_rates_and_speeds_that_no_vehicle_has_fail(name, reached, passed):
+    record = SensorRecord(np.arange(100.0), np.full((100, 3), reached), np.ones(3))
+    check = range_check(name, record)
+    assert check is not None
+    assert check.passed is passed

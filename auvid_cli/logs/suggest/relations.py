@@ -74,7 +74,9 @@ def fit_relations(tracks: Mapping[str, Track]) -> list[RelationFit]:
     """
     signals = on_grid(tracks)
     fits: dict[str, RelationFit] = {}
-    for relation in _relations(signals) if signals is not None else ():
+    if signals is None:
+        return []
+    for relation in _relations(signals):
         fit = fit_relation(relation, signals.step)
         # A response is measured over several windows; the one with the most evidence counts.
         if fit is not None and (fit.words not in fits or abs(fits[fit.words].weight) < abs(fit.weight)):

@@ -187,7 +187,7 @@ def _times_by(log: Log, table: str, time: TimeColumn) -> _Times | None:
     try:
         seconds = to_seconds(raw, factor, date_format).seconds + offset
     except ValueError:
-        # A log of text times that cannot be read is the user's to answer.
+        # The import names the text that is not a time.
         return _Times(flow, comment, False, np.inf, np.empty(0)) if column.is_text else None
     if time.nanoseconds is not None:
         name = time.nanoseconds.name

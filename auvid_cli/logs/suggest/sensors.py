@@ -243,9 +243,9 @@ def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: 
             place: dict[str, Flow] = {}
             comment = ""
             if part is not found.main:
-                unit = part.unit_entry()
-                place = (place_of(logs, part.log, part.match.table) or {}) | {"unit": unit.value}
-                comment = unit.comment
+                unit: Flow = part.unit if len(part.units) == 1 else None
+                place = (place_of(logs, part.log, part.match.table) or {}) | {"unit": unit}
+                comment = part.unit_entry().comment
             axis = TRIPLES.get(name, (component,)).index(component)
             usual = USUAL_AXES.get(frame, (1, 1, 1))[axis]
             is_reversed = evidence.verdict.signs.get(component, usual) != usual

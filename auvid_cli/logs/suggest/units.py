@@ -164,7 +164,9 @@ def _excluded(part: Columns) -> dict[str, str]:
     for unit in UNITS[si]:
         factor = unit_factor(unit, si)
         if factor * size < low or factor * size > high:
-            excluded[unit] = f"{size:.3g} {unit} would be {'less' if factor * size < low else 'more'} than possible"
+            excluded[unit] = (
+                f"{size:.3g} {unit} would be too {'small' if factor * size < low else 'large'} for a vehicle"
+            )
     return excluded
 
 
@@ -207,8 +209,10 @@ def _fitted(parts: Sequence[Columns], units: Sequence[str], is_over_ground: bool
     if over_ground:
         tracks = {symbol: track for symbol, track in tracks.items() if symbol == "w"} | speed_as_surge(tracks)
     signals = on_grid(tracks)
+    if signals is None:
+        return []
     fitted = []
-    for tie in _ties(signals, over_ground) if signals is not None else ():
+    for tie in _ties(signals, over_ground):
         fit = fit_relation(tie.relation, signals.step)
         if fit is not None and abs(fit.correlation) >= tie.min_correlation:
             fitted.append(_FittedTie(tie, fit.correlation, fit.gain))
@@ -266,7 +270,8 @@ def _ties_of_pitch(s: Signals, over_ground: bool) -> Iterator[_Tie]:
     if heave:
         words = "w is the rate of depth"
         relation = Relation(("w", "down"), words, s.mean("w"), s.rate("down"), (diving,))
-        yield _Tie(relation, tolerance=0.12, min_correlation=0.9)
+        # It is the small rest of the climb that pitch does not explain.
+        yield _Tie(relation, tolerance=0.2, min_correlation=0.9)
 
 
 def _reason(

@@ -362,12 +362,7 @@ def test_map_with_missing_values_raises_config_error(suggested, tmp_path):
     path.write_text(text)
     with pytest.raises(ConfigError) as caught:
         load_map(path)
-    for missing in (
-        "vehicle.parameters.m: ",
-        "vehicle.size.length: ",
-        "sensors.dvl.standard_deviation: ",
-        "sensors.dvl.unit: ",
-    ):
+    for missing in ("vehicle.parameters.m: ", "vehicle.size.length: ", "sensors.dvl.unit: "):
         assert missing in str(caught.value)
     assert str(caught.value).count("got nothing") == text.count(": null # required") == len(PARAMETERS) + 2 + 1
 
