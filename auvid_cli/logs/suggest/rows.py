@@ -132,7 +132,7 @@ def time_of(log: Log, table: str) -> tuple[Flow, str]:
         return LOG_TIME, "check: used because the header stamps never change"
     if time.name in (HEADER_STAMP, LOG_TIME):
         return time.name, "check: same clock as the other sensors?"
-    if time.is_text or (time.unit and _is_unit_of_time(time.unit)):
+    if time.is_text or (time.unit and _is_unit_of(time.unit, "s")):
         return {"column": time.name}, "check: text, mm:ss.s, HH:MM:SS or dates" if time.is_text else ""
     numbers = np.asarray(log.read(table, [time.name])[time.name], np.float64)
     steps = np.diff(numbers[np.abs(numbers) < FARTHEST])
@@ -142,9 +142,9 @@ def time_of(log: Log, table: str) -> tuple[Flow, str]:
     return {"column": time.name, "unit": unit}, f"check: {stated}unit by the median step of {step:.4g}"
 
 
-def _is_unit_of_time(unit: str) -> bool:
+def _is_unit_of(unit: str, si: str) -> bool:
     try:
-        unit_factor(unit, "s")
+        unit_factor(unit, si)
     except ValueError:
         return False
     return True
@@ -183,7 +183,12 @@ def found_in(logs: Mapping[str, Log], sensor: str, name: str, match: Match) -> F
     """Read the columns of a sensor and determine their unit."""
     values = logs[name].read(match.table, [column.name for column in match.columns.values()])
     numbers = {component: np.asarray(values[column.name], np.float64) for component, column in match.columns.items()}
-    return Found(sensor, name, match, numbers, *_unit(list(match.columns.values()), numbers, SENSORS[sensor][0].unit))
+    si = SENSORS[sensor][0].unit
+    message = match.message
+    unit = next((unit for unit in message.units if _is_unit_of(unit, si)), "") if message is not None else ""
+    if message is not None and unit and not any(column.unit for column in match.columns.values()):
+        return Found(sensor, name, match, numbers, unit, f"unit of this message of {message.source}", True)
+    return Found(sensor, name, match, numbers, *_unit(list(match.columns.values()), numbers, si))
 
 
 def tracks_of(log: Log, table: str, signals: Mapping[str, Array]) -> dict[str, Track]:
