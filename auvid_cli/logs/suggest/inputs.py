@@ -9,6 +9,7 @@ import numpy as np
 from auvid_cli.arrays import Array
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest.evidence import Evidence
+from auvid_cli.logs.suggest.known_formats import KnownMessage
 from auvid_cli.logs.suggest.names import INPUT_NAMES, SIDES, find_columns, find_in_logs, named_unit
 from auvid_cli.logs.suggest.relations import PITCH_FINS, YAW_FINS, Track
 from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, place_of, row_entries, tracks_of
@@ -35,6 +36,7 @@ class FoundInput(NamedTuple):
     log: str
     table: str
     place: dict[str, Flow]
+    message: KnownMessage | None = None
 
     @property
     def largest(self) -> float:
@@ -201,7 +203,7 @@ def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInp
     places = [(name, columns) for columns in find_columns(INPUT_NAMES, {main: logs[name].tables()[main]})]
     places += [(log, columns) for log in logs for columns in find_columns(INPUT_NAMES, logs[log].tables())]
     inputs: dict[str, FoundInput] = {}
-    for log, (table, columns) in places:
+    for log, (table, columns, message) in places:
         new = {key: column for key, column in columns.items() if key not in inputs}
         elsewhere = (log, table) != (name, main)
         place = place_of(logs, log, table) if elsewhere else {}
@@ -209,7 +211,7 @@ def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInp
             read = logs[log].read(table, [column.name for column in new.values()])
             numbers = {key: np.asarray(read[column.name], np.float64) for key, column in new.items()}
             inputs |= {
-                key: FoundInput(new[key], values, log, table, place)
+                key: FoundInput(new[key], values, log, table, place, message)
                 for key, values in numbers.items()
                 # An input in another table must change, unless it is thrust.
                 if (known := values[np.isfinite(values)]).size
@@ -244,11 +246,15 @@ def _thrust(inputs: Mapping[str, FoundInput]) -> Iterator[Line]:
 def _revolutions(command: FoundInput) -> YamlEntry:
     if command.column.unit:
         return YamlEntry("revolutions", command.signal(), f"unit {command.column.unit} stated by the log")
+    if known := _known_unit(command):
+        return YamlEntry("revolutions", command.signal(unit=known), "unit of this message by its format")
     unit = named_unit(command.column.name, "turn/s") or "rpm"
     return YamlEntry("revolutions", command.signal(unit=unit), "check: unit, rpm or turn/s?")
 
 
 def _share(command: FoundInput) -> YamlEntry:
+    if known := _known_unit(command):
+        return YamlEntry("share", command.signal(unit=known), "unit of this message by its format")
     comment = f"check: unit, percent or '1' for fractions? Values reach {command.largest:.4g}"
     return YamlEntry("share", command.signal(**_share_unit(command)), comment)
 
@@ -270,6 +276,8 @@ def _fin(key: str, fin: FoundInput, largest: float, evidence: Evidence) -> YamlE
     words = f"check: sign; {evidence.words([key])}"
     if fin.column.unit:
         return YamlEntry(name, fin.signal(**sign), f"unit {fin.column.unit} stated by the log; {words}")
+    if known := _known_unit(fin):
+        return YamlEntry(name, fin.signal(unit=known, **sign), f"unit of this message by its format; {words}; {span}")
     if unit := named_unit(fin.column.name, "rad"):
         return YamlEntry(name, fin.signal(unit=unit, **sign), f"unit by the name; {words}; {span}")
     if largest > _MAX_FIN_DEGREES:
@@ -279,6 +287,11 @@ def _fin(key: str, fin: FoundInput, largest: float, evidence: Evidence) -> YamlE
         )
     unit = "deg" if largest > 0.5 * np.pi else "rad"
     return YamlEntry(name, fin.signal(unit=unit, **sign), f"check: unit and sign; {span}; {evidence.words([key])}")
+
+
+def _known_unit(signal: FoundInput) -> str:
+    message = signal.message
+    return message.units[0] if message is not None and message.units else ""
 
 
 def _middle(counts: Array) -> int:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
+from auvid_cli.logs.suggest.known_formats import KnownMessage, Role, known_columns, known_message
 
 _VELOCITY, _TO_GROUND = r"(v|(bt_|ground_?)?vel(ocity)?|linear|dvl_v\w*)[_.]?", r"_vel(ocity)?(_wrt_ground)?"
 # By sensor and component: pattern of the end of a name in lower case, with underscores for blanks and dashes.
@@ -120,10 +121,13 @@ class Match(NamedTuple):
 
     table: str
     columns: dict[str, LogColumn]
+    message: KnownMessage | None = None  # known message that the table has
 
     @property
     def is_filter_output(self) -> bool:
-        """Whether the table or a column has the name of a navigation filter's output."""
+        """Whether the message is a navigation filter's output, or the table or a column has the name of one."""
+        if self.message is not None:
+            return self.message.role is Role.FILTER_OUTPUT
         return is_filter_output(self.table, *(column.name for column in self.columns.values()))
 
 
@@ -155,6 +159,11 @@ def find_columns(
             and (wanted is INPUT_NAMES or not is_set_point(table, column.name))
             and (wanted is QUATERNION_NAMES or not _is_called(column.name, _OF_QUATERNION))
         ]
+        message = known_message(table, columns)
+        if message is not None:
+            if matches := known_columns(message, wanted, columns, wanted is QUATERNION_NAMES):
+                places.append(Match(table, matches, message))
+            continue
         matches = {}
         for component, pattern in wanted.items():
             full_name = rf"{whose}({pattern}){_FILTERED}{ending}{_FILTERED}"
@@ -204,7 +213,7 @@ def find_in_logs(
         numbers = {key: np.asarray(values[column.name], np.float64) for key, column in place.columns.items()}
         filled = {key: values for key, values in numbers.items() if np.isfinite(values).any()}
         if any(np.nanmax(values) > np.nanmin(values) for values in filled.values()):
-            return name, Match(place.table, {key: place.columns[key] for key in filled})
+            return name, place._replace(columns={key: place.columns[key] for key in filled})
     return None
 
 

@@ -175,7 +175,7 @@ def _times_by(log: Log, table: str, time: TimeColumn) -> _Times | None:
             date_format = formats[0]
             flow["format"] = date_format if len(formats) == 1 else None
             comment = "check: format of the dates" if len(formats) == 1 else f"required: {' or '.join(formats)}"
-    elif column.unit and _is_unit_of_time(column.unit):
+    elif column.unit and _is_unit_of(column.unit, "s"):
         factor = unit_factor(column.unit, "s")
     elif time.nanoseconds is not None:
         flow["nanoseconds"] = time.nanoseconds.name
@@ -215,9 +215,9 @@ def _unit_of_time(numbers: Array, stated: str) -> tuple[str, int, str]:
     return unit, 0, f"check: {words}unit by the median step of {step:.4g}"
 
 
-def _is_unit_of_time(unit: str) -> bool:
+def _is_unit_of(unit: str, si: str) -> bool:
     try:
-        unit_factor(unit, "s")
+        unit_factor(unit, si)
     except ValueError:
         return False
     return True
@@ -272,6 +272,10 @@ def found_in(logs: Mapping[str, Log], sensor: str, name: str, match: Match) -> F
     numbers = {component: np.asarray(values[column.name], np.float64) for component, column in match.columns.items()}
     si = SENSORS[sensor][0].unit
     stated, comment = _stated_unit(list(match.columns.values()), si)
+    message = match.message
+    unit = next((unit for unit in message.units if _is_unit_of(unit, si)), "") if message is not None else ""
+    if message is not None and unit and not any(column.unit for column in match.columns.values()):
+        stated, comment = unit, f"unit of this message of {message.source}"
     codes = find_codes(numbers)
     marked = np.any([is_code(own, codes) for own in numbers.values()], axis=0)
     zeros = rows_of_zeros(numbers) if has_rows_of_zeros(numbers) else np.zeros(marked.size, np.bool_)

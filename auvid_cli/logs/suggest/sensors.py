@@ -1,16 +1,17 @@
 """Sensors of a suggested map, by names, units, values and evidence."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from auvid_cli.arrays import Array
 from auvid_cli.data.signals import estimate_noise, is_smoothed
-from auvid_cli.logs.formats.log import Log
+from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.evidence import OVER_GROUND, TRIPLES, USUAL_AXES, Evidence
+from auvid_cli.logs.suggest.known_formats import known_message
 from auvid_cli.logs.suggest.relations import Track
 from auvid_cli.logs.suggest.rows import (
     Comment,
@@ -112,7 +113,7 @@ def _part_tracks(
     log = logs[part.log]
     if flag := flag_of(sensors, log, part):
         flags = np.asarray(log.read(part.match.table, [flag])[flag], np.float64)
-        is_valid = flags == _valid_value(flags)
+        is_valid = flags == _valid_value(part, flags)
         signals = {symbol: np.where(is_valid, values, np.nan) for symbol, values in signals.items()}
     return tracks_of(log, part.match.table, signals)
 
@@ -157,7 +158,7 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
                 if "enu" in column and convention is None:
                     # The name of a heading does not concern the body axes.
                     expected.setdefault(name, {"FRD": _BODY_AXES})
-    if "dvl" in sensors and names.is_over_ground(sensors["dvl"].main.match.columns):
+    if "dvl" in sensors and _is_over_ground(sensors["dvl"].main.match):
         expected["dvl"] = {OVER_GROUND: _CONVENTION}
     attitude = sensors.get("attitude")
     if (
@@ -168,6 +169,13 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
     ):
         expected.setdefault("dvl", {"FLU": _HANGING})
     return expected
+
+
+def _is_over_ground(match: names.Match) -> bool:
+    """Whether a velocity is along north and east, by its message or its names."""
+    if match.message is not None:
+        return match.message.frame == OVER_GROUND
+    return names.is_over_ground(match.columns)
 
 
 def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], evidence: Evidence) -> Iterator[Line]:
@@ -273,7 +281,7 @@ def _axes(log: Log, found: FoundSensor, frame: str, evidence: Evidence) -> Itera
     elif found.main.is_quaternion:
         reasons.append("FLU is usual for quaternions in ROS")
     if evidence.over_ground and name == "dvl":
-        is_named = names.is_over_ground(found.main.match.columns)
+        is_named = _is_over_ground(found.main.match)
         reasons = [
             "velocity over ground " + ("by its names" if is_named else "because its direction follows the heading")
         ]
@@ -294,15 +302,23 @@ def _is_upside_down(roll: Array) -> bool:
 
 def _valid(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> Iterator[Line]:
     if flag := flag_of(sensors, log, main):
-        value = _valid_value(np.asarray(log.read(main.match.table, [flag])[flag], np.float64))
+        value = _valid_value(main, np.asarray(log.read(main.match.table, [flag])[flag], np.float64))
         values = (True, 1) if value == 1 else (value,)
         yield YamlEntry("valid", {"column": flag, "values": values}, "check: values of valid rows")
 
 
-def _valid_value(flags: Array) -> int:
-    """Return the probable value of valid rows: 1, or the largest of bit fields that never are 1."""
+def _valid_value(found: Found, flags: Array) -> int:
+    """Return the value of valid rows: of a known message, else 1, or the largest of bit fields that never are 1."""
+    if found.match.message is not None and found.match.message.valid != 1:
+        return found.match.message.valid
     largest = float(np.max(flags, initial=0.0, where=np.isfinite(flags)))
     return int(largest) if largest > 1.0 and not (flags == 1.0).any() else 1
+
+
+def _stated_flag(columns: Iterable[LogColumn], found: Found) -> str:
+    """Return the flag of a known message, if the table has it."""
+    message = found.match.message
+    return message.flag if message is not None and message.flag in [column.name for column in columns] else ""
 
 
 def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
@@ -310,6 +326,8 @@ def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
     sharing = [
         other for other in sensors.values() if (other.main.log, other.main.match.table) == (main.log, main.match.table)
     ]
+    if stated := _stated_flag(log.tables()[main.match.table], main):
+        return stated
     own = []
     for column in log.tables()[main.match.table]:
         flag = _FLAG.fullmatch(column.name)
@@ -326,6 +344,10 @@ def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
 def _convention(log: Log, table: str) -> tuple[str, str] | None:
     """Return the axes of a standard message of ROS and the reason; gravity may contradict the convention."""
     columns = log.tables()[table]
+    message = known_message(table, columns)
+    if message is not None:
+        is_fixed = message.frame in USUAL_AXES
+        return (message.frame, f"{message.source} states {message.frame} axes") if is_fixed else None
     kind = names.standard_message(columns)
     if not kind:
         return None

@@ -9,6 +9,7 @@ from pathlib import Path
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest.evidence import weigh_evidence
 from auvid_cli.logs.suggest.inputs import FoundInputs, find_inputs, input_lines, input_tracks
+from auvid_cli.logs.suggest.known_formats import known_message
 from auvid_cli.logs.suggest.names import is_filter_output, is_set_point
 from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, commented_text, time_of
 from auvid_cli.logs.suggest.sensors import FoundSensor, expected_of, find_sensors, flag_of, sensor_lines, sensor_tracks
@@ -38,8 +39,10 @@ def unused_lines(
                 if (log, table, column.name) not in used and column.name not in times
             )
             if unused:
+                message = known_message(table, columns)
                 kind = " (output of a navigation filter)" if is_filter_output(table) else ""
                 kind = " (set-points)" if is_set_point(table, "") else kind
+                kind = f" ({message.source}: {message.role.value})" if message is not None else kind
                 where = " ".join(part for part in (log if len(logs) > 1 else "", table) if part)
                 text = f"not used{f' of {where}' if where else ''}{kind}: {', '.join(unused)}"
                 yield from map(Comment, _wrapper.wrap(text))

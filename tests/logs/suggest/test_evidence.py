@@ -276,7 +276,7 @@ class Topics(Columns):
 def test_word_within_name_marks_set_point():
     log = Topics({"DesiredHeading": {"value": TRUTH["psi"]}, "nav": {"yaw": TRUTH["psi"], "depthRef": TRUTH["down"]}})
     text = suggest([log], Path())
-    assert "# not used of DesiredHeading (set-points): value" in text
+    assert "# not used of DesiredHeading (IMC: set-points): value" in text
     assert "depthRef (a set-point?)" in text
 
 
@@ -338,7 +338,7 @@ def test_thrusters_of_both_sides_give_no_surge_force(names):
 def test_constant_thrust_in_own_table_is_found():
     log = Topics({"DESIRED_RUDDER": {"value": TRUTH["rudder"]}, "DESIRED_THRUST": {"value": np.full(TIME.size, 40.0)}})
     found = yaml.safe_load(suggest([log], Path()))["inputs"]
-    assert (found["table"], found["surge_force"]["table"]) == ("DESIRED_RUDDER", "DESIRED_THRUST")
+    assert (found["table"], found["thrust"]["share"]["table"]) == ("DESIRED_RUDDER", "DESIRED_THRUST")
 
 
 def test_angles_in_two_tables_form_one_attitude():

@@ -244,7 +244,7 @@ def test_px4_vectors_and_quaternion_are_found():
     }
     assert list(sensors["gyroscope"]["columns"].values()) == ["xyz[0]", "xyz[1]", "xyz[2]"]
     assert sensors["attitude"]["quaternion"] == {"w": "q[0]", "x": "q[1]", "y": "q[2]", "z": "q[3]"}
-    assert "vehicle_attitude_setpoint (set-points)" in text
+    assert "vehicle_attitude_setpoint (PX4: set-points)" in text
 
 
 def test_validity_of_message_is_preferred_to_that_of_part():
