@@ -132,6 +132,11 @@ def found(case: str, seed: int) -> pd.DataFrame:
     return pd.DataFrame([{**row, "trial": fit.trial, "cpu_time": process_time() - begin}], columns=_COLUMNS)
 
 
+def _count(text: str) -> int:
+    """Return the number of names in a text."""
+    return len(text.split("; ")) if text else 0
+
+
 def _share(of: pd.Series) -> str:
     return f"{int(of.sum())} of {len(of)}"
 
@@ -142,7 +147,7 @@ def main() -> None:
     cases = [f"{vehicle} {manoeuvre}" for manoeuvre in _MANOEUVRES for vehicle in _SPEEDS]
     rows = all_rows(file, [(cases[seed % len(cases)], seed) for seed in range(1, seeds + 1)], found)
     rows = rows[rows["grade"] != "not simulated"].fillna({"faults": "", "added": "", "missed": ""})
-    sound, number = rows["grade"] == "sound", rows["faults"].map(lambda text: len(text.split("; ")) if text else 0)
+    sound, number = rows["grade"] == "sound", rows["faults"].map(_count)
     lines = [
         f"Seeds 1 to {rows['seed'].max()}. Right: no coefficient beyond {_RIGHT:g} standard deviations; wrong: one "
         f"beyond {_WRONG:g}.",
@@ -152,7 +157,7 @@ def main() -> None:
     ]
     for count in sorted(number.unique()):
         own = rows[number == count]
-        added = own["added"].map(lambda text: len(text.split("; ")) if text else 0)
+        added = own["added"].map(_count)
         lines.append(
             f"| {count} | {_share((own['grade'] == 'sound') & (own['sigmas'] <= _RIGHT))} "
             f"| {_share((own['grade'] == 'sound') & (own['sigmas'] > _WRONG))} | {_share(own['missed'] == '')} "

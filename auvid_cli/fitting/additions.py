@@ -6,6 +6,7 @@ from typing import NamedTuple
 from auvid_cli.config.coefficients import Term
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import BiasName
+from auvid_cli.config.identification import INPUTS_DELAY
 from auvid_cli.data.faults import TESTED_TERMS, FaultKind, FaultTest
 from auvid_cli.identification.noise import disturbance_like_noise
 from auvid_cli.identification.terms import with_terms
@@ -68,6 +69,13 @@ class Addition(NamedTuple):
         return self.family, self.name
 
     @property
+    def instead(self) -> "Addition | None":
+        """Return the addition that hardly differs from it and replaces it: late inputs and fins that lag."""
+        if self.key == (BiasName.DELAY, INPUTS_DELAY):
+            return self._replace(family="lag", name="")
+        return self._replace(family=BiasName.DELAY.value, name=INPUTS_DELAY) if self.family == "lag" else None
+
+    @property
     def is_time(self) -> bool:
         """Whether it is a delay or a time constant: no state of a filter, so the settings state it."""
         return self.family in (BiasName.DELAY, "lag")
@@ -85,7 +93,10 @@ def addition_for(test: FaultTest, duration: float) -> Addition | None:
         return Addition("walk", f"{error.value}.{key}", abs(size) * sqrt(duration))
     if fault.kind in _DELAYS:
         return Addition(
-            BiasName.DELAY.value, fault.component.lower().replace(" ", "_") or "inputs", size, test.standard_deviation
+            BiasName.DELAY.value,
+            fault.component.lower().replace(" ", "_") or INPUTS_DELAY,
+            size,
+            test.standard_deviation,
         )
     if fault.kind is FaultKind.MISSING_TERM:
         return Addition("term", fault.component)

@@ -5,6 +5,7 @@ from math import log
 from typing import NamedTuple
 
 from auvid_cli.config.extra_states import BiasName, ProcessNoise
+from auvid_cli.config.identification import INPUTS_DELAY
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.evaluation.innovations import noise_cause, sensors_without_ahrs
@@ -63,27 +64,30 @@ def noise_excess(estimate: Estimate, least: ProcessNoise) -> float:
     return max(used / stated for used, stated in pairs)
 
 
-def times_from(estimate: Estimate, present: Collection[Addition]) -> Iterator[tuple[Addition, FaultTest]]:
-    """Yield each delay, and the lag of the fins, with the correction by its score test."""
-    of_settings = estimate.experiment.identification.delays
-    lags = [addition for addition in present if addition.family == "lag"]
+def corrected_times(estimate: Estimate, present: Collection[Addition]) -> Iterator[tuple[Addition, FaultTest]]:
+    """Yield each delay, or the lag of the fins if the model has it, corrected by the score test of the delay."""
+    stated = estimate.experiment.identification.delays
+    lag = next((addition for addition in present if addition.family == "lag"), None)
     for test in estimate.faults:
         addition = addition_for(test, 0.0)
         if addition is None or addition.family != BiasName.DELAY:
             continue
-        if addition.name == "inputs" and (lags or test.size > 0.0):
-            # Fins that lag look like late inputs.
-            before = lags[0].size if lags else 0.0
-            if before + test.size > 0.0:
-                yield Addition("lag", "", before + test.size, test.standard_deviation), test
-            if lags:
-                continue
-        yield addition._replace(size=of_settings.get(addition.name, 0.0) + test.size), test
+        before = stated.get(addition.name, 0.0)
+        if addition.name == INPUTS_DELAY and lag is not None:
+            addition, before = lag, lag.size
+        yield addition._replace(size=before + test.size, deviation=test.standard_deviation), test
 
 
 def _of_faults(estimate: Estimate, present: Collection[Addition], duration: float) -> Iterator[Candidate]:
-    for addition, test in times_from(estimate, present):
-        yield Candidate(addition, 0.5 * test.z**2)
+    for addition, test in corrected_times(estimate, present):
+        expected = 0.5 * test.z**2
+        if addition.size > 0.0 or addition.family != "lag":
+            yield Candidate(addition, expected)
+        other = addition.instead
+        if other is not None and other.size > 0.0:
+            # Fins that lag look like late inputs. If the model has one of them, the other one may be right.
+            is_rival = any(each.key == addition.key for each in present)
+            yield Candidate(other, max(expected, 2.0 * WORTH) if is_rival else expected)
     for test in estimate.faults:
         addition = addition_for(test, duration)
         if addition is not None and not addition.is_time:

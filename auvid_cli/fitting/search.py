@@ -5,7 +5,7 @@ with trajectory and parameters integrated out and the noise at its maximum, less
 measurements for each number that has no prior (Schwarz, Ann. Stat. 6(2), 1978).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from math import log
 from time import process_time
@@ -23,17 +23,16 @@ from auvid_cli.errors import DataError
 from auvid_cli.evaluation.innovations import causes_text, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
 from auvid_cli.fitting.additions import Addition, with_addition, with_identification, without_addition
-from auvid_cli.fitting.candidates import WORTH, Candidate, candidates, noise_excess, times_from
+from auvid_cli.fitting.candidates import WORTH, Candidate, candidates, corrected_times, noise_excess
 from auvid_cli.fitting.results import Fit, FitStep
 from auvid_cli.fitting.sizes import is_certain, size_text
+from auvid_cli.fitting.thinning import joint_answer, smoothed, thinned
 from auvid_cli.fitting.trial import trial_text, try_on_held_out
 from auvid_cli.identification.noise import tune_coarsely
-from auvid_cli.identification.prepared_data import PreparedData, prepare
-from auvid_cli.identification.run import identify, set_up_filters
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.run import identify
 from auvid_cli.identification.terms import fit_smoother
 
-# Samples of a sensor closer than this are left out during the search, s.
-_INTERVAL = 0.1
 # Passes of the first fit, with the noise as stated: a model that holds converges in a few.
 _FIRST_PASSES = 8
 # Factor on the stated process noise at the start, so that the smoother converges with a wrong model.
@@ -45,8 +44,8 @@ _MAX_LOOKS = 8
 _SMALL_SHARE = 0.02
 # Process noise up to this factor on the stated one is no sign of a missing part of the model.
 _TIGHT = 3.0
-# Corrections of delays at the end, and the size of one that is small enough, in standard deviations.
-_MAX_CORRECTIONS = 4
+# Corrections of a delay, and the size of one that is small enough at the end, in standard deviations.
+_MAX_CORRECTIONS = 3
 _SMALL_CORRECTION = 0.5
 
 
@@ -122,7 +121,7 @@ class _Search:
 
     def __init__(self, dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None]) -> None:
         self._dataset, self._limits, self._on_step = dataset, limits, on_step
-        self._prepared = prepare(_joint(thinned(dataset)))
+        self._prepared = prepare(joint_answer(thinned(dataset)))
         spans = [segment.timelines.span for segment in self._prepared.segments]
         self._duration = sum(end - begin for begin, end in spans)
         self._n_measured = sum(
@@ -143,7 +142,7 @@ class _Search:
         smoother = self._dataset.experiment.identification.smoother
         quick = smoother.model_copy(update={"max_passes": min(smoother.max_passes, _FIRST_PASSES), "answer": "joint"})
         try:
-            estimate = _smoothed(self._prepared.with_identification(smoother=quick))
+            estimate = smoothed(self._prepared.with_identification(smoother=quick))
         except DataError:
             return False
         return judge_one(estimate, None).grade is Grade.SOUND
@@ -167,7 +166,7 @@ class _Search:
         """Add what the data ask for, one addition after another, until nothing is worth it."""
         assert self.model is not None, "a search starts with a model"
         for self._look in range(1, _MAX_LOOKS + 1):
-            estimate = self._estimate = _smoothed(self._prepared.with_settings(self.model.settings))
+            estimate = self._estimate = smoothed(self._prepared.with_settings(self.model.settings))
             self._judgement = judge_one(estimate, None)
             if self._judgement.grade is Grade.SOUND and noise_excess(estimate, self._least) <= _TIGHT:
                 return
@@ -213,7 +212,7 @@ class _Search:
         for addition in additions:
             self._check_time()
             self._on_step(f"look {self._look}: compare {addition}")
-            fit = fit_smoother(self._prepared, with_addition(model.settings, addition), spans)
+            fit = fit_smoother(self._prepared, self._changed(model, addition)[0], spans)
             if fit is not None:
                 evidence[addition] = fit.log_evidence
         return sorted(evidence, key=lambda addition: -evidence[addition])[:1]
@@ -222,7 +221,7 @@ class _Search:
         """Take away additions that the others make unnecessary."""
         assert self.model is not None, "a search starts with a model"
         model = self.model
-        estimate = self._estimate or _smoothed(self._prepared.with_settings(model.settings))
+        estimate = self._estimate or smoothed(self._prepared.with_settings(model.settings))
         for addition in model.additions[:-1]:
             if is_certain(estimate, addition):
                 continue
@@ -238,25 +237,44 @@ class _Search:
     def correct_times(self) -> None:
         """Move delays and the lag of the fins to the zero of their score tests."""
         assert self.model is not None, "a search starts with a model"
-        model = self.model
-        present = {addition.key for addition in model.additions if addition.is_time}
-        for _ in range(_MAX_CORRECTIONS if present else 0):
-            estimate = self._estimate or _smoothed(self._prepared.with_settings(model.settings))
-            settings, additions, largest = model.settings, model.additions, 0.0
-            for addition, test in times_from(estimate, model.additions):
-                if addition.key in present:
-                    settings = with_addition(settings, addition)
-                    additions = tuple(addition if each.key == addition.key else each for each in additions)
-                    largest = max(largest, abs(test.z))
-            self.model = model = replace(model, settings=settings, additions=additions)
+        keys = {addition.key for addition in self.model.additions if addition.is_time}
+        for _ in range(_MAX_CORRECTIONS if keys else 0):
+            self.model, distance = self._with_corrected_times(self.model, keys)
             self._estimate = None
-            if largest < _SMALL_CORRECTION:
+            if distance < _SMALL_CORRECTION:
                 break
 
     def _with(self, model: _Model, addition: Addition) -> _Model | None:
         """Return the model with an addition and the noise tuned again; None if it does not converge."""
-        others = tuple(each for each in model.additions if each.key != addition.key)
-        return self._tuned(with_addition(model.settings, addition), (*others, addition))
+        settings, replaced = self._changed(model, addition)
+        others = tuple(each for each in model.additions if each.key not in (addition.key, replaced))
+        model_with = self._tuned(settings, (*others, addition))
+        for _ in range(_MAX_CORRECTIONS if addition.is_time else 0):
+            if model_with is None:
+                break
+            corrected, distance = self._with_corrected_times(model_with, {addition.key})
+            if distance < 1.0:
+                break
+            model_with = self._tuned(corrected.settings, corrected.additions)
+        return model_with
+
+    def _with_corrected_times(self, model: _Model, keys: Collection[tuple[str, str]]) -> tuple[_Model, float]:
+        """Return a model with delays moved to the zero of their score tests, and the largest move in deviations."""
+        estimate = smoothed(self._prepared.with_settings(model.settings))
+        settings, additions, largest = model.settings, model.additions, 0.0
+        for addition, test in corrected_times(estimate, model.additions):
+            if addition.key in keys:
+                settings = with_addition(settings, addition)
+                additions = tuple(addition if each.key == addition.key else each for each in additions)
+                largest = max(largest, abs(test.z))
+        return replace(model, settings=settings, additions=additions), largest
+
+    def _changed(self, model: _Model, addition: Addition) -> tuple[RunSettings, tuple[str, str] | None]:
+        """Return settings with an addition, and the key of the addition that it replaces."""
+        other = addition.instead
+        if other is None or all(each.key != other.key for each in model.additions):
+            return with_addition(model.settings, addition), None
+        return with_addition(without_addition(model.settings, other), addition), other.key
 
     def _tuned(self, settings: RunSettings, additions: tuple[Addition, ...]) -> _Model | None:
         """Return the model of some settings with the most likely noise; None if no trajectory follows the data."""
@@ -319,30 +337,6 @@ class _Search:
     def _check_time(self) -> None:
         if process_time() - self._begin > self._limits.max_time:
             raise _OutOfTimeError
-
-
-def thinned(dataset: Dataset) -> Dataset:
-    """Return a dataset with the samples of fast sensors at most every `_INTERVAL`."""
-    sensors = {}
-    for name, record in dataset.sensors.items():
-        usual = float(np.median(np.diff(record.time))) if record.time.size > 1 else _INTERVAL
-        every = max(1, int(_INTERVAL / usual + 0.5))
-        sensors[name] = replace(record, time=record.time[::every], values=record.values[::every])
-    return replace(dataset, sensors=sensors)
-
-
-def _joint(dataset: Dataset) -> Dataset:
-    """Return a dataset whose settings ask for the joint estimate, with noise and delays as stated."""
-    identification = dataset.experiment.identification
-    smoother = identification.smoother.model_copy(update={"answer": "joint"})
-    return replace(dataset, experiment=with_identification(dataset.experiment, smoother=smoother, noise="stated"))
-
-
-def _smoothed(prepared: PreparedData) -> Estimate:
-    """Return the estimate of the smoother with settings as stated."""
-    (run,), chunks = set_up_filters(prepared, [JUDGE]), []
-    outcome = run.run(chunks.append)
-    return Estimate.of(run.header, chunks, outcome)
 
 
 def _by_kind(found: Sequence[Candidate]) -> tuple[list[Candidate], list[Candidate]]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, sqrt
+from math import isfinite
 
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.config.experiment import RunSettings
@@ -23,6 +23,8 @@ _SIGNALS = {"r": "yaw rate", "v": "sway"}
 _HORIZONS = 20.0, 10.0, 5.0, 2.0  # s; the longest with predictions counts
 _STARTS = 40
 _MIN_LENGTH = 30.0  # s; shorter data are not split
+# Share of an error below which two models predict equally well.
+_MARGIN = 0.05
 _DEGREES = 57.29577951308232
 # Coefficient errors of the vehicle that the vehicle file does not have.
 _VEHICLE_ERRORS = "thrust_scale", "rudder_trim", "elevator_trim", "excess_buoyancy", "trim_moment"
@@ -40,23 +42,26 @@ class Trial:
     unchanged: float | None
 
     @property
-    def is_better(self) -> bool:
-        """Whether the model predicts better than the vehicle file, or without one than an unchanged motion."""
-        other = self.unchanged if self.vehicle_file is None else self.vehicle_file
-        return other is None or self.model < other
+    def other(self) -> tuple[str, float | None]:
+        """Return the model to compare with, and its error: the vehicle file, or without one an unchanged motion."""
+        if self.vehicle_file is not None:
+            return "vehicle file", self.vehicle_file
+        return "unchanged motion", self.unchanged
+
+    @property
+    def gain(self) -> float:
+        """Return the share by which the error is smaller than that of the other; 0 without one."""
+        other = self.other[1]
+        return 0.0 if not other else 1.0 - self.model / other
 
     def __str__(self) -> str:
         factor, unit = (_DEGREES, "deg/s") if self.unit == "rad/s" else (1.0, self.unit)
         text = f"{_SIGNALS[self.signal]} {self.horizon:g} s ahead: {factor * self.model:.3g} {unit}"
-        name, other = (
-            ("vehicle file", self.vehicle_file)
-            if self.vehicle_file is not None
-            else ("unchanged motion", self.unchanged)
-        )
+        name, other = self.other
         if other is None:
             return text
-        share = 1.0 - self.model / other
-        return f"{text}, {name} {factor * other:.3g}: {abs(share):.0%} {'better' if share > 0.0 else 'worse'}"
+        compared = f"{abs(self.gain):.0%} {'better' if self.gain > 0.0 else 'worse'}"
+        return f"{text}, {name} {factor * other:.3g}: {compared}"
 
 
 def try_on_held_out(dataset: Dataset, settings: RunSettings) -> tuple[Trial, ...]:
@@ -82,10 +87,9 @@ def try_on_held_out(dataset: Dataset, settings: RunSettings) -> tuple[Trial, ...
     for signal in _SIGNALS:
         own = {row.horizon_s: row for row in rows if row.kind == AHEAD and row.signal == signal}
         horizon = next((h for h in _HORIZONS if h in own), None)
-        if horizon is None or own[horizon].rmse is None:
+        if horizon is None or (model := own[horizon].rmse) is None:
             continue
         row = own[horizon]
-        model = sqrt(row.rmse**2) if row.rmse is not None else 0.0
         by_file = next((r.rmse for r in file_rows if r.signal == signal and r.horizon_s == horizon), None)
         trials.append(Trial(signal, horizon, row.unit, model, by_file, row.constant_velocity_rmse))
     return tuple(trials)
@@ -119,6 +123,8 @@ def trial_text(trials: Sequence[Trial]) -> str:
     if not trials:
         return ""
     text = f"Last third of the data, predicted by a fit to the rest: {'; '.join(map(str, trials))}."
-    if all(trial.is_better for trial in trials):
-        return text
-    return f"{text} The model does not predict better than the vehicle file in all of these: it is not recommended."
+    if min(trial.gain for trial in trials) < -_MARGIN:
+        return f"{text} The model predicts worse than the {trials[0].other[0]}: it is not recommended."
+    if max(trial.gain for trial in trials) <= _MARGIN:
+        return f"{text} The {trials[0].other[0]} predicts as well."
+    return text

@@ -1,0 +1,39 @@
+"""Quick fits during a search: data with fewer samples, and the smoother without the marginal estimate."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from auvid_cli.config.enums import JUDGE
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.fitting.additions import with_identification
+from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.run import set_up_filters
+
+# Samples of a sensor closer than this are left out during the search, s.
+_INTERVAL = 0.1
+
+
+def thinned(dataset: Dataset) -> Dataset:
+    """Return a dataset with the samples of fast sensors at most every `_INTERVAL`."""
+    sensors = {}
+    for name, record in dataset.sensors.items():
+        usual = float(np.median(np.diff(record.time))) if record.time.size > 1 else _INTERVAL
+        every = max(1, int(_INTERVAL / usual + 0.5))
+        sensors[name] = replace(record, time=record.time[::every], values=record.values[::every])
+    return replace(dataset, sensors=sensors)
+
+
+def joint_answer(dataset: Dataset) -> Dataset:
+    """Return a dataset whose settings ask for the joint estimate, with noise and delays as stated."""
+    identification = dataset.experiment.identification
+    smoother = identification.smoother.model_copy(update={"answer": "joint"})
+    return replace(dataset, experiment=with_identification(dataset.experiment, smoother=smoother, noise="stated"))
+
+
+def smoothed(prepared: PreparedData) -> Estimate:
+    """Return the estimate of the smoother with settings as stated."""
+    (run,), chunks = set_up_filters(prepared, [JUDGE]), []
+    outcome = run.run(chunks.append)
+    return Estimate.of(run.header, chunks, outcome)
