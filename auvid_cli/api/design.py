@@ -269,7 +269,7 @@ def design_into(
             try:
                 design = conclude(task, reached)
             except ConfigError:
-                # No manoeuvre fits: with other limits, as the message advises, another search begins.
+                # No manoeuvre fits. The message advises other limits, which this search does not have.
                 remove([folder / SEARCH_FILE])
                 raise
             gain = (

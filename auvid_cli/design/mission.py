@@ -52,7 +52,7 @@ def summarise_runs(runs: Sequence[Truth]) -> Band:
         If `runs` is empty.
     """
     if not runs:
-        raise DataError("every drawn vehicle is lost in this manoeuvre; draw them from a smaller --spread")
+        raise DataError("every trial vehicle went out of control in this manoeuvre; use a smaller --spread")
     time = np.arange(0.0, runs[0].time[-1] + 1e-9, 1.0)
     ticks = np.searchsorted(runs[0].time, time - 1e-9)
     motion, position = np.array([run.motion[ticks] for run in runs]), np.array([run.position[ticks] for run in runs])

@@ -163,15 +163,17 @@ def conclude(problem: DesignProblem, progress: SearchProgress) -> Design:
 
 def _no_manoeuvre_fits(problem: DesignProblem, progress: SearchProgress) -> str:
     best, requirement = progress.best, problem.requirement
-    tried = f"none of {progress.evaluations} manoeuvres keeps the envelope with all {requirement.draws} drawn vehicles"
+    tried = (
+        f"none of {progress.evaluations} manoeuvres stays within the limits with all {requirement.draws} trial vehicles"
+    )
     if best.n_lost:
         return (
-            f"{tried}: even in the best one {best.n_lost} capsize, pitch to the vertical or run away; draw vehicles "
+            f"{tried}: even in the best one {best.n_lost} went out of control; draw vehicles "
             "from a smaller --spread (15%), or limit the fins (--fins)"
         )
     extents = [run.extent for run in best.runs if run.extent is not None]
     relaxed = options_to_relax(extents, *with_margin(requirement.envelope, problem.slowest))
-    return f"{tried}: relax {relaxed}, which the best one would keep, or search for longer (--budget)"
+    return f"{tried}: relax {relaxed}, so that the best one fits, or search longer (--budget)"
 
 
 def _nominal_run(problem: DesignProblem, manoeuvre: AnyManoeuvre) -> tuple[Truth, Posterior]:

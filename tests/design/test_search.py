@@ -80,7 +80,7 @@ def test_spiral_is_kept_without_improvement(reached):
 def test_impossible_envelope_raises_config_error_with_limits_to_relax(remus, requirement):
     problem = make_problem(remus(), requirement({"box": 5.0, "roll": 0.02, "speed": 1.5}))
     found = next(search(problem.space, problem.search_set, 1))
-    with pytest.raises(ConfigError, match=r"none of 13 manoeuvres keeps .* relax --box '\d.* m', .*--roll '\d.* deg'"):
+    with pytest.raises(ConfigError, match=r"none of 13 manoeuvres stays .* relax --box '\d.* m', .*--roll '\d.* deg'"):
         conclude(problem, found)
 
 
