@@ -117,6 +117,7 @@ def inspect(
         )
     else:
         terminal.print_wrapped(f"no check fails. Next: {_next(inspected, f'{dataset}{part}')}")
+        terminal.print(f"or find a model that holds in one step: auvid fit {dataset}{part}")
     if figures.show:
         terminal.open_page(page)
     return VERDICT_FAILED if fails else DONE

@@ -99,6 +99,8 @@ def identify(
     dry_run: options.DryRunOption = False,
 ) -> int:
     """Estimate coefficients from a dataset, and write results/NAME/estimates/FILTER.h5."""
+    from auvid_cli.data.files import dataset_in
+
     source = options.data_source(data, settings.overrides())
     if dry_run:
         return _print_settings(source.experiment)
@@ -118,6 +120,7 @@ def identify(
         terminal.print(f"validate with another run: auvid validate {result.files[0]} OTHER.h5")
     else:
         terminal.print(f"causes and advice: auvid check {result.folder}")
+        terminal.print(f"find a model that holds: auvid fit {shlex.quote(str(dataset_in(result.folder)))}")
     return code
 
 

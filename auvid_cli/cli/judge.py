@@ -1,5 +1,6 @@
 """auvid check, identifiability, validate and compare: judge data and estimates."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +24,8 @@ def check(*, results: options.ResultsArgument = Path("results/spiral"), console:
     Prints each check that did not pass, with advice. FAIL means: do not trust the estimate. A note is for information.
     Writes all verdicts into tables/checks.csv.
     """
+    from auvid_cli.data.files import dataset_in
+
     terminal = console.terminal()
     with terminal.compiling():
         from auvid_cli.api.results import check_into
@@ -31,7 +34,10 @@ def check(*, results: options.ResultsArgument = Path("results/spiral"), console:
     verdicts, file = check_into(results, terminal)
     print_checks(terminal.out, verdicts, passed=console.verbose)
     terminal.print(file)
-    return VERDICT_FAILED if verdicts.failed() else DONE
+    if not verdicts.failed():
+        return DONE
+    terminal.print(f"find a model that holds: auvid fit {shlex.quote(str(dataset_in(results)))}")
+    return VERDICT_FAILED
 
 
 @options.command

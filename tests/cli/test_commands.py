@@ -192,7 +192,9 @@ def test_unconverged_fit_gives_exit_code_1(results, tmp_path):
     assert re.search(
         "^OE diverged: unconverged: .*; its residuals are .*max_evaluations=2", result.stdout, re.MULTILINE
     )
-    assert result.stdout.splitlines()[-1].endswith(f": auvid check {Path('results/mission')}")
+    *_, advice, last = result.stdout.splitlines()
+    assert advice.endswith(f": auvid check {Path('results/mission')}")
+    assert last.endswith(f": auvid fit {Path('results/mission/dataset.h5')}")
 
 
 @pytest.mark.parametrize("manoeuvre", ["zigzag_10_10", "doublets", "multisine", "turning_circle"])

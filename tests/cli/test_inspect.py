@@ -116,8 +116,9 @@ def test_invalid_part_is_one_error(use, complaint, short_run, tmp_path, run):
 def test_last_line_is_next_command(short_run, tmp_path, run):
     path = tmp_path / "dataset.h5"
     write_dataset(path, short_run)
-    last = run(path, "--use", "0:40").output.splitlines()[-1]
-    assert f"auvid identifiability {path} --use 0:40" in last
+    *_, next_commands, last = run(path, "--use", "0:40").output.splitlines()
+    assert f"auvid identifiability {path} --use 0:40" in next_commands
+    assert last.endswith(f": auvid fit {path} --use 0:40")
     dvl = short_run.sensors["dvl"]
     backwards = replace(dvl, values=-dvl.values)
     write_dataset(path, replace(short_run, sensors=short_run.sensors | {"dvl": backwards}))
@@ -131,7 +132,7 @@ def test_next_command_depends_on_coefficients_of_vehicle_file(short_run, with_se
     """Bounds need values of all coefficients; without them an estimate comes first."""
     bare = with_settings(short_run.without_truth(), "vehicle.coefficients={X_u|u|: -5}")
     write_dataset(tmp_path / "bare.h5", bare)
-    last = run(tmp_path / "bare.h5", "-o", tmp_path / "out").output.splitlines()[-1]
+    last = run(tmp_path / "bare.h5", "-o", tmp_path / "out").output.splitlines()[-2]
     assert f"Next: `auvid identify {tmp_path / 'bare.h5'}`, then `auvid identifiability" in last
     assert "--at" in last
     held = with_settings(bare, "identification.coefficients=[N_uudr]")
