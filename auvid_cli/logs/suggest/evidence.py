@@ -147,7 +147,7 @@ def weigh_evidence(
     """
     tracks, units = dict(tracks), {}
     is_named = OVER_GROUND in expected.get("dvl", {}) and {"u", "v"} <= {*tracks}
-    direction = 1 if is_named else _course_direction(tracks)
+    direction = 1 if is_named else course_direction(tracks)
     if direction:
         tracks = _speed_as_surge(tracks)
     fits = fit_relations(tracks)
@@ -203,7 +203,7 @@ def _with_values(
     return full
 
 
-def _course_direction(tracks: Mapping[str, Track]) -> int:
+def course_direction(tracks: Mapping[str, Track]) -> int:
     """Return 1 if the direction of a velocity turns with the heading, -1 if it turns against it, 0 in body axes."""
     if not {"u", "v", "psi"} <= {*tracks}:
         return 0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest.evidence import weigh_evidence
-from auvid_cli.logs.suggest.inputs import FoundInputs, find_inputs, input_lines, input_tracks
+from auvid_cli.logs.suggest.inputs import FoundInputs, find_inputs, input_lines, input_tracks, with_numbered_fins
 from auvid_cli.logs.suggest.known_formats import known_message
 from auvid_cli.logs.suggest.names import is_filter_output, is_set_point
 from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, commented_text, time_of
@@ -91,7 +91,9 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
     names = _log_names(logs)
     files = [YamlEntry(name, _file(log, folder)) for name, log in names.items()]
     sensors, inputs = find_sensors(names), find_inputs(names)
-    tracks = sensor_tracks(names, sensors) | input_tracks(names, inputs)
+    tracks = sensor_tracks(names, sensors)
+    inputs = with_numbered_fins(names, inputs, tracks)
+    tracks |= input_tracks(names, inputs)
     guessed = {name: sensor.main.unit for name, sensor in sensors.items() if not sensor.main.is_stated}
     evidence = weigh_evidence(tracks, expected_of(names, sensors), guessed)
     return commented_text(
