@@ -122,8 +122,10 @@ def _in_usual_order(found: Mapping[str, FoundSensor], tracks: Mapping[str, Track
     usual = dict(found)
     for name, reason in reasons.items():
         if name == "attitude":
-            note = "check: its axes are probably starboard, ahead, up: `frame: FRD`, `reference: ENU`, `mount: {roll: 180 deg, "
-            usual[name] = found[name]._replace(notes=(f"{note}pitch: 0 deg, yaw: 90 deg}}`: depth follows its roll",))
+            note = "check: axes are probably starboard, ahead, up: `frame: FRD`, `reference: ENU`, `mount: {"
+            usual[name] = found[name]._replace(
+                notes=(f"{note}roll: 180 deg, pitch: 0 deg, yaw: 90 deg}}`: depth follows its roll",)
+            )
             continue
         main, (first, second, _) = found[name].main, TRIPLES[name]
         if {first, second} <= {*main.numbers} and main.match.message is None:
