@@ -13,8 +13,8 @@ Sources, by the word in `KnownMessage.source`:
 - Nortek: ``nortek_dvl/Dvl.msg`` in ``osu-uwrt/riptide_setup``, which states no axes.
 - ArduPilot: ``AP_AHRS/LogStructure.h`` (ATT).
 
-Not checked against a source: PX4 sensor_accel and sensor_combined; ArduPilot IMU and set-points; IMC; the units of MOOS;
-RDI. Their rows follow the usual use of these formats, and the evidence of the data remains beside them in the map.
+Not checked against a source: PX4 sensor_accel, sensor_combined; ArduPilot IMU and set-points; IMC; the units of MOOS;
+RDI. Their rows follow the usual use of these formats, and the map shows the evidence of the data next to them.
 """
 
 import re
