@@ -11,6 +11,7 @@ from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest.evidence import Evidence
 from auvid_cli.logs.suggest.known_formats import KnownMessage
 from auvid_cli.logs.suggest.names import INPUT_NAMES, SIDES, find_columns, find_in_logs, named_unit
+from auvid_cli.logs.suggest.numbered import FinRole, fin_roles, numbered_fins
 from auvid_cli.logs.suggest.relations import PITCH_FINS, YAW_FINS, Track
 from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, place_of, row_entries, tracks_of
 
@@ -37,6 +38,7 @@ class FoundInput(NamedTuple):
     table: str
     place: dict[str, Flow]
     message: KnownMessage | None = None
+    role: FinRole | None = None  # place of a fin that has a number, with its sign
 
     @property
     def largest(self) -> float:
@@ -111,6 +113,34 @@ def _repeats_measurement(log: Log, signal: FoundInput, measured: Mapping[str, Tr
     return False
 
 
+def with_numbered_fins(
+    logs: Mapping[str, Log], inputs: FoundInputs | None, tracks: Mapping[str, Track]
+) -> FoundInputs | None:
+    """Return the inputs with fins such as fin1 to fin4, if no others are found and the data show their places."""
+    if inputs is not None and any(key in (*YAW_FINS, *PITCH_FINS) for key in inputs.signals):
+        return inputs
+    for name, log in logs.items():
+        for table, columns in log.tables().items():
+            fins = numbered_fins(columns)
+            if not fins:
+                continue
+            values = {c: np.asarray(v, np.float64) for c, v in log.read(table, [fin.name for fin in fins]).items()}
+            of_fins = tracks_of(log, table, values)
+            roles = fin_roles([*of_fins.values()], tracks.get("r"), tracks.get("q")) if of_fins else []
+            if not roles:
+                continue
+            elsewhere = inputs is not None and (name, table) != (inputs.log, inputs.table)
+            place = (place_of(logs, name, table) or {}) if elsewhere else {}
+            signals = {
+                f"fins.{role.name}": FoundInput(fin, values[fin.name], name, table, place, role=role)
+                for fin, role in zip(fins, roles, strict=True)
+            }
+            if inputs is None:
+                return FoundInputs(name, table, signals, [])
+            return inputs._replace(signals=inputs.signals | signals)
+    return inputs
+
+
 def _similar_columns(log: Log, signal: FoundInput) -> list[str]:
     """Return all columns whose names differ from an input's only in a number or side, if there are several."""
     name = _without_number(signal.table), _without_number(signal.column.name)
@@ -155,6 +185,8 @@ def input_lines(logs: Mapping[str, Log], inputs: FoundInputs | None, evidence: E
     if fins:
         lines: list[Line] = [_fin(key, fin, largest, evidence) for key, fin in fins.items()]
         lines += _opposites(fins, evidence)
+        if any(fin.role is not None for fin in fins.values()):
+            yield Comment("check: which fin of each pair is the upper or right one; yaw and pitch do not show it")
         comment = "check: must be positive if the fin pushes the tail to starboard or up; otherwise add sign: -1"
         yield YamlEntry("fins", lines, comment)
     if not deflecting:
@@ -272,8 +304,10 @@ def _share_unit(command: FoundInput) -> dict[str, Flow]:
 def _fin(key: str, fin: FoundInput, largest: float, evidence: Evidence) -> YamlEntry:
     name = key.removeprefix("fins.")
     span = f"values from {np.nanmin(fin.values):.4g} to {np.nanmax(fin.values):.4g}"
-    sign: dict[str, Flow] = {"sign": -1} if evidence.verdict.signs.get(key, 1) < 0 else {}
-    words = f"check: sign; {evidence.words([key])}"
+    is_reversed = (fin.role.sign if fin.role is not None else evidence.verdict.signs.get(key, 1)) < 0
+    sign: dict[str, Flow] = {"sign": -1} if is_reversed else {}
+    why = fin.role.reason if fin.role is not None else evidence.words([key])
+    words = f"check: sign; {why}"
     if fin.column.unit:
         return YamlEntry(name, fin.signal(**sign), f"unit {fin.column.unit} stated by the log; {words}")
     if known := _known_unit(fin):
@@ -286,7 +320,7 @@ def _fin(key: str, fin: FoundInput, largest: float, evidence: Evidence) -> YamlE
             name, counts, f"required: count of a straight fin, and scale, such as 0.35 deg; {span}; {words}"
         )
     unit = "deg" if largest > 0.5 * np.pi else "rad"
-    return YamlEntry(name, fin.signal(unit=unit, **sign), f"check: unit and sign; {span}; {evidence.words([key])}")
+    return YamlEntry(name, fin.signal(unit=unit, **sign), f"check: unit and sign; {span}; {why}")
 
 
 def _known_unit(signal: FoundInput) -> str:

@@ -5,16 +5,16 @@ are left out on purpose: accelerations without gravity, the turn rate of the MOO
 
 Sources, by the word in `KnownMessage.source`:
 
-- PX4: ``PX4/px4_msgs`` (VehicleAttitude, VehicleLocalPosition), docs.px4.io/main/en/msg_docs (VehicleAngularVelocity,
-  SensorGyro, SensorCombined).
-- IMC: ``LSTS/imc``, ``IMC.xml``.
-- ArduPilot: ``ArduPilot/ardupilot``, ``libraries/AP_Logger/LogStructure.h``, ``libraries/AP_AHRS/LogStructure.h``.
-- MOOS: ``moos-ivp``, ``uSimMarine`` (DESIRED_RUDDER, DESIRED_ELEVATOR in deg, DESIRED_THRUST in percent).
-- Water Linked: ``waterlinked/waterlinked.github.io``, ``docs/dvl/dvl-protocol.md`` and ``docs/dvl/axes.md``.
+- PX4: ``PX4/px4_msgs`` (VehicleAttitude, VehicleLocalPosition); docs.px4.io/main/en/msg_docs (VehicleAngularVelocity,
+  SensorGyro).
+- Water Linked: ``waterlinked/waterlinked.github.io``, ``docs/dvl/axes.md`` (x forward, y right, z down).
 - marine_acoustic_msgs: docs.ros.org/en/jazzy/p/marine_acoustic_msgs/msg/Dvl.html (x forward, z along the beams).
-- uuv_simulator: ``DVL.msg`` in ``uuvsimulator/uuv_simulator``, as in cola2_msgs.
-- Nortek: ``nortek_dvl/Dvl.msg`` in ``osu-uwrt/riptide_setup``.
-- RDI: Teledyne PD0, bottom-track velocities in mm/s; -32768 marks a velocity without a value.
+- uuv_simulator: ``DVL.msg`` as in cola2_msgs, which states no axes.
+- Nortek: ``nortek_dvl/Dvl.msg`` in ``osu-uwrt/riptide_setup``, which states no axes.
+- ArduPilot: ``AP_AHRS/LogStructure.h`` (ATT).
+
+Not checked against a source: PX4 sensor_accel, sensor_combined; ArduPilot IMU and set-points; IMC; the units of MOOS;
+RDI. Their rows follow the usual use of these formats, and the map shows the evidence of the data next to them.
 """
 
 import re

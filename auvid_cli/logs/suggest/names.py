@@ -50,8 +50,8 @@ SIDES = (
 )
 _WHICH = rf"(_?\d+|_{SIDES})*"
 INPUT_NAMES: dict[str, str] = {
-    "rudder": r"(rudder|delta_r|dr)(_(angle|cmd|input))?|yaw_input|fin",
-    "elevator": r"(elevator|stern_?planes?|delta_[se]|de|ds)(_(angle|cmd|input))?|pitch_input",
+    "rudder": r"(servo_)?(rudder|delta_r|dr)(_(angle|cmd|input|pwm|us))?|yaw_input|fin",
+    "elevator": r"(servo_)?(elevator|stern_?planes?|delta_[se]|de|ds)(_(angle|cmd|input|pwm|us))?|pitch_input",
     "fins.top": r"(fins?_)?(yaw_t|top)|top_fins?",
     "fins.bottom": r"(fins?_)?(yaw_b|bottom|bot)|bottom_fins?",
     "fins.right": r"(fins?_)?(pitch_r|right|starboard|stbd)|(right|starboard|stbd)_fins?",
@@ -59,7 +59,7 @@ INPUT_NAMES: dict[str, str] = {
     "surge_force": rf"surge_force|thrust(_force)?{_WHICH}",
     "thrust.revolutions": r"((prop|screw|shaft|motor|thrust|throttle)\w*)?(rpm|rps|rev/s|turn/s)|(rpm|rps)_\w+"
     r"|propeller_rotation_rate",
-    "thrust.share": rf"({SIDES}_)*thruster{_WHICH}(_(cmd|command|input))?{_WHICH}|motor_speed_cmd|throttle",
+    "thrust.share": rf"({SIDES}_)*thruster{_WHICH}(_(cmd|command|input|pwm|us))?{_WHICH}|motor_speed_cmd|throttle",
     "roll_moment": r"roll_moment",
 }
 # By SI unit: endings of names that state a unit.

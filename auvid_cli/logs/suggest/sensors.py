@@ -10,8 +10,9 @@ from auvid_cli.arrays import Array
 from auvid_cli.data.signals import estimate_noise, is_smoothed
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest import names
-from auvid_cli.logs.suggest.evidence import OVER_GROUND, TRIPLES, USUAL_AXES, Evidence
+from auvid_cli.logs.suggest.evidence import OVER_GROUND, TRIPLES, USUAL_AXES, Evidence, course_direction
 from auvid_cli.logs.suggest.known_formats import known_message
+from auvid_cli.logs.suggest.numbered import exchanged_axes, numbered_quaternion, quaternion_order
 from auvid_cli.logs.suggest.relations import Track
 from auvid_cli.logs.suggest.rows import (
     Comment,
@@ -56,6 +57,8 @@ class FoundSensor(NamedTuple):
 
     main: Found
     apart: list[Found]
+    notes: tuple[str, ...] = ()  # reasons for columns that their names do not show
+    is_exchanged: bool = False  # whether x points to starboard and y ahead, so that z points up
 
     @property
     def parts(self) -> list[Found]:
@@ -76,12 +79,14 @@ def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
         is_measured = angles is not None and not angles[1].is_filter_output
         if not (is_measured and quaternion[1].is_filter_output):
             places["attitude"] = quaternion
-    found = {}
+    found: dict[str, FoundSensor] = {}
     for sensor, place in places.items():
         if place is not None:
             main = found_in(logs, sensor, *place)
             found[sensor] = FoundSensor(main, [] if main.is_quaternion else _apart(logs, main))
-    return _with_units(logs, found)
+    if "attitude" not in found:
+        found |= _numbered_attitude(logs, found)
+    return _with_units(logs, _in_usual_order(found, sensor_tracks(logs, found)))
 
 
 def _with_units(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
@@ -100,8 +105,8 @@ def _with_units(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
         for part, verdict in zip(parts, verdicts, strict=True)
     ]
     return {
-        name: FoundSensor(*(own[0], own[1:]))
-        for name in sensors
+        name: sensor._replace(main=own[0], apart=own[1:])
+        for name, sensor in sensors.items()
         if (own := [part for part in known if part.sensor == name])
     }
 
@@ -116,6 +121,57 @@ def _part_tracks(
         is_valid = flags == _valid_value(part, flags)
         signals = {symbol: np.where(is_valid, values, np.nan) for symbol, values in signals.items()}
     return tracks_of(log, part.match.table, signals)
+
+
+def _numbered_attitude(logs: Mapping[str, Log], found: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
+    """Return the attitude of four columns such as q0 to q3, in the order that the gyroscope shows."""
+    gyroscope = sensor_tracks(logs, {name: sensor for name, sensor in found.items() if name == "gyroscope"})
+    for name, log in logs.items():
+        for table, columns in log.tables().items():
+            four = numbered_quaternion(columns)
+            if not four or known_message(table, columns) is not None:
+                continue
+            read = log.read(table, [column.name for column in four])
+            tracks = tracks_of(
+                log, table, {str(k): np.asarray(values, np.float64) for k, values in enumerate(read.values())}
+            )
+            if len(tracks) == 4 and (
+                order := quaternion_order(
+                    tracks["0"].time,
+                    np.column_stack([track.values for track in tracks.values()]),
+                    list(gyroscope.values()),
+                )
+            ):
+                by_axis = dict(sorted(zip(order.axes, four, strict=True)))
+                main = found_in(logs, "attitude", name, names.Match(table, by_axis))
+                return {"attitude": FoundSensor(main, [], (f"order {order.axes}: {order.reason}",))}
+    return {}
+
+
+def _in_usual_order(found: Mapping[str, FoundSensor], tracks: Mapping[str, Track]) -> dict[str, FoundSensor]:
+    """Exchange the first two components of sensors whose x axis points to starboard."""
+    is_fixed = "dvl" in found and (
+        found["dvl"].main.match.message is not None or _is_over_ground(found["dvl"].main.match)
+    )
+    reasons = exchanged_axes(tracks, is_fixed or course_direction(tracks) != 0)
+    usual = dict(found)
+    for name, reason in reasons.items():
+        if name == "attitude":
+            note = "check: axes are probably starboard, ahead, up: `frame: FRD`, `reference: ENU`, `mount: {"
+            usual[name] = found[name]._replace(
+                notes=(f"{note}roll: 180 deg, pitch: 0 deg, yaw: 90 deg}}`: depth follows its roll",)
+            )
+            continue
+        main, (first, second, _) = found[name].main, TRIPLES[name]
+        if {first, second} <= {*main.numbers} and main.match.message is None:
+            swap = {first: second, second: first}
+            columns = {key: main.match.columns[swap.get(key, key)] for key in main.match.columns}
+            numbers = {key: main.numbers[swap.get(key, key)] for key in main.numbers}
+            main = main._replace(match=main.match._replace(columns=columns), numbers=numbers)
+            usual[name] = found[name]._replace(
+                main=main, notes=(f"check: x and y are exchanged: {reason}",), is_exchanged=True
+            )
+    return usual
 
 
 def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
@@ -145,7 +201,10 @@ def sensor_tracks(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -
 def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, dict[str, float]]:
     """Return log likelihoods of axes and signs by names and conventions, see `likely_signs`."""
     expected: dict[str, dict[str, float]] = {}
-    for name, (main, apart) in sensors.items():
+    for name, (main, apart, _, is_exchanged) in sensors.items():
+        if is_exchanged:
+            signs = zip(TRIPLES[name], (1.0, 1.0, -1.0), strict=True)
+            expected |= {symbol: {"+": sign * _CONVENTION} for symbol, sign in signs}
         convention = _convention(logs[main.log], main.match.table)
         if convention is not None:
             expected[name] = {convention[0]: _CONVENTION}
@@ -203,6 +262,7 @@ def _sensor(
     convention = _convention(log, main.match.table)
     frame = _frame(name, evidence, convention[0] if convention is not None else "")
     yield from row_entries(logs, main.log, main.match.table, evidence.delays.get(name, 0.0))
+    yield from map(Comment, found.notes)
     if main.is_quaternion:
         yield YamlEntry("quaternion", [YamlEntry(axis, column.name) for axis, column in main.match.columns.items()])
     else:

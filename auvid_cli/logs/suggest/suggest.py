@@ -8,7 +8,7 @@ from pathlib import Path
 
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest.evidence import weigh_evidence
-from auvid_cli.logs.suggest.inputs import FoundInputs, find_inputs, input_lines, input_tracks
+from auvid_cli.logs.suggest.inputs import FoundInputs, find_inputs, input_lines, input_tracks, with_numbered_fins
 from auvid_cli.logs.suggest.known_formats import known_message
 from auvid_cli.logs.suggest.names import is_filter_output, is_set_point
 from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, commented_text, time_of
@@ -94,7 +94,7 @@ def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> st
     files = [YamlEntry(name, _file(log, folder)) for name, log in names.items()]
     sensors = find_sensors(names)
     measured = sensor_tracks(names, sensors)
-    inputs = find_inputs(names, measured)
+    inputs = with_numbered_fins(names, find_inputs(names, measured), measured)
     tracks = measured | input_tracks(names, inputs)
     evidence = weigh_evidence(tracks, expected_of(names, sensors))
     return commented_text(

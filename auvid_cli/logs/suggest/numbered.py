@@ -1,0 +1,226 @@
+"""Fins, quaternions and axes that names do not tell apart: tried on the data."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from auvid_cli.arrays import Array
+from auvid_cli.logs.formats.log import LogColumn
+from auvid_cli.logs.frames import conjugate, interpolate, product
+from auvid_cli.logs.suggest.relations import RelationFit, Track, fit_relations
+
+_QUATERNION = re.compile(r"(?i)(.*\.)?(q|quat|quaternion)_?\[?(?P<number>[0-4])\]?")
+_FIN = re.compile(
+    r"(?i)(.*\.)?(fin|servo|rudder|plane|surface|delta)s?_?\[?(?P<number>[0-9])\]?(_(deg|rad|angle|pwm|us))?"
+)
+_MAX_NORM_ERROR = 0.05  # largest deviation of a quaternion's length from 1
+_MIN_AGREEMENT = 0.6  # mean correlation of turn rates
+_CLEARLY_MORE = 0.1
+# Axes of a quaternion in those of the gyroscope, each with its sign. A mirrored one has the wrong order.
+_USUAL_TURNS = (
+    ((0, 1), (1, 1), (2, 1)),
+    ((0, 1), (1, -1), (2, -1)),
+    ((1, 1), (0, 1), (2, -1)),
+)
+_RATE_WINDOW = 0.5  # s, over which turn rates of a quaternion are taken
+_FAST = 3.0  # ratio of mean speeds at which the axis of the larger one points ahead
+_MIN_SPEED = 0.3  # m/s
+_EXCHANGE_EVIDENCE = 6.0  # log likelihood by which exchanged axes must agree better
+_TOGETHER = 0.98  # correlation of fins that move together
+_STEP = 0.1  # s
+_WINDOW = 10  # steps over which a response is taken
+_CLEAR = 0.3  # smallest share of the variance of a response that fins must explain
+_PLUS = 0.2  # share below which a response counts as none
+
+
+def numbered(pattern: re.Pattern[str], columns: Iterable[LogColumn]) -> list[LogColumn]:
+    """Return the columns with numbers by a pattern, in the order of their numbers."""
+    matches = [
+        (match, column) for column in columns if (match := pattern.fullmatch(column.name)) and not column.is_text
+    ]
+    return [column for _, column in sorted(matches, key=lambda pair: int(pair[0]["number"]))]
+
+
+def numbered_quaternion(columns: Iterable[LogColumn]) -> list[LogColumn]:
+    """Return four columns such as q0 to q3; empty without them."""
+    found = numbered(_QUATERNION, columns)
+    return found if len(found) == 4 else []
+
+
+def numbered_fins(columns: Iterable[LogColumn]) -> list[LogColumn]:
+    """Return two to four columns such as fin1 to fin4; empty without them."""
+    found = numbered(_FIN, columns)
+    return found if 2 <= len(found) <= 4 else []
+
+
+class Order(NamedTuple):
+    """Order of the components of a quaternion, and the reason."""
+
+    axes: str
+    reason: str
+
+
+def quaternion_order(time: Array, values: Array, rates: Sequence[Track]) -> Order | None:
+    """Return the order of four numbers that are a quaternion; None if they are none.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+    values : ndarray, shape (n, 4)
+    rates : sequence of Track
+        Turn rates of a gyroscope about three axes; they may be missing.
+    """
+    usable = np.isfinite(values).all(axis=1)
+    time, values = time[usable], values[usable]
+    if time.size < 3 or np.abs(np.linalg.norm(values, axis=1) - 1.0).max() > _MAX_NORM_ERROR:
+        return None
+    by_order = {"wxyz": values, "xyzw": values[:, [3, 0, 1, 2]]}
+    if len(rates) == 3:
+        cells = max(1, round(_RATE_WINDOW / float(np.median(np.diff(time)))))
+        weights = np.full(cells + 1, 1.0 / (cells + 1))
+        on_grid = (interpolate(rate.time, rate.values[:, None], time)[:, 0] for rate in rates)
+        measured = [np.convolve(rate, weights, "valid") for rate in on_grid]
+        agreement = {axes: _agreement(_rates(time, q, cells), measured) for axes, q in by_order.items()}
+        axes = max(agreement, key=lambda axes: agreement[axes])
+        other = min(agreement.values())
+        if agreement[axes] > max(_MIN_AGREEMENT, other + _CLEARLY_MORE):
+            words = f"its turn rates agree with the gyroscope: mean correlation {agreement[axes]:.2f}"
+            return Order(axes, f"{words}, in the other order {other:.2f}")
+    return Order("wxyz", "check: w first or last? No gyroscope shows it")
+
+
+def _rates(time: Array, quaternion: Array, cells: int) -> Array:
+    """Return the turn rates of a quaternion about its body axes over some steps, rad/s, shape (3, n - cells)."""
+    steps = product(conjugate(quaternion[:-cells]), quaternion[cells:])
+    return 2.0 * (steps * np.sign(steps[:, :1]))[:, 1:].T / (time[cells:] - time[:-cells])
+
+
+def _agreement(rates: Array, measured: Sequence[Array]) -> float:
+    """Return the mean correlation of turn rates in the usual pair of axes in which it is largest."""
+    return max(
+        float(np.mean([sign * _correlation(rates[k], measured[axis]) for k, (axis, sign) in enumerate(axes)]))
+        for axes in _USUAL_TURNS
+    )
+
+
+def _correlation(first: Array, second: Array) -> float:
+    both = np.isfinite(first) & np.isfinite(second)
+    first, second = first[both], second[both]
+    if first.size < 3 or not np.ptp(first) > 0.0 or not np.ptp(second) > 0.0:
+        return 0.0
+    return float(np.corrcoef(first, second)[0, 1])
+
+
+def exchanged_axes(tracks: Mapping[str, Track], may_be_over_ground: bool) -> dict[str, str]:
+    """Return the sensors whose x and y axes are exchanged (right, forward), each with the reason."""
+    exchanged: dict[str, str] = {}
+    if {"u", "v"} <= {*tracks} and not may_be_over_ground:
+        ahead, aside = (float(np.abs(np.nanmean(tracks[symbol].values))) for symbol in ("u", "v"))
+        if aside > max(_MIN_SPEED, _FAST * ahead):
+            exchanged["dvl"] = (
+                f"the mean speed along its second axis is {aside:.3g} m/s, along its first {ahead:.2g} m/s"
+            )
+    for sensor, pair in (("gyroscope", ("p", "q")), ("accelerometer", ("fx", "fy"))):
+        own = {symbol: tracks[symbol] for symbol in (*pair, "phi", "theta") if symbol in tracks}
+        if {*pair} <= {*own} and {"phi", "theta"} <= {*own}:
+            crossed = own | {pair[0]: own[pair[1]], pair[1]: own[pair[0]]}
+            as_named, as_crossed = (fit_relations(of) for of in (own, crossed))
+            if _weight(as_crossed) > _weight(as_named) + _EXCHANGE_EVIDENCE:
+                words = ", ".join(f"{fit.words} ({abs(fit.correlation):.2f})" for fit in as_crossed if fit.weight)
+                exchanged["attitude" if _depth_follows_roll(tracks) else sensor] = words
+    return exchanged
+
+
+def _depth_follows_roll(tracks: Mapping[str, Track]) -> bool:
+    """Whether the attitude itself has exchanged axes: the depth changes with its roll, not with its pitch."""
+    own = {symbol: tracks[symbol] for symbol in ("down", "u", "theta") if symbol in tracks}
+    if "down" not in own:
+        return False
+    crossed = own | {"theta": tracks["phi"]}
+    return _weight(fit_relations(crossed)) > _weight(fit_relations(own)) + _EXCHANGE_EVIDENCE
+
+
+def _weight(fits: Sequence[RelationFit]) -> float:
+    return sum(abs(fit.weight) for fit in fits)
+
+
+class FinRole(NamedTuple):
+    """Place of a fin on the tail and its sign."""
+
+    name: str  # as in the map, such as upper_right
+    sign: int
+    reason: str
+
+
+def fin_roles(fins: Sequence[Track], yaw_rate: Track | None, pitch_rate: Track | None) -> list[FinRole]:
+    """Return the place of each fin by which rates answer it; empty if the data do not show it.
+
+    A fin of an x tail moves yaw and pitch, one of a cross moves one of them. Which fin of a pair is the upper or the
+    right one does not show in yaw and pitch, only in roll.
+    """
+    if yaw_rate is None or pitch_rate is None:
+        return []
+    begin, end = max(t.time[0] for t in (*fins, yaw_rate)), min(t.time[-1] for t in (*fins, yaw_rate))
+    grid = np.arange(begin, end, _STEP)
+    if grid.size < 20 * _WINDOW:
+        return []
+    angles = [interpolate(fin.time, fin.values[:, None], grid)[:, 0] for fin in fins]
+    pairs: list[list[int]] = []
+    for k, angle in enumerate(angles):
+        pair = next((p for p in pairs if abs(_correlation(angles[p[0]], angle)) > _TOGETHER), None)
+        if pair is None:
+            pairs.append([k])
+        else:
+            pair.append(k)
+    if len(pairs) != 2:
+        return []
+    heads = [angles[pair[0]] for pair in pairs]
+    yaw, pitch = (_effects(grid, rate, heads) for rate in (yaw_rate, pitch_rate))
+    if yaw is None or pitch is None:
+        return []
+    roles: dict[int, FinRole] = {}
+    for number, pair in enumerate(pairs):
+        rudder, elevator = -yaw[number], -pitch[number]
+        names, sign, what = _places(rudder, elevator)
+        together = " and ".join(f"no. {k + 1}" for k in pair)
+        for name, k in zip(names, pair, strict=False):
+            own = 1 if _correlation(angles[pair[0]], angles[k]) > 0.0 else -1
+            reason = f"{together} move together, {what}" if len(pair) > 1 else what
+            roles[k] = FinRole(name, sign * own, reason)
+    return [roles[k] for k in sorted(roles)] if len(roles) == len(fins) and _are_all_different(roles) else []
+
+
+def _are_all_different(roles: Mapping[int, FinRole]) -> bool:
+    return len({role.name for role in roles.values()}) == len(roles)
+
+
+def _places(rudder: float, elevator: float) -> tuple[tuple[str, str], int, str]:
+    """Return the places of a pair of fins, the sign of the first, and the response; arguments are relative effects."""
+    if abs(elevator) < _PLUS * abs(rudder):
+        return ("top", "bottom"), 1 if rudder > 0.0 else -1, "yaw responds"
+    if abs(rudder) < _PLUS * abs(elevator):
+        return ("right", "left"), 1 if elevator > 0.0 else -1, "pitch responds"
+    sign = 1 if rudder > 0.0 else -1
+    same = rudder * elevator > 0.0
+    return (("lower_right", "upper_left") if same else ("upper_right", "lower_left")), sign, "yaw and pitch respond"
+
+
+def _effects(grid: Array, rate: Track, heads: Sequence[Array]) -> Array | None:
+    """Return the effects of fins on a rate, relative to the largest; None if they explain too little of it."""
+    on_grid = interpolate(rate.time, rate.values[:, None], grid)[:, 0]
+    change = on_grid[_WINDOW:] - on_grid[:-_WINDOW]
+    means = [np.convolve(head, np.full(_WINDOW + 1, 1.0 / (_WINDOW + 1)), "valid") for head in heads]
+    design = np.column_stack([*means, on_grid[:-_WINDOW], np.ones(change.size)])
+    usable = np.isfinite(design).all(axis=1) & np.isfinite(change)
+    if np.count_nonzero(usable) < 20 * _WINDOW:
+        return None
+    design, change = design[usable], change[usable]
+    size = np.maximum(np.abs(design).max(axis=0), np.finfo(np.float64).tiny)
+    effects, *_ = np.linalg.lstsq(design / size, change, rcond=None)
+    rest = change - (design / size) @ effects
+    explained = 1.0 - float(rest @ rest) / max(float(change @ change), np.finfo(np.float64).tiny)
+    effects = effects[: len(heads)] / size[: len(heads)]
+    largest = float(np.abs(effects).max())
+    return effects / largest if explained > _CLEAR and largest > 0.0 else None
