@@ -61,7 +61,8 @@ class Addition(NamedTuple):
             "fin_trim": "trim of the fins",
             "thrust": "scale of the thrust",
         }
-        return texts.get(self.family, self.family.replace("_", " ")).format(self.name.replace("_", " "))
+        name = self.name if self.family in ("term", "walk") else self.name.replace("_", " ")
+        return texts.get(self.family, self.family.replace("_", " ")).format(name)
 
     @property
     def key(self) -> tuple[str, str]:

@@ -42,6 +42,8 @@ _N_TRIALS = 3
 _MAX_LOOKS = 8
 # Gain for each measurement below which a cause explains little, so that noise and a disturbance are tried too.
 _SMALL_SHARE = 0.02
+# Factor on the stated process noise from which noise and a disturbance are tried first.
+_FAR_FROM_STATED = 500.0
 # Process noise up to this factor on the stated one is no sign of a missing part of the model.
 _TIGHT = 3.0
 # Corrections of a delay, and the size of one that is small enough at the end, in standard deviations.
@@ -173,6 +175,9 @@ class _Search:
             found = candidates(estimate, self.model.additions, self._least, self._duration)
             tried = [candidate for candidate in found if self._limits.allows(candidate.addition)]
             causes, others = _by_kind(tried)
+            if noise_excess(estimate, self._least) > _FAR_FROM_STATED:
+                # The tests are not calibrated yet, and a disturbance converges faster than a wrong cause.
+                causes, others = others, causes
             best = self._try(self.model, causes)
             if best is None or best.evidence - self.model.evidence < _SMALL_SHARE * self._n_measured:
                 # A disturbance, or noise of another size, explains a little of everything: only if nothing else does.

@@ -72,6 +72,11 @@ def test_fault_without_a_setting_asks_for_nothing():
     assert addition_for(score_test(FaultKind.ANTICIPATING_FIN, "rudder"), 100.0) is None
 
 
+def test_name_of_a_term_keeps_its_symbol():
+    assert str(Addition("term", "N_|v|r")) == "term N_|v|r"
+    assert str(Addition("delay", "magnetic_field")) == "delay of the magnetic field"
+
+
 def test_drift_walks_as_far_as_it_drifts():
     # A drift of 0.5 per second moves by 50 in 100 s; a walk of w has then the standard deviation 10 w.
     addition = addition_for(score_test(FaultKind.CURRENT_DRIFT, "north"), 100.0)
