@@ -50,7 +50,7 @@ def fill_in(text: str) -> str:
     text = re.sub(r"(?m)^name: .*", "name: survey", text)
     text = re.sub(r"(?s)vehicle: #.*?\nlogs:", "vehicle: vehicle.yaml\nlogs:", text)
     for deviation in ("1 cm/s", "0.2 deg", "1 cm"):
-        text = re.sub(r"standard_deviation: null.*", f"standard_deviation: {deviation}", text, count=1)
+        text = re.sub(r"standard_deviation: (?:null|estimate).*", f"standard_deviation: {deviation}", text, count=1)
     return re.sub(r"# check: no column looks like thrust.*", "surge_force: {constant: 10 N}", text)
 
 

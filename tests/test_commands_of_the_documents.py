@@ -74,6 +74,7 @@ def fill_in(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     vehicle = f"vehicle: {shipped.shipped_configs()}/vehicles/vt690.yaml\nlogs:"
     text = re.sub(r"(?s)vehicle: #.*?logs:", vehicle, text)
+    text = re.sub(r"unit: null # required: m/s.*", "unit: m/s", text)
     path.write_text(text.replace("standard_deviation: null", "standard_deviation: 0.01"), encoding="utf-8")
 
 

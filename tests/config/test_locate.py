@@ -170,7 +170,8 @@ def test_missing_key_of_referenced_file_is_reported_there(text, tmp_path):
     vehicle = tmp_path / "v.yaml"
     vehicle.write_text("name: v\nsize: {length: 1, diameter: 1}\n")
     (line,) = errors(text, f"vehicle={vehicle}")
-    assert line.startswith(f"{vehicle}:1:1: vehicle: missing key 'parameters': a mapping with the keys m, W, B, Ixx,")
+    assert line.startswith(f"{vehicle}:1:1: vehicle: missing key 'parameters'")
+    assert "a mapping with the keys m, W, B, Ixx," in line
 
 
 def test_all_mistakes_are_reported_at_once(text, tmp_path):

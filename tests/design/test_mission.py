@@ -105,7 +105,7 @@ def test_band_lies_between_its_vehicles(band, remus, manoeuvre):
     only = summarise_runs([simulate_trial(remus().vehicle, manoeuvre)])
     assert_allclose(only.position[..., 0], only.position[..., 2])
     assert only.box == pytest.approx(np.ptp(simulate_trial(remus().vehicle, manoeuvre).position[:, :2], axis=0))
-    with pytest.raises(DataError, match="lost"):
+    with pytest.raises(DataError, match="out of control"):
         summarise_runs([])
 
 

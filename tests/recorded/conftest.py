@@ -25,16 +25,16 @@ def recorded():
 @pytest.fixture(scope="session")
 def auvid(scan_files_here, leave_figures_out):
     """Function: run a command without figures in this process, expect an exit code, and return what it printed."""
-    with pytest.MonkeyPatch.context() as patch:
-        scan_files_here(patch)
-        leave_figures_out(patch)
 
-        def run(*arguments, code=0):
+    def run(*arguments, code=0):
+        with pytest.MonkeyPatch.context() as patch:
+            scan_files_here(patch)
+            leave_figures_out(patch)
             result = CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
-            assert result.exit_code == code, result.output
-            return result.stdout if code != 2 else result.stderr
+        assert result.exit_code == code, result.output
+        return result.stdout if code != 2 else result.stderr
 
-        yield run
+    return run
 
 
 @pytest.fixture(scope="session")

@@ -303,8 +303,18 @@ def _frame(sensor: str, evidence: Evidence, convention: str) -> str:
     return min(USUAL_AXES, key=distance)
 
 
+def _mirrored(found: FoundSensor, frame: str, evidence: Evidence) -> str:
+    """Return the component of a known message whose sign has no evidence, if the axes would be a mirror image."""
+    triple, signs = TRIPLES.get(found.main.sensor, ()), evidence.verdict.signs
+    usual_axes = USUAL_AXES.get(frame, (1, 1, 1))
+    n_reversed = sum(signs.get(c, usual) != usual for c, usual in zip(triple, usual_axes, strict=False))
+    unknown = [component for component in triple if not evidence.verdict.strength(component)]
+    return unknown[0] if found.main.match.message is not None and n_reversed % 2 and len(unknown) == 1 else ""
+
+
 def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: Evidence) -> Iterator[Line]:
     name, present = found.main.sensor, set[str]()
+    mirrored = _mirrored(found, frame, evidence)
     for part in found.parts:
         for component, column in part.match.columns.items():
             present.add(component)
@@ -316,7 +326,7 @@ def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: 
                 comment = part.unit_entry().comment
             axis = TRIPLES.get(name, (component,)).index(component)
             usual = USUAL_AXES.get(frame, (1, 1, 1))[axis]
-            is_reversed = evidence.verdict.signs.get(component, usual) != usual
+            is_reversed = (evidence.verdict.signs.get(component, usual) != usual) != (component == mirrored)
             more: dict[str, Flow] = {}
             if is_reversed and not (name == "dvl" and evidence.over_ground):
                 more = {"sign": -1, "offset": Phrase("90 deg")} if component == "psi" else {"sign": -1}
