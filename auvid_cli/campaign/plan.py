@@ -210,8 +210,7 @@ class CampaignPlan:
         changes = changes_in(written) if self.filters[variant].settings else []
         experiment, name = self._experiment([*known, *changes]), self.filters[variant].filter
         experiment.identification.check_filters([name])
-        identification = experiment.identification.model_copy(update={"filters": (name,)})
-        return experiment.model_copy(update={"identification": identification})
+        return experiment.with_identification(filters=(name,))
 
     def _experiment(self, changes: list[Change]) -> Experiment:
         base, mistakes = self._base

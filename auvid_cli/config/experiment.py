@@ -1,7 +1,7 @@
 """Settings of an experiment: vehicle, sensors, manoeuvre and identification."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -73,6 +73,14 @@ class RunSettings(WithVehicle):
     def has_ahrs(self) -> bool:
         """Whether an AHRS computes the attitude; assumed for a recorded run."""
         return True
+
+    def with_identification(self, **changes: object) -> Self:
+        """Return the settings with changes below `identification`, which are not validated."""
+        return self.model_copy(update={"identification": self.identification.model_copy(update=changes)})
+
+    def with_estimate(self, **changes: object) -> Self:
+        """Return the settings with changes below `identification.estimate`, which are not validated."""
+        return self.with_identification(estimate=self.identification.estimate.model_copy(update=changes))
 
     def data_files(self) -> list[Path]:
         """Return the data files that the settings name."""

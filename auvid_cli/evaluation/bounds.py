@@ -146,16 +146,14 @@ class BoundsOf:
 
 
 def _bounds(prepared: PreparedData, estimate: Estimate) -> Bounds:
-    settings = estimate.experiment.identification
     # The file of an earlier estimate may be gone.
-    prior = settings.prior.model_copy(update={"from_estimate": None})
-    identification = settings.model_copy(update={"prior": prior})
-    experiment = estimate.experiment.model_copy(update={"identification": identification})
+    prior = estimate.experiment.identification.prior
+    experiment = estimate.experiment.with_identification(prior=prior.model_copy(update={"from_estimate": None}))
     truth = prepared.dataset.truth
     known = estimate.coefficient_set.symbols
     values = estimate.final_coefficients() if truth is None else truth.coefficients_of(known)
     bounds = bounds_at(prepared.with_settings(experiment), values)
-    return bounds._replace(with_prior={}) if settings.prior.from_estimate else bounds
+    return bounds._replace(with_prior={}) if prior.from_estimate else bounds
 
 
 def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:

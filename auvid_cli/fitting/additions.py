@@ -110,7 +110,7 @@ def with_addition(settings: RunSettings, addition: Addition) -> RunSettings:
     estimate, family, name = identification.estimate, addition.family, addition.name
     match family:
         case BiasName.DELAY:
-            return with_identification(settings, delays={**identification.delays, name: addition.size})
+            return settings.with_identification(delays={**identification.delays, name: addition.size})
         case "term":
             found = next(each for each in (term(*of) for of in TESTED_TERMS) if each.symbol == name)
             return with_terms(settings, (*settings.vehicle.terms, Term.of(found)))
@@ -121,7 +121,7 @@ def with_addition(settings: RunSettings, addition: Addition) -> RunSettings:
         case "walk":
             error, _, key = name.partition(".")
             changed = getattr(estimate, error).model_copy(update={key: addition.size})
-            return _with_estimate(settings, **{error: changed})
+            return settings.with_estimate(**{error: changed})
         case BiasName.DISTURBANCE:
             changes = {} if estimate.disturbance.blocks() else {"disturbance": disturbance_like_noise(settings)}
         case BiasName.DVL_ARM:
@@ -132,7 +132,7 @@ def with_addition(settings: RunSettings, addition: Addition) -> RunSettings:
         case _:
             changes = {}
     biases = tuple(dict.fromkeys((*estimate.biases, BiasName(family))))
-    return _with_estimate(settings, biases=biases, **changes)
+    return settings.with_estimate(biases=biases, **changes)
 
 
 def without_addition(settings: RunSettings, addition: Addition) -> RunSettings:
@@ -142,34 +142,25 @@ def without_addition(settings: RunSettings, addition: Addition) -> RunSettings:
     match family:
         case BiasName.DELAY:
             delays = {sensor: delay for sensor, delay in identification.delays.items() if sensor != name}
-            return with_identification(settings, delays=delays)
+            return settings.with_identification(delays=delays)
         case "term":
             return with_terms(settings, [each for each in settings.vehicle.terms if each.name != name])
         case "lag":
             return _with_lag(settings, None)
         case "noise":
             factors = {s: factor for s, factor in identification.measurement_noise.items() if s != name}
-            return with_identification(settings, measurement_noise=factors)
+            return settings.with_identification(measurement_noise=factors)
         case "walk":
             error, _, key = name.partition(".")
             changed = getattr(estimate, error)
             default = type(changed).model_fields[key].default
-            return _with_estimate(settings, **{error: changed.model_copy(update={key: default})})
+            return settings.with_estimate(**{error: changed.model_copy(update={key: default})})
         case BiasName.DVL_ARM if len(getattr(estimate, family).axes) > 1:
             arm = getattr(estimate, family)
             axes = tuple(axis for axis in arm.axes if axis != name)
-            return _with_estimate(settings, dvl_arm=arm.model_copy(update={"axes": axes}))
+            return settings.with_estimate(dvl_arm=arm.model_copy(update={"axes": axes}))
         case _:
-            return _with_estimate(settings, biases=tuple(error for error in estimate.biases if error != family))
-
-
-def with_identification(settings: RunSettings, **changes: object) -> RunSettings:
-    """Return settings with changes below `identification`."""
-    return settings.model_copy(update={"identification": settings.identification.model_copy(update=changes)})
-
-
-def _with_estimate(settings: RunSettings, **changes: object) -> RunSettings:
-    return with_identification(settings, estimate=settings.identification.estimate.model_copy(update=changes))
+            return settings.with_estimate(biases=tuple(error for error in estimate.biases if error != family))
 
 
 def _with_lag(settings: RunSettings, time_constant: float | None) -> RunSettings:

@@ -22,7 +22,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.innovations import causes_text, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
-from auvid_cli.fitting.additions import Addition, with_addition, with_identification, without_addition
+from auvid_cli.fitting.additions import Addition, with_addition, without_addition
 from auvid_cli.fitting.candidates import WORTH, Candidate, candidates, corrected_times, noise_excess
 from auvid_cli.fitting.results import Fit, FitStep
 from auvid_cli.fitting.sizes import is_certain, size_text
@@ -158,7 +158,7 @@ class _Search:
             if name != "depth" or name in self._prepared.measuring
         ]
         noise = self._least.times(_LOOSE, names)
-        loose = with_identification(self._prepared.experiment, process_noise=noise)
+        loose = self._prepared.experiment.with_identification(process_noise=noise)
         self.model = self._tuned(loose, ())
         if self.model is None:
             raise DataError("no trajectory follows these data, even with much process noise; see auvid inspect")
@@ -294,7 +294,7 @@ class _Search:
         free = len(sensors) + sum(addition.is_time for addition in additions)
         free += sum(noise.setting.startswith("identification.estimate.") for noise in tuning.noises)
         evidence = tuning.log_likelihood - 0.5 * free * log(self._n_measured)
-        tuned = with_identification(tuning.experiment, smoother=settings.identification.smoother)
+        tuned = tuning.experiment.with_identification(smoother=settings.identification.smoother)
         return _Model(tuned, additions, evidence)
 
     def finish(self, stopped: str) -> Fit:
@@ -305,7 +305,7 @@ class _Search:
         smoother = self._dataset.experiment.identification.smoother
         if smoother.answer == "automatic" and settings.identification.process_noise != self._least:
             smoother = smoother.model_copy(update={"answer": "marginal"})
-        settings = with_identification(settings, smoother=smoother)
+        settings = settings.with_identification(smoother=smoother)
         estimate = identify(replace(self._dataset, experiment=settings), JUDGE)
         judgement = judge_one(estimate, None)
         self.note("end", "fit to all data", None, True, "", judgement)

@@ -7,7 +7,6 @@ import numpy as np
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.fitting.additions import with_identification
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.run import set_up_filters
 
@@ -29,7 +28,7 @@ def joint_answer(dataset: Dataset) -> Dataset:
     """Return a dataset whose settings ask for the joint estimate, with noise and delays as stated."""
     identification = dataset.experiment.identification
     smoother = identification.smoother.model_copy(update={"answer": "joint"})
-    return replace(dataset, experiment=with_identification(dataset.experiment, smoother=smoother, noise="stated"))
+    return replace(dataset, experiment=dataset.experiment.with_identification(smoother=smoother, noise="stated"))
 
 
 def smoothed(prepared: PreparedData) -> Estimate:

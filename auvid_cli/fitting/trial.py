@@ -2,16 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import degrees, isfinite
 
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.config.extra_states import AugmentedStates
+from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.identification import Use
 from auvid_cli.data.dataset import Dataset, cut
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.fitting.additions import with_identification
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 from auvid_cli.identification.terms import split
@@ -25,7 +24,6 @@ _STARTS = 40
 _MIN_LENGTH = 30.0  # s; shorter data are not split
 # Share of an error below which two models predict equally well.
 _MARGIN = 0.1
-_DEGREES = 57.29577951308232
 # Coefficient errors of the vehicle that the vehicle file does not have.
 _VEHICLE_ERRORS = "thrust_scale", "rudder_trim", "elevator_trim", "excess_buoyancy", "trim_moment"
 
@@ -55,7 +53,7 @@ class Trial:
         return 0.0 if not other else 1.0 - self.model / other
 
     def __str__(self) -> str:
-        factor, unit = (_DEGREES, "deg/s") if self.unit == "rad/s" else (1.0, self.unit)
+        factor, unit = (degrees(1.0), "deg/s") if self.unit == "rad/s" else (1.0, self.unit)
         text = f"{_SIGNALS[self.signal]} {self.horizon:g} s ahead: {factor * self.model:.3g} {unit}"
         name, other = self.other
         if other is None:
@@ -69,12 +67,13 @@ def try_on_held_out(dataset: Dataset, settings: RunSettings) -> tuple[Trial, ...
 
     The vehicle file is used as it is: its coefficients, without estimated errors of thrust, fins and ballast.
     """
-    stated = with_identification(settings, estimate=_without_delays(settings))
+    errors = settings.identification.estimate.biases
+    stated = settings.with_estimate(biases=tuple(error for error in errors if error != BiasName.DELAY))
     data = replace(dataset, experiment=stated)
     training, held_out = split(prepare(data))
     if sum(end - begin for begin, end in held_out) < _MIN_LENGTH / 3.0:
         return ()
-    fitted = identify(replace(data, experiment=with_identification(stated, use=Use(spans=training))), JUDGE)
+    fitted = identify(replace(data, experiment=stated.with_identification(use=Use(spans=training))), JUDGE)
     if not fitted.completed:
         return ()
     parts = [cut(replace(dataset, truth=None), begin, end) for begin, end in held_out]
@@ -111,11 +110,6 @@ def _file_rows(parts: Sequence[Dataset], fitted: Estimate) -> list[Prediction]:
     except DataError:
         return []
     return [row for row in rows if row.kind == AHEAD and row.rmse is not None and isfinite(row.rmse)]
-
-
-def _without_delays(settings: RunSettings) -> AugmentedStates:
-    estimate = settings.identification.estimate
-    return estimate.model_copy(update={"biases": tuple(error for error in estimate.biases if error != "delay")})
 
 
 def trial_text(trials: Sequence[Trial]) -> str:

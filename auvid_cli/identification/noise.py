@@ -181,13 +181,13 @@ def choose_disturbance(
     The disturbance is that of the settings, even if it is not among their `biases`; without a size there, one for each
     axis that is equivalent to the white process noise. Parameters and errors are those of `tune_noise`.
     """
-    asked = prepared.experiment.identification
+    experiment, asked = prepared.experiment, prepared.experiment.identification
     others = tuple(bias for bias in asked.estimate.biases if bias != BiasName.DISTURBANCE)
-    without = tune_noise(_with_estimate(prepared, biases=others), with_sensors, on_progress)
+    without = tune_noise(prepared.with_settings(experiment.with_estimate(biases=others)), with_sensors, on_progress)
     stated = asked.estimate.disturbance
     disturbance = stated if stated.blocks() else disturbance_like_noise(without.experiment)
     biases = (*others, BiasName.DISTURBANCE)
-    having = _with_estimate(prepared, biases=biases, disturbance=disturbance)
+    having = prepared.with_settings(experiment.with_estimate(biases=biases, disturbance=disturbance))
 
     def on_second(progress: TuningProgress) -> None:
         # Interrupted now, the finished tuning without a disturbance is the best so far.
@@ -205,12 +205,6 @@ def choose_disturbance(
     )
     over_stated = kept.log_likelihood - as_asked.log_likelihood + as_asked.gain
     return replace(kept, gain=over_stated, choice=choice)
-
-
-def _with_estimate(prepared: PreparedData, **changes: object) -> PreparedData:
-    """Return the data with changed settings in `identification.estimate`."""
-    estimate = prepared.experiment.identification.estimate.model_copy(update=changes)
-    return prepared.with_identification(estimate=estimate)
 
 
 def disturbance_like_noise(experiment: RunSettings) -> EstimatedDisturbance:

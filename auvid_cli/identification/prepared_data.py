@@ -185,8 +185,7 @@ class PreparedData:
 
     def with_identification(self, **changes: object) -> "PreparedData":
         """Return the data prepared for other settings below `identification`."""
-        identification = self.experiment.identification.model_copy(update=changes)
-        return self.with_settings(self.experiment.model_copy(update={"identification": identification}))
+        return self.with_settings(self.experiment.with_identification(**changes))
 
 
 def prepare(dataset: Dataset) -> PreparedData:

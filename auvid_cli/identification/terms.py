@@ -112,11 +112,9 @@ def with_more_process_noise(prepared: PreparedData, settings: RunSettings, best:
 
     With more process noise the coefficients are less biased by a missing term.
     """
-    identification, stated = settings.identification, settings.identification.process_noise
     for factor in _NOISE_FACTORS:
-        noise = stated.times(factor, ("velocity", "rate"))
-        inflated = identification.model_copy(update={"process_noise": noise})
-        fit = fit_smoother(prepared, settings.model_copy(update={"identification": inflated}), split(prepared)[0])
+        noise = settings.identification.process_noise.times(factor, ("velocity", "rate"))
+        fit = fit_smoother(prepared, settings.with_identification(process_noise=noise), split(prepared)[0])
         if fit is None or fit.log_evidence < best.log_evidence:
             break
         best = fit
@@ -152,10 +150,7 @@ def split(prepared: PreparedData) -> tuple[Spans, Spans]:
 
 def fit_smoother(prepared: PreparedData, settings: RunSettings, spans: Spans) -> Fit | None:
     """Run the smoother on spans of the data; None if it does not converge."""
-    identification = settings.identification.model_copy(update={"use": Use(spans=spans)})
-    augmented = augmented_problem(
-        prepared.with_settings(settings.model_copy(update={"identification": identification}))
-    )
+    augmented = augmented_problem(prepared.with_settings(settings.with_identification(use=Use(spans=spans))))
     problem = augmented.joint
     smoothing = LinearSmoothing(problem)
     optima = most_probable(problem, smoothing, settings.identification.smoother.max_passes)

@@ -136,9 +136,7 @@ def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialSta
         if states.status == "completed" and max(states.nis.values()) <= MAX_NIS:
             break
         noise = settings.process_noise.times(factor)
-        identification = settings.model_copy(update={"process_noise": noise})
-        experiment = prepared.experiment.model_copy(update={"identification": identification})
-        states = replace(_filtered(prepared.with_settings(experiment), wanted), noise_factor=factor)
+        states = replace(_filtered(prepared.with_identification(process_noise=noise), wanted), noise_factor=factor)
     return replace(states, nis=first.nis, process_noise=first.process_noise)
 
 

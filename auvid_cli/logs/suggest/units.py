@@ -50,11 +50,6 @@ class PossibleUnits(NamedTuple):
     units: tuple[str, ...]
     reason: str
 
-    @property
-    def is_known(self) -> bool:
-        """Whether only one unit is possible."""
-        return len(self.units) == 1
-
 
 class _Tie(NamedTuple):
     """A relation whose gain physics fixes."""
@@ -194,7 +189,7 @@ def _excluded_angles(part: Columns) -> dict[str, str]:
         within = psi.size > 1 and np.ptp(psi) < (1.0 + 1e-3) * turn
         if within and is_wrap.any() and float(np.median(jumps)) < _WRAP * turn:
             return {other: f"the heading wraps by {name}"}
-    if np.ptp(psi) > 2.0 * np.pi * _MAX_TURNS if psi.size else False:
+    if psi.size and np.ptp(psi) > 2.0 * np.pi * _MAX_TURNS:
         return {"rad": f"the heading changes by {np.ptp(psi):.3g}"}
     return {}
 
