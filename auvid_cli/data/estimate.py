@@ -33,7 +33,7 @@ from auvid_cli.data.array_checks import (
 )
 from auvid_cli.data.considered import ConsideredErrors, Contributor
 from auvid_cli.data.faults import FaultTest
-from auvid_cli.data.innovations import Innovations
+from auvid_cli.data.innovations import Innovations, InnovationStatistics
 from auvid_cli.errors import InvalidDataError
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import CoefficientSet
@@ -58,6 +58,7 @@ _TYPES = {
     "status": str,
     "faults": tuple,
     "corrected": dict,
+    "explained": dict,
 }
 # Units of all states except coefficients, by symbol.
 STATES = {quantity.symbol: quantity.unit for quantity in (*_MOVING, *ERROR_STATES)}
@@ -127,6 +128,7 @@ class Outcome:
     faults: tuple[FaultTest, ...] = field(default=(), kw_only=True)
     corrected: dict[str, float] = field(default_factory=dict, kw_only=True)
     considered: ConsideredErrors | None = field(default=None, kw_only=True)
+    explained: dict[str, InnovationStatistics] = field(default_factory=dict, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -165,6 +167,9 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         Of an estimator that tests for faults.
     considered : ConsideredErrors or None
         Errors of known quantities that are not estimated; those of the smoother for other estimators.
+    explained : dict of InnovationStatistics
+        By sensor, of the innovations less the effects of the most likely errors of known quantities, within their
+        tolerances; empty if an estimator does not know these.
     dataset_sha256 : str
         Of the file of its dataset; empty if the dataset was in memory.
     """
@@ -202,6 +207,10 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         for sensor, innovations in self.innovations.items():
             check_type(f"innovations of {sensor!r}", innovations, Innovations)
             innovations.check(sensor, is_fit)
+        for sensor, statistics in self.explained.items():
+            check_type(f"/explained/{sensor}", statistics, InnovationStatistics)
+            if sensor not in self.innovations:
+                raise InvalidDataError(f"/explained has the sensor {sensor!r} without innovations")
         for test in self.faults:
             check_type("/faults", test, FaultTest)
             where = f"/faults, {test.fault},"
@@ -290,6 +299,10 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
     def completed(self) -> bool:
         """Whether the filter reached the end of the data."""
         return self.status == "completed"
+
+    def statistics(self, sensor: str) -> InnovationStatistics:
+        """Return the statistics by which a sensor is judged: less what errors within the tolerances explain."""
+        return self.explained[sensor] if sensor in self.explained else self.innovations[sensor].statistics()
 
     def history(self, symbols: Sequence[str], with_innovations: bool = False) -> "EstimateHistory":
         """Return some components of the state over time, with or without the innovations."""

@@ -16,13 +16,20 @@ from pydantic import Field
 from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.data import netcdf
-from auvid_cli.data.array_checks import check_sensor, check_shapes
+from auvid_cli.data.array_checks import check_finite, check_sensor, check_shapes
 from auvid_cli.data.considered import ConsideredErrors
 from auvid_cli.data.estimate import Array, Estimate, EstimateChunk, EstimateHeader, Outcome
 from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.data.files import replacing
 from auvid_cli.data.hdf5 import READ_ERRORS, trust
-from auvid_cli.data.innovations import Autocorrelation, Innovations, InnovationSums
+from auvid_cli.data.innovations import (
+    N_LAGS,
+    NIS_WINDOW,
+    Autocorrelation,
+    Innovations,
+    InnovationStatistics,
+    InnovationSums,
+)
 from auvid_cli.errors import InvalidDataError
 from auvid_cli.text import one_line
 from auvid_cli.vehicle.parameters import SENSORS
@@ -73,6 +80,8 @@ class EstimateWriter:
             _write_corrected(self._file.create_group("corrected"), outcome.corrected)
         if outcome.considered is not None:
             _write_considered(self._file.create_group("considered"), outcome.considered)
+        for sensor, statistics in outcome.explained.items():
+            _write_statistics(self._file.create_group(f"explained/{sensor}"), statistics)
         if outcome.faults:
             _write_faults(self._file.create_group("faults"), outcome.faults)
         times = {"cpu_time_s": outcome.cpu_time, "wall_time_s": outcome.wall_time}
@@ -205,6 +214,38 @@ def add_considered(path: Path, estimate: Estimate) -> None:
     trust(path)
 
 
+# Fields of `InnovationSums` that are arrays by window, and those that are numbers.
+_OF_WINDOWS = {"squares": "sum of the NIS", "components": "number of components used"}
+_OF_ALL = "start", "measurements", "rejected"
+
+
+def _write_statistics(group: h5py.Group, statistics: InnovationStatistics) -> None:
+    sums, (correlation, samples) = statistics
+    netcdf.write_dimension(group, "window", np.arange(sums.squares.size), f"window of {NIS_WINDOW:g} s")
+    netcdf.write_dimension(group, "component", np.arange(samples.size), "measured component")
+    netcdf.write_dimension(group, "lag", 1 + np.arange(correlation.shape[1]), "lag in used samples")
+    for name, meaning in _OF_WINDOWS.items():
+        netcdf.write_variable(group, name, getattr(sums, name), ("window",), meaning)
+    netcdf.write_variable(group, "correlation", correlation, ("component", "lag"), "autocorrelation")
+    netcdf.write_variable(group, "samples", samples, ("component",), "number of samples; 0 if there are too few")
+    netcdf.write_dimension(group, "sum", np.array(_OF_ALL, dtype=object), "of all windows")
+    of_all = np.array([getattr(sums, name) for name in _OF_ALL], dtype=np.float64)
+    netcdf.write_variable(group, "value", of_all, ("sum",), "start of the first window in s, or a number")
+
+
+def _read_statistics(sensor: str, group: h5py.Group) -> InnovationStatistics:
+    squares, components, samples, of_all = (
+        netcdf.read_array(group, name) for name in (*_OF_WINDOWS, "samples", "value")
+    )
+    correlation = netcdf.read_array(group, "correlation", ndim=2)
+    where = f"/explained/{sensor}"
+    check_shapes(where, (components, squares.shape), (correlation, (samples.size, N_LAGS)), (of_all, (len(_OF_ALL),)))
+    check_finite(where, squares, components, correlation, samples, of_all)
+    start, measurements, rejected = of_all.tolist()
+    sums = InnovationSums(start, squares, components, int(measurements), int(rejected))
+    return InnovationStatistics(sums, Autocorrelation(correlation, samples))
+
+
 def _write_faults(group: h5py.Group, faults: tuple[FaultTest, ...]) -> None:
     texts = np.array([str(test.fault) for test in faults], dtype=object)
     netcdf.write_dimension(group, "fault", texts, "possible fault of the data or the model")
@@ -273,6 +314,9 @@ def _read(file: h5py.File, settings_name: str, max_rows: int) -> Estimate:
         faults=_read_faults(netcdf.subgroup(file, "faults")) if "faults" in file else (),
         considered=_read_considered(netcdf.subgroup(file, "considered")) if "considered" in file else None,
         corrected=_read_corrected(netcdf.subgroup(file, "corrected")) if "corrected" in file else {},
+        explained={name: _read_statistics(name, group) for name, group in netcdf.subgroups(file, "explained").items()}
+        if "explained" in file
+        else {},
     )
     estimate.validate()
     return estimate
@@ -306,10 +350,5 @@ def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName, m
     if every == 1:
         return thinned
     start = float(netcdf.read_rows(group, "time", 0, 1)[0])
-    blocks = map(block, range(0, n_rows, max_rows))
-    sums, autocorrelations = zip(*((each.sums(start), each.autocorrelation) for each in blocks), strict=True)
-    return replace(
-        thinned,
-        all_sums=reduce(InnovationSums.plus, sums),
-        all_autocorrelation=reduce(Autocorrelation.plus, autocorrelations),
-    )
+    of_blocks = (block(first).statistics(start) for first in range(0, n_rows, max_rows))
+    return replace(thinned, all_statistics=reduce(InnovationStatistics.plus, of_blocks))

@@ -66,6 +66,17 @@ class Autocorrelation(NamedTuple):
         return Autocorrelation(total / np.maximum(samples, 1.0)[:, None], samples)
 
 
+class InnovationStatistics(NamedTuple):
+    """Statistics of all innovations of a sensor, by which an estimate is judged."""
+
+    sums: InnovationSums
+    autocorrelation: Autocorrelation
+
+    def plus(self, other: "InnovationStatistics") -> "InnovationStatistics":
+        """Return the statistics including later innovations."""
+        return InnovationStatistics(self.sums.plus(other.sums), self.autocorrelation.plus(other.autocorrelation))
+
+
 @dataclass(frozen=True)
 class Innovations:
     """Innovations of one sensor."""
@@ -77,16 +88,14 @@ class Innovations:
     variance: Array
     nis: Array  # shape (k,); normalised innovation squared
     standard_deviation: Array  # shape (c,); measurement noise assumed by the filter
-    all_sums: InnovationSums | None = None  # over all innovations, if these are thinned
-    all_autocorrelation: Autocorrelation | None = None  # over all innovations, if these are thinned
+    all_statistics: InnovationStatistics | None = None  # of all innovations, if these are thinned
     weight: Array | None = None  # shape (k, c), or None; weight of each component in a robust fit; 1 where missing
 
     def __post_init__(self) -> None:
         arrays = {"time": 1, "innovation": 2, "variance": 2, "nis": 1, "standard_deviation": 1}
         put_arrays(self, "/innovations", **arrays, **({} if self.weight is None else {"weight": 2}))
-        for name, expected in (("all_sums", InnovationSums), ("all_autocorrelation", Autocorrelation)):
-            if (value := getattr(self, name)) is not None:
-                check_type(name, value, expected)
+        if self.all_statistics is not None:
+            check_type("all_statistics", self.all_statistics, InnovationStatistics)
 
     def check(self, sensor: str, is_fit: bool) -> None:
         """Raise an InvalidDataError if values are impossible; NaN is a missing or rejected one.
@@ -114,8 +123,8 @@ class Innovations:
 
     def sums(self, start: float | None = None) -> InnovationSums:
         """Return sums over all innovations, also those that were thinned out."""
-        if self.all_sums is not None:
-            return self.all_sums
+        if self.all_statistics is not None:
+            return self.all_statistics.sums
         start = start if start is not None else float(self.time[0]) if self.time.size else 0.0
         used = self.used().sum(axis=1)
         window = ((self.time - start) // NIS_WINDOW).astype(int)
@@ -126,8 +135,8 @@ class Innovations:
     @cached_property
     def autocorrelation(self) -> Autocorrelation:
         """Return the autocorrelation of all innovations, also those that were thinned out."""
-        if self.all_autocorrelation is not None:
-            return self.all_autocorrelation
+        if self.all_statistics is not None:
+            return self.all_statistics.autocorrelation
         n_components = self.innovation.shape[1]
         correlation, samples = np.zeros((n_components, N_LAGS)), np.zeros(n_components)
         # The variance of a residual of a fit may be 0.
@@ -138,6 +147,10 @@ class Innovations:
                 products = [float(centred[lag:] @ centred[:-lag]) for lag in range(1, N_LAGS + 1)]
                 correlation[c], samples[c] = np.array(products) / float(centred @ centred), values.size
         return Autocorrelation(correlation, samples)
+
+    def statistics(self, start: float | None = None) -> InnovationStatistics:
+        """Return sums, with windows from `start` on, and autocorrelation."""
+        return InnovationStatistics(self.sums(start), self.autocorrelation)
 
     def mean_weight(self) -> float | None:
         """Return the mean weight of the measured components; None without weights."""

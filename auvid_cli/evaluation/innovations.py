@@ -12,7 +12,7 @@ from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import LARGEST_FAULT, Cause
-from auvid_cli.data.innovations import N_LAGS, NIS_WINDOW, Innovations
+from auvid_cli.data.innovations import N_LAGS, NIS_WINDOW, Innovations, InnovationStatistics, InnovationSums
 from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
 # Limits of the mean NIS of a sensor, over a whole run and over any `NIS_WINDOW`. Neither chance nor an AHRS reaches
@@ -64,28 +64,28 @@ def status_of(estimate: Estimate) -> str:
     """Return the status of an estimate: as the filter ended, or "inconsistent" where its innovations belie it.
 
     A filter can reach the end of the data with a covariance that says all is well and coefficients
-    that are far off; its innovations then are, or were, larger than their stated variance.
+    that are far off; its innovations then are, or were, larger than their stated variance. What errors of known
+    quantities within their tolerances explain does not count.
     """
     if not estimate.completed:
         return estimate.status
-    for sensor, innovations in estimate.innovations.items():
-        tally = innovations.sums()
+    for sensor in estimate.innovations:
+        tally = estimate.statistics(sensor).sums
         if tally.squares.sum() > LARGEST_MEAN_NIS * tally.components.sum():
             return _belied(sensor, tally.mean_nis, "")
-        for start, nis in windowed_nis(innovations):
+        for start, nis in windowed_nis(tally):
             if nis > LARGEST_NIS_IN_WINDOW:
                 return _belied(sensor, nis, f" from t = {start:.0f} s on for {NIS_WINDOW:.0f} s")
     return estimate.status
 
 
-def windowed_nis(innovations: Innovations) -> Array:
+def windowed_nis(tally: InnovationSums) -> Array:
     """Return start, s, and mean NIS per component of every `NIS_WINDOW` that has enough measurements to tell.
 
     Returns
     -------
     ndarray, shape (k, 2)
     """
-    tally = innovations.sums()
     enough = np.flatnonzero(tally.components >= _FEWEST_COMPONENTS)
     starts = tally.start + NIS_WINDOW * enough.astype(np.float64)
     return np.stack([starts, tally.squares[enough] / tally.components[enough]], axis=1).astype(np.float64)
@@ -111,18 +111,18 @@ def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
     for sensor, innovations in estimate.innovations.items():
         if innovations.used().any():
             is_ahrs = sensor == "attitude" and is_from_ahrs(estimate)
-            checks.append(_nis(estimate.filter, sensor, innovations, is_ahrs))
-            checks.append(_nis_in_windows(estimate.filter, sensor, innovations))
-            checks.append(_whiteness(estimate.filter, sensor, innovations, is_ahrs))
+            statistics = estimate.statistics(sensor)
+            checks.append(_nis(estimate.filter, sensor, statistics.sums, is_ahrs))
+            checks.append(_nis_in_windows(estimate.filter, sensor, statistics.sums))
+            checks.append(_whiteness(estimate.filter, sensor, statistics, is_ahrs))
             if innovations.weight is not None or estimate.experiment.identification.gate is not None:
                 checks.append(_outliers(estimate.filter, sensor, innovations))
-            checks.append(_inputs(estimate.filter, sensor, innovations, dataset, is_ahrs))
+            checks.append(_inputs(estimate, sensor, dataset, is_ahrs))
     return checks
 
 
-def _nis(filter_name: str, sensor: str, innovations: Innovations, is_ahrs: bool) -> Check:
+def _nis(filter_name: str, sensor: str, tally: InnovationSums, is_ahrs: bool) -> Check:
     """Check the mean NIS; the stated noise of an AHRS is enlarged on purpose, so that only a large NIS counts."""
-    tally = innovations.sums()
     components = int(tally.components.sum())
     nis = tally.mean_nis
     tails = 0.5 + _CONFIDENCE / 2, 0.5 - _CONFIDENCE / 2
@@ -152,10 +152,10 @@ def _overstated_noise(sensor: str) -> str:
     )
 
 
-def _nis_in_windows(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    windows = windowed_nis(innovations)
+def _nis_in_windows(filter_name: str, sensor: str, tally: InnovationSums) -> Check:
+    windows = windowed_nis(tally)
     if not windows.size:
-        windows = np.array([[innovations.time[0], 0.0]])
+        windows = np.array([[tally.start, 0.0]])
     start, largest = windows[windows[:, 1].argmax()]
     return Check.of(
         filter_name,
@@ -189,13 +189,13 @@ def _outliers(filter_name: str, sensor: str, innovations: Innovations) -> Check:
     )
 
 
-def _whiteness(filter_name: str, sensor: str, innovations: Innovations, is_ahrs: bool) -> Check:
+def _whiteness(filter_name: str, sensor: str, statistics: InnovationStatistics, is_ahrs: bool) -> Check:
     """Check the largest autocorrelation of the normalised innovations."""
     lags = np.arange(1, N_LAGS + 1)
     # Later lags have fewer pairs: scale each correlation to its own number.
     largest = {
         quantity.symbol: float(np.max(np.abs(correlation) * n / (n - lags)))
-        for quantity, correlation, n in zip(SENSORS[sensor], *innovations.autocorrelation, strict=True)
+        for quantity, correlation, n in zip(SENSORS[sensor], *statistics.autocorrelation, strict=True)
         if n
     }
     if not largest:
@@ -206,7 +206,7 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations, is_ahrs:
         filter_name,
         sensor,
         "whiteness",
-        innovations,
+        statistics.sums,
         largest,
         f"correlation over {N_LAGS} lags",
         f"Errors of {sensor} are correlated in time: standard deviations of the coefficients are too small, unless its "
@@ -215,9 +215,12 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations, is_ahrs:
     )
 
 
-def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Dataset, is_ahrs: bool) -> Check:
-    """Check the correlation of the innovations with the latest inputs."""
-    correlations = {}
+def _inputs(estimate: Estimate, sensor: str, dataset: Dataset, is_ahrs: bool) -> Check:
+    """Check the correlation of the innovations with the latest inputs.
+
+    Where errors within the tolerances explain a part of the innovations, their correlation is only noted.
+    """
+    correlations, filter_name, innovations = {}, estimate.filter, estimate.innovations[sensor]
     held = np.searchsorted(dataset.inputs.time, innovations.time, side="right") - 1
     for column, quantity in enumerate(SENSORS[sensor]):
         values = _normalised(innovations, column)
@@ -235,24 +238,25 @@ def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Da
             passed=True,
             advice="",
         )
-    return _uncorrelated(
+    check = _uncorrelated(
         filter_name,
         sensor,
         "uncorrelated with inputs",
-        innovations,
+        innovations.sums(),
         correlations,
         "correlation with an input",
         "The innovations depend on an input: the model of the actuator is wrong (delay, saturation, sign, a missing "
         "term; see `explained by noise`), or the filter has not converged.",
         is_ahrs,
     )
+    return check._replace(passed=None) if check.passed is False and sensor in estimate.explained else check
 
 
 def _uncorrelated(
     filter_name: str,
     sensor: str,
     name: str,
-    innovations: Innovations,
+    tally: InnovationSums,
     correlations: dict[str, float],
     meaning: str,
     advice: str,
@@ -263,9 +267,8 @@ def _uncorrelated(
     A sensor whose stated noise is more than twice its scatter only gets a note; an AHRS passes, because this is why its
     noise is enlarged.
     """
-    limit = _LARGEST_CORRELATION + 3.0 / np.sqrt(len(innovations.time))
+    limit = _LARGEST_CORRELATION + 3.0 / np.sqrt(tally.measurements)
     check = Check.of_values(filter_name, sensor, name, correlations, limit=limit, meaning=meaning, advice=advice)
-    tally = innovations.sums()
     small = tally.squares.sum() < 0.25 * tally.components.sum()
     if check.passed is not False or not small:
         return check
@@ -308,7 +311,7 @@ def likely_causes(estimate: Estimate) -> list[Cause]:
         for test in estimate.faults
         if not test.fault.is_alternative
     ]
-    sensors = list(sensors_without_ahrs(estimate))
+    sensors = [(sensor, estimate.statistics(sensor)) for sensor in sensors_without_ahrs(estimate)]
     noises = [noise_cause(*of_sensor) for of_sensor in sensors]
     if any(noise.gain > _WORTH_NAMING and noise.lasts for noise in noises):
         # Innovations correlated in time need more process noise, whatever those of another sensor look like.
@@ -329,14 +332,14 @@ def causes_text(causes: list[Cause]) -> str:
     return "; or ".join(map(str, causes[:_MAX_CAUSES]))
 
 
-def sensors_without_ahrs(estimate: Estimate) -> Iterator[tuple[str, Innovations]]:
+def sensors_without_ahrs(estimate: Estimate) -> Iterator[str]:
     """Yield sensors whose innovations should agree with the stated noise: all except an AHRS."""
     for sensor, innovations in estimate.innovations.items():
         if (sensor != "attitude" or not is_from_ahrs(estimate)) and innovations.used().any():
-            yield sensor, innovations
+            yield sensor
 
 
-def noise_cause(sensor: str, innovations: Innovations, or_less_process_noise: bool = True) -> Cause:
+def noise_cause(sensor: str, statistics: InnovationStatistics, or_less_process_noise: bool = True) -> Cause:
     """Return the noise that would explain the innovations of a sensor, and its gain in log-likelihood.
 
     `or_less_process_noise` allows less process noise as a cause.
@@ -345,7 +348,7 @@ def noise_cause(sensor: str, innovations: Innovations, or_less_process_noise: bo
     and, for each component, -n / 2 log(1 - R^2) by its memory, less the number of its coefficients (Akaike, IEEE Trans.
     Autom. Control 19(6), 1974).
     """
-    tally, (correlation, samples) = innovations.sums(), innovations.autocorrelation
+    tally, (correlation, samples) = statistics
     nis = tally.mean_nis
     by_size = 0.5 * float(tally.components.sum()) * (nis - 1.0 - np.log(nis)) if nis > 0.0 else 0.0
     explained = np.array([_explained_by_the_past(row) for row in correlation])

@@ -13,7 +13,7 @@ from auvid_cli.config.extra_states import AugmentedStates, BiasName
 from auvid_cli.config.sanity import MAX_FIN_STRENGTH, MIN_FIN_STRENGTH
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import LARGEST_FAULT, Cause, FaultKind, FaultTest
-from auvid_cli.data.innovations import N_LAGS, NIS_WINDOW, Innovations
+from auvid_cli.data.innovations import N_LAGS, NIS_WINDOW, InnovationStatistics
 from auvid_cli.evaluation.innovations import (
     LARGEST_MEAN_NIS,
     LARGEST_NIS_IN_WINDOW,
@@ -114,7 +114,7 @@ def remedy_of_linearisation(estimate: Estimate) -> str:
     is_ekf = estimate.filter == FilterName.EKF
     if not is_ekf or not mean_nis(estimate) <= LARGEST_MEAN_NIS:
         return ""
-    windows = [windowed_nis(innovations) for innovations in estimate.innovations.values()]
+    windows = [windowed_nis(innovations.sums()) for innovations in estimate.innovations.values()]
     begin = min((float(window[0, 0]) for window in windows if len(window)), default=0.0)
     late = [nis for window in windows for start, nis in window if start > begin + 0.5 * NIS_WINDOW]
     if any(nis > LARGEST_NIS_IN_WINDOW for nis in late):
@@ -261,7 +261,7 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
     status = status_of(estimate)
     if not estimate.completed:
         return Judgement(Grade.DIVERGED, status.removeprefix("diverged "), advice_on_divergence(estimate))
-    if status != "completed":
+    if status != "completed" and not (reference is not None and _is_explained(estimate, reference)):
         known = [
             advice_on_nonlinearity(estimate) or remedy_of_linearisation(estimate),
             "" if doubt is None else doubt.advice,
@@ -280,6 +280,20 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
         or _doubt_of_vehicle(estimate)
         or Judgement(Grade.SOUND, doubted="")
     )
+
+
+def _is_explained(estimate: Estimate, reference: Estimate) -> bool:
+    """Whether innovations are no larger than the smoother's, and errors within the tolerances explain these."""
+    if not reference.explained or status_of(reference) != "completed":
+        return False
+    for sensor, innovations in estimate.innovations.items():
+        own, expected = innovations.sums(), reference.innovations[sensor].sums()
+        if own.mean_nis > LARGEST_MEAN_NIS * max(expected.mean_nis, 1.0):
+            return False
+        allowed = {start: LARGEST_NIS_IN_WINDOW * max(nis, 1.0) for start, nis in windowed_nis(expected).tolist()}
+        if any(nis > allowed.get(start, LARGEST_NIS_IN_WINDOW) for start, nis in windowed_nis(own).tolist()):
+            return False
+    return True
 
 
 def _doubt_of_data(reference: Estimate) -> Judgement | None:
@@ -305,14 +319,16 @@ def _doubted(reference: Estimate, causes: Sequence[Cause]) -> str:
 def _noises(reference: Estimate) -> Iterator[Cause]:
     # Errors of an AHRS make the innovations of all sensors autocorrelated, for which the standard deviations allow.
     largest_correlation = LARGEST_AHRS_CORRELATION if is_from_ahrs(reference) else 0.0
-    for sensor, innovations in sensors_without_ahrs(reference):
-        statistics, beyond = whiteness(innovations), ""
+    for sensor in sensors_without_ahrs(reference):
+        of_sensor = reference.statistics(sensor)
+        statistics, beyond = whiteness(of_sensor), ""
         if statistics.nis > LARGEST_NIS:
             beyond = f"are larger than expected (NIS exceeds 1 by {statistics.nis:.1f} sigma)"
         elif statistics.portmanteau > LARGEST_PORTMANTEAU and statistics.correlation > largest_correlation:
             beyond = f"are correlated in time ({statistics.portmanteau:.0f} sigma, Ljung-Box)"
-        if beyond:
-            cause = noise_cause(sensor, innovations)
+        cause = noise_cause(sensor, of_sensor)
+        # With more noise stated than there is, standard deviations are too large rather than too small.
+        if beyond and (statistics.nis >= 0.0 or cause.lasts):
             remedy = f"they look like {cause.name}: {cause.remedy}"
             yield Cause(cause.gain, f"innovations of {sensor} {beyond}", remedy)
 
@@ -397,13 +413,12 @@ class Whiteness(NamedTuple):
     correlation: float
 
 
-def whiteness(innovations: Innovations) -> Whiteness:
+def whiteness(of_sensor: InnovationStatistics) -> Whiteness:
     """Compare innovations with white noise; where there are few, NIS alone."""
-    tally = innovations.sums()
+    tally, (correlation, samples) = of_sensor
     squares, components = float(tally.squares.sum()), float(tally.components.sum())
     if not components:
         return Whiteness(0.0, 0.0, 0.0)
-    correlation, samples = innovations.autocorrelation
     enough = samples >= _MIN_MEASUREMENTS
     squared, n = correlation[enough] ** 2, samples[enough]
     # The autocorrelation of the squares of a Gaussian sequence is its autocorrelation squared.

@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import TIMELINE, FaultScores, Timeline
-from auvid_cli.filters.smoother_forward import FORWARD_PASS, LINEARISED, Linearised
+from auvid_cli.filters.smoother_forward import FORWARD_PASS, LINEARISED, ForwardPass, Linearised
 from auvid_cli.numerics import compiled, types
 
 # Share of a fault's information below which it is confounded with others.
@@ -39,10 +40,16 @@ class FaultEffects(NamedTuple):
 class FaultSignatures(NamedTuple):
     """Signatures of faults in the innovations of a chunk."""
 
-    # Shape (m, n_faults); effect on each innovation, divided by its standard deviation, per unit of each fault
-    signature: Array
-    innovation: Array  # shape (m,); innovation, divided by its standard deviation
+    timeline: Timeline
+    forward_pass: ForwardPass
+    effect: Array  # shape (n_measurements, c, n_faults); effect on each innovation per unit of each fault
+    present: NDArray[np.bool_]  # shape (n_measurements, c); whether it was measured
     error: Array  # shape (n, n_faults); error of the state after the chunk; the next chunk overwrites it
+
+    def normalised(self) -> tuple[Array, Array]:
+        """Return effects, shape (m, n_faults), and innovations, shape (m,), in standard deviations of these."""
+        deviation = np.sqrt(self.forward_pass.total[self.present])
+        return self.effect[self.present] / deviation[:, None], self.forward_pass.error[self.present] / deviation
 
 
 class Faults(Protocol):
@@ -130,10 +137,7 @@ def fault_signatures(
             last_segment = segment
         of_chunk = effects(segment, timeline, about)
         carry_errors(timeline, about, forward_pass, of_chunk, error, moved)
-        present = ~np.isnan(about.residual)
-        deviation = np.sqrt(forward_pass.total[present])
-        signature = of_chunk.on_measurements[present] / deviation[:, None]
-        yield FaultSignatures(signature, forward_pass.error[present] / deviation, error)
+        yield FaultSignatures(timeline, forward_pass, of_chunk.on_measurements, ~np.isnan(about.residual), error)
 
 
 def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults) -> FaultScores:
@@ -141,10 +145,11 @@ def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults)
     n_faults, n_parameters = len(faults.labels), filtered.trajectory.parameters.size
     score, information = np.zeros(n_faults), np.zeros((n_faults, n_faults))
     effect = np.zeros((n_parameters, n_faults))
-    for signature, innovation, error in fault_signatures(smoothing, filtered, n_faults, faults.effects):
+    for chunk in fault_signatures(smoothing, filtered, n_faults, faults.effects):
+        signature, innovation = chunk.normalised()
         score += innovation @ signature
         information += signature.T @ signature
-        effect = error[:n_parameters]
+        effect = chunk.error[:n_parameters]
     # Parameters compensate some faults completely; the rest is the rounding of the effects.
     n = n_parameters
     covariance = filtered.final.covariance()[:n, :n]
@@ -230,6 +235,19 @@ def second_moments(scores: FaultScores, tolerance: Array) -> Array:
     mean = directions @ (left * kept * (directions.T @ (tolerance * scores.score)))
     moments = (directions * left) @ directions.T + np.outer(mean, mean)
     return tolerance[:, None] * moments * tolerance
+
+
+def most_likely_sizes(scores: FaultScores, tolerance: Array) -> Array:
+    """Return the most likely sizes of all faults together, with their tolerances as prior, shape (n_faults,).
+
+    Parameters
+    ----------
+    scores : FaultScores
+    tolerance : ndarray, shape (n_faults,)
+        Standard deviation of each fault before any data; the size of one without tolerance is 0.
+    """
+    matrix = np.eye(tolerance.size) + tolerance[:, None] * scores.information * tolerance
+    return tolerance * np.asarray(np.linalg.solve(matrix, tolerance * scores.score), dtype=np.float64)
 
 
 def significances(

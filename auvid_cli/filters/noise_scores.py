@@ -185,7 +185,8 @@ def noise_scores(
 
     information = np.zeros((len(groups), len(groups)))
     for chunk in fault_signatures(smoothing, filtered, len(groups), effects):
-        information += 0.5 * chunk.signature.T @ chunk.signature
+        signature, _ = chunk.normalised()
+        information += 0.5 * signature.T @ signature
     return NoiseScores(slope, information)
 
 

@@ -6,7 +6,7 @@ parameters, and each starts with its own motion: the joint state is the paramete
 each segment.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -258,6 +258,8 @@ class FilterOutcome(NamedTuple):
     # Shape (n_parameters,) or (0,); standard deviations of a batch estimate that allow for autocorrelated residuals,
     # see `auvid_cli.filters.autocorrelation`
     corrected: Array = np.zeros(0)
+    # Yields data and innovations less the effects of `faults`, whose sizes are its argument, shape (n_faults,)
+    without_faults: "Callable[[Array], Iterator[tuple[Timeline, Records]]] | None" = None
 
 
 class JointProblem(NamedTuple):

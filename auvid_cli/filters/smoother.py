@@ -16,7 +16,7 @@ import numpy as np
 
 from auvid_cli.arrays import Array
 from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
-from auvid_cli.filters.fault_scores import FaultEffects, Faults, carry_errors, score_faults
+from auvid_cli.filters.fault_scores import FaultEffects, Faults, carry_errors, fault_signatures, score_faults
 from auvid_cli.filters.linear_smoother import (
     ConditionalFilter,
     Filtered,
@@ -41,7 +41,7 @@ from auvid_cli.filters.problem import (
     Timeline,
     filter_sequentially,
 )
-from auvid_cli.filters.smoother_forward import MIN_WEIGHT
+from auvid_cli.filters.smoother_forward import MIN_WEIGHT, ForwardPass, Linearised
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.filters.workspace import cubature
 
@@ -127,7 +127,10 @@ def run_smoother(
         return outcome._replace(failure=NOT_CONVERGED, convergence=convergence)
     scores = None if faults is None else score(smoothing, estimate, faults)
     corrected, scores = _corrected_deviation(problem, smoothing, estimate, faults, scores)
-    return outcome._replace(faults=scores, others=tuple(alternatives), corrected=corrected)
+    outcome = outcome._replace(faults=scores, others=tuple(alternatives), corrected=corrected)
+    if faults is None:
+        return outcome
+    return outcome._replace(without_faults=partial(_without_faults, problem.sensors, smoothing, estimate, faults))
 
 
 def most_probable(
@@ -280,15 +283,42 @@ def _report(
 
 def _records(chunk: Smoothed, sensors: Sensors) -> Records:
     """Return step and variance of the motion in place of mean and deviation, and innovations, without the rest."""
-    forward_pass, weights = chunk.forward_pass, chunk.forward_pass.weight
+    return Records(chunk.step, chunk.variance, *_innovations(chunk.timeline, chunk.forward_pass, sensors))
+
+
+def _innovations(
+    timeline: Timeline, forward_pass: ForwardPass, sensors: Sensors
+) -> tuple[Array, Array, Array, Array | None]:
+    """Return innovations, their variance, NIS and weights."""
+    weights = forward_pass.weight
     counted = ~np.isnan(forward_pass.innovation) & (weights >= MIN_WEIGHT)
     # Innovations are compared with the stated noise, not with that of the weights.
-    excess = (1.0 / weights - 1.0) * sensors.variance[chunk.timeline.measurement_sensor]
+    excess = (1.0 / weights - 1.0) * sensors.variance[timeline.measurement_sensor]
     squares = np.where(counted, forward_pass.error**2 / (forward_pass.total - excess), 0.0)
     variance = np.where(counted, forward_pass.variance - excess, np.nan)
     kept_weights = None if np.isinf(sensors.threshold) else weights.copy()
-    of_measurements = forward_pass.innovation, variance, squares.sum(axis=1), kept_weights
-    return Records(chunk.step, chunk.variance, *of_measurements)
+    return forward_pass.innovation, variance, squares.sum(axis=1), kept_weights
+
+
+def _without_faults(
+    sensors: Sensors, smoothing: LinearSmoothing, filtered: Filtered, faults: Faults, sizes: Array
+) -> Iterator[tuple[Timeline, Records]]:
+    """Yield data and innovations less the effects of faults of some sizes, chunk by chunk; without states.
+
+    These are the innovations of sequential updates, component by component, which are independent.
+    """
+
+    def together(segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
+        return FaultEffects(*((each @ sizes)[..., None] for each in faults.effects(segment, timeline, about)))
+
+    no_states = np.zeros((0, 0))
+    for chunk in fault_signatures(smoothing, filtered, 1, together):
+        left, total = (
+            np.where(chunk.present, values, np.nan)
+            for values in (chunk.forward_pass.error - chunk.effect[..., 0], chunk.forward_pass.total)
+        )
+        changed = chunk.forward_pass._replace(error=left, innovation=left, variance=total)
+        yield chunk.timeline, Records(no_states, no_states, *_innovations(chunk.timeline, changed, sensors))
 
 
 def _corrected_deviation(

@@ -95,7 +95,8 @@ def _of_faults(estimate: Estimate, present: Collection[Addition], duration: floa
 
 
 def _of_noise(estimate: Estimate) -> Iterator[Candidate]:
-    for sensor, innovations in sensors_without_ahrs(estimate):
-        nis = innovations.sums().mean_nis
+    for sensor in sensors_without_ahrs(estimate):
+        statistics = estimate.statistics(sensor)
+        nis = statistics.sums.mean_nis
         if nis > 0.0 and abs(log(nis)) > _MIN_NOISE_CHANGE:
-            yield Candidate(Addition("noise", sensor), noise_cause(sensor, innovations).gain)
+            yield Candidate(Addition("noise", sensor), noise_cause(sensor, statistics).gain)

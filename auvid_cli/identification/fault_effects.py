@@ -11,7 +11,13 @@ from auvid_cli.config.extra_states import CURRENT, EXCESS_BUOYANCY, FIN_TRIMS, T
 from auvid_cli.data.considered import ConsideredErrors
 from auvid_cli.data.estimate import EstimateHeader
 from auvid_cli.data.faults import LARGEST_FAULT, Fault, FaultKind, FaultTest
-from auvid_cli.filters.fault_scores import FaultEffects, needed_faults, second_moments, significances
+from auvid_cli.filters.fault_scores import (
+    FaultEffects,
+    most_likely_sizes,
+    needed_faults,
+    second_moments,
+    significances,
+)
 from auvid_cli.filters.problem import AlternativeEstimate, FaultScores, FilterOutcome, Timeline
 from auvid_cli.filters.smoother_forward import Linearised
 from auvid_cli.identification.faults import (
@@ -188,6 +194,27 @@ def fault_tests(
     alternatives = (_test_of_alternative(other, header, deviation, scale) for other in outcome.others)
     # The difference from a segment that alone has all the information has no variance.
     return (*tests, *(test for test in alternatives if np.isfinite(test.standard_deviation))), considered
+
+
+def sizes_within_tolerances(faults: FaultScores, header: EstimateHeader, whole: Mapping[str, float]) -> Array:
+    """Return the most likely sizes of all faults together, SI; 0 for those without a tolerance.
+
+    Parameters
+    ----------
+    faults : FaultScores
+    header : EstimateHeader
+    whole : mapping
+        As `fault_tests`.
+    """
+    experiment = header.experiment
+    estimated = {DELAY_FAULTS[symbol] for symbol in header.state if symbol in DELAY_FAULTS}
+    tolerance = np.array([tolerance_of(model, experiment, whole) for model in faults.labels])
+    if not tolerance.any():
+        return tolerance
+    # With other faults, an estimated delay moves too.
+    spread = experiment.identification.estimate.delay.spread
+    is_estimated = np.array([model in estimated for model in faults.labels])
+    return most_likely_sizes(faults, np.where(is_estimated, spread, tolerance))
 
 
 def _score_tests(

@@ -13,7 +13,7 @@ from auvid_cli.config.identification import Identification
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Outcome
 from auvid_cli.data.faults import Fault, FaultKind
-from auvid_cli.data.innovations import Innovations
+from auvid_cli.data.innovations import Innovations, InnovationStatistics
 from auvid_cli.filters import problem
 from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline, segment_gaussian
 from auvid_cli.filters.square_root import (
@@ -109,11 +109,14 @@ class FilterRun:
         if self.delays is not None:
             covariance = self.delays.joint(covariance)
             corrected = self.delays.widened(corrected)
-        tests, considered = (), None
+        tests, considered, explained = (), None, dict[str, InnovationStatistics]()
         if outcome.faults is not None or outcome.others:
-            from auvid_cli.identification.fault_effects import fault_tests
+            from auvid_cli.identification.fault_effects import fault_tests, sizes_within_tolerances
 
             tests, considered = fault_tests(outcome, self.header, self.scale, progress.whole_faults)
+            if outcome.faults is not None and outcome.without_faults is not None:
+                sizes = sizes_within_tolerances(outcome.faults, self.header, progress.whole_faults)
+                explained = self._statistics(outcome.without_faults(sizes)) if sizes.any() else {}
         return Outcome(
             self._status(outcome, progress),
             covariance,
@@ -121,6 +124,7 @@ class FilterRun:
             *progress.clocks.tolist(),
             faults=tests,
             considered=considered,
+            explained=explained,
             corrected=dict(zip(self.header.state, corrected.tolist(), strict=False)),
         )
 
@@ -149,6 +153,16 @@ class FilterRun:
                 weight=None if records.weight is None else records.weight[used, :width],
             )
         return by_sensor
+
+    def _statistics(self, chunks: Iterable[tuple[Timeline, Records]]) -> dict[str, InnovationStatistics]:
+        """Return the statistics of the innovations of each sensor."""
+        found = dict[str, InnovationStatistics]()
+        for timeline, records in chunks:
+            for name, innovations in self.by_sensor(timeline, records).items():
+                if innovations.time.size:
+                    statistics = innovations.statistics(found[name].sums.start if name in found else None)
+                    found[name] = found[name].plus(statistics) if name in found else statistics
+        return found
 
     def _status(self, outcome: FilterOutcome, progress: "_Progress") -> str:
         names, diverged = tuple(self.measuring), f"diverged at t = {progress.reached:.3f} s"

@@ -235,7 +235,7 @@ def _estimates(before: Judged, after: Judged) -> Table:
     for sensor in before[0].innovations:
         nis: list[Cell] = [estimate.innovations[sensor].sums().mean_nis for estimate, _ in (before, after)]
         rows.append([f"mean NIS of {sensor}", *nis])
-        memory: list[Cell] = [whiteness(estimate.innovations[sensor]).portmanteau for estimate, _ in (before, after)]
+        memory: list[Cell] = [whiteness(estimate.statistics(sensor)).portmanteau for estimate, _ in (before, after)]
         rows.append([f"errors of {sensor} correlated in time (Ljung-Box)", *memory])
     grades: list[Cell] = [judgement.grade for _, judgement in (before, after)]
     columns = Column("smoother", numeric=False), Column("as stated"), Column("tuned")

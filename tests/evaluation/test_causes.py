@@ -20,6 +20,10 @@ def innovations_of(values):
     return Innovations(time, values, np.ones_like(values), squares, np.ones(values.shape[1]))
 
 
+def cause_of(values):
+    return noise_cause("dvl", innovations_of(values).statistics())
+
+
 def autoregressive(rng, memory, n=20_000):
     """Noise of variance 1 in each of three components."""
     return lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.standard_normal((n, 3)), axis=0)
@@ -27,7 +31,7 @@ def autoregressive(rng, memory, n=20_000):
 
 def test_a_gain_by_memory_is_that_of_the_likelihood_of_an_autoregression(rng):
     values = autoregressive(rng, 0.5)
-    cause = noise_cause("dvl", innovations_of(values))
+    cause = cause_of(values)
     steps = (values[1:] - 0.5 * values[:-1]) / np.sqrt(0.75)
     difference = 0.5 * (values[1:] ** 2).sum() - 0.5 * (steps**2).sum() - 0.5 * steps.size * np.log(0.75)
     assert cause.gain == pytest.approx(difference, rel=0.03)
@@ -37,26 +41,26 @@ def test_a_gain_by_memory_is_that_of_the_likelihood_of_an_autoregression(rng):
 
 def test_a_gain_by_size_is_that_of_the_likelihood_of_white_noise(rng):
     values = 1.3 * rng.standard_normal((20_000, 3))
-    cause = noise_cause("dvl", innovations_of(values))
+    cause = cause_of(values)
     scale = np.sqrt((values**2).mean())
     assert cause.gain == pytest.approx(0.5 * (values**2).sum() * (1.0 - scale**-2) - values.size * np.log(scale))
     assert cause.name == "more noise of dvl than stated, or more process noise"
-    assert "too large" in noise_cause("dvl", innovations_of(0.5 * values)).name
+    assert "too large" in cause_of(0.5 * values).name
 
 
 def test_what_is_larger_and_lasts_is_no_larger_noise_of_its_sensor(rng):
     """Whatever size alone would gain: white noise as large explains no memory, and what lasts explains the size too."""
     values = 5.0 * autoregressive(rng, 0.5)
-    cause = noise_cause("dvl", innovations_of(values))
+    cause = cause_of(values)
     assert cause.name.startswith("errors of dvl that are correlated")
     assert "disturbance" in cause.remedy
-    alone = noise_cause("dvl", innovations_of(autoregressive(rng, 0.5)))
-    larger = noise_cause("dvl", innovations_of(5.0 * rng.standard_normal(values.shape)))
+    alone = cause_of(autoregressive(rng, 0.5))
+    larger = cause_of(5.0 * rng.standard_normal(values.shape))
     assert cause.gain == pytest.approx(alone.gain + larger.gain, rel=0.03)
 
 
 def test_what_was_corrected_too_far_asks_for_less_process_noise(rng):
-    assert "less process noise" in noise_cause("dvl", innovations_of(autoregressive(rng, -0.5))).name
+    assert "less process noise" in cause_of(autoregressive(rng, -0.5)).name
 
 
 def test_where_something_lasts_no_other_sensor_asks_for_less_process_noise(rng, short_estimates):

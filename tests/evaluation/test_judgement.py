@@ -134,6 +134,44 @@ def test_innovations_of_the_smoother_that_are_too_large_are_told_with_their_sens
         assert "more noise of gyroscope" in judgement.remedy
 
 
+def test_innovations_are_judged_without_what_errors_within_tolerances_explain(ckf, smoother, rng):
+    large = {sensor: white(rng, 4.0, 0.9) for sensor in ("dvl", "gyroscope")}
+    explained = {sensor: white(rng).statistics() for sensor in large}
+    misfit = replace(smoother, innovations=smoother.innovations | large)
+    filtered = replace(ckf, innovations=large)
+    for judgement in judge([filtered, misfit]).values():
+        assert judgement.grade is Grade.INCONSISTENT
+    for judgement in judge([filtered, replace(misfit, explained=explained)]).values():
+        assert judgement.grade is Grade.SOUND
+    # What is left counts as before.
+    left = replace(misfit, explained=explained | {"dvl": white(rng, 1.0, 0.5).statistics()})
+    assert judge([left])["smoother"].reason.startswith("innovations of dvl are correlated in time")
+
+
+def test_a_filter_whose_innovations_are_larger_than_the_explained_ones_is_inconsistent(ckf, smoother, rng):
+    # Ten measurements a second, so that every window has enough of them.
+    of_smoother, larger, lost = (
+        replace(innovations, time=0.1 * innovations.time)
+        for innovations in (white(rng, 2.0), white(rng, 4.0), white(rng, 2.0))
+    )
+    late = lost.innovation * np.where(lost.time > lost.time[-1] - 20.0, 3.0, 1.0)[:, None]
+    late_lost = replace(lost, innovation=late, nis=(late**2).sum(axis=1))
+    explained = {"dvl": white(rng).statistics()}
+    misfit = replace(smoother, innovations=smoother.innovations | {"dvl": of_smoother}, explained=explained)
+    grades = [
+        judge([replace(ckf, innovations={"dvl": each}), misfit])["ckf"].grade for each in (lost, larger, late_lost)
+    ]
+    assert grades == [Grade.SOUND, Grade.INCONSISTENT, Grade.INCONSISTENT]
+
+
+def test_overstated_noise_is_no_doubt(smoother, rng):
+    """Innovations that are smaller than stated and corrected too far have standard deviations that are too large."""
+    small = replace(smoother, innovations=smoother.innovations | {"gyroscope": white(rng, 0.8, -0.3)})
+    assert judge([small])["smoother"].grade is Grade.SOUND
+    large = replace(smoother, innovations=smoother.innovations | {"gyroscope": white(rng, 1.1, -0.3)})
+    assert judge([large])["smoother"].grade is Grade.DOUBTFUL
+
+
 def test_innovations_that_last_are_told_with_their_sensor(ckf, smoother, rng):
     coloured = replace(smoother, innovations=smoother.innovations | {"dvl": white(rng, 0.9, 0.3)})
     for judgement in judge([ckf, coloured]).values():
@@ -197,7 +235,7 @@ class _two_coefficients:
 
 
 def test_white_innovations_of_the_stated_variance_are_within_chance():
-    found = [whiteness(white(np.random.default_rng(seed))) for seed in range(20)]
+    found = [whiteness(white(np.random.default_rng(seed)).statistics()) for seed in range(20)]
     nis, portmanteau, correlation = np.transpose(found)
     assert np.abs(nis).max() < 3.0
     # Its own mean and deviation; the larger of three is told.
@@ -209,7 +247,7 @@ def test_white_innovations_of_the_stated_variance_are_within_chance():
 
 
 def test_larger_ones_are_told_by_nis_alone(rng):
-    large = whiteness(white(rng, 1.1))
+    large = whiteness(white(rng, 1.1).statistics())
     # 15000 components with 21 % more of squares.
     assert large.nis == pytest.approx(0.21 * np.sqrt(15000 / 2), rel=0.15)
     assert large.nis > LARGEST_NIS
@@ -217,7 +255,7 @@ def test_larger_ones_are_told_by_nis_alone(rng):
 
 
 def test_coloured_ones_are_told_by_the_portmanteau_and_their_nis_counts_for_less(rng):
-    coloured, noise = whiteness(white(rng, 1.1, 0.8)), whiteness(white(rng, 1.1))
+    coloured, noise = whiteness(white(rng, 1.1, 0.8).statistics()), whiteness(white(rng, 1.1).statistics())
     assert coloured.portmanteau > 10 * LARGEST_PORTMANTEAU
     assert coloured.correlation == pytest.approx(0.8, abs=0.03)
     # The squares of an AR(1) sequence remember 0.64 to the power of the lag.
@@ -230,18 +268,18 @@ def test_missing_components_do_not_count(rng):
     hole = rng.random(innovation.shape) < 0.3
     innovation[hole] = variance[hole] = np.nan
     holed = replace(whole, innovation=innovation, variance=variance, nis=np.nansum(innovation**2, axis=1))
-    assert abs(whiteness(holed).nis) < 3.0
-    assert whiteness(holed).portmanteau < 5.0
+    assert abs(whiteness(holed.statistics()).nis) < 3.0
+    assert whiteness(holed.statistics()).portmanteau < 5.0
 
 
 def test_of_few_only_their_size_is_judged(rng):
     few = white(rng, 2.0, 0.9, n=150)
-    assert whiteness(few).portmanteau == 0.0
-    assert whiteness(few).nis > LARGEST_NIS
+    assert whiteness(few.statistics()).portmanteau == 0.0
+    assert whiteness(few.statistics()).nis > LARGEST_NIS
 
 
 def test_of_none_nothing_is_said(rng):
-    assert whiteness(white(rng, n=0)) == (0.0, 0.0, 0.0)
+    assert whiteness(white(rng, n=0).statistics()) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(

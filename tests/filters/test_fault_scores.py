@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.fault_scores import FaultEffects, needed_faults
+from auvid_cli.filters.fault_scores import FaultEffects, most_likely_sizes, needed_faults
 from auvid_cli.filters.problem import OK, FaultScores, Gaussian, JointProblem, joint_gaussian, segment_indices
 from auvid_cli.filters.smoother import run_smoother
 
@@ -83,14 +83,21 @@ def dense(request, linear_problem, events_of):
         information=weighted.T @ fault,
         effect=-(prior @ known.T @ weighted)[:n_parameters],
         deviation=np.sqrt(np.diagonal(prior))[:n_parameters],
+        covariance=covariance,
+        fault=fault,
+        new=new,
     )
 
 
-def scores_of(dense, faults):
+def outcome_of(dense, faults):
     p = dense.problem
     outcome = run_smoother(JointProblem(p.process, p.sensors, p.segments, p.joint), lambda *chunk: None, faults=faults)
     assert outcome.failure == OK
-    return outcome.faults
+    return outcome
+
+
+def scores_of(dense, faults):
+    return outcome_of(dense, faults).faults
 
 
 def test_scores_are_those_of_generalised_least_squares(dense):
@@ -112,6 +119,28 @@ def test_score_is_linear_in_a_fault(dense):
     assert_allclose(after.information, before.information, rtol=1e-10, atol=1e-10 * before.information.max())
     size = [scores.score[1] / scores.information[1, 1] for scores in (before, after)]
     assert size[1] - size[0] == pytest.approx(0.7, rel=1e-7)
+
+
+def test_innovations_without_faults_have_the_squares_of_the_data_without_them(dense):
+    """Innovations are independent, so that their NIS is the square of all measurements by their covariance."""
+    outcome = outcome_of(dense, dense.faults)
+    for sizes in (np.zeros(N_FAULTS), np.array([0.7, -1.3, 0.4])):
+        left = dense.new - dense.fault @ sizes
+        chunks = [records for _, records in outcome.without_faults(sizes)]
+        assert_allclose(sum(records.nis.sum() for records in chunks), left @ np.linalg.solve(dense.covariance, left))
+        of_all = np.concatenate([records.innovation_variance for records in chunks])
+        assert np.isfinite(of_all).sum() == left.size
+
+
+def test_the_most_likely_sizes_are_those_of_least_squares_with_their_tolerances_as_prior(dense):
+    tolerance = np.array([0.5, 0.0, 2.0])
+    root = np.linalg.cholesky(dense.covariance)
+    design, heard = (np.linalg.solve(root, of_all) for of_all in (dense.fault[:, [0, 2]], dense.new))
+    matrix, value = np.vstack([design, np.diag(1.0 / tolerance[[0, 2]])]), np.append(heard, np.zeros(2))
+    expected, *_ = np.linalg.lstsq(matrix, value)
+    found = most_likely_sizes(scores_of(dense, dense.faults), tolerance)
+    assert_allclose(found[[0, 2]], expected, rtol=1e-7)
+    assert found[1] == 0.0
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
