@@ -207,6 +207,17 @@ def test_corrected_deviations_are_read_back(estimate, write_estimate, tmp_path):
     assert read_estimate(tmp_path / "estimate.h5").corrected == corrected
 
 
+def test_statistics_of_explained_innovations_are_read_back(estimate, write_estimate, tmp_path):
+    statistics = estimate.innovations["gyroscope"].statistics()
+    assert statistics.sums.squares.sum() > 0.0
+    write_estimate(tmp_path / "estimate.h5", replace(estimate, explained={"gyroscope": statistics}))
+    back = read_estimate(tmp_path / "estimate.h5")
+    for found, written in zip(back.statistics("gyroscope"), statistics, strict=True):
+        for one, other in zip(found, written, strict=True):
+            assert np.array_equal(one, other)
+    assert back.statistics("dvl").sums.measurements == estimate.innovations["dvl"].sums().measurements
+
+
 def test_estimate_without_corrected_deviations_is_read_back(estimate, written):
     back = read_estimate(written["estimate"])
     assert estimate.corrected == back.corrected == {}

@@ -264,6 +264,34 @@ def test_invalid_corrected_deviations_are_refused(name, change, estimate, write_
     refused(read_estimate, path)
 
 
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("components", lambda column: column[:-1]),
+        ("correlation", lambda rows: rows[:, :-1]),
+        ("squares", with_(0, np.nan)),
+        ("value", lambda column: column[:-1]),
+        ("value", with_(1, np.inf)),
+    ],
+)
+def test_invalid_statistics_of_innovations_are_refused(name, change, estimate, write_estimate, tmp_path):
+    path, statistics = tmp_path / "estimate.h5", estimate.innovations["gyroscope"].statistics()
+    write_estimate(path, replace(estimate, explained={"gyroscope": statistics}))
+    with h5py.File(path, "a") as file:
+        values = change(file["explained/gyroscope"][name][...])
+        del file["explained/gyroscope"][name]
+        file["explained/gyroscope"][name] = values
+    refused(read_estimate, path)
+
+
+def test_statistics_of_a_sensor_without_innovations_are_refused(estimate, write_estimate, tmp_path):
+    path, statistics = tmp_path / "estimate.h5", estimate.innovations["gyroscope"].statistics()
+    write_estimate(path, replace(estimate, explained={"gyroscope": statistics}))
+    with h5py.File(path, "a") as file:
+        file.move("explained/gyroscope", "explained/sonar")
+    refused(read_estimate, path)
+
+
 def with_times(change):
     return lambda dataset: replace(dataset, inputs=replace(dataset.inputs, time=change(dataset.inputs.time)))
 
