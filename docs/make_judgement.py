@@ -76,7 +76,7 @@ def planted(manoeuvre: str, seed: int) -> list[str]:
             if symbol in true
         ]
         grade = judge([estimate])[estimate.filter].grade
-        name = worst.fault.replace("|", r"\|")
+        name = str(worst.fault).replace("|", r"\|")
         rows.append(f"| {manoeuvre} | {fault} | {max(errors):.3g} | {grade} | {name} | {abs(worst.z):.3g} |")
     return rows
 
