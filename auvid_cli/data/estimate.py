@@ -169,7 +169,7 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         Errors of known quantities that are not estimated; those of the smoother for other estimators.
     explained : dict of InnovationStatistics
         By sensor, of the innovations less the effects of the most likely errors of known quantities, within their
-        tolerances; empty if an estimator does not know these.
+        tolerances; empty if these explain hardly anything, or an estimator does not know them.
     dataset_sha256 : str
         Of the file of its dataset; empty if the dataset was in memory.
     """
