@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auvid_cli.array_store import ArrayStore
 from auvid_cli.arrays import Array
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
 from auvid_cli.filters.linear_smoother import (
@@ -58,20 +59,20 @@ class GradientResponse(NamedTuple):
     """Negative change of the estimate if a gradient is added to half the cost."""
 
     parameters: Array  # shape (n_parameters,)
-    innovations: list[list[Array]]  # shape (n_measurements, c); by segment and chunk; zero if missing
+    innovations: list[ArrayStore]  # shape (n_measurements, c); by segment and chunk; zero if missing
 
 
 def apply_gradient(smoothing: LinearSmoothing, filtered: Filtered, gradient: Trajectory) -> GradientResponse:
     """Return the effect on parameters and innovations of a gradient with respect to all states of a trajectory."""
     n, n_moving = gradient.parameters.size, gradient.initial[0].size
     moved, scratch = np.zeros(n + n_moving), np.zeros(n_moving)
-    innovations = list[list[Array]]()
+    innovations = list[ArrayStore]()
     for segment, timeline, about, forward_pass in smoothing.forward_passes(filtered):
         if segment == len(innovations):
             # The gradient by the initial motion acts before the first event.
             moved[n:] = filtered.by_parameters[segment] @ moved[:n]
             moved += filtered.before[segment][0].covariance()[:, n:] @ gradient.initial[segment]
-            innovations.append([])
+            innovations.append(ArrayStore())
         by_motion, of_chunk = gradient.moving[segment][len(innovations[-1])], np.zeros(about.residual.shape)
         _propagate(timeline, about, forward_pass, by_motion, moved, of_chunk, scratch)
         innovations[-1].append(of_chunk)
@@ -84,12 +85,14 @@ def gradient_scores(smoothing: LinearSmoothing, filtered: Filtered, gradient: Tr
     innovations, changes = apply_gradient(smoothing, filtered, gradient).innovations, np.zeros(len(faults.labels))
     adjoint = Adjoint.zeros(n + n_moving, with_variance=False)
     adjoint.mean[:n] = gradient.parameters
+    n_left = [len(chunks) for chunks in innovations]
     for segment, timeline, about, forward_pass in smoothing.forward_passes_back(filtered, adjoint):
         by_states, by_measurements, scratch = (
             np.zeros(a.shape) for a in (about.moving, about.residual, about.residual)
         )
-        chunk = len(innovations[segment]) - 1
-        by_motion, opposed = gradient.moving[segment][chunk], forward_pass._replace(error=-innovations[segment].pop())
+        n_left[segment] -= 1
+        chunk = n_left[segment]
+        by_motion, opposed = gradient.moving[segment][chunk], forward_pass._replace(error=-innovations[segment][chunk])
         _propagate_back(timeline, about, opposed, by_motion, adjoint, by_states, by_measurements, scratch)
         if chunk == 0:
             adjoint.mean[n:] += gradient.initial[segment]
@@ -258,7 +261,7 @@ def _gradients(
     total = np.zeros(n_states + (0 if faults is None else len(faults.labels)))
     data = ModelData.of(problem.process, problem.sensors)
     work = SmootherWorkspace.of(problem.process, n_states, problem.sensors.matrix.shape[1])
-    initial, moving, scale = list[Array](), list[list[Array]](), 2.0 / _STATE_STEP
+    initial, moving, scale = list[Array](), list[ArrayStore](), 2.0 / _STATE_STEP
     for segment in range(len(problem.segments)):
 
         def columns(timeline: Timeline, about: Linearised, segment: int = segment) -> FaultEffects:
@@ -269,7 +272,7 @@ def _gradients(
             return FaultEffects(*(np.concatenate(pair, axis=-1) for pair in pairs))
 
         adjoint = Adjoint.zeros(n_moving, with_variance=True)
-        moving.append([])
+        moving.append(ArrayStore())
         # Gradient by the state before the later chunk.
         by_last = np.zeros(n_moving)
         conditional = ConditionalFilter(problem, smoothing, filtered, segment)
@@ -291,8 +294,9 @@ def _gradients(
                 total += by_process.sum(axis=0) + by_sensors.sum(axis=0)
                 by_states[:-1] += by_process[:, n:n_states]
                 np.add.at(by_states, measured_at, by_sensors[:, n:n_states])
-            moving[-1].insert(0, scale * by_states[1:])
+            moving[-1].append(scale * by_states[1:])
             by_last = by_states[0]
+        moving[-1].reverse()
         initial.append(scale * by_last)
     total *= scale
     return Trajectory(total[:n], initial, moving), total[n_states:]

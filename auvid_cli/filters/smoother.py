@@ -14,6 +14,7 @@ from functools import partial
 
 import numpy as np
 
+from auvid_cli.array_store import ArrayStore
 from auvid_cli.arrays import Array
 from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, carry_errors, score_faults
@@ -102,7 +103,7 @@ def run_smoother(
         return _failed(problem)
     (best, converged), *others = minima
     if not converged:
-        outcome = _report(smoothing, problem.sensors, best, on_chunk)
+        outcome = _report(problem, smoothing, best, on_chunk)
         n_parameters = problem.n_parameters
         deviation = np.sqrt(np.diagonal(outcome.covariance)[:n_parameters])
         convergence = ConvergenceStatus(best.cost - best.least, best.final.mean[:n_parameters] / deviation)
@@ -120,7 +121,7 @@ def run_smoother(
             return _failed(problem)
         problem, estimate, convergence = found
         score = partial(marginal_scores, problem)
-    outcome = _report(smoothing, problem.sensors, estimate, on_chunk, is_estimate=marginal)
+    outcome = _report(problem, smoothing, estimate, on_chunk, is_estimate=marginal)
     if outcome.failure != OK:
         return outcome
     if convergence is not None:
@@ -156,7 +157,7 @@ def _starts(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) 
 def _ckf(problem: JointProblem) -> Trajectory | None:
     """Return the trajectory of a CKF; None if the filter fails."""
     n_parameters, priors = problem.n_parameters, problem.priors
-    parameters, initial, moving = problem.prior.mean[:n_parameters], list[Array](), list[list[Array]]()
+    parameters, initial, moving = problem.prior.mean[:n_parameters], list[Array](), list[ArrayStore]()
 
     def keep(timeline: Timeline, records: Records) -> None:
         nonlocal parameters
@@ -169,7 +170,7 @@ def _ckf(problem: JointProblem) -> Trajectory | None:
         moving[-1].append(states)
 
     def run(timelines: Iterable[Timeline], gaussian: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
-        moving.append([])
+        moving.append(ArrayStore())
         return run_square_root_filter(points, problem.process, problem.sensors, timelines, gaussian, on_chunk)
 
     points = cubature(n_parameters + problem.n_moving)
@@ -253,17 +254,32 @@ def _failed(problem: JointProblem) -> FilterOutcome:
 
 
 def _report(
-    smoothing: LinearSmoothing, sensors: Sensors, filtered: Filtered, on_chunk: OnChunk, is_estimate: bool = False
+    problem: JointProblem,
+    smoothing: LinearSmoothing,
+    filtered: Filtered,
+    on_chunk: OnChunk,
+    is_estimate: bool = False,
 ) -> FilterOutcome:
     """Pass the smoothed trajectory to `on_chunk`; the nominal one if that `is_estimate` itself."""
     covariance = filtered.final.covariance()
     n_parameters, fraction = filtered.trajectory.parameters.size, 0.0 if is_estimate else 1.0
     parameters = filtered.trajectory.parameters + fraction * filtered.final.mean[:n_parameters]
     deviation = np.sqrt(np.diagonal(covariance)[:n_parameters])
-    nominal = [moving for segment in filtered.trajectory.moving for moving in segment]
-    chunks = [(chunk.timeline, _records(chunk, sensors)) for chunk in smoothing.smooth(filtered, with_variance=True)]
-    n_good = 0
-    for moving, (timeline, of_motion) in zip(nominal, reversed(chunks), strict=True):
+    nominal = (moving for segment in filtered.trajectory.moving for moving in segment)
+    # Chunks come from the last to the first.
+    smoothed, weights = [ArrayStore() for _ in Records._fields[:-1]], ArrayStore()
+    for chunk in smoothing.smooth(filtered, with_variance=True):
+        *rows, weight = _records(chunk, problem.sensors)
+        for store, array in zip(smoothed, rows, strict=True):
+            store.append(array)
+        if weight is not None:
+            weights.append(weight)
+    for store in (*smoothed, weights):
+        store.reverse()
+    timelines, n_good = (timeline for segment in problem.segments for timeline in segment), 0
+    for number, (moving, timeline) in enumerate(zip(nominal, timelines, strict=True)):
+        weight = weights[number] if weights else None
+        of_motion = Records(*(store[number] for store in smoothed), weight=weight)
         step, variance = of_motion[:2]
         lost = np.flatnonzero(~(variance > 0.0).all(axis=1))
         good = int(lost[0]) if lost.size else len(moving)

@@ -1,6 +1,6 @@
 """Run filters on a dataset: choose estimators by the settings, set them up, and record their estimates in SI."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Reversible, Sequence
 from dataclasses import dataclass
 from time import perf_counter, thread_time
 from typing import assert_never
@@ -78,7 +78,7 @@ class FilterRun:
     header: EstimateHeader
     span: tuple[float, float]  # first and last time of the data, s
     estimator: Estimator  # in scaled units: coefficients as multiples of their prior standard deviations
-    segments: Sequence[Iterable[Timeline]]
+    segments: Sequence[Reversible[Timeline]]
     prior: Gaussian  # prior of the joint state of the segments
     scale: Array  # shape (n,); SI value of one unit of each component of the state
     measuring: dict[str, SensorRecord]  # by name, in the order of the estimator's sensors
@@ -281,13 +281,19 @@ def _no_innovations(record: SensorRecord) -> Innovations:
 
 
 class _Watched:
-    """Chunks of the data with a call before each; may be iterated many times."""
+    """Chunks of the data with a call before each; may be iterated many times, in both directions."""
 
-    def __init__(self, timelines: Iterable[Timeline], before_each: Callable[[], None]) -> None:
+    def __init__(self, timelines: Reversible[Timeline], before_each: Callable[[], None]) -> None:
         self._timelines, self._before_each = timelines, before_each
 
     def __iter__(self) -> Iterator[Timeline]:
-        for timeline in self._timelines:
+        return self._watched(iter(self._timelines))
+
+    def __reversed__(self) -> Iterator[Timeline]:
+        return self._watched(reversed(self._timelines))
+
+    def _watched(self, timelines: Iterator[Timeline]) -> Iterator[Timeline]:
+        for timeline in timelines:
             self._before_each()
             yield timeline
 
