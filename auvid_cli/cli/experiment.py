@@ -166,7 +166,7 @@ def tune(
     changes, terminal = settings.overrides(), console.terminal()
     with terminal.compiling():
         from auvid_cli.api.analysis import tune_into
-        from auvid_cli.report.screens import choice_text, print_tuning
+        from auvid_cli.report.screens import choice_text, objection_to_tuning, print_tuning
 
     result = tune_into(output.destination(terminal), dataset, changes, sensors, disturbance)
     print_tuning(terminal.out, result.tuning, *result.fits)
@@ -174,7 +174,10 @@ def tune(
     if result.tuning.choice is not None:
         terminal.print(choice_text(result.tuning.choice))
     terminal.print_lines(result.files)
-    _print_next(terminal, dataset, settings, result.settings)
+    if objection := objection_to_tuning(*(judgement for _, judgement in result.fits)):
+        terminal.print(objection)
+    else:
+        _print_next(terminal, dataset, settings, result.settings)
 
 
 @options.command

@@ -99,7 +99,7 @@ def advice_on_nonlinearity(estimate: Estimate) -> str:
     """Return advice for a Kalman filter with states that make a sensor nonlinear; else empty."""
     settings = estimate.experiment.identification
     nonlinear = [name.value for name in settings.estimate.biases if name in _NONLINEAR]
-    if not nonlinear or estimate.is_free_run_fit:
+    if not nonlinear or estimate.is_free_run_fit or estimate.filter == FilterName.SMOOTHER:
         return ""
     narrow = f"needs a narrow prior (--set identification.prior.factor={_NARROWER:g})"
     return (

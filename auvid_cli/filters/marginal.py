@@ -49,6 +49,8 @@ _stack = types.float64[:, :, ::1]
 _STATE_STEP = 1e-4  # SI
 # Largest last step of the parameters, in standard deviations.
 _MAX_LAST_STEP = 0.05
+# Number of previous steps by which an iteration is accelerated.
+_MEMORY = 3
 # Factor on the prior's standard deviations, so small that parameters remain constant.
 _FIXING_FACTOR = 1e-8
 # Maximum number of passes in which the motion adapts to new parameters.
@@ -201,17 +203,37 @@ def integrate_out_motion(
     """
     n, filtered, convergence = problem.n_parameters, joint, None
     covariance = joint.final.covariance()[:n, :n]
-    deviation = np.sqrt(np.diagonal(covariance))
+    deviation, moves, steps = np.sqrt(np.diagonal(covariance)), list[Array](), list[Array]()
     for _ in range(max_steps):
         # To the joint minimum of the linear problem, and from there to the marginal one.
         step = filtered.final.mean[:n] + marginal_step(problem, smoothing, filtered)
-        motion = _most_probable_motion(problem, filtered, filtered.trajectory.parameters + step)
+        steps.append(step / deviation)
+        moves.append(_accelerated(moves, steps))
+        motion = _most_probable_motion(problem, filtered, filtered.trajectory.parameters + deviation * moves[-1])
         if motion is None or (filtered := smoothing.filter(motion[0])) is None:
             return None
         if motion[1] and (np.abs(step) <= _MAX_LAST_STEP * deviation).all():
             return filtered, None
         convergence = ConvergenceStatus(float(step @ np.linalg.solve(covariance, step)), step / deviation)
     return filtered, convergence
+
+
+def _accelerated(moves: list[Array], steps: list[Array]) -> Array:
+    """Return the next move of a fixed-point iteration by Anderson's method (SIAM J. Numer. Anal. 49(4), 2011).
+
+    Parameters
+    ----------
+    moves : list of ndarray, shape (n,)
+        Moves so far.
+    steps : list of ndarray, shape (n,)
+        Steps of the plain iteration before each move and now.
+    """
+    first = max(len(moves) - _MEMORY, 0)
+    if first == len(moves):
+        return steps[-1]
+    changes = np.diff(np.stack(steps[first:], axis=1), axis=1)
+    share = np.linalg.lstsq(changes, steps[-1])[0]
+    return steps[-1] - (np.stack(moves[first:], axis=1) + changes) @ share
 
 
 def _most_probable_motion(

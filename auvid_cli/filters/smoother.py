@@ -8,9 +8,10 @@ problem that is linear about the last trajectory: `gauss_newton` calls `LinearSm
 linearises once, where it happens to be; the smoother linearises again about each better trajectory.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -55,6 +56,8 @@ _FOLLOWING_NOISE = 100.0
 _FOLLOWING_PRIOR = 1e-3
 # Number of minima to find from different starts.
 _N_MINIMA = 2
+# Largest number of passes from a start after another one has converged.
+_PATIENCE = 20
 # Largest cost increase of a reported minimum: it is at least 1 % as probable.
 _MAX_COST_INCREASE = -2.0 * np.log(0.01)
 # Size of a fault beyond which its effect is removed from the residuals that its standard deviation allows for, in
@@ -70,13 +73,14 @@ def run_smoother(
     max_passes: int = 50,
     faults: Faults | None = None,
     marginal: bool = False,
+    start: Trajectory | None = None,
 ) -> FilterOutcome:
     """Estimate the most probable parameters and motion.
 
     The first start is the trajectory of a CKF. If the minimum is far from it, or there is none, the second start keeps
     the prior's parameters and follows the measurements. If these two do not both end in a minimum, the third start is
     the minimum with more process noise. The most probable minimum is the estimate. It is compared with the second one,
-    and with the estimate from each segment alone.
+    and with the estimate from each segment alone. A given `start` precedes the others.
 
     Parameters
     ----------
@@ -90,6 +94,8 @@ def run_smoother(
         To test about the estimate.
     marginal : bool
         Whether to maximise the posterior of the parameters with the motion integrated out.
+    start : Trajectory, optional
+        If the search converges from here, there is no search for other minima.
 
     Returns
     -------
@@ -98,7 +104,8 @@ def run_smoother(
         parameters, or if a smoothed variance is lost in rounding.
     """
     smoothing = LinearSmoothing(problem)
-    minima = most_probable(problem, smoothing, max_passes)
+    enough = _N_MINIMA if start is None else 1
+    minima = most_probable(problem, smoothing, max_passes, enough, start)
     if not minima:
         return _failed(problem)
     (best, converged), *others = minima
@@ -132,25 +139,39 @@ def run_smoother(
 
 
 def most_probable(
-    problem: JointProblem, smoothing: LinearSmoothing, max_passes: int, enough: int = _N_MINIMA
+    problem: JointProblem,
+    smoothing: LinearSmoothing,
+    max_passes: int,
+    enough: int = _N_MINIMA,
+    first: Trajectory | None = None,
 ) -> list[tuple[Filtered, bool]]:
-    """Return the last iterate from each start until `enough` converged, and whether it did; the most probable first."""
-    minima = []
-    for start in _starts(problem, smoothing, max_passes):
-        if (minimum := gauss_newton(smoothing, start, max_passes)) is not None:
+    """Return the last iterate from each start until `enough` converged, and whether it did; the most probable first.
+
+    The `first` start, if there is one, precedes the others.
+    """
+    minima = list[tuple[Filtered, bool]]()
+
+    def passes() -> int:
+        return min(max_passes, _PATIENCE) if any(converged for _, converged in minima) else max_passes
+
+    for start in chain([] if first is None else [first], _starts(problem, smoothing, passes)):
+        if (minimum := gauss_newton(smoothing, start, passes())) is not None:
             minima.append(minimum)
             if _is_near(start, minimum[0]) or sum(converged for _, converged in minima) == enough:
                 break
     return sorted(minima, key=lambda minimum: minimum[0].cost)
 
 
-def _starts(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) -> Iterator[Trajectory]:
-    """Yield the trajectory of a CKF, one along the measurements, and the minimum with more process noise."""
+def _starts(problem: JointProblem, smoothing: LinearSmoothing, passes: Callable[[], int]) -> Iterator[Trajectory]:
+    """Yield the trajectory of a CKF, one along the measurements, and the minimum with more process noise.
+
+    `passes` returns the largest number of forward passes now.
+    """
     if (filtered := _ckf(problem)) is not None:
         yield filtered
     if (followed := follow_measurements(problem)) is not None:
         yield followed
-        if (annealed := _anneal_process_noise(problem, smoothing, followed, max_passes)) is not None:
+        if (annealed := _anneal_process_noise(problem, smoothing, followed, passes())) is not None:
             yield annealed
 
 

@@ -47,6 +47,7 @@ from auvid_cli.numerics import LANES, compiled, types
 
 if TYPE_CHECKING:
     from auvid_cli.filters.fault_scores import Faults
+    from auvid_cli.filters.linear_smoother import Trajectory
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
@@ -278,6 +279,7 @@ class IteratedSmoother:
     max_passes: int
     faults: "Faults"
     marginal: bool
+    start: "Trajectory | None" = None
     in_one_batch = True
 
     @property
@@ -291,4 +293,4 @@ class IteratedSmoother:
         from auvid_cli.filters.smoother import run_smoother
 
         problem = JointProblem(self.process, self.sensors, segments, prior)
-        return run_smoother(problem, on_chunk, self.max_passes, self.faults, self.marginal)
+        return run_smoother(problem, on_chunk, self.max_passes, self.faults, self.marginal, self.start)

@@ -13,7 +13,7 @@ from auvid_cli.config.settings import Spans
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.findings import DisturbanceChoice, ScoredTerm, TermFindings, TunedNoise, Tuning
 from auvid_cli.evaluation.differences import ComparedValue, Comparison
-from auvid_cli.evaluation.judgement import Judgement, whiteness
+from auvid_cli.evaluation.judgement import Grade, Judgement, whiteness
 from auvid_cli.fitting.results import Fit
 from auvid_cli.logs.measurements import ImportSummary
 from auvid_cli.report.screen_table import MISSING, narrowed, print_texts, printed, screen_table
@@ -156,6 +156,14 @@ def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged
     console.print(screen_table(console, _estimates(before, after), _TUNING_DIGITS))
     if not tuning.converged:
         console.print(Text("The search has not converged: start `auvid tune` again from these values."))
+
+
+def objection_to_tuning(before: Judgement, after: Judgement) -> str:
+    """Return why the tuned noise is not recommended, by the judgements before and after; empty if it is."""
+    grades = [*Grade]
+    if not after.is_against or grades.index(after.grade) <= max(map(grades.index, (before.grade, Grade.DOUBTFUL))):
+        return ""
+    return f"not recommended: with the tuned noise the smoother is {after}"
 
 
 def fit_sentences(fit: Fit) -> list[str]:
