@@ -213,11 +213,13 @@ class Timelines:
             )
         self._step, self.chunk = step, chunk
 
-    @property
-    def input_rate(self) -> Array:
-        """Return the time derivative of the inputs by central differences, SI per second."""
-        time = self._changes * _NANOSECOND
-        return np.gradient(self._inputs, time, axis=0) if time.size > 1 else np.zeros_like(self._inputs)
+    def input_rate(self, first: int = 0, last: int | None = None) -> Array:
+        """Return the time derivative of the rows `first` to before `last` of the inputs, SI per second."""
+        last = len(self._inputs) if last is None else last
+        before = max(first - 1, 0)
+        inputs, time = self._inputs[before : last + 1], self._changes[before : last + 1] * _NANOSECOND
+        rate = np.gradient(inputs, time, axis=0) if time.size > 1 else np.zeros_like(inputs)
+        return rate[first - before : last - before]
 
     def in_chunks_of(self, n: int) -> "Timelines":
         """Return the same measurements with at most `n` of one sensor in a chunk."""

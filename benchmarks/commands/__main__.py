@@ -129,7 +129,7 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
         home, length = folder / str(duration), ("--set", f"manoeuvre.duration={duration} s")
         dataset, other, whole = str(home / "dataset.h5"), str(home / "other"), str(home / "whole")
         add("simulate", "simulate", *length, "--output", str(home))
-        cost_of("simulate", *length, "--seed", "1", "--output", other, "--quiet")
+        cost_of("simulate", *length, "--seed", "2", "--output", other, "--quiet")
         for name in FilterName:
             if name != FilterName.OUTPUT_ERROR or duration <= _MAX_FITTED:
                 add(f"identify, {name.value}", "identify", dataset, "--filter", name.value, *_NO_JUDGE, sound=False)
@@ -143,7 +143,7 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
         (log / "map.yaml").write_text(suggested, encoding="utf-8")
         (log / "lateral.yaml").write_text(settings()[0], encoding="utf-8")
         survey = str(home / "survey/dataset.h5")
-        add("import, field log", "import", str(log / "map.yaml"), "--output", str(home / "survey"))
+        add("import, field log", "import", "--map", str(log / "map.yaml"), "--output", str(home / "survey"))
         add("inspect, field log", "inspect", survey, sound=False)
         if duration <= _MAX_FITTED:
             add("tune, field log", "tune", survey, "--set", str(log / "lateral.yaml"))
