@@ -11,8 +11,9 @@ from auvid_cli.logs.suggest.evidence import weigh_evidence
 from auvid_cli.logs.suggest.inputs import FoundInputs, find_inputs, input_lines, input_tracks, with_numbered_fins
 from auvid_cli.logs.suggest.known_formats import known_message
 from auvid_cli.logs.suggest.names import is_filter_output, is_set_point
-from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, commented_text, time_of
 from auvid_cli.logs.suggest.sensors import FoundSensor, expected_of, find_sensors, flag_of, sensor_lines, sensor_tracks
+from auvid_cli.logs.suggest.times import align_clocks, time_of
+from auvid_cli.logs.suggest.yaml_lines import Comment, Flow, Line, Phrase, YamlEntry, commented_text
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 _wrapper = textwrap.TextWrapper(110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
@@ -92,6 +93,7 @@ def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> st
     """
     names = _log_names(logs)
     files = [YamlEntry(name, _file(log, folder)) for name, log in names.items()]
+    align_clocks(names)
     sensors = find_sensors(names)
     measured = sensor_tracks(names, sensors)
     inputs = with_numbered_fins(names, find_inputs(names, measured), measured)
