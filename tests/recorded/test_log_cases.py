@@ -46,7 +46,8 @@ ADVICE = {
 HEADING_FROM = {"quat_nwu": 0.5 * np.pi}  # rad
 # Ends of logs that are cut, or of two runs, of which the first is taken, s.
 ENDS = {"restarted_clock": 60.0, "restarted_clock2": 60.0, "restarted_logger": 60.0, "lsf/Data_cut.lsf.gz": 96.0}
-NO_THRUST = ("clock_without_hours", "dataflash_text")
+# Logs without thrust, or with a share that belongs to no force.
+NO_THRUST = ("clock_without_hours", "dataflash_text", "moos_thrust_and_turn_rate")
 OFFSET = re.compile(r"offset: null(?P<rest>.*?)(?P<hint>-?[\d.]+ s) if it begins with the others")
 # Folders in which each file is a log of its own.
 SINGLE = ("bom_and_utf16", "dataflash_text", "european_csv", "lsf", "mat_datenum", "python_logging_time", "ros_bags")

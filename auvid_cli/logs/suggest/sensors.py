@@ -144,7 +144,7 @@ def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], ev
         )
     if not sensors and (unnamed := names.without_names(logs)):
         yield Comment(
-            f"required: {unnamed} have no names: write the sensors here, such as depth: {{columns: {{down: 'data[3]'}}}}"
+            f"required: {unnamed} have no names: write sensors here, such as depth: {{columns: {{down: 'data[3]'}}}}"
         )
     elif not sensors:
         yield Comment(

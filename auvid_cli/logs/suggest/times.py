@@ -1,6 +1,6 @@
 """Times of the tables of logs for a suggested map: the best column, its unit, and the offset to a common clock."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ _MIN_INCREASING = 0.8  # share of rows with a later time than the row before
 _EVEN = 0.1  # unevenness of a clock that is even enough
 _MIN_ROWS = 10  # of a table whose span counts for the common clock
 _MIN_OVERLAP = 0.5  # share of a span that overlaps that of the common clock
+_MIN_EPOCH = 1e8  # s; smaller times do not count from 1970
 _QUANTILES = (0.02, 0.98)  # of the times of a table, because a clock may be set late
 
 
@@ -99,8 +100,7 @@ def align_clocks(logs: Mapping[str, Log]) -> None:
     }
     if len(found) < 2:
         return
-    best = {place: candidates[0] for place, candidates in found.items()}
-    common = _common_span(best)
+    common = _common_span(found.values())
     for (name, table), candidates in found.items():
         # A column whose times overlap with those of the other logs.
         chosen = next((times for times in candidates if _overlap(times.span, common) > _MIN_OVERLAP), candidates[0])
@@ -117,27 +117,23 @@ def align_clocks(logs: Mapping[str, Log]) -> None:
                 reason = f"check: a clock without {whole}; moved by whole {whole} to the times of the other logs"
                 log.clock_offsets[table] = (own + moved, reason)
                 continue
-        first = min(
-            best[place].seconds[0] for place, times in best.items() if _overlap(times.span, common) > _MIN_OVERLAP
-        )
+        first = min(t.seconds[0] for of in found.values() for t in of if _overlap(t.span, common) > _MIN_OVERLAP)
         together = f"{own + first - chosen.seconds[0]:.3f} s if it begins with the others"
         reason = f"required: this clock has no time in common with those of the other logs; {together}"
         log.clock_offsets[table] = (np.nan, reason)
 
 
-def _common_span(best: Mapping[tuple[str, str], Times]) -> tuple[float, float]:
-    """Return the span of the clock that most rows share: a date rather than a time of day, if there is one."""
-    spans = {place: times.span for place, times in best.items()}
+def _common_span(found: Iterable[Sequence[Times]]) -> tuple[float, float]:
+    """Return the span of the clock that most tables have: one of dates, or else of days, if there are several."""
+    found = list(found)
 
-    def rank(place: tuple[str, str]) -> tuple[bool, int]:
-        together = sum(
-            best[other].seconds.size for other, span in spans.items() if _overlap(span, spans[place]) > _MIN_OVERLAP
-        )
-        return not best[place].period, together
+    def rank(times: Times) -> tuple[int, float, bool, int]:
+        sharing = sum(any(_overlap(other.span, times.span) > _MIN_OVERLAP for other in of) for of in found)
+        return sharing, times.period or np.inf, times.span[0] > _MIN_EPOCH, times.seconds.size
 
-    members = spans[max(best, key=rank)]
-    overlapping = [span for span in spans.values() if _overlap(span, members) > _MIN_OVERLAP]
-    return min(span[0] for span in overlapping), max(span[1] for span in overlapping)
+    best = max((times for of in found for times in of), key=rank)
+    spans = [times.span for of in found for times in of if _overlap(times.span, best.span) > _MIN_OVERLAP]
+    return min(span[0] for span in spans), max(span[1] for span in spans)
 
 
 def _overlap(span: tuple[float, float], other: tuple[float, float]) -> float:
