@@ -191,6 +191,15 @@ def distinct_tables(tables: Mapping[str, tuple[LogColumn, ...]]) -> dict[str, tu
     return {table: columns for table, columns in tables.items() if table not in repeats}
 
 
+def component_of(column: LogColumn) -> str:
+    """Return the component of a sensor that a column has the name of; empty without one."""
+    for wanted in SENSOR_NAMES.values():
+        for component, pattern in wanted.items():
+            if _is_called(column.name, rf"{_OWNER}({pattern}){_FILTERED}{_ANY_UNIT}{_FILTERED}"):
+                return component
+    return ""
+
+
 def without_names(logs: Mapping[str, Log]) -> str:
     """Return the columns of the logs if they are only elements of arrays; empty otherwise."""
     tables = [table for log in logs.values() for table in log.tables().values()]
