@@ -233,8 +233,15 @@ def _possible_fins(logs: Mapping[str, Log]) -> Iterator[str]:
 
 def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInput]:
     """Return inputs by key: first those of the main table, then the missing ones from other tables."""
-    places = [(name, columns) for columns in find_columns(INPUT_NAMES, {main: logs[name].tables()[main]})]
-    places += [(log, columns) for log in logs for columns in find_columns(INPUT_NAMES, logs[log].tables())]
+    places = [
+        (name, columns)
+        for columns in find_columns(INPUT_NAMES, {main: logs[name].tables()[main]}, file=logs[name].path.stem)
+    ]
+    places += [
+        (log, columns)
+        for log in logs
+        for columns in find_columns(INPUT_NAMES, logs[log].tables(), file=logs[log].path.stem)
+    ]
     inputs: dict[str, FoundInput] = {}
     for log, (table, columns, message) in places:
         new = {key: column for key, column in columns.items() if key not in inputs}

@@ -160,20 +160,26 @@ KNOWN_MESSAGES = (
 )
 
 
-def known_message(table: str, columns: Iterable[LogColumn]) -> KnownMessage | None:
-    """Return the message of a table; None if it is of no known format."""
-    return _known(table, frozenset(column.name for column in columns))
+def known_message(table: str, columns: Iterable[LogColumn], file: str = "") -> KnownMessage | None:
+    """Return the message of a table; None if it is of no known format.
+
+    A table without a name is that of a text log, whose `file` may have the name of a message: log_7_sensor_gyro_0.
+    """
+    return _known(table, "" if table else file, frozenset(column.name for column in columns))
 
 
 @cache
-def _known(table: str, names: frozenset[str]) -> KnownMessage | None:
+def _known(table: str, file: str, names: frozenset[str]) -> KnownMessage | None:
     for message in KNOWN_MESSAGES:
         needed = {
             *message.fields.values(),
             *message.marks,
             *({message.flag} if message.flag and not message.table else ()),
         }
-        if message.table and not re.fullmatch(message.table + _INSTANCE, table):
+        if message.table and not (
+            re.fullmatch(message.table + _INSTANCE, table)
+            or re.fullmatch(rf"(.*[_. -])?({message.table})(_\d+)?", file)
+        ):
             continue
         # A topic may have the name of a message by chance; one whose fields are all missing is another.
         if needed <= names:

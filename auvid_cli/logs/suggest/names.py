@@ -99,6 +99,10 @@ _STAMPS = r"(header[._])?stamp([._](secs?|t))?|\w*time_?of_?validity\w*|(\w+_)?v
 _WHOLE_SECONDS = re.compile(r"(?P<stem>(.*[._])?)(sec|secs|seconds|s)")
 _ANY_TIME = r"\w*time|(.*[._])?secs?|zeit"
 _TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
+# Elements of a vector with three components; those of angles are roll, pitch and yaw.
+_ELEMENT = re.compile(r"(?P<stem>(?!(.*\.)?(data|value|xyz|q|q_d|quat\w*)\[).*[a-zA-Z])\[(?P<index>[012])\]")
+_OF_ANGLES = re.compile(r"(^|[._])(rpy|euler\w*|att(itude)?|angles|ypr_rev)$")
+_ANGLES = ("roll", "pitch", "yaw")
 _BARE_FIELD = re.compile(r"(data|value|xyz)(\[(?P<index>[012])\])?|(?P<axis>[xyz])")
 # Fields of ROS messages in forward-left-up and east-north-up axes (REP 103).
 _REP_103 = {
@@ -139,7 +143,11 @@ class Match(NamedTuple):
 
 
 def find_columns(
-    wanted: Mapping[str, str], tables: Mapping[str, tuple[LogColumn, ...]], hint: str = "", unit: str = ""
+    wanted: Mapping[str, str],
+    tables: Mapping[str, tuple[LogColumn, ...]],
+    hint: str = "",
+    unit: str = "",
+    file: str = "",
 ) -> list[Match]:
     """Return the matching columns of each table; measurements and tables with most components first.
 
@@ -154,6 +162,8 @@ def find_columns(
         Word that a preferred table contains.
     unit : str
         SI unit, for endings of names in `NAMED_UNITS`.
+    file : str
+        Name of the file of a text log, which may be that of a message.
     """
     whose = f"{_OWNER}{_COMMANDED}" if wanted is INPUT_NAMES else _OWNER
     ending = rf"(_({'|'.join(NAMED_UNITS[unit])}))?" if unit in NAMED_UNITS else _ANY_UNIT
@@ -166,7 +176,7 @@ def find_columns(
             and (wanted is INPUT_NAMES or not is_set_point(table, column.name))
             and (wanted is QUATERNION_NAMES or not _is_called(column.name, _OF_QUATERNION))
         ]
-        message = known_message(table, columns)
+        message = known_message(table, columns, file)
         if message is not None:
             if matches := known_columns(message, wanted, columns, wanted is QUATERNION_NAMES):
                 places.append(Match(table, matches, message))
@@ -241,7 +251,11 @@ def find_in_logs(
     logs: Mapping[str, Log], wanted: Mapping[str, str], hint: str = "", unit: str = ""
 ) -> tuple[str, Match] | None:
     """Return the log and columns with most of the wanted components, of tables whose numbers change."""
-    places = [(name, place) for name, log in logs.items() for place in find_columns(wanted, log.tables(), hint, unit)]
+    places = [
+        (name, place)
+        for name, log in logs.items()
+        for place in find_columns(wanted, log.tables(), hint, unit, log.path.stem)
+    ]
     if hint == "depth":
         # Of several pressure sensors, one may measure the air inside the hull.
         places.sort(key=lambda place: _range(logs[place[0]], place[1]), reverse=True)
@@ -308,6 +322,10 @@ def time_columns(columns: Iterable[LogColumn]) -> list[TimeColumn]:
 
 def _possible_names(table: str, column: LogColumn) -> tuple[str, ...]:
     """Return the name of a column with and without its unit; for a message of bare numbers those of its topic."""
+    if vector := _ELEMENT.fullmatch(column.name):
+        axes = _ANGLES if _OF_ANGLES.search(_plain(vector["stem"])) else ("x", "y", "z")
+        axis = axes[int(vector["index"])]
+        return (axis,) if axes is _ANGLES else (f"{vector['stem']}_{axis}",)
     field = _BARE_FIELD.fullmatch(column.name)
     if not table or field is None:
         return (column.name, f"{column.name}_{column.unit}")

@@ -128,7 +128,7 @@ def numbered_attitude(logs: Mapping[str, Log], found: Mapping[str, FoundSensor])
     for name, log in logs.items():
         for table, columns in distinct_tables(log.tables()).items():
             four = _numbered_quaternion(columns)
-            if not four or known_message(table, columns) is not None:
+            if not four or known_message(table, columns, log.path.stem) is not None:
                 continue
             read = log.read(table, [column.name for column in four])
             tracks = tracks_of(

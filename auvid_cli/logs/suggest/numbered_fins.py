@@ -18,7 +18,7 @@ from auvid_cli.logs.suggest.yaml_lines import Flow
 _FIN = re.compile(
     r"(?i)(.*\.)?(fin|servo|rudder|plane|surface|delta)s?_?\[?(?P<number>[0-9])\]?(_(deg|rad|angle|pwm|us))?"
 )
-_CHANNEL = re.compile(r"(C|Ch|chan|output|servo)(?P<number>\d+)(_raw)?")
+_CHANNEL = re.compile(r"(C|Ch|chan|output|servo)\[?(?P<number>\d+)\]?(_raw)?")
 _CHANNELS = re.compile(r"RCOU|SERVO_OUTPUT_RAW|actuator_outputs")  # tables of the pulses of all servos
 _MAX_FINS = 4
 _TOGETHER = 0.98  # correlation of fins that move together
@@ -57,8 +57,8 @@ def _is_command(message: KnownMessage) -> bool:
 
 def _of_columns(log: Log, name: str, table: str, columns: Sequence[LogColumn]) -> list[FinChannel]:
     """Return the channels of columns such as fin1 to fin4, or of those pulses of all servos that change."""
-    message = known_message(table, columns)
-    is_all = _CHANNELS.fullmatch(table) is not None
+    message = known_message(table, columns, log.path.stem)
+    is_all = (_CHANNELS.fullmatch(table) if table else _CHANNELS.search(log.path.stem)) is not None
     fins = numbered(_CHANNEL if is_all else _FIN, columns)
     if not fins or (message is not None and not is_all):
         return []
@@ -71,7 +71,7 @@ def _of_columns(log: Log, name: str, table: str, columns: Sequence[LogColumn]) -
 
 def _of_servos(log: Log, name: str, table: str, columns: Sequence[LogColumn]) -> list[FinChannel]:
     """Return the channels of the servos whose positions share a column, each with an id."""
-    message = known_message(table, columns)
+    message = known_message(table, columns, log.path.stem)
     if message is None or "fins" not in message.fields:
         return []
     read = log.read(table, ["id", message.fields["fins"]])

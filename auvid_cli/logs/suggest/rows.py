@@ -15,7 +15,7 @@ from auvid_cli.logs.frames import euler_of_quaternion, in_forward_axes, quaterni
 from auvid_cli.logs.no_value import find_codes, has_rows_of_zeros, is_code, rows_of_zeros
 from auvid_cli.logs.suggest.names import QUATERNION_NAMES, Match, named_unit, standard_message
 from auvid_cli.logs.suggest.relations import Track
-from auvid_cli.logs.suggest.times import is_unit_of, seconds_of, time_of
+from auvid_cli.logs.suggest.times import is_unit_of, one_sender, rows_of_sender, seconds_of, time_of
 from auvid_cli.logs.suggest.yaml_lines import Flow, Phrase, YamlEntry
 from auvid_cli.vehicle.parameters import SENSORS
 
@@ -28,6 +28,9 @@ def row_entries(logs: Mapping[str, Log], name: str, table: str, delay: float = 0
         yield YamlEntry("log", name)
     if table:
         yield YamlEntry("table", table)
+    if (sender := one_sender(logs[name], table)) is not None:
+        column, value = sender
+        yield YamlEntry("rows", {"column": column, "values": (_value(value),)}, "check: one of several senders")
     time, comment = time_of(logs[name], table)
     if delay and time is not None:
         time = dict(time) if isinstance(time, Mapping) else {"column": time}
@@ -52,7 +55,13 @@ def place_of(logs: Mapping[str, Log], name: str, table: str) -> dict[str, Flow] 
     if time is None:
         return None
     place: dict[str, Flow] = {"log": name} if len(logs) > 1 else {}
+    if (sender := one_sender(logs[name], table)) is not None:
+        place["rows"] = {"column": sender[0], "values": (_value(sender[1]),)}
     return place | ({"table": table} if table else {}) | {"time": time}
+
+
+def _value(value: str | float) -> Flow:
+    return value if isinstance(value, str) else Phrase(f"{value:.10g}")
 
 
 class Found(NamedTuple):
@@ -120,6 +129,8 @@ def found_in(logs: Mapping[str, Log], sensor: str, name: str, match: Match) -> F
         stated, comment = unit, f"unit of this message of {message.source}"
     if message is None and not stated and (kind := standard_message(logs[name].tables()[match.table])):
         stated, comment = si, f"check: {kind} is in SI units by REP 103"
+    if (chosen := rows_of_sender(logs[name], match.table)) is not None:
+        numbers = {component: np.where(chosen, values, np.nan) for component, values in numbers.items()}
     codes = find_codes(numbers)
     marked = np.any([is_code(own, codes) for own in numbers.values()], axis=0)
     zeros = rows_of_zeros(numbers) if has_rows_of_zeros(numbers) else np.zeros(marked.size, np.bool_)
@@ -133,6 +144,8 @@ def tracks_of(
 ) -> dict[str, Track]:
     """Return signals with their times in s, by default of all rows; empty if the table has no valid times."""
     seconds = seconds_of(log, table)
+    if chosen is None:
+        chosen = rows_of_sender(log, table)
     if chosen is not None and seconds.size:
         seconds, signals = seconds[chosen], {symbol: values[chosen] for symbol, values in signals.items()}
     if not seconds.size:

@@ -102,7 +102,7 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
     expected: dict[str, dict[str, float]] = {}
     for name, (main, apart, _, is_exchanged) in sensors.items():
         if is_exchanged:
-            signs = zip(TRIPLES[name], (1.0, 1.0, -1.0), strict=True)
+            signs = zip(TRIPLES[name], _signs_of_exchanged(main), strict=True)
             expected |= {symbol: {"+": sign * _CONVENTION} for symbol, sign in signs}
         convention = _convention(logs[main.log], main.match.table)
         if main.is_right_forward_up:
@@ -131,6 +131,15 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
     ):
         expected.setdefault("dvl", {"FLU": _HANGING})
     return expected
+
+
+def _signs_of_exchanged(main: Found) -> tuple[float, float, float]:
+    """Return the signs of components whose axes point to starboard, ahead and up; x may also point to port."""
+    ahead = float(np.nanmean(main.numbers["u"])) if "u" in main.numbers else 1.0
+    turned = -1.0 if ahead < 0.0 else 1.0
+    # The bottom moves against the vehicle, along all axes.
+    is_of_bottom = main.match.message is not None and main.match.message.is_of_bottom and turned < 0.0
+    return turned, turned, 1.0 if is_of_bottom else -1.0
 
 
 def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], evidence: Evidence) -> Iterator[Line]:
@@ -271,7 +280,7 @@ def _valid(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> Iterato
 def _convention(log: Log, table: str) -> tuple[str, str] | None:
     """Return the axes of a standard message of ROS and the reason; gravity may contradict the convention."""
     columns = log.tables()[table]
-    message = known_message(table, columns)
+    message = known_message(table, columns, log.path.stem)
     if message is not None:
         is_fixed = message.frame in USUAL_AXES
         return (message.frame, f"{message.source} states {message.frame} axes") if is_fixed else None

@@ -1,9 +1,11 @@
 """Times of the tables of logs for a suggested map: the best column, its unit, and the offset to a common clock."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import unit_factor
@@ -20,6 +22,8 @@ _MAX_DAY_STEP = 1e-3  # days between rows
 _MIN_INCREASING = 0.8  # share of rows with a later time than the row before
 _EVEN = 0.1  # unevenness of a clock that is even enough
 _MIN_ROWS = 10  # of a table whose span counts for the common clock
+_SENDER = re.compile(r"(?i)(.*\.)?(entity|sender|source|src_ent|frame_id|sensor(_?id)?|device(_?id)?|instance)")
+_MAX_SENDERS = 8
 _MIN_OVERLAP = 0.5  # share of a span that overlaps that of the common clock
 _MIN_EPOCH = 1e8  # s; smaller times do not count from 1970
 _QUANTILES = (0.02, 0.98)  # of the times of a table, because a clock may be set late
@@ -76,6 +80,26 @@ def seconds_of(log: Log, table: str) -> Array:
         return np.empty(0)
     offset, _ = log.clock_offsets.get(table, (0.0, ""))
     return times.seconds if np.isnan(offset) else times.seconds + offset - _own_offset(times)
+
+
+def one_sender(log: Log, table: str) -> tuple[str, str | float] | None:
+    """Return a column and its value in the rows of one of several senders, that of most rows; None for one sender."""
+    if table not in log.senders:
+        log.senders[table] = None
+        for column in log.tables()[table]:
+            if _SENDER.fullmatch(column.name):
+                values, counts = np.unique(log.read(table, [column.name])[column.name], return_counts=True)
+                if 1 < values.size <= _MAX_SENDERS and counts.min() >= _MIN_ROWS:
+                    value = values[int(counts.argmax())]
+                    log.senders[table] = column.name, str(value) if column.is_text else float(value)
+                    break
+    return log.senders[table]
+
+
+def rows_of_sender(log: Log, table: str) -> NDArray[np.bool_] | None:
+    """Return the rows of the sender that a map takes; None if the table has only one."""
+    sender = one_sender(log, table)
+    return None if sender is None else log.read(table, [sender[0]])[sender[0]] == sender[1]
 
 
 def message_clock(log: Log, table: str) -> str:
@@ -171,7 +195,7 @@ def _rank(times: Times) -> tuple[bool, bool, bool]:
 def _times_by(log: Log, table: str, time: TimeColumn) -> Times | None:
     """Return the times by one column; None if it has none."""
     column = time.column
-    raw = log.read(table, [column.name])[column.name]
+    raw, chosen = log.read(table, [column.name])[column.name], rows_of_sender(log, table)
     flow: dict[str, Flow] = {"column": column.name}
     comment, date_format = "", None
     factor, offset = 1.0, 0.0
@@ -186,7 +210,8 @@ def _times_by(log: Log, table: str, time: TimeColumn) -> Times | None:
     elif time.nanoseconds is not None:
         flow["nanoseconds"] = time.nanoseconds.name
     else:
-        unit, epoch, comment = _unit_of_time(np.asarray(raw, np.float64), column.unit)
+        numbers = np.asarray(raw, np.float64)
+        unit, epoch, comment = _unit_of_time(numbers if chosen is None else numbers[chosen], column.unit)
         flow["unit"], factor = unit, unit_factor(unit, "s")
         if epoch:
             flow["offset"], offset = Phrase(f"-{epoch} day"), -epoch * _DAY
@@ -200,7 +225,7 @@ def _times_by(log: Log, table: str, time: TimeColumn) -> Times | None:
     if time.nanoseconds is not None:
         name = time.nanoseconds.name
         seconds = seconds + 1e-9 * np.asarray(log.read(table, [name])[name], np.float64)
-    steps = np.diff(seconds[np.isfinite(seconds)])
+    steps = np.diff(seconds[np.isfinite(seconds) & (True if chosen is None else chosen)])
     is_increasing = bool(steps.size) and float(np.mean(steps > 0.0)) > _MIN_INCREASING
     median = float(np.median(steps)) if steps.size else 0.0
     unevenness = float(np.mean(np.abs(steps - median))) / median if median > 0.0 else np.inf

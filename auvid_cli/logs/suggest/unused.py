@@ -12,7 +12,7 @@ from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.found_sensors import FoundSensor, flag_of
 from auvid_cli.logs.suggest.inputs import FoundInputs
 from auvid_cli.logs.suggest.known_formats import Role, known_message
-from auvid_cli.logs.suggest.times import time_of
+from auvid_cli.logs.suggest.times import one_sender, time_of
 from auvid_cli.logs.suggest.yaml_lines import Comment
 
 _wrapper = textwrap.TextWrapper(110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
@@ -36,6 +36,8 @@ def unused_lines(
             unused = [
                 column for column in columns if (name, table, column.name) not in used and column.name not in times
             ]
+            if (sender := one_sender(log, table)) is not None:
+                unused = [column for column in unused if column.name != sender[0]]
             if not unused:
                 continue
             where = " ".join(part for part in (name if len(logs) > 1 else "", table) if part)
@@ -43,7 +45,7 @@ def unused_lines(
             if table not in distinct:
                 yield Comment(f"{prefix}: its rows are those of other tables, one for each instance")
                 continue
-            if kind := _kind_of_table(table, columns):
+            if kind := _kind_of_table(table, columns, log.path.stem):
                 members = ", ".join(_joined_elements(column.name for column in unused))
                 yield from map(Comment, _wrapper.wrap(f"{prefix} ({kind}): {members}"))
                 continue
@@ -67,9 +69,9 @@ def _used(
     return used
 
 
-def _kind_of_table(table: str, columns: Iterable[LogColumn]) -> str:
+def _kind_of_table(table: str, columns: Iterable[LogColumn], file: str) -> str:
     """Return the reason for all columns of a table that is not measured; empty for others."""
-    if (message := known_message(table, columns)) is not None:
+    if (message := known_message(table, columns, file)) is not None:
         is_measured = message.role in (Role.MEASURED, Role.COMMAND)
         return "" if is_measured else f"{message.source}: {message.role.value}"
     if names.is_set_point(table, ""):
@@ -87,7 +89,7 @@ def _reasons(
         of_table = log.read(table, [*(column.name for column in numbers), *used])
         read = {key: np.asarray(values, np.float64) for key, values in of_table.items() if values.dtype.kind != "U"}
     others = {key: read[key] for key in used if key in read}
-    message = known_message(table, log.tables()[table])
+    message = known_message(table, log.tables()[table], log.path.stem)
     fields = {field: component for component, field in message.fields.items()} if message is not None else {}
     reasons: dict[str, list[str]] = {}
     for column in unused:
