@@ -174,7 +174,10 @@ def _effects(grid: Array, rate: Track, heads: Sequence[Array]) -> Array | None:
     on_grid = interpolate(rate.time, rate.values[:, None], grid)[:, 0]
     change = on_grid[_WINDOW:] - on_grid[:-_WINDOW]
     means = [np.convolve(head, np.full(_WINDOW + 1, 1.0 / (_WINDOW + 1)), "valid") for head in heads]
-    design = np.column_stack([*means, on_grid[:-_WINDOW], np.ones(change.size)])
+    # The weight rights the pitch; the integral of a rate drifts with its bias.
+    angle = np.cumsum(np.where(np.isfinite(on_grid), on_grid, 0.0))
+    before = [values[:-_WINDOW] for values in (on_grid, angle, grid)]
+    design = np.column_stack([*means, *before, np.ones(change.size)])
     usable = np.isfinite(design).all(axis=1) & np.isfinite(change)
     if np.count_nonzero(usable) < 20 * _WINDOW:
         return None
