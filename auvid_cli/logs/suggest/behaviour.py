@@ -17,6 +17,9 @@ _SENSORS = {"gyroscope": ("p", "q", "r"), "attitude": ("phi", "theta", "psi"), "
 _RATE_OF = {"p": "phi", "q": "theta", "r": "psi"}
 _ANGLE_OF = {angle: rate for rate, angle in _RATE_OF.items()}
 _MIN_CORRELATION = 0.95
+_MAX_GAIN_ERROR = 0.1  # of the logarithm
+# Sizes of numbers in usual units: rad and deg; m and ft, because a pressure in mbar is nearly a depth in cm.
+_GAINS = {False: (1.0, float(np.degrees(1.0))), True: (1.0, 1.0 / 0.3048)}
 _MAX_COLUMNS = 40  # columns of a table that are tried; more are those of images and the like
 _CANDIDATE = "candidate"
 
@@ -61,7 +64,8 @@ def with_behaviour(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) 
 def _reference(component: str, tracks: Mapping[str, Track]) -> str:
     """Return the measured symbol with which a component is compared; empty without one."""
     other = _RATE_OF.get(component) or _ANGLE_OF.get(component) or "theta"
-    return other if other in tracks else ""
+    # Without a speed, nothing tells the size of a depth.
+    return other if other in tracks and (component != "down" or "u" in tracks) else ""
 
 
 def _behaviours(
@@ -106,13 +110,17 @@ def _may_measure(column: LogColumn) -> bool:
 def _agreement(component: str, track: Track, tracks: Mapping[str, Track]) -> tuple[float, str] | None:
     """Return the correlation of a column with what a component would be, and the words for it; None if it is small."""
     other = _reference(component, tracks)
-    involved = {other: tracks[other]} | ({"u": tracks["u"]} if component == "down" and "u" in tracks else {})
+    involved = {other: tracks[other]} | ({"u": tracks["u"]} if component == "down" else {})
     signals = on_grid({_CANDIDATE: track} | involved)
     if signals is None:
         return None
     relation = _relation(component, other, signals)
     fit = fit_relation(relation, signals.step)
     if fit is None or abs(fit.correlation) < _MIN_CORRELATION:
+        return None
+    # A fin may agree with a rate that follows it, but not with its size in a usual unit.
+    gain = fit.gain if component not in _ANGLE_OF else 1.0 / fit.gain
+    if not any(abs(np.log(gain / unit)) < _MAX_GAIN_ERROR for unit in _GAINS[component == "down"]):
         return None
     return abs(fit.correlation), f"{relation.words} (correlation {abs(fit.correlation):.2f})"
 
@@ -122,8 +130,8 @@ def _relation(component: str, other: str, s: Signals) -> Relation:
         return Relation((_CANDIDATE,), f"it is the rate of {other}", s.mean(_CANDIDATE), s.rate(other))
     if component in _ANGLE_OF:
         return Relation((_CANDIDATE,), f"{other} is its rate", s.mean(other), s.rate(_CANDIDATE))
-    speed = s.mean("u") if s.has("u") else 1.0
-    return Relation((_CANDIDATE,), "it changes with pitch", s.rate(_CANDIDATE), -speed * np.sin(s.mean("theta")))
+    diving = -s.mean("u") * np.sin(s.mean("theta"))
+    return Relation((_CANDIDATE,), "it changes with u sin(theta)", s.rate(_CANDIDATE), diving)
 
 
 def _extended(logs: Mapping[str, Log], sensor: FoundSensor | None, one: _Behaviour) -> FoundSensor:

@@ -40,3 +40,15 @@ def test_fin_is_not_taken_for_an_angle():
     _, found = suggested(REST | {"rudder": TRUTH["rudder"], "elevator": TRUTH["elevator"]})
     assert "attitude" not in found["sensors"]
     assert {"rudder", "elevator"} <= {*found["inputs"]}
+
+
+def test_fin_that_a_rate_follows_is_not_that_rate():
+    rate = {"psi": TRUTH["psi"], "u": TRUTH["u"], "theta": TRUTH["theta"], "phi": TRUTH["phi"]}
+    _, found = suggested(rate | {"servo": -2.0 * TRUTH["r"]})
+    assert "gyroscope" not in found["sensors"]
+
+
+def test_pressure_is_not_taken_for_a_depth():
+    motion = REST | {name: TRUTH[name] for name in ("phi", "theta", "psi")}
+    _, found = suggested(motion | {"pressure_mbar": 1013.0 + 98.1 * TRUTH["down"]})
+    assert "depth" not in found["sensors"]
