@@ -13,9 +13,9 @@ from auvid_cli.logs.suggest.names import Match
 from auvid_cli.logs.suggest.relations import Relation, Signals, Track, fit_relation, on_grid
 from auvid_cli.logs.suggest.rows import found_in, tracks_of
 
-_SENSORS = {"gyroscope": ("p", "q", "r"), "attitude": ("phi", "theta", "psi"), "depth": ("down",)}
-_RATE_OF = {"p": "phi", "q": "theta", "r": "psi"}
-_ANGLE_OF = {angle: rate for rate, angle in _RATE_OF.items()}
+# A rate is not among them, because the deflection of a fin may look like the rate that follows it.
+_SENSORS = {"attitude": ("phi", "theta", "psi"), "depth": ("down",)}
+_RATES = {"phi": "p", "theta": "q", "psi": "r"}
 _MIN_CORRELATION = 0.95
 _MAX_GAIN_ERROR = 0.1  # of the logarithm
 # Sizes of numbers in usual units: rad and deg; m and ft, because a pressure in mbar is nearly a depth in cm.
@@ -63,7 +63,7 @@ def with_behaviour(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) 
 
 def _reference(component: str, tracks: Mapping[str, Track]) -> str:
     """Return the measured symbol with which a component is compared; empty without one."""
-    other = _RATE_OF.get(component) or _ANGLE_OF.get(component) or "theta"
+    other = _RATES.get(component, "theta")
     # Without a speed, nothing tells the size of a depth.
     return other if other in tracks and (component != "down" or "u" in tracks) else ""
 
@@ -118,17 +118,14 @@ def _agreement(component: str, track: Track, tracks: Mapping[str, Track]) -> tup
     fit = fit_relation(relation, signals.step)
     if fit is None or abs(fit.correlation) < _MIN_CORRELATION:
         return None
-    # A fin may agree with a rate that follows it, but not with its size in a usual unit.
-    gain = fit.gain if component not in _ANGLE_OF else 1.0 / fit.gain
+    gain = fit.gain if component == "down" else 1.0 / fit.gain
     if not any(abs(np.log(gain / unit)) < _MAX_GAIN_ERROR for unit in _GAINS[component == "down"]):
         return None
     return abs(fit.correlation), f"{relation.words} (correlation {abs(fit.correlation):.2f})"
 
 
 def _relation(component: str, other: str, s: Signals) -> Relation:
-    if component in _RATE_OF:
-        return Relation((_CANDIDATE,), f"it is the rate of {other}", s.mean(_CANDIDATE), s.rate(other))
-    if component in _ANGLE_OF:
+    if component in _RATES:
         return Relation((_CANDIDATE,), f"{other} is its rate", s.mean(other), s.rate(_CANDIDATE))
     diving = -s.mean("u") * np.sin(s.mean("theta"))
     return Relation((_CANDIDATE,), "it changes with u sin(theta)", s.rate(_CANDIDATE), diving)
