@@ -19,7 +19,7 @@ from auvid_cli.logs.suggest.times import is_unit_of, one_sender, rows_of_sender,
 from auvid_cli.logs.suggest.yaml_lines import Flow, Phrase, YamlEntry
 from auvid_cli.vehicle.parameters import SENSORS
 
-_ANGLES = ("phi", "theta", "psi")
+_ANGLES: tuple[str, ...] = ("phi", "theta", "psi")
 
 
 def row_entries(logs: Mapping[str, Log], name: str, table: str, delay: float = 0.0) -> Iterator[YamlEntry]:
@@ -113,7 +113,7 @@ class Found(NamedTuple):
         }
         if self.is_right_forward_up and {*values} == {*_ANGLES}:
             quaternion = in_forward_axes(quaternion_of_euler(np.column_stack([values[symbol] for symbol in _ANGLES])))
-            values = dict(zip(_ANGLES, euler_of_quaternion(quaternion).T, strict=True))
+            values |= dict(zip(_ANGLES, euler_of_quaternion(quaternion).T, strict=True))
         return values
 
 
