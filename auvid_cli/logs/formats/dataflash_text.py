@@ -33,8 +33,8 @@ class DataFlashTextLog(FileLog):
         for kind, columns in formats.items():
             if kind not in rows or _TICKS_PER_SECOND.keys().isdisjoint(name for name, _ in columns):
                 continue
-            of_kind = units.get(kind, [""] * len(columns))
-            named = zip(columns, of_kind, strict=False)
+            of_kind = [*units.get(kind, []), *[""] * len(columns)]
+            named = zip(columns, of_kind[: len(columns)], strict=True)
             tables[kind] = (
                 LogColumn(LOG_TIME, "s"),
                 *(LogColumn(name, unit, is_text=code in _TEXT_FORMATS) for (name, code), unit in named),

@@ -12,6 +12,7 @@ from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import ColumnValues, FileLog, LogColumn, Tables
 
 _KIND = "type"  # field with the kind of a message
+_MAX_COLUMNS = 1000
 _MAX_ELEMENTS = 100  # elements of a list that become columns
 
 
@@ -42,20 +43,23 @@ class JsonLinesLog(FileLog):
                     continue
                 try:
                     message = json.loads(line)
-                except (ValueError, RecursionError) as error:
+                    numbers = dict(_numbers("", message))
+                except (ValueError, RecursionError, OverflowError) as error:
                     if line.endswith("\n"):
                         raise FileError(f"{self.path}:{number}: no JSON object in this line: {error}") from error
                     is_cut = True
                     continue
                 if not isinstance(message, dict):
                     raise FileError(f"{self.path}:{number}: a JSON {type(message).__name__}; expected an object")
-                if numbers := dict(_numbers("", message)):
+                if numbers:
                     rows.setdefault(str(message.get(_KIND, "")), []).append(numbers)
         if not rows:
             raise FileError(f"{self.path}: no JSON objects with numbers")
         tables: dict[str, dict[str, Array]] = {}
         for table, of_table in rows.items():
             names = dict.fromkeys(name for row in of_table for name in row)
+            if len(names) > _MAX_COLUMNS:
+                raise FileError(f"{self.path}: {table or 'objects'} with {len(names)} numbers; expected at most 1000")
             tables[table] = {name: np.array([row.get(name, np.nan) for row in of_table]) for name in names}
         return tables, is_cut
 

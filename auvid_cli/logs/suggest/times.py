@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.logs.clock import FARTHEST, find_restarts, slashed_date_formats, to_seconds
-from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log
+from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log
 from auvid_cli.logs.suggest.names import TimeColumn, distinct_tables, time_columns
 from auvid_cli.logs.suggest.yaml_lines import Flow, Phrase
 
@@ -24,6 +24,7 @@ _EVEN = 0.1  # unevenness of a clock that is even enough
 _MIN_ROWS = 10  # of a table whose span counts for the common clock
 _SENDER = re.compile(r"(?i)(.*\.)?(entity|sender|source|src_ent|frame_id|sensor(_?id)?|device(_?id)?|instance)")
 _MAX_SENDERS = 8
+_MAX_COLUMNS = 40  # columns of a table of several senders; more are those of images and the like
 _MIN_OVERLAP = 0.5  # share of a span that overlaps that of the common clock
 _MIN_EPOCH = 1e8  # s; smaller times do not count from 1970
 _QUANTILES = (0.02, 0.98)  # of the times of a table, because a clock may be set late
@@ -88,12 +89,31 @@ def one_sender(log: Log, table: str) -> tuple[str, str | float] | None:
         log.senders[table] = None
         for column in log.tables()[table]:
             if _SENDER.fullmatch(column.name):
-                values, counts = np.unique(log.read(table, [column.name])[column.name], return_counts=True)
-                if 1 < values.size <= _MAX_SENDERS and counts.min() >= _MIN_ROWS:
+                senders = log.read(table, [column.name])[column.name]
+                values, counts = np.unique(senders, return_counts=True)
+                if (
+                    1 < values.size <= _MAX_SENDERS
+                    and counts.min() >= _MIN_ROWS
+                    and _send_the_same(log, table, senders)
+                ):
                     value = values[int(counts.argmax())]
                     log.senders[table] = column.name, str(value) if column.is_text else float(value)
                     break
     return log.senders[table]
+
+
+def _send_the_same(log: Log, table: str, senders: ColumnValues) -> bool:
+    """Whether all columns have numbers of each sender; otherwise the rows are those of different sensors."""
+    names = [column.name for column in log.tables()[table] if not column.is_text]
+    if len(names) > _MAX_COLUMNS:
+        return False
+    numbers = log.read(table, names).values()
+    return all(
+        np.isfinite(np.asarray(values, np.float64)[senders == sender]).any()
+        for values in numbers
+        if np.isfinite(np.asarray(values, np.float64)).any()
+        for sender in np.unique(senders)
+    )
 
 
 def rows_of_sender(log: Log, table: str) -> NDArray[np.bool_] | None:

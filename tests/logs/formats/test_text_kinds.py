@@ -114,6 +114,12 @@ def test_json_lines_with_broken_line_are_refused(opened):
         opened("a50.json", b'{"a": 1}\n{"a": \n{"a": 2}\n').tables()
 
 
+@pytest.mark.parametrize("line", [f'{{"a": 1{"0" * 400}}}', '{"a":' * 2000 + "1" + "}" * 2000, "[1]"])
+def test_json_lines_beyond_numbers_are_refused(opened, line):
+    with pytest.raises(FileError, match=r"a50\.json:2: "):
+        opened("a50.json", f'{{"a": 1}}\n{line}\n{{"a": 2}}\n'.encode()).tables()
+
+
 def test_ros2_echo_without_names_gets_names_of_its_message(opened):
     row = "{},{},imu_link," + ",".join(str(0.25 * k) for k in range(37)) + "\n"
     log = opened("imu.csv", "".join(row.format(1718000000, 100_000_000 * k) for k in range(3)).encode())

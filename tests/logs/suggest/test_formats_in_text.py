@@ -59,6 +59,16 @@ def test_one_of_several_senders_is_chosen(suggested):
     assert attitude["time"]["unit"] == "s"
 
 
+def test_rows_of_different_sensors_are_no_senders(suggested):
+    is_imu = np.arange(TIME.size) % 2 == 0
+    columns = {"time": TIME, "source": np.where(is_imu, "imu", "dvl")}
+    columns |= {name: np.where(is_imu, TRUTH[name], np.nan) for name in ("p", "q", "r")}
+    columns |= {name: np.where(is_imu, np.nan, TRUTH[name]) for name in ("u", "v", "w")}
+    _, found = suggested({"dive": columns})
+    assert {"gyroscope", "dvl"} <= {*found["sensors"]}
+    assert not [name for name, sensor in found["sensors"].items() if "rows" in sensor]
+
+
 def test_measured_servos_are_preferred_to_set_points(suggested):
     angles = np.column_stack([TRUTH[name] for name in ("rudder", "elevator", "elevator", "rudder")])
     servos = {"timestamp": np.repeat(TIME, 4), "id": np.tile(np.arange(4), TIME.size), "value (rad)": angles.ravel()}
