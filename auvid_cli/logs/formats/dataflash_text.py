@@ -73,7 +73,7 @@ class DataFlashTextLog(FileLog):
         return np.array([float(text or "nan") for text in texts])
 
     def _units(self, rows: dict[str, _Rows]) -> dict[str, list[str]]:
-        """Return the units of the columns of each kind of message, as the lines UNIT and FMTU state them."""
+        """Return the units of the columns of each kind of message by the lines UNIT and FMTU."""
         labels = {row[1]: row[2] for row in rows.get("UNIT", []) if len(row) > 2}
         # Lengths and angles have names such as "deg" or "m/s/s"; others have no name.
         labels = {mark: "" if label == "UNKNOWN" else label.replace("/s/s", "/s^2") for mark, label in labels.items()}

@@ -19,7 +19,7 @@ Sources, by the word in `KnownMessage.source`:
 - MOOS: ``uSimMarine`` takes DESIRED_RUDDER, DESIRED_ELEVATOR and DESIRED_THRUST from -100 to 100. Vehicles take angles
   in degrees, so that the unit of rudder and elevator is open.
 - RDI: Pathfinder DVL Guide (2018), page 206: a PD0 velocity is that of the bottom, with all signs reversed, along axes
-  to starboard, ahead and up, in mm/s, where -32768 is no measurement.
+  to starboard, ahead and up, in mm/s, where -32768 means a missing measurement.
 
 Not checked against a source: NAV_PITCH and NAV_ROLL of MOOS, and set-points of ArduPilot.
 """

@@ -257,7 +257,7 @@ def find_in_logs(
         for place in find_columns(wanted, log.tables(), hint, unit, log.path.stem)
     ]
     if hint == "depth":
-        # Of several pressure sensors, one may measure the air inside the hull.
+        # One of several pressure sensors may measure the air inside the hull.
         places.sort(key=lambda place: _range(logs[place[0]], place[1]), reverse=True)
     for name, place in sorted(places, key=lambda place: _rank(place[1]), reverse=True):
         values = logs[name].read(place.table, [column.name for column in place.columns.values()])

@@ -17,7 +17,7 @@ from auvid_cli.logs.suggest.yaml_lines import Comment
 
 _wrapper = textwrap.TextWrapper(110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
 _MAX_READ = 40  # unused columns of a table whose values are read; more are those of images and the like
-_SAME = 1e-6  # largest difference from a used column, as a share of its spread
+_SAME = 1e-6  # largest difference from a used column, divided by its spread
 _SENSOR_OF = {component: sensor for sensor, wanted in names.SENSOR_NAMES.items() for component in wanted}
 _UNKNOWN = "no name of a signal that a map has"
 
