@@ -6,7 +6,7 @@ are left out on purpose: accelerations without gravity, the turn rate of the MOO
 Sources, by the word in `KnownMessage.source`:
 
 - PX4: ``PX4/px4_msgs`` (VehicleAttitude, VehicleLocalPosition); docs.px4.io/main/en/msg_docs (VehicleAngularVelocity,
-  SensorGyro, SensorAccel, SensorCombined).
+  SensorGyro, SensorAccel).
 - Water Linked: ``waterlinked/waterlinked.github.io``, ``docs/dvl/dvl-protocol.md`` (SI, times in microseconds) and
   ``axes.md`` (x forward, y right, z down). Its ``time`` is the interval since the last report.
 - marine_acoustic_msgs: docs.ros.org/en/jazzy/p/marine_acoustic_msgs/msg/Dvl.html (x forward, z along the beams).
@@ -21,7 +21,8 @@ Sources, by the word in `KnownMessage.source`:
 - RDI: Pathfinder DVL Guide (2018), page 206: a PD0 velocity is that of the bottom, with all signs reversed, along axes
   to starboard, ahead and up, in mm/s, where -32768 means a missing measurement.
 
-Not checked against a source: NAV_PITCH and NAV_ROLL of MOOS, and set-points of ArduPilot.
+Not checked against a source: the axes of sensor_combined of PX4, NAV_PITCH and NAV_ROLL of MOOS, and set-points of
+ArduPilot.
 """
 
 import re
