@@ -36,7 +36,7 @@ OTHER_MOTION = ("dvl_called_knots", "depth_called_feet", "gyro_in_degrees", "hea
 ADVICE = {
     "git_lfs_pointer": "git lfs pull",
     "whole_seconds": "fractions of a second",
-    "european_csv/fahrt_us.csv": "10.06.2024",
+    "european_csv/fahrt_us.csv": "state the `format`",
     "mat_datenum/run_rows.mat": "have no names",
     "mat_one_sample_short": "add the log with the commands",
     "ros2_echo_csv": "add the log with the commands",
@@ -44,6 +44,8 @@ ADVICE = {
 }
 # Where a heading counts from does not matter for the motion, and no log shows it.
 HEADING_FROM = {"quat_nwu": 0.5 * np.pi}  # rad
+# Logs without inputs whose sensors are compared; those of ros2_echo_csv contradict the axes of their messages.
+NO_INPUTS = ("mat_one_sample_short",)
 # Ends of logs that are cut, or of two runs, of which the first is taken, s.
 ENDS = {"restarted_clock": 60.0, "restarted_clock2": 60.0, "restarted_logger": 60.0, "lsf/Data_cut.lsf.gz": 96.0}
 # Logs without thrust, or with a share that belongs to no force.
@@ -121,7 +123,8 @@ def outcome(name, files):
         text, asks = answered(name, suggested)
         questions = len(re.findall(r"# required", suggested.partition("\nlogs:")[2]))
         if asks:
-            return f"asks: {', '.join(asks)}"
+            wrong = wrong_without_inputs(name, text, Path(folder)) if name in NO_INPUTS else []
+            return f"WRONG: {', '.join(wrong)}" if wrong else f"asks: {', '.join(asks)}"
         path = Path(folder) / "map.yaml"
         path.write_text(text, encoding="utf-8")
         units = UNITS.get(name.split("/")[0], SI)
@@ -136,6 +139,13 @@ def outcome(name, files):
         if wrong:
             return f"WRONG: {', '.join(wrong)}"
         return f"right: {', '.join(dataset.sensors)}; {questions} questions"
+
+
+def wrong_without_inputs(name, text, folder):
+    """Return what is wrong with the sensors of a log that has no inputs."""
+    path = folder / "map.yaml"
+    path.write_text(re.sub("rudder: null[^\n]*", "rudder: {constant: 0 rad}", text), encoding="utf-8")
+    return wrong_sensors(auvid.import_logs(path), name)
 
 
 def same_unit(unit, expected):
