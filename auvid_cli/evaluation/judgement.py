@@ -328,7 +328,8 @@ def _faults(reference: Estimate) -> Iterator[Cause]:
         # A model that differs between segments can look like a fault.
         disagreeing = next((f", and {test}" for test in beyond if test.fault.is_alternative), "")
         reason = f"{_ahrs_or(reference)}{reason}{disagreeing}"
-        remedy = f"{_WITHOUT_AHRS if is_from_ahrs(reference) else ''}{remedy}"
+        can_replace = is_from_ahrs(reference) and reference.experiment.has_inertial
+        remedy = f"{_WITHOUT_AHRS if can_replace else ''}{remedy}"
     yield Cause(0.5 * worst.z**2, reason, remedy)
 
 

@@ -195,8 +195,11 @@ class _Search:
         if BiasName.DISTURBANCE in model.settings.identification.estimate.biases:
             # Tuning the noise of a disturbance takes long, so only the best one is fitted with tuned noise.
             additions = self._best_with_present_noise(model, additions)
-        for addition in additions:
-            self._on_step(f"look {self._look}: try {addition} (evidence {model.evidence:.0f})")
+        for number, addition in enumerate(additions, 1):
+            best = max(models, key=lambda pair: pair[1].evidence, default=None)
+            gain = 0.0 if best is None else best[1].evidence - model.evidence
+            so_far = f"{best[0]}, {gain:+.0f}" if best is not None and gain > 0.0 else "no addition"
+            self._on_step(f"look {self._look}, candidate {number} of {len(additions)}: {addition}; best: {so_far}")
             other = self._with(model, addition)
             gain = None if other is None else other.evidence - model.evidence
             rows.append(self._step("add", str(addition), gain, False, before))

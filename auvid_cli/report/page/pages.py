@@ -20,6 +20,7 @@ from auvid_cli.report.page.render import symbol_parts
 from auvid_cli.report.plot_data import HorizonPlot, horizon_plots
 from auvid_cli.report.screen import assessment_sentences, bounds_table, holding_sentence
 from auvid_cli.report.screens import fit_sentences
+from auvid_cli.report.shared_checks import score_sentences
 from auvid_cli.report.table import by_kind, filter_label, number
 from auvid_cli.validation.results import Validation
 
@@ -183,9 +184,8 @@ def validation_page(validation: Validation) -> parts.Page:
 
 def _validation_verdict(validation: Validation) -> parts.Cards:
     failed = validation.checks.failed()
-    says = "The model predicts these data as well as it says."
-    if failed:
-        says = " ".join(check.advice for check in failed)
+    lines = [*score_sentences(validation.scores), f"The model {validation.conclusion()}"]
+    says = " ".join([*lines, *dict.fromkeys(check.advice for check in failed)])
     counts = {"checks": str(len(validation.checks)), "failed": str(len(failed))}
     return parts.Cards(
         [
