@@ -24,6 +24,7 @@ from auvid_cli.evaluation.innovations import causes_text, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
 from auvid_cli.fitting.additions import Addition, with_addition, without_addition
 from auvid_cli.fitting.candidates import WORTH, Candidate, candidates, corrected_times, noise_excess
+from auvid_cli.fitting.look import with_still_planes_held
 from auvid_cli.fitting.results import Fit, FitStep
 from auvid_cli.fitting.sizes import is_certain, size_text
 from auvid_cli.fitting.thinning import joint_answer, smoothed, thinned
@@ -94,7 +95,11 @@ def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None
     DataError
         If no trajectory follows the data.
     """
+    settings, still = with_still_planes_held(dataset)
+    dataset = replace(dataset, experiment=settings)
     search = _Search(dataset, limits, on_step)
+    for motion in still:
+        search.note("hold", f"coefficients of {motion}", None, True, "")
     on_step("fit with the settings as they are")
     if search.holds_as_stated():
         estimate = identify(dataset, JUDGE)
@@ -170,6 +175,7 @@ class _Search:
         for self._look in range(1, _MAX_LOOKS + 1):
             estimate = self._estimate = smoothed(self._prepared.with_settings(self.model.settings))
             self._judgement = judge_one(estimate, None)
+            self._set_judged_after(self._judgement)
             if self._judgement.grade is Grade.SOUND and noise_excess(estimate, self._least) <= _TIGHT:
                 return
             found = candidates(estimate, self.model.additions, self._least, self._duration)
@@ -311,6 +317,7 @@ class _Search:
         settings = settings.with_identification(smoother=smoother)
         estimate = identify(replace(self._dataset, experiment=settings), JUDGE)
         judgement = judge_one(estimate, None)
+        self._set_judged_after(judgement)
         self.note("end", "fit to all data", None, True, "", judgement)
         additions = {str(addition): addition for addition in self.model.additions}
         steps = tuple(
@@ -333,6 +340,14 @@ class _Search:
     ) -> None:
         """Add a step."""
         self.steps.append(self._step(action, what, gain, kept, before, judgement))
+
+    def _set_judged_after(self, judgement: Judgement) -> None:
+        """State the judgement of the model that has the last additions."""
+        grade = str(judgement.grade)
+        self.steps = [
+            step._replace(judged_after=step.judged_after or grade) if step.kept and step.action != "hold" else step
+            for step in self.steps
+        ]
 
     def _step(
         self, action: str, what: str, gain: float | None, kept: bool, before: str, judgement: Judgement | None = None

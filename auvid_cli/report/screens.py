@@ -14,7 +14,6 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.findings import DisturbanceChoice, ScoredTerm, TermFindings, TunedNoise, Tuning
 from auvid_cli.evaluation.differences import ComparedValue, Comparison
 from auvid_cli.evaluation.judgement import Judgement, whiteness
-from auvid_cli.fitting.results import Fit
 from auvid_cli.logs.measurements import ImportSummary
 from auvid_cli.report.screen_table import MISSING, narrowed, print_texts, printed, screen_table
 from auvid_cli.report.table import Cell, Column, Table, UnitCell, tabulated, text_column
@@ -156,19 +155,6 @@ def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged
     console.print(screen_table(console, _estimates(before, after), _TUNING_DIGITS))
     if not tuning.converged:
         console.print(Text("The search has not converged: start `auvid tune` again from these values."))
-
-
-def fit_sentences(fit: Fit) -> list[str]:
-    """Return what a search found, a sentence each."""
-    added = ", ".join(fit.added) if fit.added else "nothing"
-    lines = [f"Judgement: {fit.judgement}.", f"Added to the model: {added}."]
-    lines += [f"{step.what}: {step.size}." for step in fit.steps if step.kept and step.size]
-    if fit.trial:
-        lines.append(fit.trial)
-    lines += [f"Unexplained: {cause}." for cause in fit.unexplained]
-    if fit.stopped:
-        lines.append(f"The search ended early: {fit.stopped}. This is the best model so far.")
-    return lines
 
 
 def choice_text(choice: DisturbanceChoice) -> str:

@@ -60,6 +60,7 @@ def test_map_of_the_logs_gives_the_measurements_of_the_simulation(survey, tmp_pa
         assert np.angle(np.exp(1j * (found - made)))[known] == pytest.approx(0.0, abs=tolerance)
         stated = np.nanmax(survey.sensors[name].standard_deviation)
         assert 0.99 * stated < np.nanmax(read.sensors[name].standard_deviation) < 1.5 * stated
-    assert read.inputs.values[:, :2] == pytest.approx(survey.inputs.values[:, :2], abs=np.deg2rad(0.006))
+    fins = survey.inputs.values[:, :2]
+    assert read.inputs.values[: len(fins), :2] == pytest.approx(fins, abs=np.deg2rad(0.006))
     assert read.inputs.values[:, 2] == pytest.approx(10.0)
     assert read.experiment.identification.prior.mean == "vehicle"
