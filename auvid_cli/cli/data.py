@@ -124,7 +124,7 @@ def inspect(
 
 
 def _missing_values(dataset: "Dataset") -> str:
-    """Return which coefficients need values first, as the end of a sentence; empty if none does."""
+    """Return the end of a sentence that names coefficients without a value; empty if all have one."""
     settings, stated = dataset.experiment.identification, dataset.experiment.vehicle.stated_coefficients()
     missing = [symbol for symbol in settings.fixed(dataset.experiment.vehicle) if symbol not in stated]
     if not missing:

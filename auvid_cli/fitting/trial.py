@@ -27,7 +27,7 @@ def try_on_held_out(dataset: Dataset, settings: RunSettings) -> tuple[Score, ...
     dataset : Dataset
         Its own settings are those of the vehicle file.
     settings : RunSettings
-        Of the model.
+        Settings of the model.
     """
     errors = settings.identification.estimate.biases
     stated = settings.with_estimate(biases=tuple(error for error in errors if error != BiasName.DELAY))

@@ -6,7 +6,7 @@ from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.fitting.results import Fit, FitStep
 from auvid_cli.report.table import Cell, Column, Table, tabulated, text_column
 
-# What excites a motion whose coefficients were held.
+# Excitation of each motion whose coefficients can be held.
 _EXCITATION = {
     "vertical plane": "dive and climb with clear movements of the elevator",
     "horizontal plane": "turn to both sides with clear movements of the rudder",
@@ -35,7 +35,7 @@ def held_motions(fit: Fit) -> list[str]:
 
 
 def measure_next_time(fit: Fit) -> Iterator[str]:
-    """Yield what the next run should have, for what these data could not tell."""
+    """Yield advice for the next run, one sentence for each unknown of these data."""
     for motion in held_motions(fit):
         yield f"For the {motion}: {_EXCITATION[motion]}."
     if not fit.estimate.completed:

@@ -25,7 +25,7 @@ _LOCK_LOSS = 4.0  # s, duration of a loss
 _COEFFICIENT_ERROR = 0.3  # share of each coefficient and of the propeller's force
 
 _MAP_HEAD = (
-    "# Which column is which signal. The thrust was not logged: it is constant, and 10 N is a guess.\n"
+    "# Columns of each signal. The thrust was not logged: it is constant, and 10 N is a guess.\n"
     "# The vehicle file is a rough calculation, so the prior is half as wide as its values.\n"
 )
 _FINS = {

@@ -115,7 +115,7 @@ class Prediction(NamedTuple):
     fit_percent: float | None  # fit of the identified model, relative to the measurements of the whole run
     rmse: float | None  # RMSE of the identified model
     prior_rmse: float | None  # RMSE of the prior's mean
-    vehicle_file_rmse: float | None  # RMSE of the vehicle file as it is; None if it lacks a coefficient
+    vehicle_file_rmse: float | None  # RMSE of the unchanged vehicle file; None if it lacks a coefficient
     constant_velocity_rmse: float | None  # RMSE of the unchanged motion at the start
     # RMSE due to the uncertainties of coefficients, start and measurements, and to the larger of process noise and the
     # excess errors in predictions of the estimate's own data, if available
@@ -252,7 +252,7 @@ class Validation(NamedTuple):
         return list(dict.fromkeys(signal for signal, fit in fits if fit is not None and fit < 0.0))
 
     def conclusion(self) -> str:
-        """Return which signals the model predicts and which it does not, as the end of a sentence."""
+        """Return the end of a sentence that names the predicted signals, and those that are not."""
         failed = {check.check for check in self.checks if check.passed is False}
         worse = {"in the free run": self.worse_than_the_mean(FREE_RUN), "ahead": self.worse_than_the_mean(AHEAD)}
         ahead = [row for row in self.predictions if row.kind == AHEAD]

@@ -119,7 +119,7 @@ def validate(
 
 
 def _by_vehicle_file(segments: Sequence[Dataset], starts: int) -> tuple[list[FreeRunFit], list[Sample]]:
-    """Return free runs and predictions ahead by the vehicle file as it is; none if it lacks a coefficient.
+    """Return free runs and predictions ahead by the unchanged vehicle file; none if it lacks a coefficient.
 
     They start from states that a filter with this model finds, so they are the same for each estimate.
     """

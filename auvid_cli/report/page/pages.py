@@ -153,7 +153,7 @@ def fit_page(dataset: Dataset, fit: Fit) -> parts.Page:
         sections.provenance_section(dataset),
     ]
     if remains:
-        title = "What remains, and what to measure next time"
+        title = "Remaining errors, and advice for the next run"
         content.insert(2, parts.Section("remains", title, [parts.Words(remains, listed=True)]))
     vehicle = dataset.experiment.vehicle.name
     subtitle = f"{vehicle}, {sections.what_ran(dataset)}, sensors {', '.join(dataset.sensors)}"
