@@ -26,8 +26,8 @@ class _Plane(NamedTuple):
 
 
 _PLANES = (
-    _Plane("vertical plane", "elevator", _MIN_FIN, "dvl", "w", "ZM"),
-    _Plane("horizontal plane", "rudder", _MIN_FIN, "dvl", "v", "YN"),
+    _Plane("the vertical plane", "elevator", _MIN_FIN, "dvl", "w", "ZM"),
+    _Plane("the horizontal plane", "rudder", _MIN_FIN, "dvl", "v", "YN"),
     _Plane("roll", "roll_moment", _MIN_ROLL_MOMENT, "gyroscope", "p", "K"),
 )
 

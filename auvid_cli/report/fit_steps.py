@@ -8,8 +8,8 @@ from auvid_cli.report.table import Cell, Column, Table, tabulated, text_column
 
 # Excitation of each motion whose coefficients can be held.
 _EXCITATION = {
-    "vertical plane": "dive and climb with clear movements of the elevator",
-    "horizontal plane": "turn to both sides with clear movements of the rudder",
+    "the vertical plane": "dive and climb with clear movements of the elevator",
+    "the horizontal plane": "turn to both sides with clear movements of the rudder",
     "roll": "change the roll moment, and record the roll rate",
 }
 _HELD = "coefficients of "
@@ -37,7 +37,7 @@ def held_motions(fit: Fit) -> list[str]:
 def measure_next_time(fit: Fit) -> Iterator[str]:
     """Yield advice for the next run, one sentence for each unknown of these data."""
     for motion in held_motions(fit):
-        yield f"For the {motion}: {_EXCITATION[motion]}."
+        yield f"For {motion}: {_EXCITATION[motion]}."
     if not fit.estimate.completed:
         return
     rows = coefficient_results(fit.estimate, None, {}, fit.judgement)
@@ -57,10 +57,10 @@ def steps_tables(fit: Fit) -> list[Table]:
         text_column("step"): lambda step: step.action,
         text_column("what"): lambda step: step.what,
         text_column("size ± standard deviation"): lambda step: step.size or None,
-        Column("gain in evidence"): lambda step: step.gain,
+        Column("gain in evidence"): lambda step: None if step.gain is None else f"{step.gain:+.1f}",
         text_column("judged before"): lambda step: step.judged_before or None,
         text_column("judged after"): lambda step: step.judged_after or None,
-        Column("processor time in s"): lambda step: step.cpu_time,
+        Column("processor time in s"): lambda step: f"{step.cpu_time:.1f}",
     }
     tables = [tabulated("fit_steps", "Steps", kept, cells)]
     if rest:

@@ -19,7 +19,7 @@ def survey():
 
 def test_survey_at_constant_depth_holds_vertical_plane_and_roll(survey):
     settings, still = with_still_planes_held(survey)
-    assert still == ("vertical plane", "roll")
+    assert still == ("the vertical plane", "roll")
     assert {symbol[0] for symbol in settings.identification.coefficients} == {"X", "Y", "N"}
     assert set(settings.identification.fixed(settings.vehicle)) == {
         symbol for symbol in survey.experiment.vehicle.coefficient_set.symbols if symbol[0] in "ZKM"

@@ -10,7 +10,7 @@ from auvid_cli.report.page.pages import fit_page
 from auvid_cli.report.page.render import write_page
 
 STEPS = (
-    FitStep(0, "hold", "coefficients of vertical plane", "", None, True, "", "", 0.1),
+    FitStep(0, "hold", "coefficients of the vertical plane", "", None, True, "", "", 0.1),
     FitStep(0, "start", "process noise from the data", "", None, True, "", "doubtful", 10.25),
     FitStep(1, "add", "current", "current_north 0.149 +- 0.001 m/s", 2400.0, True, "doubtful", "sound", 21.0),
     FitStep(1, "add", "scale of the thrust", "", 310.0, False, "doubtful", "", 8.0),
@@ -52,5 +52,5 @@ def test_next_run_is_advised_by_what_was_held_and_not_recorded(fit):
 
 def test_page_has_steps_and_advice(fit, short_run, tmp_path):
     page = write_page(fit_page(short_run, fit), tmp_path / "fit.html").read_text(encoding="utf-8")
-    for text in ("How this model was found", "Tried and not kept", "advice for the next run", "errors of dvl"):
+    for text in ("How this model was found", "Tried and not kept", "advice for the next run", "errors of dvl", "fit.yaml"):
         assert text in page

@@ -149,7 +149,7 @@ def fit_page(dataset: Dataset, fit: Fit) -> parts.Page:
     content = [
         parts.Section("verdict", "Verdict", [parts.Words([*fit_sentences(fit)], listed=True)]),
         parts.Section("steps", "How this model was found", [parts.Words([words]), *steps]),
-        parts.Section("settings", "Settings", [parts.Listing("fit.yaml", fit.settings())]),
+        parts.Section("model", "Settings of the model", [parts.Listing("fit.yaml", fit.settings())]),
         sections.provenance_section(dataset),
     ]
     if remains:
