@@ -314,7 +314,8 @@ class _Search:
         smoother = self._dataset.experiment.identification.smoother
         if smoother.answer == "automatic" and settings.identification.process_noise != self._least:
             smoother = smoother.model_copy(update={"answer": "marginal"})
-        settings = settings.with_identification(smoother=smoother)
+        step = self._dataset.experiment.identification.integration_step
+        settings = settings.with_identification(smoother=smoother, integration_step=step)
         estimate = identify(replace(self._dataset, experiment=settings), JUDGE)
         judgement = judge_one(estimate, None)
         self._set_judged_after(judgement)
