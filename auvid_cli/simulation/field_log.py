@@ -25,9 +25,14 @@ _LOCK_LOSS = 4.0  # s, duration of a loss
 _COEFFICIENT_ERROR = 0.3  # share of each coefficient and of the propeller's force
 
 _MAP_HEAD = (
-    "# Columns of each signal. The thrust was not logged: it is constant, and 10 N is a guess.\n"
-    "# The vehicle file is a rough calculation, so the prior is half as wide as its values.\n"
+    "# Columns of each signal. The thrust was not logged: it is constant, 10 N is a guess, so its scale is estimated.\n"
+    "# The vehicle file is a rough calculation, so the prior is half as wide as its values. A current is constant.\n"
 )
+_IDENTIFICATION = {
+    "prior": {"mean": "vehicle", "relative": "50 %"},
+    "tolerances": "usual",
+    "estimate": {"biases": ["thrust"], "current": {"walk": "0 m/s/s^0.5"}},
+}
 _FINS = {
     "top": {"column": "top", "sign": -1, "unit": "deg"},
     "bottom": {"column": "bottom", "sign": -1, "unit": "deg"},
@@ -99,7 +104,7 @@ def _map(dataset: Dataset) -> str:
         "logs": {"fins": "fins.csv"},
         "sensors": {},
         "inputs": {"log": "fins", "time": "time", "fins": _FINS, "surge_force": {"constant": "10 N"}},
-        "identification": {"prior": {"mean": "vehicle", "relative": "50 %"}, "tolerances": "usual"},
+        "identification": _IDENTIFICATION,
     }
     for name, (log, entry, step) in _SENSORS.items():
         if name in dataset.sensors:

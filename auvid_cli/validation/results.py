@@ -259,8 +259,9 @@ class Validation(NamedTuple):
         ratios = [error_ratios(ahead, other) for other in ("constant_velocity_rmse", "prior_rmse")]
         beaten = {symbol for each in ratios for symbol, ratio in each.items() if ratio > MAX_ERROR_RATIO}
         signals = dict.fromkeys(row.signal for row in self.predictions)
+        beaten |= {row.signal for row in self.predictions if row.rmse is None}
         predicted = [s for s in signals if s not in beaten and all(s not in own for own in worse.values())]
-        if {STABLE, COMPLETED} & failed or not predicted:
+        if COMPLETED in failed or not predicted:
             text = "does not predict these data."
         elif len(predicted) == len(signals):
             text = "predicts these data."

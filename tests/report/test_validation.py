@@ -44,10 +44,10 @@ def validation(dataset):
     turn = ManoeuvreNumber("turning circle 15", "radius", 20.0, "m", 14.25, None)
     check = Check.of(
         "ckf",
-        "free run",
-        "stable",
-        statistic="u 20 times",
-        threshold="<= 10",
+        "start",
+        "filter completed",
+        statistic="diverged at t = 3 s",
+        threshold="to the end of the data",
         passed=False,
         advice="Look again.",
     )
@@ -118,6 +118,15 @@ def test_signal_beaten_by_an_unchanged_motion_is_named(validation):
     rows = [row._replace(rmse=0.8) if row.signal == "w" else row for row in validation.predictions]
     text = " ".join(shown(validation._replace(predictions=rows, checks=Checks()), 200).split())
     assert "predicts u, v, p, q, r, phi, theta, psi of these data. Worse than another prediction: w." in text
+
+
+def test_unstable_signal_leaves_the_others_predicted(validation):
+    rows = [
+        row._replace(rmse=None, fit_percent=None) if row.signal == "theta" else row for row in validation.predictions
+    ]
+    unstable = Checks(check._replace(check="stable") for check in validation.checks)
+    text = " ".join(shown(validation._replace(predictions=rows, checks=unstable), 200).split())
+    assert "predicts u, v, w, p, q, r, phi, psi of these data. Worse than another prediction: theta." in text
 
 
 def test_equal_errors_are_the_same_and_errors_within_the_noise_decide_nothing():
