@@ -223,7 +223,7 @@ _NOISE_CELLS: dict[Column, Callable[[TunedNoise], Cell]] = {
     text_column("noise"): lambda noise: noise.setting.removeprefix(_PREFIX),
     text_column("unit"): lambda noise: UnitCell(noise.unit),
     Column("stated"): lambda noise: noise.stated,
-    Column("most likely"): _most_likely,
+    Column("found"): _most_likely,
     Column("95 % from"): lambda noise: noise.low,
     Column("to"): lambda noise: noise.high if isfinite(noise.high) else "no limit",
 }
