@@ -42,7 +42,7 @@ def fit(
     max_time : float, optional
         Processor time after which the search ends with the best model so far, s.
     on_step : callable, optional
-        Called with a description of each step. A KeyboardInterrupt ends the search with the best model so far.
+        Called with a description of each step. A KeyboardInterrupt ends the stage; the best model so far is kept.
 
     Returns
     -------
