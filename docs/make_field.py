@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 
 import auvid_cli as auvid
-from auvid_cli.api.data import suggest_map
 from auvid_cli.api.evaluation import judge
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import dump_experiment, parse_run
@@ -45,24 +44,13 @@ def settings() -> list[str]:
     return _FENCE.findall(TUTORIAL.read_text(encoding="utf-8"))
 
 
-def fill_in(text: str) -> str:
-    """Fill in what only the user knows of the tutorial's suggested map."""
-    text = re.sub(r"(?m)^name: .*", "name: survey", text)
-    text = re.sub(r"(?s)vehicle: #.*?\nlogs:", "vehicle: vehicle.yaml\nlogs:", text)
-    for deviation in ("1 cm/s", "0.2 deg", "1 cm"):
-        text = re.sub(r"standard_deviation: (?:null|estimate).*", f"standard_deviation: {deviation}", text, count=1)
-    return re.sub(r"# check: no column looks like thrust.*", "surge_force: {constant: 10 N}", text)
-
-
 def survey_of(experiment: Experiment, folder: Path) -> Dataset:
-    """Write the logs of an experiment, and read them by the map that is there, or else is suggested."""
+    """Write the logs of an experiment with their map, and read them."""
     for name, text in field_log(auvid.simulate(experiment)).items():
         (folder / name).write_text(text, encoding="utf-8")
     chart = folder / "map.yaml"
-    if not chart.exists():
-        chart.write_text(fill_in(suggest_map(sorted(folder.glob("*.csv")), folder)), encoding="utf-8")
     (folder / "lateral.yaml").write_text(settings()[0], encoding="utf-8")
-    return _with(auvid.import_logs(chart), str(folder / "lateral.yaml"))
+    return with_settings(auvid.import_logs(chart), str(folder / "lateral.yaml"))
 
 
 def replayed(experiment: Experiment, folder: Path) -> Experiment:
@@ -84,7 +72,7 @@ def all_of_it(experiment: Experiment, folder: Path) -> dict[str, object]:
     """Identify all coefficients, with the noise as it was simulated."""
     survey, pushed = survey_of(experiment, folder), json.dumps(experiment.manoeuvre.disturbance.model_dump(mode="json"))
     noise = "{velocity: 1e-5, rate: 1e-5, attitude: 1e-6, depth: 1e-6}"
-    seen = _with(
+    seen = with_settings(
         survey,
         f"identification.coefficients={json.dumps(list(experiment.vehicle.coefficient_set.symbols))}",
         f"identification.estimate.disturbance={pushed}",
@@ -107,9 +95,9 @@ def _judged(experiment: Experiment, estimate: Estimate) -> dict[str, object]:
 def tuned_survey(experiment: Experiment, folder: Path) -> tuple[Dataset, Dataset]:
     """Return the survey of an experiment with the noise that its first 320 s ask for, and these alone."""
     survey = survey_of(experiment, folder)
-    tuned = auvid.tune(_with(survey, "identification.use.spans=[[0, 320]]"))
+    tuned = auvid.tune(with_settings(survey, "identification.use.spans=[[0, 320]]"))
     survey = replace(survey, experiment=tuned.experiment)
-    return survey, _with(survey, "identification.use.spans=[[0, 320]]")
+    return survey, with_settings(survey, "identification.use.spans=[[0, 320]]")
 
 
 def doubts(_case: str, seed: int) -> pd.DataFrame:
@@ -163,7 +151,7 @@ def outcome(seed: int, folder: Path) -> dict[str, object]:
     row = _judged(experiment, estimate)
     if not estimate.completed:
         return row
-    unseen = _with(survey, "identification.use.spans=[[321, null]]")
+    unseen = with_settings(survey, "identification.use.spans=[[321, null]]")
     rows = auvid.validate(unseen, estimate, training=seen).to_pandas()["validation"].query("signal in @_TURNS")
     for kind, query in _KINDS.items():
         for what, column in _COMPARED.items():
@@ -185,13 +173,12 @@ def found_of_all(case: str, seed: int) -> pd.DataFrame:
     with tempfile.TemporaryDirectory() as folder:
         experiment = auvid.load_experiment("field", f"seed={seed}")
         if case == "replayed":
-            # An uncontrolled vehicle may leave the water; no map can be suggested then.
-            survey_of(experiment, Path(folder))
             experiment = replayed(experiment, Path(folder))
         return pd.DataFrame([all_of_it(experiment, Path(folder))])
 
 
-def _with(dataset: Dataset, *overrides: str) -> Dataset:
+def with_settings(dataset: Dataset, *overrides: str) -> Dataset:
+    """Return a dataset with overrides of its settings."""
     return replace(dataset, experiment=parse_run(dump_experiment(dataset.experiment), "survey", overrides))
 
 

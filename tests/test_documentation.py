@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from docs import make_geometry
+from docs import make_conventions, make_geometry, make_timeline
 from docs.make_architecture import TARGET, architecture
+from docs.make_conventions import conventions
+from docs.make_timeline import timeline
 
 ROOT = Path(__file__).parents[1]
 
@@ -45,3 +47,18 @@ def test_links_of_the_documents_lead_somewhere():
                 target = page.parent / path if path else page
                 assert target.exists(), f"{page.name} links to {path}"
                 assert not anchor or anchor in anchors(target), f"{page.name} links to {path}#{anchor}"
+
+
+def test_modules_and_equations_of_the_theory_exist():
+    theory = (ROOT / "docs/theory.md").read_text(encoding="utf-8")
+    modules = {path.name for folder in ("auvid_cli", "tests") for path in (ROOT / folder).rglob("*.py")}
+    assert {name.split("/")[-1] for name in re.findall(r"`([\w/]+\.py)`", theory)} <= modules
+    blocks = re.findall(r"(?ms)^```math\n(.*?)^```", theory)
+    assert [int(n) for block in blocks for n in re.findall(r"\\qquad \((\d+)\)", block)] == list(
+        range(1, len(blocks) + 1)
+    )
+
+
+def test_pictures_are_what_their_commands_draw():
+    assert conventions() == make_conventions.TARGET.read_text(encoding="utf-8"), "python docs/make_conventions.py"
+    assert timeline() == make_timeline.TARGET.read_text(encoding="utf-8"), "python docs/make_timeline.py"

@@ -153,7 +153,8 @@ def tune_into(
                 tuning = latest.so_far()
                 place.progress.message("interrupted: the best noise so far is kept, without intervals")
             label("fit with the tuned noise")
-            after = identify(replace(dataset, experiment=tuning.experiment), JUDGE)
+            # The search for other minima is not repeated.
+            after = identify(replace(dataset, experiment=tuning.experiment), JUDGE, before)
         files = write_csv_tables({"tuning": tuning.rows()}, folder / "tables")
         write_text(folder / "tuned.yaml", tuning.settings())
         fits = [(estimate, judge_one(estimate, None)) for estimate in (before, after)]

@@ -27,7 +27,10 @@ class MappedLogs:
 
     def __init__(self, map_file: Path, logs: Sequence[str]) -> None:
         self.settings, self._tree = load_map(map_file)
-        self._files = self.settings.files(map_file.parent, logs)
+        in_map = {(map_file.parent / file).resolve() for file in self.settings.files_in_map()}
+        # The order does not matter if they are the files that the map names.
+        given = () if {Path(log).resolve() for log in logs} == in_map else logs
+        self._files = self.settings.files(map_file.parent, given)
 
     def inputs(self) -> list[Path]:
         """Return all files that are read."""

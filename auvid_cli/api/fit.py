@@ -42,7 +42,7 @@ def fit(
     max_time : float, optional
         Processor time after which the search ends with the best model so far, s.
     on_step : callable, optional
-        Called with a description of each step. A KeyboardInterrupt ends the search with the best model so far.
+        Called with a description of each step. A KeyboardInterrupt ends the stage; the best model so far is kept.
 
     Returns
     -------
@@ -89,7 +89,12 @@ def fit_into(
             objections = other_estimates(folder, source.experiment, source.dataset.sha256, [JUDGE])
             refuse_unless(place.overwrite, objections.get(path, ""))
         with place.progress.stage("fit") as label:
-            found = fit(source.dataset, only, excluded, max_time, label)
+
+            def show(step: str) -> None:
+                label(step)
+                place.progress.message(step)
+
+            found = fit(source.dataset, only, excluded, max_time, show)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_estimate(path, found.estimate)
         write_text(folder / "fit.yaml", found.settings())

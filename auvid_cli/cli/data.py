@@ -116,29 +116,22 @@ def inspect(
             "--use BEGIN:END; then run `auvid inspect` again"
         )
     else:
-        terminal.print_wrapped(f"no check fails. Next: {_next(inspected, f'{dataset}{part}')}")
-        terminal.print(f"or find a model that holds in one step: auvid fit {dataset}{part}")
+        terminal.print_wrapped(f"no check fails{_missing_values(inspected)}")
+        terminal.print(f"next: auvid fit {dataset}{part}")
     if figures.show:
         terminal.open_page(page)
     return VERDICT_FAILED if fails else DONE
 
 
-def _next(dataset: "Dataset", name: str) -> str:
-    """Return the next commands; they depend on which coefficients have values."""
-    settings = dataset.experiment.identification
-    known = dataset.known_coefficients()
-    stated = dataset.experiment.vehicle.stated_coefficients()
-    if without_value := [symbol for symbol in settings.fixed(dataset.experiment.vehicle) if symbol not in stated]:
-        return (
-            f"add values of {', '.join(without_value)} to the vehicle file, or estimate them as well "
-            "(add them to identification.coefficients)"
-        )
-    if all(symbol in known for symbol in settings.estimated(dataset.experiment.vehicle)):
-        return f"`auvid identifiability {name}`, then `auvid identify {name}`"
-    filters = settings.with_judge(settings.default_filters())
+def _missing_values(dataset: "Dataset") -> str:
+    """Return the end of a sentence that names coefficients without a value; empty if all have one."""
+    settings, stated = dataset.experiment.identification, dataset.experiment.vehicle.stated_coefficients()
+    missing = [symbol for symbol in settings.fixed(dataset.experiment.vehicle) if symbol not in stated]
+    if not missing:
+        return ""
     return (
-        f"`auvid identify {name}`, then `auvid identifiability {name} --at estimates/{filters[0].value}.h5` "
-        "with that estimate, because the vehicle file does not have every coefficient"
+        f". First add values of {', '.join(missing)} to the vehicle file, or estimate them as well (add them to "
+        "identification.coefficients)"
     )
 
 

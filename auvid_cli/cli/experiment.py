@@ -8,16 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from auvid_cli.cli import options
+from auvid_cli.cli.fit import fit_of_run
 from auvid_cli.cli.streams import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
+from auvid_cli.errors import ConfigError
 
 if TYPE_CHECKING:
     from auvid_cli.api.evaluation import Judgement
+    from auvid_cli.api.files import SimulatedData
     from auvid_cli.api.results import RunResult
     from auvid_cli.config.experiment import RunSettings
 
 
-_AS_LOG = "Write CSV logs like those of a real vehicle instead of a dataset, and a vehicle file with errors of 30 %."
+_AS_LOG = "Write CSV logs and a map like those of a real vehicle instead of a dataset, and a vehicle file 30 % off."
+_WITH_FIT = "Instead of the filters, find a model that holds, as auvid fit does."
 
 
 @options.command
@@ -28,9 +32,14 @@ def run(
     output: options.OutputOptions,
     figures: options.FigureOptions,
     console: options.TerminalOptions,
+    with_fit: Annotated[bool, typer.Option("--fit", help=_WITH_FIT)] = False,
     dry_run: options.DryRunOption = False,
 ) -> int:
     """Simulate an experiment, run its filters, and write a report (report.html), tables and figures."""
+    if with_fit and filters:
+        raise ConfigError("--fit and --filter: expected one of them; a search uses the smoother")
+    if with_fit and not dry_run:
+        return _run_with_fit(experiment.load(), output, console.terminal())
     if not dry_run:
         from auvid_cli.report.figures.workers import load_ahead
 
@@ -54,6 +63,21 @@ def run(
         progress=terminal,
     )
     return _print_result(result, terminal, figures.show)
+
+
+def _run_with_fit(source: "SimulatedData", output: options.OutputOptions, terminal: Terminal) -> int:
+    """Simulate an experiment, and find a model of its data."""
+    from auvid_cli.data.files import dataset_in, locked
+
+    folder = output.output or source.folder
+    with terminal.compiling():
+        from auvid_cli.api.files import RecordedData
+        from auvid_cli.api.simulation import simulate_into
+
+    terminal.print_sanity_warnings(source.experiment.vehicle)
+    with locked(folder):
+        dataset = simulate_into(folder, source, output.overwrite, terminal)
+    return fit_of_run(RecordedData(dataset_in(folder), dataset), output, terminal)
 
 
 @options.command
@@ -83,8 +107,7 @@ def simulate(
         return DONE
     written = simulate_log_into(folder, source, output.overwrite, terminal)
     terminal.print_lines(written)
-    logs = shlex.join(str(path) for path in written if path.suffix == ".csv")
-    terminal.print(f"next: auvid import --suggest {logs} -o {shlex.quote(str(folder / 'map.yaml'))}")
+    terminal.print(f"next: auvid import --map {shlex.quote(str(folder / 'map.yaml'))}")
     return DONE
 
 
@@ -115,12 +138,8 @@ def identify(
     terminal.print_lines(judgement_sentences(result.judgements, with_sound=True))
     terminal.print_lines(contradiction_sentences(result.contradictions))
     code = _exit_code(result.judgements)
-    terminal.print(f"next: auvid report {result.folder}")
-    if code == DONE:
-        terminal.print(f"validate with another run: auvid validate {result.files[0]} OTHER.h5")
-    else:
-        terminal.print(f"causes and advice: auvid check {result.folder}")
-        terminal.print(f"find a model that holds: auvid fit {shlex.quote(str(dataset_in(result.folder)))}")
+    folder, dataset = shlex.quote(str(result.folder)), shlex.quote(str(dataset_in(result.folder)))
+    terminal.print(f"next: auvid {f'report {folder}' if code == DONE else f'fit {dataset}'}")
     return code
 
 
@@ -166,7 +185,7 @@ def tune(
     changes, terminal = settings.overrides(), console.terminal()
     with terminal.compiling():
         from auvid_cli.api.analysis import tune_into
-        from auvid_cli.report.screens import choice_text, print_tuning
+        from auvid_cli.report.screens import choice_text, objection_to_tuning, print_tuning
 
     result = tune_into(output.destination(terminal), dataset, changes, sensors, disturbance)
     print_tuning(terminal.out, result.tuning, *result.fits)
@@ -174,7 +193,10 @@ def tune(
     if result.tuning.choice is not None:
         terminal.print(choice_text(result.tuning.choice))
     terminal.print_lines(result.files)
-    _print_next(terminal, dataset, settings, result.settings)
+    if objection := objection_to_tuning(*(judgement for _, judgement in result.fits)):
+        terminal.print(objection)
+    else:
+        _print_next(terminal, dataset, settings, result.settings)
 
 
 @options.command

@@ -24,8 +24,6 @@ def check(*, results: options.ResultsArgument = Path("results/spiral"), console:
     Prints each check that did not pass, with advice. FAIL means: do not trust the estimate. A note is for information.
     Writes all verdicts into tables/checks.csv.
     """
-    from auvid_cli.data.files import dataset_in
-
     terminal = console.terminal()
     with terminal.compiling():
         from auvid_cli.api.results import check_into
@@ -36,7 +34,7 @@ def check(*, results: options.ResultsArgument = Path("results/spiral"), console:
     terminal.print(file)
     if not verdicts.failed():
         return DONE
-    terminal.print(f"find a model that holds: auvid fit {shlex.quote(str(dataset_in(results)))}")
+    terminal.print(f"next: {_after_failure(results)}")
     return VERDICT_FAILED
 
 
@@ -112,9 +110,23 @@ def validate(
     validation, files, page = validate_into(place, estimate_file, dataset_files, changes, anew)
     print_validation(terminal.out, validation, passed=console.verbose)
     terminal.print_lines(files)
+    failed = bool(validation.checks.failed())
+    export = f"auvid export {shlex.quote(str(estimate_file))} --to yaml"
+    terminal.print(f"next: {_after_failure(estimate_file.parent.parent) if failed else export}")
     if figures.show:
         terminal.open_page(page)
-    return VERDICT_FAILED if validation.checks.failed() else DONE
+    return VERDICT_FAILED if failed else DONE
+
+
+def _after_failure(folder: Path) -> str:
+    """Return the command to continue with if an estimate in a results folder fails."""
+    from auvid_cli.data.files import dataset_in
+
+    dataset = dataset_in(folder)
+    if dataset.is_file() and not (folder / "fit.yaml").is_file():
+        return f"auvid fit {shlex.quote(str(dataset))}"
+    # A search has been made: the report shows what it left unexplained.
+    return f"auvid report {shlex.quote(str(folder))}"
 
 
 @options.command

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 BOTH_HELPS = {"help_option_names": ["-h", "--help"]}  # context settings of each command
 _SETTINGS = (".yaml", ".yml")
-_DATASETS = (".h5", ".hdf5")
+DATASETS = (".h5", ".hdf5")
 _LOGS = (".csv", ".csv.gz", ".npz", ".mat", ".bag", ".mcap", ".db3", ".bin", ".tlog", ".ulg", ".lsf", ".alog")
 _KEYS = Path(__file__).with_name("setting_keys.txt")
 
@@ -49,13 +49,13 @@ def _shipped(folder: str) -> Callable[[], list[str]]:
 
 complete_campaign = _offering(_shipped("campaigns"), _SETTINGS)
 _complete_experiment = _offering(_shipped("."), _SETTINGS)
-_complete_data = _offering(_shipped("."), (*_SETTINGS, *_DATASETS))
+_complete_data = _offering(_shipped("."), (*_SETTINGS, *DATASETS))
 _complete_setting = _offering(lambda: (f"{key}=" for key in _KEYS.read_text(encoding="utf-8").split()), _SETTINGS)
 
 
 def _as_folder(path: Path | None) -> Path | None:
     """Refuse a results folder with the name of a dataset file."""
-    if path is not None and path.suffix in _DATASETS:
+    if path is not None and path.suffix in DATASETS:
         raise typer.BadParameter(f"{path}: expected a results folder, such as {path.stem}")
     return path
 
@@ -286,6 +286,11 @@ class VerdictTerminalOptions(TerminalOptions):
     ] = False
 
 
+def is_log(source: str | Path | None) -> bool:
+    """Whether a path has the suffix of a log, or is a folder."""
+    return source is not None and (str(source).lower().endswith(_LOGS) or Path(source).is_dir())
+
+
 def refuse_log(source: str | Path | None) -> None:
     """Raise a ConfigError for a log where a dataset or an experiment is expected."""
     if str(source).lower().endswith(_LOGS):
@@ -295,7 +300,7 @@ def refuse_log(source: str | Path | None) -> None:
 def dataset_path(source: str | None) -> Path | None:
     """Return the path of a dataset file, or None for an experiment."""
     refuse_log(source)
-    return Path(source) if source is not None and source.endswith(_DATASETS) else None
+    return Path(source) if source is not None and source.endswith(DATASETS) else None
 
 
 def overrides(settings: list[str] | None, seed: int | None = None, use: list[str] | None = None) -> tuple[str, ...]:

@@ -74,6 +74,11 @@ class RunSettings(WithVehicle):
         """Whether an AHRS computes the attitude; assumed for a recorded run."""
         return True
 
+    @property
+    def has_inertial(self) -> bool:
+        """Whether accelerometer and magnetometer may be recorded, so that the filter can do without an AHRS."""
+        return True
+
     def with_identification(self, **changes: object) -> Self:
         """Return the settings with changes below `identification`, which are not validated."""
         return self.model_copy(update={"identification": self.identification.model_copy(update=changes)})
@@ -92,6 +97,11 @@ class ImportedRun(RunSettings):
     """A recorded run."""
 
     recording: Recording
+
+    @property
+    def has_inertial(self) -> bool:
+        """Whether the map of the log has both."""
+        return all(f"{sensor}:" in self.recording.map for sensor in ("accelerometer", "magnetometer"))
 
 
 _OF_THE_PAPER = (FilterName.EKF, FilterName.CKF, FilterName.TUKF)

@@ -350,6 +350,10 @@ class LogMap(WithVehicle):
     sensors: SensorMaps
     inputs: InputsMap
 
+    def files_in_map(self) -> list[Path]:
+        """Return the paths of files that the map names."""
+        return [Path(file) for log in self.logs.values() if log.file is not None for file in (log.file, *log.more)]
+
     def files(self, folder: Path, given: Sequence[str] = ()) -> dict[str, tuple[Path, ...]]:
         """Return the files of each log by its name.
 

@@ -135,8 +135,8 @@ class FaultKind(Enum):
         "{} reacting to disturbances",
         "",
         "the autopilot reacted to disturbances that the log does not show, so that the fin seems to have less effect: "
-        "log its inputs (its gyroscope), move the fins by a plan, or fix the coefficients of this axis; or the "
-        "recorded angle of this fin is late",
+        "leave the coefficients of this axis out of identification.coefficients, or estimate a disturbance "
+        "(identification.estimate.biases); or the recorded angle of this fin is late",
         ("rudder", "elevator"),
     )
     MISSING_TERM = (

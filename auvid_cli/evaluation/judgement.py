@@ -99,7 +99,7 @@ def advice_on_nonlinearity(estimate: Estimate) -> str:
     """Return advice for a Kalman filter with states that make a sensor nonlinear; else empty."""
     settings = estimate.experiment.identification
     nonlinear = [name.value for name in settings.estimate.biases if name in _NONLINEAR]
-    if not nonlinear or estimate.is_free_run_fit:
+    if not nonlinear or estimate.is_free_run_fit or estimate.filter == FilterName.SMOOTHER:
         return ""
     narrow = f"needs a narrow prior (--set identification.prior.factor={_NARROWER:g})"
     return (
@@ -344,7 +344,8 @@ def _faults(reference: Estimate) -> Iterator[Cause]:
         # A model that differs between segments can look like a fault.
         disagreeing = next((f", and {test}" for test in beyond if test.fault.is_alternative), "")
         reason = f"{_ahrs_or(reference)}{reason}{disagreeing}"
-        remedy = f"{_WITHOUT_AHRS if is_from_ahrs(reference) else ''}{remedy}"
+        can_replace = is_from_ahrs(reference) and reference.experiment.has_inertial
+        remedy = f"{_WITHOUT_AHRS if can_replace else ''}{remedy}"
     yield Cause(0.5 * worst.z**2, reason, remedy)
 
 

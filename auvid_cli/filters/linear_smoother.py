@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from auvid_cli.array_store import ArrayStore
 from auvid_cli.arrays import Array
 from auvid_cli.filters.problem import Gaussian, JointProblem, ModelData, Process, Sensors, Timeline
 from auvid_cli.filters.smoother_backward import Adjoint, backward
@@ -27,6 +28,8 @@ _RATE_STEP = 1e-5  # s
 _RATE_INTERVAL = 10
 # Forward passes kept for the backward pass; other chunks are filtered twice.
 _CACHE_SIZE = 2**28  # bytes
+# Smallest share of the chunks for which a cache is worth its memory.
+_MIN_CACHED = 0.2
 # Smallest decrease of the cost worth another iteration, in squares of standard deviations: in the last step no
 # parameter moves by more than a tenth of its standard deviation.
 _MIN_DECREASE = 1e-2
@@ -108,14 +111,15 @@ class Trajectory:
     parameters: Array  # shape (n_parameters,)
     # Shape (n_moving,); moving states at the start of each segment, or at its first event if no substeps lead there
     initial: list[Array]
-    moving: list[list[Array]]  # shape (n_events, n_moving); moving states at each event, by segment and chunk
+    # Shape (n_events, n_moving); moving states at each event, by segment and chunk
+    moving: Sequence[Sequence[Array]]
 
     def stepped(self, step: "Trajectory", fraction: float) -> "Trajectory":
         """Return the trajectory after a fraction of a step."""
-        moving = [
-            [chunk + fraction * change for chunk, change in zip(*segments, strict=True)]
-            for segments in zip(self.moving, step.moving, strict=True)
-        ]
+        moving = [ArrayStore() for _ in self.moving]
+        for stepped, *chunks in zip(moving, self.moving, step.moving, strict=True):
+            for chunk, change in zip(*chunks, strict=True):
+                stepped.append(chunk + fraction * change)
         initial = [state + fraction * change for state, change in zip(self.initial, step.initial, strict=True)]
         return Trajectory(self.parameters + fraction * step.parameters, initial, moving)
 
@@ -159,6 +163,7 @@ class LinearSmoothing:
         self._n = problem.n_parameters + problem.n_moving
         self._work = SmootherWorkspace.of(process, self._n, sensors.matrix.shape[1])
         self._cache, self._cached_trajectory = dict[tuple[int, int], tuple[Linearised, ForwardPass]](), None
+        self._cache_size = _CACHE_SIZE
         # The trajectory of all linearisations in the cache: noise changes forward passes only.
         self._linearised_trajectory: Trajectory | None = None
 
@@ -173,7 +178,7 @@ class LinearSmoothing:
         """Filter the deviations from a trajectory; None if its cost is not finite."""
         cost, least, log_determinant, before, by_parameters, state = 0.0, 0.0, 0.0, [], [], None
         is_linearised = trajectory is self._linearised_trajectory
-        self._cached_trajectory, self._linearised_trajectory, room = trajectory, None, _CACHE_SIZE
+        self._cached_trajectory, self._linearised_trajectory, room = trajectory, None, self._cache_size
         for segment in range(len(self._segments)):
             gaussian, derivative, distance = self._initial_deviation(trajectory, segment, state)
             cost += distance
@@ -196,6 +201,9 @@ class LinearSmoothing:
                 if good < timeline.time.size:
                     return None
         assert state is not None, "there is at least one segment"
+        if len(self._cache) < _MIN_CACHED * sum(map(len, before)):
+            self._cache_size = 0
+            self._cache.clear()
         self._linearised_trajectory = trajectory
         return Filtered(trajectory, cost, least, log_determinant, before, by_parameters, state)
 
@@ -203,14 +211,16 @@ class LinearSmoothing:
         """Return the step from the trajectory to the minimum of the linear problem."""
         n = self._n_parameters
         initial: list[Array] = [np.zeros(0)] * len(self._segments)
-        moving: list[list[Array]] = [[] for _ in self._segments]
+        moving = [ArrayStore() for _ in self._segments]
         for chunk in self.smooth(filtered, with_variance=False):
-            moving[chunk.segment].insert(0, chunk.step)
+            moving[chunk.segment].append(chunk.step)
             before = filtered.before[chunk.segment][0]
             factor = before.columns[: self._n, : self._n].T
             smoothed = before.mean[n : self._n] + factor[n:] @ (factor.T @ chunk.adjoint)
             # Chunks come from the last to the first, so the value of the first one remains.
             initial[chunk.segment] = smoothed if chunk.timeline.has_initial_substep else chunk.step[0]
+        for chunks in moving:
+            chunks.reverse()
         return Trajectory(filtered.final.mean[:n].copy(), initial, moving)
 
     def smooth(self, filtered: Filtered, with_variance: bool) -> Iterator[Smoothed]:
@@ -232,7 +242,7 @@ class LinearSmoothing:
     ) -> Iterator[tuple[int, Timeline, Linearised, ForwardPass]]:
         """Yield the forward passes from the last to the first; the caller carries the adjoint back over each chunk."""
         for segment in reversed(range(len(self._segments))):
-            for chunk, timeline in reversed([*enumerate(self._segments[segment])]):
+            for chunk, timeline in self._from_last(filtered, segment):
                 yield segment, timeline, *self._forward_pass(filtered, segment, chunk, timeline)
             adjoint.to_previous_segment(np.vstack([np.eye(self._n_parameters), filtered.by_parameters[segment]]))
 
@@ -241,11 +251,16 @@ class LinearSmoothing:
     ) -> Iterator[tuple[Timeline, Linearised]]:
         """Yield the linearised chunks of a segment, from the first or from the last, without filtering them."""
         chunks = enumerate(self._segments[segment])
-        for chunk, timeline in reversed([*chunks]) if backwards else chunks:
+        for chunk, timeline in self._from_last(filtered, segment) if backwards else chunks:
             if self._is_cached(filtered, segment, chunk):
                 yield timeline, self._cache[segment, chunk][0]
             else:
                 yield timeline, self._linearise(filtered.trajectory, segment, chunk, timeline)
+
+    def _from_last(self, filtered: Filtered, segment: int) -> Iterator[tuple[int, Timeline]]:
+        """Yield number and data of each chunk of a segment, from the last to the first."""
+        numbers = reversed(range(len(filtered.before[segment])))
+        return zip(numbers, reversed(self._segments[segment]), strict=True)
 
     def _forward_pass(
         self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline

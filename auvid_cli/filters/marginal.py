@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auvid_cli.array_store import ArrayStore
 from auvid_cli.arrays import Array
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
 from auvid_cli.filters.linear_smoother import (
@@ -48,6 +49,8 @@ _stack = types.float64[:, :, ::1]
 _STATE_STEP = 1e-4  # SI
 # Largest last step of the parameters, in standard deviations.
 _MAX_LAST_STEP = 0.05
+# Number of previous steps by which an iteration is accelerated.
+_MEMORY = 3
 # Factor on the prior's standard deviations, so small that parameters remain constant.
 _FIXING_FACTOR = 1e-8
 # Maximum number of passes in which the motion adapts to new parameters.
@@ -58,20 +61,20 @@ class GradientResponse(NamedTuple):
     """Negative change of the estimate if a gradient is added to half the cost."""
 
     parameters: Array  # shape (n_parameters,)
-    innovations: list[list[Array]]  # shape (n_measurements, c); by segment and chunk; zero if missing
+    innovations: list[ArrayStore]  # shape (n_measurements, c); by segment and chunk; zero if missing
 
 
 def apply_gradient(smoothing: LinearSmoothing, filtered: Filtered, gradient: Trajectory) -> GradientResponse:
     """Return the effect on parameters and innovations of a gradient with respect to all states of a trajectory."""
     n, n_moving = gradient.parameters.size, gradient.initial[0].size
     moved, scratch = np.zeros(n + n_moving), np.zeros(n_moving)
-    innovations = list[list[Array]]()
+    innovations = list[ArrayStore]()
     for segment, timeline, about, forward_pass in smoothing.forward_passes(filtered):
         if segment == len(innovations):
             # The gradient by the initial motion acts before the first event.
             moved[n:] = filtered.by_parameters[segment] @ moved[:n]
             moved += filtered.before[segment][0].covariance()[:, n:] @ gradient.initial[segment]
-            innovations.append([])
+            innovations.append(ArrayStore())
         by_motion, of_chunk = gradient.moving[segment][len(innovations[-1])], np.zeros(about.residual.shape)
         _propagate(timeline, about, forward_pass, by_motion, moved, of_chunk, scratch)
         innovations[-1].append(of_chunk)
@@ -84,12 +87,14 @@ def gradient_scores(smoothing: LinearSmoothing, filtered: Filtered, gradient: Tr
     innovations, changes = apply_gradient(smoothing, filtered, gradient).innovations, np.zeros(len(faults.labels))
     adjoint = Adjoint.zeros(n + n_moving, with_variance=False)
     adjoint.mean[:n] = gradient.parameters
+    n_left = [len(chunks) for chunks in innovations]
     for segment, timeline, about, forward_pass in smoothing.forward_passes_back(filtered, adjoint):
         by_states, by_measurements, scratch = (
             np.zeros(a.shape) for a in (about.moving, about.residual, about.residual)
         )
-        chunk = len(innovations[segment]) - 1
-        by_motion, opposed = gradient.moving[segment][chunk], forward_pass._replace(error=-innovations[segment].pop())
+        n_left[segment] -= 1
+        chunk = n_left[segment]
+        by_motion, opposed = gradient.moving[segment][chunk], forward_pass._replace(error=-innovations[segment][chunk])
         _propagate_back(timeline, about, opposed, by_motion, adjoint, by_states, by_measurements, scratch)
         if chunk == 0:
             adjoint.mean[n:] += gradient.initial[segment]
@@ -198,17 +203,37 @@ def integrate_out_motion(
     """
     n, filtered, convergence = problem.n_parameters, joint, None
     covariance = joint.final.covariance()[:n, :n]
-    deviation = np.sqrt(np.diagonal(covariance))
+    deviation, moves, steps = np.sqrt(np.diagonal(covariance)), list[Array](), list[Array]()
     for _ in range(max_steps):
         # To the joint minimum of the linear problem, and from there to the marginal one.
         step = filtered.final.mean[:n] + marginal_step(problem, smoothing, filtered)
-        motion = _most_probable_motion(problem, filtered, filtered.trajectory.parameters + step)
+        steps.append(step / deviation)
+        moves.append(_accelerated(moves, steps))
+        motion = _most_probable_motion(problem, filtered, filtered.trajectory.parameters + deviation * moves[-1])
         if motion is None or (filtered := smoothing.filter(motion[0])) is None:
             return None
         if motion[1] and (np.abs(step) <= _MAX_LAST_STEP * deviation).all():
             return filtered, None
         convergence = ConvergenceStatus(float(step @ np.linalg.solve(covariance, step)), step / deviation)
     return filtered, convergence
+
+
+def _accelerated(moves: list[Array], steps: list[Array]) -> Array:
+    """Return the next move of a fixed-point iteration by Anderson's method (SIAM J. Numer. Anal. 49(4), 2011).
+
+    Parameters
+    ----------
+    moves : list of ndarray, shape (n,)
+        Moves so far.
+    steps : list of ndarray, shape (n,)
+        Steps of the plain iteration before each move and now.
+    """
+    first = max(len(moves) - _MEMORY, 0)
+    if first == len(moves):
+        return steps[-1]
+    changes = np.diff(np.stack(steps[first:], axis=1), axis=1)
+    share = np.linalg.lstsq(changes, steps[-1])[0]
+    return steps[-1] - (np.stack(moves[first:], axis=1) + changes) @ share
 
 
 def _most_probable_motion(
@@ -258,7 +283,7 @@ def _gradients(
     total = np.zeros(n_states + (0 if faults is None else len(faults.labels)))
     data = ModelData.of(problem.process, problem.sensors)
     work = SmootherWorkspace.of(problem.process, n_states, problem.sensors.matrix.shape[1])
-    initial, moving, scale = list[Array](), list[list[Array]](), 2.0 / _STATE_STEP
+    initial, moving, scale = list[Array](), list[ArrayStore](), 2.0 / _STATE_STEP
     for segment in range(len(problem.segments)):
 
         def columns(timeline: Timeline, about: Linearised, segment: int = segment) -> FaultEffects:
@@ -269,7 +294,7 @@ def _gradients(
             return FaultEffects(*(np.concatenate(pair, axis=-1) for pair in pairs))
 
         adjoint = Adjoint.zeros(n_moving, with_variance=True)
-        moving.append([])
+        moving.append(ArrayStore())
         # Gradient by the state before the later chunk.
         by_last = np.zeros(n_moving)
         conditional = ConditionalFilter(problem, smoothing, filtered, segment)
@@ -291,8 +316,9 @@ def _gradients(
                 total += by_process.sum(axis=0) + by_sensors.sum(axis=0)
                 by_states[:-1] += by_process[:, n:n_states]
                 np.add.at(by_states, measured_at, by_sensors[:, n:n_states])
-            moving[-1].insert(0, scale * by_states[1:])
+            moving[-1].append(scale * by_states[1:])
             by_last = by_states[0]
+        moving[-1].reverse()
         initial.append(scale * by_last)
     total *= scale
     return Trajectory(total[:n], initial, moving), total[n_states:]

@@ -6,7 +6,7 @@ parameters, and each starts with its own motion: the joint state is the paramete
 each segment.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Reversible, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -267,7 +267,7 @@ class JointProblem(NamedTuple):
 
     process: Process
     sensors: Sensors
-    segments: Sequence[Iterable[Timeline]]  # in time order; each is read many times
+    segments: Sequence[Reversible[Timeline]]  # in time order; each is read many times, in both directions
     prior: Gaussian  # prior of the joint state
 
     @property

@@ -8,12 +8,14 @@ problem that is linear about the last trajectory: `gauss_newton` calls `LinearSm
 linearises once, where it happens to be; the smoother linearises again about each better trajectory.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
+from auvid_cli.array_store import ArrayStore
 from auvid_cli.arrays import Array
 from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, carry_errors, fault_signatures, score_faults
@@ -54,6 +56,8 @@ _FOLLOWING_NOISE = 100.0
 _FOLLOWING_PRIOR = 1e-3
 # Number of minima to find from different starts.
 _N_MINIMA = 2
+# Largest number of passes from a start after another one has converged.
+_PATIENCE = 20
 # Largest cost increase of a reported minimum: it is at least 1 % as probable.
 _MAX_COST_INCREASE = -2.0 * np.log(0.01)
 # Size of a fault beyond which its effect is removed from the residuals that its standard deviation allows for, in
@@ -69,13 +73,14 @@ def run_smoother(
     max_passes: int = 50,
     faults: Faults | None = None,
     marginal: bool = False,
+    start: Trajectory | None = None,
 ) -> FilterOutcome:
     """Estimate the most probable parameters and motion.
 
     The first start is the trajectory of a CKF. If the minimum is far from it, or there is none, the second start keeps
     the prior's parameters and follows the measurements. If these two do not both end in a minimum, the third start is
     the minimum with more process noise. The most probable minimum is the estimate. It is compared with the second one,
-    and with the estimate from each segment alone.
+    and with the estimate from each segment alone. A given `start` precedes the others.
 
     Parameters
     ----------
@@ -89,6 +94,8 @@ def run_smoother(
         To test about the estimate.
     marginal : bool
         Whether to maximise the posterior of the parameters with the motion integrated out.
+    start : Trajectory, optional
+        If the search converges from here, there is no search for other minima.
 
     Returns
     -------
@@ -97,12 +104,13 @@ def run_smoother(
         parameters, or if a smoothed variance is lost in rounding.
     """
     smoothing = LinearSmoothing(problem)
-    minima = most_probable(problem, smoothing, max_passes)
+    enough = _N_MINIMA if start is None else 1
+    minima = most_probable(problem, smoothing, max_passes, enough, start)
     if not minima:
         return _failed(problem)
     (best, converged), *others = minima
     if not converged:
-        outcome = _report(smoothing, problem.sensors, best, on_chunk)
+        outcome = _report(problem, smoothing, best, on_chunk)
         n_parameters = problem.n_parameters
         deviation = np.sqrt(np.diagonal(outcome.covariance)[:n_parameters])
         convergence = ConvergenceStatus(best.cost - best.least, best.final.mean[:n_parameters] / deviation)
@@ -120,7 +128,7 @@ def run_smoother(
             return _failed(problem)
         problem, estimate, convergence = found
         score = partial(marginal_scores, problem)
-    outcome = _report(smoothing, problem.sensors, estimate, on_chunk, is_estimate=marginal)
+    outcome = _report(problem, smoothing, estimate, on_chunk, is_estimate=marginal)
     if outcome.failure != OK:
         return outcome
     if convergence is not None:
@@ -134,32 +142,46 @@ def run_smoother(
 
 
 def most_probable(
-    problem: JointProblem, smoothing: LinearSmoothing, max_passes: int, enough: int = _N_MINIMA
+    problem: JointProblem,
+    smoothing: LinearSmoothing,
+    max_passes: int,
+    enough: int = _N_MINIMA,
+    first: Trajectory | None = None,
 ) -> list[tuple[Filtered, bool]]:
-    """Return the last iterate from each start until `enough` converged, and whether it did; the most probable first."""
-    minima = []
-    for start in _starts(problem, smoothing, max_passes):
-        if (minimum := gauss_newton(smoothing, start, max_passes)) is not None:
+    """Return the last iterate from each start until `enough` converged, and whether it did; the most probable first.
+
+    The `first` start, if there is one, precedes the others.
+    """
+    minima = list[tuple[Filtered, bool]]()
+
+    def passes() -> int:
+        return min(max_passes, _PATIENCE) if any(converged for _, converged in minima) else max_passes
+
+    for start in chain([] if first is None else [first], _starts(problem, smoothing, passes)):
+        if (minimum := gauss_newton(smoothing, start, passes())) is not None:
             minima.append(minimum)
             if _is_near(start, minimum[0]) or sum(converged for _, converged in minima) == enough:
                 break
     return sorted(minima, key=lambda minimum: minimum[0].cost)
 
 
-def _starts(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) -> Iterator[Trajectory]:
-    """Yield the trajectory of a CKF, one along the measurements, and the minimum with more process noise."""
+def _starts(problem: JointProblem, smoothing: LinearSmoothing, passes: Callable[[], int]) -> Iterator[Trajectory]:
+    """Yield the trajectory of a CKF, one along the measurements, and the minimum with more process noise.
+
+    `passes` returns the largest number of forward passes now.
+    """
     if (filtered := _ckf(problem)) is not None:
         yield filtered
     if (followed := follow_measurements(problem)) is not None:
         yield followed
-        if (annealed := _anneal_process_noise(problem, smoothing, followed, max_passes)) is not None:
+        if (annealed := _anneal_process_noise(problem, smoothing, followed, passes())) is not None:
             yield annealed
 
 
 def _ckf(problem: JointProblem) -> Trajectory | None:
     """Return the trajectory of a CKF; None if the filter fails."""
     n_parameters, priors = problem.n_parameters, problem.priors
-    parameters, initial, moving = problem.prior.mean[:n_parameters], list[Array](), list[list[Array]]()
+    parameters, initial, moving = problem.prior.mean[:n_parameters], list[Array](), list[ArrayStore]()
 
     def keep(timeline: Timeline, records: Records) -> None:
         nonlocal parameters
@@ -172,7 +194,7 @@ def _ckf(problem: JointProblem) -> Trajectory | None:
         moving[-1].append(states)
 
     def run(timelines: Iterable[Timeline], gaussian: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
-        moving.append([])
+        moving.append(ArrayStore())
         return run_square_root_filter(points, problem.process, problem.sensors, timelines, gaussian, on_chunk)
 
     points = cubature(n_parameters + problem.n_moving)
@@ -256,17 +278,32 @@ def _failed(problem: JointProblem) -> FilterOutcome:
 
 
 def _report(
-    smoothing: LinearSmoothing, sensors: Sensors, filtered: Filtered, on_chunk: OnChunk, is_estimate: bool = False
+    problem: JointProblem,
+    smoothing: LinearSmoothing,
+    filtered: Filtered,
+    on_chunk: OnChunk,
+    is_estimate: bool = False,
 ) -> FilterOutcome:
     """Pass the smoothed trajectory to `on_chunk`; the nominal one if that `is_estimate` itself."""
     covariance = filtered.final.covariance()
     n_parameters, fraction = filtered.trajectory.parameters.size, 0.0 if is_estimate else 1.0
     parameters = filtered.trajectory.parameters + fraction * filtered.final.mean[:n_parameters]
     deviation = np.sqrt(np.diagonal(covariance)[:n_parameters])
-    nominal = [moving for segment in filtered.trajectory.moving for moving in segment]
-    chunks = [(chunk.timeline, _records(chunk, sensors)) for chunk in smoothing.smooth(filtered, with_variance=True)]
-    n_good = 0
-    for moving, (timeline, of_motion) in zip(nominal, reversed(chunks), strict=True):
+    nominal = (moving for segment in filtered.trajectory.moving for moving in segment)
+    # Chunks come from the last to the first.
+    smoothed, weights = [ArrayStore() for _ in Records._fields[:-1]], ArrayStore()
+    for chunk in smoothing.smooth(filtered, with_variance=True):
+        *rows, weight = _records(chunk, problem.sensors)
+        for store, array in zip(smoothed, rows, strict=True):
+            store.append(array)
+        if weight is not None:
+            weights.append(weight)
+    for store in (*smoothed, weights):
+        store.reverse()
+    timelines, n_good = (timeline for segment in problem.segments for timeline in segment), 0
+    for number, (moving, timeline) in enumerate(zip(nominal, timelines, strict=True)):
+        weight = weights[number] if weights else None
+        of_motion = Records(*(store[number] for store in smoothed), weight=weight)
         step, variance = of_motion[:2]
         lost = np.flatnonzero(~(variance > 0.0).all(axis=1))
         good = int(lost[0]) if lost.size else len(moving)

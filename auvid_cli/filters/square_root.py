@@ -4,7 +4,7 @@ Arasaratnam and Haykin, IEEE Trans. Autom. Control 54(6), 2009, with sequential 
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Reversible, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -47,6 +47,7 @@ from auvid_cli.numerics import LANES, compiled, types
 
 if TYPE_CHECKING:
     from auvid_cli.filters.fault_scores import Faults
+    from auvid_cli.filters.linear_smoother import Trajectory
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
@@ -195,7 +196,7 @@ class Estimator(Protocol):
         """Setting that limits its iterations, with its value; empty for a filter."""
         ...
 
-    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+    def estimate(self, segments: Sequence[Reversible[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Estimate the joint state of segments, and pass records to `on_chunk`."""
         ...
 
@@ -214,7 +215,7 @@ class KalmanFilter(ABC):
     def filter_segment(self, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Filter one segment from a prior of its own state."""
 
-    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+    def estimate(self, segments: Sequence[Reversible[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Filter one segment after the other."""
         problem = JointProblem(self.process, self.sensors, segments, prior)
         return filter_sequentially(self.filter_segment, problem, on_chunk)
@@ -259,7 +260,7 @@ class OutputErrorMethod:
         """Setting that limits its iterations, with its value."""
         return f"output_error.max_evaluations = {self.max_evaluations}"
 
-    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+    def estimate(self, segments: Sequence[Reversible[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Fit all segments at once."""
         # No other estimator needs scipy's optimisers.
         from auvid_cli.filters.output_error import run_output_error
@@ -278,6 +279,7 @@ class IteratedSmoother:
     max_passes: int
     faults: "Faults"
     marginal: bool
+    start: "Trajectory | None" = None
     in_one_batch = True
 
     @property
@@ -285,10 +287,10 @@ class IteratedSmoother:
         """Setting that limits its iterations, with its value."""
         return f"smoother.max_passes = {self.max_passes}"
 
-    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+    def estimate(self, segments: Sequence[Reversible[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Smooth all segments at once."""
         # Its compiled code serves no other estimator.
         from auvid_cli.filters.smoother import run_smoother
 
         problem = JointProblem(self.process, self.sensors, segments, prior)
-        return run_smoother(problem, on_chunk, self.max_passes, self.faults, self.marginal)
+        return run_smoother(problem, on_chunk, self.max_passes, self.faults, self.marginal, self.start)

@@ -1,6 +1,6 @@
 """Candidates for an addition to a model, ranked by the score tests and innovations of its estimate."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from math import log
 from typing import NamedTuple
 
@@ -14,6 +14,8 @@ from auvid_cli.fitting.additions import Addition, addition_for
 # Gain in log-likelihood from which an addition is worth it: that of a fault of 3.5 standard deviations, from which an
 # estimate is doubtful.
 WORTH = 6.0
+# Number of candidates of each kind that are tried in a look.
+_N_TRIALS = 3
 # Factor on the stated process noise from which a disturbance is tried, because the motion has errors that last.
 _LARGE_NOISE = 3.0
 # Smallest change of the noise of a sensor that is tried, as a logarithm.
@@ -55,6 +57,12 @@ def candidates(
     if BiasName.DISTURBANCE not in estimated and noise_excess(estimate, least) > _LARGE_NOISE:
         found.append(Candidate(Addition(BiasName.DISTURBANCE.value), WORTH))
     return sorted(found, key=lambda candidate: -candidate.expected)
+
+
+def by_kind(found: Sequence[Candidate]) -> tuple[list[Candidate], list[Candidate]]:
+    """Return the best candidates that are a cause, and those that only describe errors: noise and a disturbance."""
+    vague = [candidate for candidate in found if candidate.addition.family in ("noise", BiasName.DISTURBANCE)]
+    return [candidate for candidate in found if candidate not in vague][:_N_TRIALS], vague[:_N_TRIALS]
 
 
 def noise_excess(estimate: Estimate, least: ProcessNoise) -> float:

@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # Settings below `identification` that a search changes.
-_CHANGED = "estimate", "delays", "process_noise", "measurement_noise", "noise", "smoother"
+_CHANGED = "coefficients", "estimate", "delays", "process_noise", "measurement_noise", "noise", "smoother"
 
 
 class FitStep(NamedTuple):
     """A step of the search; a row of ``fit_steps.csv``."""
 
     look: int  # 0 for the start; all steps of a look start from the same model
-    action: str  # start, add or remove
+    action: str  # hold, start, add, remove or end
     what: str
     size: str  # estimated values with their standard deviations, SI; empty if unknown
     gain: float | None  # increase of the log marginal likelihood, net of the numbers that it takes; None for a start

@@ -23,7 +23,8 @@ from auvid_cli.errors import DataError
 from auvid_cli.evaluation.innovations import causes_text, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
 from auvid_cli.fitting.additions import Addition, with_addition, without_addition
-from auvid_cli.fitting.candidates import WORTH, Candidate, candidates, corrected_times, noise_excess
+from auvid_cli.fitting.candidates import WORTH, Candidate, by_kind, candidates, corrected_times, noise_excess
+from auvid_cli.fitting.look import with_still_planes_held
 from auvid_cli.fitting.results import Fit, FitStep
 from auvid_cli.fitting.sizes import is_certain, size_text
 from auvid_cli.fitting.thinning import joint_answer, smoothed, thinned
@@ -37,8 +38,6 @@ from auvid_cli.identification.terms import fit_smoother
 _FIRST_PASSES = 8
 # Factor on the stated process noise at the start, so that the smoother converges with a wrong model.
 _LOOSE = 100.0
-# Number of candidates that are tried in a look.
-_N_TRIALS = 3
 _MAX_LOOKS = 8
 # Gain for each measurement below which a cause explains little, so that noise and a disturbance are tried too.
 _SMALL_SHARE = 0.02
@@ -49,6 +48,9 @@ _TIGHT = 3.0
 # Corrections of a delay, and the size of one that is small enough at the end, in standard deviations.
 _MAX_CORRECTIONS = 3
 _SMALL_CORRECTION = 0.5
+# Reasons of an early end.
+_INTERRUPTED = "interrupted"
+_INTERRUPTED_FIT = "interrupted, so the estimate is of thinned data"
 
 
 class FitLimits(NamedTuple):
@@ -94,15 +96,19 @@ def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None
     DataError
         If no trajectory follows the data.
     """
+    settings, still = with_still_planes_held(dataset)
+    dataset = replace(dataset, experiment=settings)
     search = _Search(dataset, limits, on_step)
+    for motion in still:
+        search.note("hold", f"coefficients of {motion}", None, True, "")
     on_step("fit with the settings as they are")
     if search.holds_as_stated():
-        estimate = identify(dataset, JUDGE)
+        estimate, stopped = search.fit_to_all_data(dataset.experiment)
         judgement = judge_one(estimate, None)
         search.note("start", "settings as they are", None, True, "", judgement)
-        if judgement.grade is Grade.SOUND:
-            trial = search.trial(dataset.experiment)
-            return Fit(estimate, judgement, tuple(search.steps), dataset.experiment, (), trial)
+        if stopped or judgement.grade is Grade.SOUND:
+            trial, stopped = search.trial(dataset.experiment, stopped)
+            return Fit(estimate, judgement, tuple(search.steps), dataset.experiment, (), trial, stopped)
     stopped = ""
     try:
         search.start_loose()
@@ -112,7 +118,7 @@ def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None
     except _OutOfTimeError:
         stopped = "the time limit was reached"
     except KeyboardInterrupt:
-        stopped = "interrupted"
+        stopped = _INTERRUPTED
     if search.model is None:
         raise DataError(f"auvid fit: {stopped or 'no trajectory follows these data'} before a first model was found")
     return search.finish(stopped)
@@ -170,11 +176,12 @@ class _Search:
         for self._look in range(1, _MAX_LOOKS + 1):
             estimate = self._estimate = smoothed(self._prepared.with_settings(self.model.settings))
             self._judgement = judge_one(estimate, None)
+            self._set_judged_after(self._judgement)
             if self._judgement.grade is Grade.SOUND and noise_excess(estimate, self._least) <= _TIGHT:
                 return
             found = candidates(estimate, self.model.additions, self._least, self._duration)
             tried = [candidate for candidate in found if self._limits.allows(candidate.addition)]
-            causes, others = _by_kind(tried)
+            causes, others = by_kind(tried)
             if noise_excess(estimate, self._least) > _FAR_FROM_STATED:
                 # The tests are not calibrated yet, and a disturbance converges faster than a wrong cause.
                 causes, others = others, causes
@@ -195,8 +202,11 @@ class _Search:
         if BiasName.DISTURBANCE in model.settings.identification.estimate.biases:
             # Tuning the noise of a disturbance takes long, so only the best one is fitted with tuned noise.
             additions = self._best_with_present_noise(model, additions)
-        for addition in additions:
-            self._on_step(f"look {self._look}: try {addition} (evidence {model.evidence:.0f})")
+        for number, addition in enumerate(additions, 1):
+            best = max(models, key=lambda pair: pair[1].evidence, default=None)
+            gain = 0.0 if best is None else best[1].evidence - model.evidence
+            so_far = f"{best[0]}, {gain:+.0f}" if best is not None and gain > 0.0 else "no addition"
+            self._on_step(f"look {self._look}, candidate {number} of {len(additions)}: {addition}; best: {so_far}")
             other = self._with(model, addition)
             gain = None if other is None else other.evidence - model.evidence
             rows.append(self._step("add", str(addition), gain, False, before))
@@ -300,15 +310,17 @@ class _Search:
     def finish(self, stopped: str) -> Fit:
         """Fit the best model to all data, and judge it."""
         assert self.model is not None, "a search starts with a model"
-        self._on_step("fit of the model to all data")
         settings = self.model.settings
         smoother = self._dataset.experiment.identification.smoother
         if smoother.answer == "automatic" and settings.identification.process_noise != self._least:
             smoother = smoother.model_copy(update={"answer": "marginal"})
-        settings = settings.with_identification(smoother=smoother)
-        estimate = identify(replace(self._dataset, experiment=settings), JUDGE)
+        step = self._dataset.experiment.identification.integration_step
+        settings = settings.with_identification(smoother=smoother, integration_step=step)
+        estimate, interrupted = self.fit_to_all_data(settings)
+        stopped = interrupted or stopped
         judgement = judge_one(estimate, None)
-        self.note("end", "fit to all data", None, True, "", judgement)
+        self._set_judged_after(judgement)
+        self.note("end", "fit to thinned data" if interrupted else "fit to all data", None, True, "", judgement)
         additions = {str(addition): addition for addition in self.model.additions}
         steps = tuple(
             step._replace(size=size_text(estimate, additions[step.what]))
@@ -316,20 +328,42 @@ class _Search:
             else step
             for step in self.steps
         )
-        trial = self.trial(settings) if estimate.completed else ""
+        trial, stopped = self.trial(settings, stopped) if estimate.completed else ("", stopped)
         causes = likely_causes(estimate) if judgement.grade is not Grade.SOUND else []
         return Fit(estimate, judgement, steps, settings, (causes_text(causes),) if causes else (), trial, stopped)
 
-    def trial(self, settings: RunSettings) -> str:
-        """Return how well a model predicts the last third of the data if it is fitted to the rest."""
-        self._on_step("predict the last third by a fit to the rest")
-        return trial_text(try_on_held_out(thinned(self._dataset), settings))
+    def fit_to_all_data(self, settings: RunSettings) -> tuple[Estimate, str]:
+        """Return the estimate from all data, or if interrupted from thinned data, and the reason of an early end."""
+        quick = self.model.settings if self.model else self._prepared.experiment
+        try:
+            self._on_step("fit of the model to all data")
+            return identify(replace(self._dataset, experiment=settings), JUDGE), ""
+        except KeyboardInterrupt:
+            return smoothed(self._prepared.with_settings(quick)), _INTERRUPTED_FIT
+
+    def trial(self, settings: RunSettings, stopped: str) -> tuple[str, str]:
+        """Return how well a model predicts the last third by a fit to the rest, and the reason of an early end."""
+        if stopped == _INTERRUPTED_FIT:
+            return "", stopped
+        try:
+            self._on_step("predict the last third by a fit to the rest")
+            return trial_text(try_on_held_out(thinned(self._dataset), settings)), stopped
+        except KeyboardInterrupt:
+            return "", stopped or _INTERRUPTED
 
     def note(
         self, action: str, what: str, gain: float | None, kept: bool, before: str, judgement: Judgement | None = None
     ) -> None:
         """Add a step."""
         self.steps.append(self._step(action, what, gain, kept, before, judgement))
+
+    def _set_judged_after(self, judgement: Judgement) -> None:
+        """State the judgement of the model that has the last additions."""
+        grade = str(judgement.grade)
+        self.steps = [
+            step._replace(judged_after=step.judged_after or grade) if step.kept and step.action != "hold" else step
+            for step in self.steps
+        ]
 
     def _step(
         self, action: str, what: str, gain: float | None, kept: bool, before: str, judgement: Judgement | None = None
@@ -342,9 +376,3 @@ class _Search:
     def _check_time(self) -> None:
         if process_time() - self._begin > self._limits.max_time:
             raise _OutOfTimeError
-
-
-def _by_kind(found: Sequence[Candidate]) -> tuple[list[Candidate], list[Candidate]]:
-    """Return the best candidates that are a cause, and those that only describe errors: noise and a disturbance."""
-    vague = [candidate for candidate in found if candidate.addition.family in ("noise", BiasName.DISTURBANCE)]
-    return [candidate for candidate in found if candidate not in vague][:_N_TRIALS], vague[:_N_TRIALS]

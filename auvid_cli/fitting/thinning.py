@@ -12,6 +12,7 @@ from auvid_cli.identification.run import set_up_filters
 
 # Samples of a sensor closer than this are left out during the search, s.
 _INTERVAL = 0.1
+_STEP = 0.05  # s, integration step during the search, unless a longer one is stated
 
 
 def thinned(dataset: Dataset) -> Dataset:
@@ -25,10 +26,14 @@ def thinned(dataset: Dataset) -> Dataset:
 
 
 def joint_answer(dataset: Dataset) -> Dataset:
-    """Return a dataset whose settings ask for the joint estimate, with noise and delays as stated."""
+    """Return a dataset whose settings ask for the joint estimate, with noise and delays as stated, in longer steps."""
     identification = dataset.experiment.identification
-    smoother = identification.smoother.model_copy(update={"answer": "joint"})
-    return replace(dataset, experiment=dataset.experiment.with_identification(smoother=smoother, noise="stated"))
+    changes = {
+        "smoother": identification.smoother.model_copy(update={"answer": "joint"}),
+        "noise": "stated",
+        "integration_step": max(identification.integration_step, _STEP),
+    }
+    return replace(dataset, experiment=dataset.experiment.with_identification(**changes))
 
 
 def smoothed(prepared: PreparedData) -> Estimate:

@@ -76,8 +76,9 @@ class VehicleFaults:
         )
         self._faults = *others, *(DELAY_FAULTS[symbol] for symbol in delays)
 
-        rates = np.concatenate([segment.timelines.input_rate for segment in problem.segments])
-        self._largest_small_rate = np.quantile(np.abs(rates), _SMALL_QUANTILE, axis=0)
+        rates = np.concatenate([segment.timelines.input_rate() for segment in problem.segments])
+        sizes = np.abs(rates, out=rates)
+        self._largest_small_rate = np.quantile(sizes, _SMALL_QUANTILE, axis=0, overwrite_input=True)
 
     @property
     def labels(self) -> tuple[FaultModel, ...]:
@@ -89,7 +90,10 @@ class VehicleFaults:
         vehicle = self._problem.coefficients
         coefficients = factors(self._problem.held | self._identified(about.parameters), of_vehicle=vehicle)
         model = FaultedVehicle(self._problem.known, coefficients, vehicle.terms, *self._mounted())
-        rate = self._problem.segments[segment].timelines.input_rate
+        # Rows of the inputs that hold during the chunk.
+        of_chunk = np.concatenate([timeline.substep_input, timeline.event_input])
+        first_input = int(of_chunk.min())
+        rate = self._problem.segments[segment].timelines.input_rate(first_input, int(of_chunk.max()) + 1)
         small = np.where(np.abs(rate) <= self._largest_small_rate, rate, 0.0)
         states, times = np.vstack([about.before, about.moving]), np.append(timeline.time[:1], timeline.time)
         motion = states[:, self._motion_rows]
@@ -108,7 +112,7 @@ class VehicleFaults:
             inputs = gain[row] * timeline.inputs[input_row] + trim[row]
             moved = motion[row] if later is None else motion[row] + later[:, None] * (motion[row + 1] - motion[row])
             rates = model.rates(moved, inputs, ballast[row])
-            input_rates = gain[row] * rate[input_row], gain[row] * small[input_row]
+            input_rates = gain[row] * rate[input_row - first_input], gain[row] * small[input_row - first_input]
             return Motion(moved, inputs, *input_rates, rates, current[row], ballast[row], times[row])
 
         # Midpoint rule over each substep, with motion that is linear between two events.

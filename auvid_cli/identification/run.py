@@ -1,6 +1,6 @@
 """Run filters on a dataset: choose estimators by the settings, set them up, and record their estimates in SI."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Reversible, Sequence
 from dataclasses import dataclass
 from time import perf_counter, thread_time
 from typing import assert_never
@@ -27,6 +27,7 @@ from auvid_cli.filters.workspace import cubature, transformed, unscented
 from auvid_cli.identification.prepared_data import FoundDelays, PreparedData, prepare
 from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
 from auvid_cli.identification.process import first_order_transition
+from auvid_cli.identification.trajectories import trajectory_of
 from auvid_cli.vehicle.parameters import SENSORS
 
 # Largest number of parameters that the status of a run without convergence names.
@@ -38,8 +39,10 @@ _MIN_DECREASE = 0.5
 _MIN_STEP = 0.1
 
 
-def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Identification) -> Estimator:
-    """Return an estimator for a problem."""
+def chosen_estimator(
+    name: FilterName, augmented: AugmentedProblem, settings: Identification, start: Estimate | None = None
+) -> Estimator:
+    """Return an estimator for a problem; the smoother starts from an earlier estimate if one is given."""
     n, process, sensors = len(augmented.layout.symbols), augmented.process, augmented.sensors
     match name:
         case FilterName.EKF:
@@ -61,7 +64,8 @@ def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Id
                 import auvid_cli.filters.marginal  # noqa: F401  # Compiled here, and not while filters run.
             delays = [block.name for block in settings.estimate.blocks() if block.is_delay]
             faults, max_passes = VehicleFaults(augmented, delays), settings.smoother.max_passes
-            return IteratedSmoother(name.value, process, sensors, max_passes, faults, settings.is_marginal)
+            trajectory = None if start is None else trajectory_of(augmented, start)
+            return IteratedSmoother(name.value, process, sensors, max_passes, faults, settings.is_marginal, trajectory)
         case FilterName.OUTPUT_ERROR:
             method, layout = settings.output_error, augmented.layout
             lower, upper = (np.full(augmented.prior.mean.size, limit) for limit in (-np.inf, np.inf))
@@ -81,7 +85,7 @@ class FilterRun:
     header: EstimateHeader
     span: tuple[float, float]  # first and last time of the data, s
     estimator: Estimator  # in scaled units: coefficients as multiples of their prior standard deviations
-    segments: Sequence[Iterable[Timeline]]
+    segments: Sequence[Reversible[Timeline]]
     prior: Gaussian  # prior of the joint state of the segments
     scale: Array  # shape (n,); SI value of one unit of each component of the state
     measuring: dict[str, SensorRecord]  # by name, in the order of the estimator's sensors
@@ -302,19 +306,28 @@ def _no_innovations(record: SensorRecord) -> Innovations:
 
 
 class _Watched:
-    """Chunks of the data with a call before each; may be iterated many times."""
+    """Chunks of the data with a call before each; may be iterated many times, in both directions."""
 
-    def __init__(self, timelines: Iterable[Timeline], before_each: Callable[[], None]) -> None:
+    def __init__(self, timelines: Reversible[Timeline], before_each: Callable[[], None]) -> None:
         self._timelines, self._before_each = timelines, before_each
 
     def __iter__(self) -> Iterator[Timeline]:
-        for timeline in self._timelines:
+        return self._watched(iter(self._timelines))
+
+    def __reversed__(self) -> Iterator[Timeline]:
+        return self._watched(reversed(self._timelines))
+
+    def _watched(self, timelines: Iterator[Timeline]) -> Iterator[Timeline]:
+        for timeline in timelines:
             self._before_each()
             yield timeline
 
 
 def set_up_filters(
-    prepared: PreparedData, filter_names: Sequence[FilterName], before_each: Callable[[], None] = lambda: None
+    prepared: PreparedData,
+    filter_names: Sequence[FilterName],
+    before_each: Callable[[], None] = lambda: None,
+    start: Estimate | None = None,
 ) -> list[FilterRun]:
     """Return estimators that share a dataset's augmented state, prior and timeline; its truth is not used.
 
@@ -324,6 +337,8 @@ def set_up_filters(
     filter_names : sequence of FilterName
     before_each : callable
         Called before each chunk of the data in each pass. An exception from it ends the estimator.
+    start : Estimate, optional
+        Earlier estimate of the smoother from these data, with which it starts.
 
     Raises
     ------
@@ -348,7 +363,7 @@ def set_up_filters(
                 dataset_sha256=prepared.dataset.sha256,
             ),
             augmented.span,
-            chosen_estimator(name, augmented, settings),
+            chosen_estimator(name, augmented, settings, start),
             segments,
             augmented.prior,
             layout.scale,
@@ -387,8 +402,8 @@ def _with_tuned_noise(prepared: PreparedData) -> PreparedData:
     return prepared.with_settings(tune_noise(prepared).experiment)
 
 
-def identify(dataset: Dataset, filter_name: FilterName) -> Estimate:
+def identify(dataset: Dataset, filter_name: FilterName, start: Estimate | None = None) -> Estimate:
     """Estimate coefficients and motion from a dataset in memory; see `set_up_filters` and `FilterRun`."""
-    (run,), chunks = set_up_filters(resolve_settings(prepare(dataset)), [filter_name]), []
+    (run,), chunks = set_up_filters(resolve_settings(prepare(dataset)), [filter_name], start=start), []
     outcome = run.run(chunks.append)
     return Estimate.of(run.header, chunks, outcome)

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +27,8 @@ _FIELDS = tuple(quantity.symbol for quantity in SENSORS["magnetic_field"])
 _ANGULAR = ("phi", "theta", "psi")
 _NANOSECOND = 1e-9  # s
 MAX_GAP = 1000.0  # s, without any measurement
-# Largest number of measurements of one sensor in a chunk: some 60 ms of work for a sigma-point filter.
-CHUNK = 8000
+# Largest number of measurements of one sensor in a chunk: some 15 ms of work for a sigma-point filter.
+CHUNK = 2000
 
 
 def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
@@ -212,11 +213,13 @@ class Timelines:
             )
         self._step, self.chunk = step, chunk
 
-    @property
-    def input_rate(self) -> Array:
-        """Return the time derivative of the inputs by central differences, SI per second."""
-        time = self._changes * _NANOSECOND
-        return np.gradient(self._inputs, time, axis=0) if time.size > 1 else np.zeros_like(self._inputs)
+    def input_rate(self, first: int = 0, last: int | None = None) -> Array:
+        """Return the time derivative of the rows `first` to before `last` of the inputs, SI per second."""
+        last = len(self._inputs) if last is None else last
+        before = max(first - 1, 0)
+        inputs, time = self._inputs[before : last + 1], self._changes[before : last + 1] * _NANOSECOND
+        rate = np.gradient(inputs, time, axis=0) if time.size > 1 else np.zeros_like(inputs)
+        return rate[first - before : last - before]
 
     def in_chunks_of(self, n: int) -> "Timelines":
         """Return the same measurements with at most `n` of one sensor in a chunk."""
@@ -231,25 +234,56 @@ class Timelines:
         return other
 
     def __iter__(self) -> Iterator[Timeline]:
-        begin, end = _nanoseconds(np.array(self.span))
+        before = self._span_ticks[0]
+        for since, until in pairwise(self._cuts()):
+            merged = self._merged(since, until)
+            if merged.events.size:
+                yield self._timeline(before, merged)
+                before = merged.events[-1]
+
+    def __reversed__(self) -> Iterator[Timeline]:
+        later: _Merged | None = None
+        for until, since in pairwise(self._cuts()[::-1]):
+            merged = self._merged(since, until)
+            if merged.events.size:
+                if later is not None:
+                    yield self._timeline(merged.events[-1], later)
+                later = merged
+        if later is not None:
+            yield self._timeline(self._span_ticks[0], later)
+
+    @property
+    def _span_ticks(self) -> Ticks:
+        return _nanoseconds(np.array(self.span))
+
+    def _cuts(self) -> Ticks:
+        """Return the boundaries of the chunks."""
+        begin, end = self._span_ticks
         used = [ticks[slice(*np.searchsorted(ticks, [begin + 1, end + 1]))] for ticks in self._ticks]
-        cuts = np.concatenate([[begin, end + 1], *(ticks[self.chunk :: self.chunk] for ticks in used)])
-        before = begin
-        for since, until in pairwise(np.unique(cuts)):
-            spans = [slice(*np.searchsorted(ticks, [since, until])) for ticks in self._ticks]
-            events, measurement_offset, measurement_sensor, measurement = _merge(self._records, self._ticks, spans)
-            if events.size:
-                substeps = _substeps(self._changes, before, events, self._step)
-                time = events.astype(np.float64) * _NANOSECOND
-                held = _held(self._changes, events)
-                yield Timeline(time, *substeps, self._inputs, held, measurement_offset, measurement_sensor, measurement)
-                before = events[-1]
+        return np.unique(np.concatenate([[begin, end + 1], *(ticks[self.chunk :: self.chunk] for ticks in used)]))
+
+    def _merged(self, since: np.int64, until: np.int64) -> "_Merged":
+        spans = [slice(*np.searchsorted(ticks, [since, until])) for ticks in self._ticks]
+        return _merge(self._records, self._ticks, spans)
+
+    def _timeline(self, before: np.int64, merged: "_Merged") -> Timeline:
+        """Return a chunk after the event `before`."""
+        substeps = _substeps(self._changes, before, merged.events, self._step)
+        time, held = merged.events.astype(np.float64) * _NANOSECOND, _held(self._changes, merged.events)
+        return Timeline(time, *substeps, self._inputs, held, *merged[1:])
 
 
-def _merge(
-    records: Sequence[SensorRecord], times: Sequence[Ticks], spans: Sequence[slice]
-) -> tuple[Ticks, NDArray[np.int64], NDArray[np.int8], Array]:
-    """Return events, offsets of their measurements, sensor of each measurement, and measurements of merged records."""
+class _Merged(NamedTuple):
+    """Merged measurements of a chunk."""
+
+    events: Ticks
+    measurement_offset: Indices  # measurements of each event, as in `Timeline`
+    measurement_sensor: NDArray[np.int8]
+    measurement: Array
+
+
+def _merge(records: Sequence[SensorRecord], times: Sequence[Ticks], spans: Sequence[slice]) -> _Merged:
+    """Return the merged measurements of the rows `spans` of each record."""
     ticks, values = [], []
     width = max(record.values.shape[1] for record in records)
     for record, time, span in zip(records, times, spans, strict=True):
@@ -264,7 +298,7 @@ def _merge(
     order = np.argsort(tick, kind="stable")
     sensor = np.repeat(np.arange(len(ticks), dtype=np.int8), [times.size for times in ticks])
     events, first_measurement = np.unique(tick[order], return_index=True)
-    return events, np.append(first_measurement, tick.size), sensor[order], np.concatenate(values)[order]
+    return _Merged(events, np.append(first_measurement, tick.size), sensor[order], np.concatenate(values)[order])
 
 
 def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> tuple[Indices, Array, Indices]:

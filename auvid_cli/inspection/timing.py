@@ -69,14 +69,29 @@ def _spread(values: Array) -> float:
 
 def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> list[Check]:
     """Check rate, jitter, clock (given its `clock_jumps`) and missing values of a sensor with at least two samples."""
-    intervals = np.diff(record.time)
-    usual = float(np.median(intervals))
+    by_clock = [np.diff(times) for times in _times_of_clocks(record)]
+    usual = min(float(np.median(intervals)) for intervals in by_clock)
     return [
         _rate(name, record, 1.0 / usual),
-        _jitter(name, intervals),
+        _jitter(name, max(by_clock, key=_spread_of_intervals)),
         _clock(name, record, jumps),
         _missing(name, record),
     ]
+
+
+def _times_of_clocks(record: SensorRecord) -> list[Array]:
+    """Return the times of all rows, or of each component if most rows have only some of them, of several devices."""
+    present = np.isfinite(record.values)
+    measured = present[:, present.any(axis=0)]
+    if 2 * np.count_nonzero(measured.all(axis=1)) >= np.count_nonzero(measured.any(axis=1)):
+        return [record.time]
+    return [record.time[component] for component in measured.T if np.count_nonzero(component) > 1] or [record.time]
+
+
+def _spread_of_intervals(intervals: Array) -> float:
+    """Return the range of 98 % of intervals divided by their median."""
+    least, most = np.quantile(intervals, [0.01, 0.99])
+    return float(most - least) / float(np.median(intervals))
 
 
 def input_end_check(acting: InputRecord, last: float) -> Check:
@@ -145,7 +160,7 @@ def _rate(name: str, record: SensorRecord, rate: float) -> Check:
 def _jitter(name: str, intervals: Array) -> Check:
     usual = float(np.median(intervals))
     least, most = np.quantile(intervals, [0.01, 0.99])
-    spread = float(most - least) / usual
+    spread = _spread_of_intervals(intervals)
     return judged(
         name,
         "jitter",

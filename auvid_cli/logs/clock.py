@@ -30,10 +30,11 @@ _MIN_EPOCH = 1e8  # s; smaller times do not count from 1970
 
 
 class Clock(NamedTuple):
-    """Times in s (NaN if missing), and the number of rollovers of a clock without hours or date."""
+    """Times in s (NaN if missing), and the rollovers of a clock without hours or date."""
 
     seconds: Array
     rollovers: int = 0
+    period: float = 0.0  # s, after which it starts again; 0 for numbers and dates
 
 
 class Order(NamedTuple):
@@ -142,7 +143,7 @@ def _unwrapped(seconds: Array, period: float) -> Clock:
     rollovers = np.cumsum(np.diff(seconds[timed], prepend=seconds[timed[:1]]) < -0.5 * period)
     unwrapped = seconds.copy()
     unwrapped[timed] += period * rollovers
-    return Clock(unwrapped, int(rollovers[-1]) if rollovers.size else 0)
+    return Clock(unwrapped, int(rollovers[-1]) if rollovers.size else 0, period)
 
 
 def _dates(values: ColumnValues, date_format: str) -> Array:

@@ -129,6 +129,12 @@ def depth_at_origin(down: Array, roll: Array, pitch: Array, position: Array) -> 
     return down - body_to_earth(angles, np.broadcast_to(position, angles.shape))[:, 2]
 
 
+def in_forward_axes(quaternion: Array) -> Array:
+    """Return the attitude of the body, from north, by a sensor with axes to starboard, ahead and up, from east."""
+    mounted = quaternion_of_euler(np.array([[np.pi, 0.0, 0.5 * np.pi]]))[0]
+    return product(product(ENU_TO_NED, quaternion), conjugate(mounted))
+
+
 def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: KeyPath) -> Array:
     """Return components in body axes, or over ground in north-east-down axes, without steps that need an attitude.
 

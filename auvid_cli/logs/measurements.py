@@ -75,7 +75,7 @@ def read_request(
     zeros = rows_of_zeros(uncoded) if drop_zeros else np.zeros(next(iter(uncoded.values())).size, np.bool_)
     marks = {component: zeros | is_code(own, codes) for component, own in uncoded.items()}
     try:
-        seconds, rollovers = columns.take_time(request)
+        seconds, rollovers, _ = columns.take_time(request)
     except ValueError as error:
         raise MapMismatchError((*request.path, "time"), one_line(str(error))) from None
     length = next(iter(raw.values())).size

@@ -23,6 +23,7 @@ from auvid_cli.report.shared_checks import (
     advices,
     counts_in_words,
     judgement_sentences,
+    score_sentences,
     shared_checks,
     whose,
 )
@@ -39,14 +40,7 @@ from auvid_cli.report.table import (
 )
 from auvid_cli.report.table_iv import PAPER, accuracy, mark_explained
 from auvid_cli.text import sentence
-from auvid_cli.validation.results import (
-    AHEAD,
-    FREE_RUN,
-    UNCERTAINTY_NOT_TOO_LARGE,
-    ManoeuvreNumber,
-    Prediction,
-    Validation,
-)
+from auvid_cli.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
 
 _NOTES = (
     "Bound: smallest standard deviation that an estimate from these data can have (Cramer-Rao), with sensor noise "
@@ -63,7 +57,8 @@ _VALIDATION_DIGITS = 3
 _DROPPED_OF_MODELS = "vehicle file", "prior", "unchanged"
 _ERRORS = (
     "Free run: the model is driven by the inputs alone. Noise: stated noise of the sensor. RMSE: error of the model. "
-    "Unchanged: error if the motion stayed as at the start. Prior, vehicle file: errors with these coefficients."
+    "Unchanged: error if the motion stayed as at the start. Prior: error with these coefficients. Vehicle file: error "
+    "of the vehicle as stated, without estimated trims and thrust."
 )
 _BAND = "Band: two standard deviations, from coefficients, start, measurements and known defects of the model together."
 
@@ -231,13 +226,14 @@ def _estimate_tables(console: Console, evaluation: Evaluation, filters: list[str
 
 
 def print_validation(console: Console, validation: Validation, passed: bool) -> None:
-    """Print judgement, errors of the free run, fits by horizon, manoeuvres and checks.
+    """Print the errors next to those of the vehicle file, judgement, free run, fits, manoeuvres and checks.
 
     Parameters
     ----------
     passed : bool
         Whether checks that passed are printed as well.
     """
+    print_texts(console, score_sentences(validation.scores))
     if validation.judgement.is_against:
         print_texts(console, judgement_sentences({validation.filter: validation.judgement}, with_sound=False))
     ahead = [row for row in validation.predictions if row.kind == AHEAD]
@@ -252,30 +248,7 @@ def print_validation(console: Console, validation: Validation, passed: bool) -> 
             console.print(Text(_BAND))
     print_texts(console, [*_manoeuvres(validation.manoeuvres), *map(sentence, validation.remarks)])
     print_checks(console, validation.checks, passed)
-    console.print(Text(_conclusion(validation)))
-
-
-def _conclusion(validation: Validation) -> str:
-    """Return which signals the model predicts and which it does not."""
-    worse = {
-        "in the free run": validation.worse_than_the_mean(FREE_RUN),
-        "ahead": validation.worse_than_the_mean(AHEAD),
-    }
-    unpredicted = {signal for signals in worse.values() for signal in signals}
-    predicted = [s for s in dict.fromkeys(row.signal for row in validation.predictions) if s not in unpredicted]
-    failed = {check.check for check in validation.checks if check.passed is False}
-    if failed - {UNCERTAINTY_NOT_TOO_LARGE} or not predicted:
-        conclusion = "does not predict these data."
-    elif failed:
-        conclusion = f"predicts {', '.join(predicted) + ' of ' if unpredicted else ''}these data, with bands too wide."
-    elif unpredicted:
-        conclusion = f"predicts {', '.join(predicted)} of these data."
-    else:
-        conclusion = "predicts these data."
-    if unpredicted:
-        where_worse = "; ".join(f"{', '.join(signals)} {where}" for where, signals in worse.items() if signals)
-        conclusion += f" Worse than their mean (fit below 0): {where_worse}."
-    return f"The model of the {filter_label(validation.filter)} {conclusion}"
+    console.print(Text(f"The model of the {filter_label(validation.filter)} {validation.conclusion()}"))
 
 
 def _free_run(rows: Sequence[Prediction]) -> Table:

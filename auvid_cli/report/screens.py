@@ -13,8 +13,7 @@ from auvid_cli.config.settings import Spans
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.findings import DisturbanceChoice, ScoredTerm, TermFindings, TunedNoise, Tuning
 from auvid_cli.evaluation.differences import ComparedValue, Comparison
-from auvid_cli.evaluation.judgement import Judgement, whiteness
-from auvid_cli.fitting.results import Fit
+from auvid_cli.evaluation.judgement import Grade, Judgement, whiteness
 from auvid_cli.logs.measurements import ImportSummary
 from auvid_cli.report.screen_table import MISSING, narrowed, print_texts, printed, screen_table
 from auvid_cli.report.table import Cell, Column, Table, UnitCell, tabulated, text_column
@@ -158,17 +157,12 @@ def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged
         console.print(Text("The search has not converged: start `auvid tune` again from these values."))
 
 
-def fit_sentences(fit: Fit) -> list[str]:
-    """Return what a search found, a sentence each."""
-    added = ", ".join(fit.added) if fit.added else "nothing"
-    lines = [f"Judgement: {fit.judgement}.", f"Added to the model: {added}."]
-    lines += [f"{step.what}: {step.size}." for step in fit.steps if step.kept and step.size]
-    if fit.trial:
-        lines.append(fit.trial)
-    lines += [f"Unexplained: {cause}." for cause in fit.unexplained]
-    if fit.stopped:
-        lines.append(f"The search ended early: {fit.stopped}. This is the best model so far.")
-    return lines
+def objection_to_tuning(before: Judgement, after: Judgement) -> str:
+    """Return why the tuned noise is not recommended, by the judgements before and after; empty if it is."""
+    grades = [*Grade]
+    if not after.is_against or grades.index(after.grade) <= max(map(grades.index, (before.grade, Grade.DOUBTFUL))):
+        return ""
+    return f"not recommended: with the tuned noise the smoother is {after}"
 
 
 def choice_text(choice: DisturbanceChoice) -> str:
@@ -223,7 +217,7 @@ _NOISE_CELLS: dict[Column, Callable[[TunedNoise], Cell]] = {
     text_column("noise"): lambda noise: noise.setting.removeprefix(_PREFIX),
     text_column("unit"): lambda noise: UnitCell(noise.unit),
     Column("stated"): lambda noise: noise.stated,
-    Column("most likely"): _most_likely,
+    Column("found"): _most_likely,
     Column("95 % from"): lambda noise: noise.low,
     Column("to"): lambda noise: noise.high if isfinite(noise.high) else "no limit",
 }

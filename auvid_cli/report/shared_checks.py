@@ -9,6 +9,7 @@ from auvid_cli.data.checks import Check
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.report.table import filter_label
 from auvid_cli.text import sentence
+from auvid_cli.validation.results import Score, verdict_on
 
 _COUNTED = {False: "failed", None: "noted"}
 
@@ -28,6 +29,11 @@ def judgement_sentences(judgements: Mapping[str, Judgement], with_sound: bool) -
         if with_sound or judgement.grade is not Grade.SOUND:
             labels.setdefault(judgement, []).append(filter_label(name))
     return [sentence(f"{', '.join(of_same)} {judgement}") for judgement, of_same in labels.items()]
+
+
+def score_sentences(scores: Sequence[Score]) -> list[str]:
+    """Return a sentence for each score of a validation, and whether the model is recommended."""
+    return [*(f"{score}." for score in scores), *filter(None, [verdict_on(scores)])]
 
 
 def contradiction_sentences(checks: Iterable[Check]) -> list[str]:

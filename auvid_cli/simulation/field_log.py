@@ -1,4 +1,4 @@
-"""A simulated run in the form of logs from the field, for practice.
+"""A simulated run in the form of logs from the field with their map, for practice.
 
 Each device has its own file, axes and units. There is no gyroscope, no roll, no thrust and no truth, and the
 coefficients in the vehicle file have errors.
@@ -24,9 +24,47 @@ _LOCK_PERIOD = 53.0  # s, from one loss of bottom lock to the next
 _LOCK_LOSS = 4.0  # s, duration of a loss
 _COEFFICIENT_ERROR = 0.3  # share of each coefficient and of the propeller's force
 
+_MAP_HEAD = (
+    "# Columns of each signal. The thrust was not logged: it is constant, 10 N is a guess, so its scale is estimated.\n"
+    "# The vehicle file is a rough calculation, so the prior is half as wide as its values. A current is constant.\n"
+)
+_IDENTIFICATION = {
+    "prior": {"mean": "vehicle", "relative": "50 %"},
+    "tolerances": "usual",
+    "estimate": {"biases": ["thrust"], "current": {"walk": "0 m/s/s^0.5"}},
+}
+_FINS = {
+    "top": {"column": "top", "sign": -1, "unit": "deg"},
+    "bottom": {"column": "bottom", "sign": -1, "unit": "deg"},
+    "right": {"column": "starboard", "unit": "deg"},
+    "left": {"column": "port", "unit": "deg"},
+}
+# Log of each sensor, its entry in the map, and the step of its numbers, SI.
+_SENSORS: dict[str, tuple[str, dict[str, Any], float]] = {
+    "dvl": (
+        "dvl",
+        {
+            "columns": {"u": "velocity_x", "v": "velocity_y", "w": "velocity_z"},
+            "unit": "knot",
+            "frame": "FLU",
+            "valid": {"column": "bottom_lock", "values": [True]},
+        },
+        1e-3 * _KNOT,
+    ),
+    "attitude": (
+        "compass",
+        {
+            "columns": {"theta": "pitch", "psi": {"column": "Yaw_ENU", "sign": -1, "offset": "90 deg"}},
+            "unit": "deg",
+        },
+        np.deg2rad(0.01),
+    ),
+    "depth": ("depth", {"columns": {"down": "depth"}, "unit": "m"}, 0.01),
+}
+
 
 def field_log(dataset: Dataset) -> dict[str, str]:
-    """Return the texts of the logs and of a vehicle file by the names of the files.
+    """Return the texts of the logs, of a vehicle file, and of the map by the names of the files.
 
     Attitude, DVL and depth are logged; coefficients of the vehicle are randomly 30 % too large or too small.
     """
@@ -54,7 +92,29 @@ def field_log(dataset: Dataset) -> dict[str, str]:
         time, values = sensors["depth"].time, sensors["depth"].values
         logged["depth"] = _log({"depth": "m"}, time, np.round(values.T, 2))
     texts = {f"{name}.csv": text for name, text in logged.items()}
-    return texts | {"vehicle.yaml": _wrong_vehicle(dataset.experiment.vehicle, dataset.experiment.seed)}
+    vehicle = _wrong_vehicle(dataset.experiment.vehicle, dataset.experiment.seed)
+    return texts | {"vehicle.yaml": vehicle, "map.yaml": _map(dataset)}
+
+
+def _map(dataset: Dataset) -> str:
+    """Return the map of the logs, with what a user knows: the noise of the sensors, and no thrust."""
+    content: dict[str, Any] = {
+        "name": "survey",
+        "vehicle": "vehicle.yaml",
+        "logs": {"fins": "fins.csv"},
+        "sensors": {},
+        "inputs": {"log": "fins", "time": "time", "fins": _FINS, "surge_force": {"constant": "10 N"}},
+        "identification": _IDENTIFICATION,
+    }
+    for name, (log, entry, step) in _SENSORS.items():
+        if name in dataset.sensors:
+            stated = float(np.nanmax(dataset.sensors[name].standard_deviation))
+            noise = float(np.hypot(stated, step / np.sqrt(12.0)))
+            factor, unit = {"dvl": (1.0, "m/s"), "attitude": (np.rad2deg(1.0), "deg"), "depth": (1.0, "m")}[name]
+            content["logs"][log] = f"{log}.csv"
+            own = {"log": log, "time": "time", **entry, "standard_deviation": f"{factor * noise:.3g} {unit}"}
+            content["sensors"][name] = own
+    return f"{_MAP_HEAD}{yaml.safe_dump(content, sort_keys=False)}"
 
 
 def _log(units: dict[str, str], time: Array, columns: Any) -> str:

@@ -69,14 +69,13 @@ def fit_free_runs(
     return FreeRunFit(keeper.kept(), timelines.span[1] - start, fits, farthest.relative())
 
 
-def free_run_rows(segments: Sequence[FreeRunFit], sizes: Mapping[str, SignalSize]) -> Iterator[Prediction]:
-    """Yield one row per signal, over several segments."""
+def free_run_rows(
+    segments: Sequence[FreeRunFit], sizes: Mapping[str, SignalSize], by_file: Sequence[FreeRunFit]
+) -> Iterator[Prediction]:
+    """Yield one row per signal, over several segments; `by_file` are the runs of the vehicle file."""
     length = max(segment.length for segment in segments)
     for symbol, size in sizes.items():
-        fits = dict.fromkeys(segments[0].fits, PredictionFit())
-        for segment in segments:
-            for name, by_symbol in segment.fits.items():
-                fits[name] = fits[name].with_segment(by_symbol.get(symbol, PredictionFit()))
+        fits = _over(segments, symbol)
         rmse, identified = {name: fit.rmse for name, fit in fits.items()}, fits["identified"]
         yield Prediction(
             signal=symbol,
@@ -88,9 +87,18 @@ def free_run_rows(segments: Sequence[FreeRunFit], sizes: Mapping[str, SignalSize
             fit_percent=identified.percent,
             rmse=identified.rmse,
             prior_rmse=rmse.get("prior"),
-            vehicle_file_rmse=rmse.get("vehicle_file"),
+            vehicle_file_rmse=_over(by_file, symbol)["identified"].rmse if by_file else None,
             constant_velocity_rmse=rmse["constant_velocity"],
         )
+
+
+def _over(segments: Sequence[FreeRunFit], symbol: str) -> dict[str, PredictionFit]:
+    """Return the fit of each model to a signal over several segments."""
+    fits = dict.fromkeys(segments[0].fits, PredictionFit())
+    for segment in segments:
+        for name, by_symbol in segment.fits.items():
+            fits[name] = fits[name].with_segment(by_symbol.get(symbol, PredictionFit()))
+    return fits
 
 
 class _Farthest:

@@ -1,4 +1,4 @@
-"""Predictions over horizons, and the growth of their errors."""
+"""Predictions over horizons."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -11,6 +11,7 @@ from auvid_cli.config.extra_states import BiasName
 from auvid_cli.evaluation.free_run import measured_motion
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.validation.initial_states import InitialStates
+from auvid_cli.validation.manoeuvres import turning_times
 from auvid_cli.validation.motion_prediction import (
     Disturbance,
     MeasuredSignal,
@@ -20,7 +21,7 @@ from auvid_cli.validation.motion_prediction import (
     move_side_by_side,
     unchanged_motion,
 )
-from auvid_cli.validation.results import AHEAD, Prediction, PredictionFit, independent_errors
+from auvid_cli.validation.results import AHEAD, LEGS, TURNS, Prediction, PredictionFit, independent_errors
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS
 
@@ -29,24 +30,8 @@ FEWEST_STARTS = 10  # of a horizon
 MAX_FINITE = 1e100  # SI; larger motions have diverged, their squares are still finite
 _MAX_DELAY_RATIO = 1.5  # of the compared measurement's time after the start, to the horizon
 _BAND_SIGMAS = 2.0
-_MIN_ERRORS = 20  # of a mean square: its standard error is then about a third
-_MIN_SIGMAS_ANY = 3.5  # excess of the mean square of any of ten signals that is significant, standard deviations
-_MIN_SIGMAS_OTHER = 2.0  # the same of each signal, if any is significant
 _MAX_SETTLING_TIME = 5.0  # s, of the filter before the first start
 _MAX_SETTLING_SHARE = 0.1  # of the data
-_TURNS = ("v", "w", "q", "r")
-# By signal: motion that its errors are proportional to. An angle depends on its rate, depth on pitch and heave; turns
-# in either plane slow a vehicle down and roll it.
-_GROWS_WITH = {
-    "u": ("u", *_TURNS),
-    "p": ("p", *_TURNS),
-    "phi": ("p", *_TURNS),
-    "theta": ("q",),
-    "psi": ("r",),
-    "down": ("w", "q"),
-}
-# A turn to either side slows a vehicle down equally: errors of this signal are proportional to the square of turns.
-_SQUARED_SIGNAL = "u"
 
 
 class Target(NamedTuple):
@@ -76,6 +61,7 @@ class Sample(NamedTuple):
     named: Array  # shape (names,); by the named models
     unchanged: float  # by the unchanged motion
     variance: float  # stated variance of the error; NaN without draws
+    turning: bool | None = None  # whether the vehicle turns meanwhile; None if no sensor shows it
 
 
 class Collected(NamedTuple):
@@ -142,6 +128,7 @@ def predict_ahead(
     parameters = [known | {symbol: known[symbol] + by for symbol, by in own.items()} for own in bundle.parameters]
     drawn = len(bundle.coefficients) - named
     collected = Collected([], np.zeros(drawn, dtype=np.bool_))
+    turns = turning_times(signals)
     noise = ProcessNoise(slice(named, named + drawn), starts.process_noise, rng) if with_process_noise else None
     for k, start in enumerate(starts.time):
         targets = targets_of(signals, float(start))
@@ -163,11 +150,13 @@ def predict_ahead(
         for target in targets:
             at, column = int(np.searchsorted(wanted, target.time)), target.column
             symbol = MOTION_AND_DEPTH_SYMBOLS[column]
-            turns = signals[symbol].turns(float(start), first[column]) if is_angle(symbol) else 0.0
-            lanes = read[at, :, column] + turns
+            whole_turns = signals[symbol].turns(float(start), first[column]) if is_angle(symbol) else 0.0
+            lanes = read[at, :, column] + whole_turns
             noise_variance = target.deviation**2 + starts.errors_deviation[k].offset[column] ** 2
             variance = _variance(lanes[named:], lanes[0]) + noise_variance
-            collected.samples.append(Sample(target, lanes[:named], unchanged[at, column] + turns, variance))
+            turning = None if turns is None else turns.at(target.time)
+            same = unchanged[at, column] + whole_turns
+            collected.samples.append(Sample(target, lanes[:named], same, variance, turning))
     return collected
 
 
@@ -196,163 +185,58 @@ def rows_ahead(
     names: Sequence[str],
     sizes: Mapping[str, SignalSize],
     growth: Mapping[tuple[str, float], float],
+    by_file: Sequence[Sample] = (),
 ) -> Iterator[Prediction]:
-    """Yield one row per signal and horizon with enough starts.
+    """Yield one row per kind, signal and horizon with enough starts.
 
     The fit is relative to the measurements of the whole run at every horizon, because the compared ones may all be in a
-    steady turn. `growth` is a variance that is added to the stated one, by signal and horizon.
+    steady turn. `growth` is a variance that is added to the stated one, by signal and horizon. `by_file` are the
+    predictions by the vehicle file, whose named model is the only one.
     """
     drawn, blown_up = collected.blown_up.size, int(collected.blown_up.sum())
-    for horizon in HORIZONS:
-        for symbol, size in sizes.items():
-            column = MOTION_AND_DEPTH_SYMBOLS.index(symbol)
-            samples = [s for s in collected.samples if s.target.horizon == horizon and s.target.column == column]
-            if len(samples) < FEWEST_STARTS:
-                continue
-            measured = np.array([sample.target.measurement for sample in samples])
-            predicted = np.array([sample.named for sample in samples])
-            fits = {name: PredictionFit.of(measured, predicted[:, i]) for i, name in enumerate(names)}
-            whole = fits["identified"]._replace(spread=len(samples) * size.variance)
-            deviation = np.sqrt([sample.variance + growth.get((symbol, horizon), 0.0) for sample in samples])
-            has_band = bool(np.isfinite(deviation).all() and fits["identified"].rmse is not None)
-            errors = (measured - predicted[:, 0]) / deviation if has_band else np.zeros(0)
-            yield Prediction(
-                signal=symbol,
-                unit=MOTION_AND_DEPTH[column].unit,
-                kind=AHEAD,
-                horizon_s=horizon,
-                measurements=len(samples),
-                noise=size.deviation,
-                fit_percent=whole.percent,
-                rmse=fits["identified"].rmse,
-                prior_rmse=fits["prior"].rmse if "prior" in fits else None,
-                vehicle_file_rmse=fits["vehicle_file"].rmse if "vehicle_file" in fits else None,
-                constant_velocity_rmse=PredictionFit.of(
-                    measured, np.array([sample.unchanged for sample in samples])
-                ).rmse,
-                expected_rmse=float(np.sqrt(np.square(deviation).mean())) if has_band else None,
-                share_within_band=float((np.abs(errors) <= _BAND_SIGMAS).mean()) if has_band else None,
-                draws=drawn,
-                draws_blown_up=blown_up,
-                independent=independent_errors(errors) if has_band else None,
-            )
+    of_model, of_file = _by_place(collected.samples), _by_place(by_file)
+    for kind, horizon, symbol in ((k, h, s) for k in (AHEAD, TURNS, LEGS) for h in HORIZONS for s in sizes):
+        samples, size = of_model.get((kind, horizon, symbol), []), sizes[symbol]
+        if len(samples) < FEWEST_STARTS:
+            continue
+        measured = np.array([sample.target.measurement for sample in samples])
+        predicted = np.array([sample.named for sample in samples])
+        fits = {name: PredictionFit.of(measured, predicted[:, i]) for i, name in enumerate(names)}
+        whole = fits["identified"]._replace(spread=len(samples) * size.variance)
+        deviation = np.sqrt([sample.variance + growth.get((symbol, horizon), 0.0) for sample in samples])
+        has_band = bool(np.isfinite(deviation).all() and fits["identified"].rmse is not None)
+        errors = (measured - predicted[:, 0]) / deviation if has_band else np.zeros(0)
+        yield Prediction(
+            signal=symbol,
+            unit=MOTION_AND_DEPTH[MOTION_AND_DEPTH_SYMBOLS.index(symbol)].unit,
+            kind=kind,
+            horizon_s=horizon,
+            measurements=len(samples),
+            noise=size.deviation,
+            fit_percent=whole.percent,
+            rmse=fits["identified"].rmse,
+            prior_rmse=fits["prior"].rmse if "prior" in fits else None,
+            vehicle_file_rmse=_rmse(of_file.get((kind, horizon, symbol), [])),
+            constant_velocity_rmse=PredictionFit.of(measured, np.array([sample.unchanged for sample in samples])).rmse,
+            expected_rmse=float(np.sqrt(np.square(deviation).mean())) if has_band else None,
+            share_within_band=float((np.abs(errors) <= _BAND_SIGMAS).mean()) if has_band else None,
+            draws=drawn,
+            draws_blown_up=blown_up,
+            independent=independent_errors(errors) if has_band else None,
+        )
 
 
-class ErrorGrowth(NamedTuple):
-    """Variance of errors in excess of the stated one, and the motion of the vehicle meanwhile.
-
-    Effects that the model lacks are proportional to the motion (missing drag, nonlinear lift), in surge to its square.
-    """
-
-    variance: dict[tuple[str, float], float]  # excess by signal and horizon, s; SI
-    # The part due to a constant error (a weight or a trim that the model lacks), independent of the motion
-    steady: dict[tuple[str, float], float]
-    by_process_noise: dict[tuple[str, float], float]  # variance due to process noise, independent of the motion
-    moved: dict[str, float]  # variance of each signal without noise, SI
-
-    def in_motion(self, sizes: Mapping[str, SignalSize]) -> dict[tuple[str, float], float]:
-        """Return the variance in excess of process noise for other data, SI, scaled by their motion."""
-        moved = _moved(sizes)
-        ratio = {symbol: moved[symbol] / self.moved[symbol] for symbol in moved if symbol in self.moved}
-
-        def grown(symbol: str, other: str) -> float:
-            return ratio[other] ** 2 if symbol == _SQUARED_SIGNAL != other else ratio[other]
-
-        scale = {
-            symbol: max((grown(symbol, k) for k in _GROWS_WITH.get(symbol, (symbol,)) if k in ratio), default=1.0)
-            for symbol in sizes
-        }
-        grown_by_motion = {
-            (symbol, h): scale[symbol] * v + max(1.0 - scale[symbol], 0.0) * self.steady[symbol, h]
-            for (symbol, h), v in self.variance.items()
-            if symbol in scale
-        }
-        return {place: max(v - self.by_process_noise[place], 0.0) for place, v in grown_by_motion.items()}
+def _by_place(samples: Sequence[Sample]) -> dict[tuple[str, float, str], list[Sample]]:
+    """Return samples by kind, horizon and signal."""
+    places: dict[tuple[str, float, str], list[Sample]] = {}
+    for sample in samples:
+        symbol = MOTION_AND_DEPTH_SYMBOLS[sample.target.column]
+        for kind in (AHEAD, *([] if sample.turning is None else [TURNS if sample.turning else LEGS])):
+            places.setdefault((kind, sample.target.horizon, symbol), []).append(sample)
+    return places
 
 
-def error_growth(samples: Sequence[Sample], noisy: Sequence[Sample], sizes: Mapping[str, SignalSize]) -> ErrorGrowth:
-    """Return the significant excess of mean squared errors over the stated variance; it never falls with the horizon.
-
-    Horizons with too few starts have the excess of the longest other one.
-
-    Parameters
-    ----------
-    samples, noisy : sequence of Sample
-        Predictions of the estimate's own data from many starts, with variances without and with process noise.
-    sizes : mapping of SignalSize
-        Sizes of the signals of these data.
-    """
-    of_signals = {
-        symbol: [
-            (plain, other)
-            for plain, other in zip(samples, noisy, strict=True)
-            if MOTION_AND_DEPTH_SYMBOLS[plain.target.column] == symbol
-        ]
-        for symbol in sizes
-    }
-    errors = {symbol: _Errors.by_horizon([plain for plain, _ in own]) for symbol, own in of_signals.items()}
-    sigmas = {symbol: _excess_sigmas([*by_horizon.values()]) for symbol, by_horizon in errors.items()}
-    # One of ten signals exceeds two standard deviations by chance.
-    is_significant = max(sigmas.values(), default=0.0) > _MIN_SIGMAS_ANY
-    variance, steady, by_process_noise = {}, {}, {}
-    for symbol, by_horizon in errors.items():
-        grows = is_significant and sigmas[symbol] > _MIN_SIGMAS_OTHER
-        largest, constant, noise = 0.0, 0.0, 0.0
-        for horizon in HORIZONS:
-            if horizon in by_horizon:
-                added = [
-                    other.variance - plain.variance
-                    for plain, other in of_signals[symbol]
-                    if plain.target.horizon == horizon
-                ]
-                found = by_horizon[horizon]
-                if grows and found.excess > largest:
-                    largest, constant = found.excess, min(found.squared_mean, found.excess)
-                noise = max(noise, float(np.mean(added)))
-            variance[symbol, horizon], steady[symbol, horizon] = largest, constant
-            by_process_noise[symbol, horizon] = noise
-    return ErrorGrowth(variance, steady, by_process_noise, _moved(sizes))
-
-
-class _Errors(NamedTuple):
-    """Errors of one signal at one horizon, SI, by start, and their stated variance."""
-
-    error: Array
-    stated: Array
-
-    @classmethod
-    def by_horizon(cls, samples: Sequence[Sample]) -> "dict[float, _Errors]":
-        """Return the errors at each horizon with enough starts and without a diverged model."""
-        found = {}
-        for horizon in HORIZONS:
-            own = [sample for sample in samples if sample.target.horizon == horizon]
-            error = np.array([sample.target.measurement - sample.named[0] for sample in own])
-            stated = np.array([sample.variance for sample in own])
-            if len(own) >= _MIN_ERRORS and (np.abs(error) < MAX_FINITE).all() and np.isfinite(stated).all():
-                found[horizon] = cls(error, stated)
-        return found
-
-    @property
-    def excess(self) -> float:
-        """Return the excess of the mean square over the stated variance."""
-        return float(np.mean(self.error**2 - self.stated))
-
-    @property
-    def squared_mean(self) -> float:
-        """Return the square of the mean, without the part due to chance."""
-        independent = independent_errors(self.error - self.error.mean())
-        return max(float(self.error.mean() ** 2 - self.error.var() / independent), 0.0)
-
-
-def _excess_sigmas(horizons: Sequence[_Errors]) -> float:
-    """Return the excess of a signal's squared errors over all horizons, in standard deviations of chance."""
-    normalised = [errors.error / np.sqrt(errors.stated) for errors in horizons]
-    if not normalised:
-        return 0.0
-    independent = sum(independent_errors(errors) for errors in normalised)
-    return (float(np.mean(np.concatenate(normalised) ** 2)) - 1.0) / np.sqrt(2.0 / independent)
-
-
-def _moved(sizes: Mapping[str, SignalSize]) -> dict[str, float]:
-    """Return the variance of each signal without noise; at least that of the noise."""
-    return {symbol: max(s.variance - s.deviation**2, s.deviation**2) for symbol, s in sizes.items()}
+def _rmse(samples: Sequence[Sample]) -> float | None:
+    """Return the RMSE of the first named model."""
+    measured, predicted = ([s.target.measurement for s in samples], [float(s.named[0]) for s in samples])
+    return PredictionFit.of(np.array(measured), np.array(predicted)).rmse

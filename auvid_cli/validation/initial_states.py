@@ -8,6 +8,7 @@ import numpy as np
 
 from auvid_cli.arrays import Array
 from auvid_cli.config.coefficients import Prior
+from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT, BiasName
 from auvid_cli.config.identification import Identification, InputSettings, Use
 from auvid_cli.config.vehicle import ActuatorSettings, VehicleEntry
@@ -85,21 +86,43 @@ def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Data
     entries = {symbol: VehicleEntry(value=value) for symbol, value in ballasted.items()}
     parameters = earlier.vehicle.parameters.model_copy(update=entries)
     kept = tuple(block for block in identification.estimate.biases if block not in _MODEL_BLOCKS or block in own)
+    vehicle = vehicle.model_copy(update={"parameters": parameters})
+    acting = replace(dataset, inputs=replace(inputs, values=values))
+    return _with_fixed_model(acting, earlier.model_copy(update={"vehicle": vehicle}), kept)
+
+
+def with_vehicle_file(dataset: Dataset) -> Dataset | None:
+    """Return the data with their own vehicle and settings, without truth; None if the vehicle lacks a coefficient.
+
+    No estimate has a part in it. A current belongs to the water, so it is estimated from these data.
+    """
+    settings = dataset.experiment
+    if set(settings.vehicle.stated_coefficients()) != set(settings.vehicle.coefficient_set.symbols):
+        return None
+    kept = [block for block in settings.identification.estimate.biases if block not in _MODEL_BLOCKS]
+    if "dvl" in dataset.sensors and BiasName.CURRENT not in kept:
+        kept.append(BiasName.CURRENT)
+    return _with_fixed_model(replace(dataset, inputs=as_acting(dataset.inputs, settings)), settings, kept)
+
+
+def _with_fixed_model(dataset: Dataset, settings: RunSettings, blocks: Sequence[BiasName]) -> Dataset:
+    """Return data, whose inputs act as they are, with a vehicle and noise, and some estimated errors."""
+    identification = settings.identification
     changes = {
         "coefficients": (),
         "prior": Prior(),
         "inputs": InputSettings(),
         "delays": {},
         "use": Use(),
-        "estimate": identification.estimate.model_copy(update={"biases": kept}),
+        "estimate": identification.estimate.model_copy(update={"biases": tuple(blocks)}),
     }
-    settings = {
-        "vehicle": vehicle.model_copy(update={"parameters": parameters, "actuators": ActuatorSettings()}),
+    updated = {
+        "vehicle": settings.vehicle.model_copy(update={"actuators": ActuatorSettings()}),
         "identification": identification.model_copy(update=changes),
     }
-    experiment = dataset.experiment.model_copy(update=settings)
+    experiment = dataset.experiment.model_copy(update=updated)
     sensors = corrected_records(dataset.sensors, identification)
-    return replace(dataset, truth=None, experiment=experiment, inputs=replace(inputs, values=values), sensors=sensors)
+    return replace(dataset, truth=None, experiment=experiment, sensors=sensors)
 
 
 def own_of_each_run(settings: Identification, anew: bool = False) -> tuple[BiasName, ...]:
@@ -199,14 +222,11 @@ class Models(NamedTuple):
 
     identified: Mapping[str, float]
     prior: Mapping[str, float] | None  # mean of the prior; None if the estimate does not contain it
-    vehicle_file: Mapping[str, float] | None  # None if the vehicle file does not state all, or states the prior
 
 
 def models_of(estimate: Estimate) -> Models:
     """Return the models that an estimate contains."""
-    stated = estimate.experiment.vehicle.stated_coefficients()
-    is_complete = set(stated) == set(estimate.coefficient_set.symbols)
-    return Models(estimate.final_coefficients(), _prior(estimate), stated if is_complete else None)
+    return Models(estimate.final_coefficients(), _prior(estimate))
 
 
 def _prior(estimate: Estimate) -> Mapping[str, float] | None:

@@ -1,10 +1,11 @@
-"""Standard manoeuvres found in the data: overshoots of a zigzag, steady turn of a turning circle."""
+"""Turns, and standard manoeuvres found in the data: overshoots of a zigzag, steady turn of a turning circle."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import InputRecord
@@ -26,7 +27,37 @@ _MIN_STEADY_TURN = np.pi  # rad
 _FIT_TIME = 0.5  # s on either side, fitted by a parabola of the heading
 _MIN_FIT = 5  # measurements
 _APPROACH = 10.0  # s before a turn, over which the approach speed is averaged
+_TURN_WINDOW = 2.0  # s, over which the heading changes
+_MIN_TURN_SHARE = 0.3  # turn rate from which the vehicle turns, as a share of the large ones
+_LARGE_QUANTILE = 0.95  # quantile of the turn rates that is a large one
+_MIN_TURN_RATE = np.deg2rad(1.0)  # rad/s; slower is the wander of a straight course
 TILT = "phi", "theta"
+
+
+class TurningTimes(NamedTuple):
+    """Whether the vehicle turns."""
+
+    time: Array  # s, shape (n,), increasing
+    turning: NDArray[np.bool_]  # shape (n,)
+
+    def at(self, time: float) -> bool:
+        """Return whether the vehicle turns at a time, s."""
+        return bool(self.turning[min(int(np.searchsorted(self.time, time)), self.time.size - 1)])
+
+
+def turning_times(signals: Mapping[str, MeasuredSignal]) -> TurningTimes | None:
+    """Return when the vehicle turns, from the heading, else from the yaw rate; None if neither is measured."""
+    if "psi" in signals:
+        time, heading = signals["psi"].time, signals["psi"].values
+    elif "r" in signals:
+        time, rate = signals["r"].time, signals["r"].values
+        heading = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])
+    else:
+        return None
+    half = 0.5 * _TURN_WINDOW
+    change = np.interp(time + half, time, heading) - np.interp(time - half, time, heading)
+    rates = np.abs(change) / _TURN_WINDOW
+    return TurningTimes(time, rates > max(_MIN_TURN_SHARE * np.quantile(rates, _LARGE_QUANTILE), _MIN_TURN_RATE))
 
 
 class Hold(NamedTuple):

@@ -1,7 +1,7 @@
-"""Results of a validation: measures of fit, tables, and checks of the predictions."""
+"""Results of a validation: measures of fit, scores in words, and tables."""
 
-from collections.abc import Callable, Mapping, Sequence
-from math import inf, isfinite, sqrt
+from collections.abc import Sequence
+from math import degrees, inf, isfinite, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
 
     from auvid_cli.evaluation.judgement import Judgement
 
-FREE_RUN, AHEAD = "free_run", "ahead"
-UNCERTAINTY_NOT_TOO_LARGE = "uncertainty not too large"
+# Kinds of predictions: those ahead are of all measurements, of those in turns, and of those on straight legs.
+FREE_RUN, AHEAD, TURNS, LEGS = "free_run", "ahead", "ahead_in_turns", "ahead_on_straight_legs"
+_WHERE = {TURNS: " in turns", LEGS: " on straight legs", AHEAD: ""}
+_SCORED = {"r": "yaw rate", "v": "sway"}  # signals that show a turn
+_SCORED_HORIZON = 20.0  # s, longest
+_MARGIN = 0.1  # share of an error below which two models predict equally well
+_VISIBLE = 1.1  # ratio to the noise below which an error is that of the measurement
+# Names of checks.
+STABLE, COMPLETED = "stable", "filter completed"
+UNCERTAINTY_NOT_TOO_SMALL, UNCERTAINTY_NOT_TOO_LARGE = "uncertainty not too small", "uncertainty not too large"
+MIN_ERROR = 3.0  # standard deviations of a measurement, above which an error is more than noise
+MAX_ERROR_RATIO = 1.1  # ratio to the error of another model; over short horizons all models are nearly equal
 MAX_NIS = 1.5  # mean per component of a sensor, up to which the settings hold
-_MIN_ERROR = 3.0  # standard deviations of a measurement, above which an error is more than noise
-_MAX_ERROR_RATIO = 1.1  # ratio to the error of another model; over short horizons all models are nearly equal
-_MAX_EXCURSION_RATIO = 10.0  # ratio to the largest distance of the measurements from their mean
-# Smallest share of the errors within two standard deviations: below 0.95, because successive starts are correlated.
-_MIN_BAND_SHARE = 0.85
-_MAX_BAND_SHARE = 0.995
-_MIN_MEASUREMENTS = 60  # for a share within the band; with fewer, one of dozens of rows is too small by chance
-_MAX_NOISE_SHARE = 0.7  # share of noise in a band; more hides whether the model's uncertainty is too large
-# With this number of independent errors a correct band misses at least one with a probability of 95 %, 1 - 0.95^59.
-_MIN_INDEPENDENT = 59.0
 
 
 def independent_errors(errors: Array) -> float:
@@ -108,14 +108,14 @@ class Prediction(NamedTuple):
 
     signal: str  # motion state, or the depth (``down``)
     unit: str  # SI
-    kind: str  # `FREE_RUN`: all measurements of the run; `AHEAD`: a horizon after many starts
+    kind: str  # `FREE_RUN`: all measurements of the run; `AHEAD`, `TURNS`, `LEGS`: a horizon after many starts
     horizon_s: float  # time from the start to the measurements; for a free run its length
     measurements: int
     noise: float  # stated standard deviation of a measurement: a lower bound of the RMSE
     fit_percent: float | None  # fit of the identified model, relative to the measurements of the whole run
     rmse: float | None  # RMSE of the identified model
     prior_rmse: float | None  # RMSE of the prior's mean
-    vehicle_file_rmse: float | None  # RMSE of the coefficients in the vehicle file
+    vehicle_file_rmse: float | None  # RMSE of the unchanged vehicle file; None if it lacks a coefficient
     constant_velocity_rmse: float | None  # RMSE of the unchanged motion at the start
     # RMSE due to the uncertainties of coefficients, start and measurements, and to the larger of process noise and the
     # excess errors in predictions of the estimate's own data, if available
@@ -124,6 +124,86 @@ class Prediction(NamedTuple):
     draws: int | None = None  # number of sets of coefficients drawn from the estimate's covariance
     draws_blown_up: int | None = None  # number of these that diverged after any start; the band is without them
     independent: float | None = None  # effective number of independent errors of all starts, see `independent_errors`
+
+
+def error_ratios(rows: Sequence[Prediction], other: str) -> dict[str, float]:
+    """Return the ratio of the model's error to another one by signal: geometric mean over horizons beyond the noise.
+
+    `other` is a field of `Prediction`. A model that diverged has an infinite error.
+    """
+    logs: dict[str, list[float]] = {}
+    for row in rows:
+        error: float | None = getattr(row, other)
+        if error is not None and error > MIN_ERROR * row.noise:
+            logs.setdefault(row.signal, []).append(inf if row.rmse is None else float(np.log(row.rmse / error)))
+    return {symbol: float(np.exp(np.mean(own))) for symbol, own in logs.items()}
+
+
+class Score(NamedTuple):
+    """Error of the predictions of a signal over one horizon, next to those of the vehicle file and unchanged motion."""
+
+    signal: str
+    kind: str  # `TURNS`, `LEGS`, or `AHEAD` if the data have neither
+    horizon_s: float
+    unit: str  # SI
+    noise: float  # stated standard deviation of a measurement
+    model: float
+    vehicle_file: float | None  # None if the file lacks a coefficient, or its model diverged
+    unchanged: float | None
+
+    @property
+    def other(self) -> tuple[str, float | None]:
+        """Return name and error of the model to compare with: the vehicle file, or without one an unchanged motion."""
+        if self.vehicle_file is not None:
+            return "vehicle file", self.vehicle_file
+        return "unchanged motion", self.unchanged
+
+    @property
+    def gain(self) -> float:
+        """Return the share by which the error is smaller than that of the other; 0 without one, or within the noise."""
+        other = self.other[1]
+        is_noise = other is not None and max(self.model, other) < _VISIBLE * self.noise
+        return 0.0 if not other or is_noise else 1.0 - self.model / other
+
+    def __str__(self) -> str:
+        factor, unit = (degrees(1.0), "deg/s") if self.unit == "rad/s" else (1.0, self.unit)
+        where = f"{_SCORED[self.signal].capitalize()}{_WHERE[self.kind]} {self.horizon_s:g} s ahead"
+        text, (name, other) = f"{where}: {factor * self.model:.3g} {unit}", self.other
+        return text if other is None else f"{text}, {name} {factor * other:.3g}: {_compared(self.model, other)}"
+
+
+def _compared(error: float, other: float) -> str:
+    """Return by how much an error is smaller or larger than another, in words."""
+    if f"{error:.3g}" == f"{other:.3g}":
+        return "the same"
+    percent = 100.0 * abs(1.0 - error / other)
+    size = f"{percent:.0f} %" if percent >= 1.0 else "less than 1 %"
+    return f"{size} {'better' if error < other else 'worse'}"
+
+
+def scores_of(rows: Sequence[Prediction]) -> tuple[Score, ...]:
+    """Return the scores of yaw rate and sway at the longest horizon up to 20 s: in turns, then on straight legs."""
+    kinds = {row.kind for row in rows}
+    scores = []
+    for kind in [kind for kind in (TURNS, LEGS) if kind in kinds] or [AHEAD]:
+        for signal in _SCORED:
+            own = [row for row in rows if (row.kind, row.signal) == (kind, signal) and row.horizon_s <= _SCORED_HORIZON]
+            row = max(own, key=lambda row: row.horizon_s, default=None)
+            if row is not None and row.rmse is not None:
+                errors = row.rmse, row.vehicle_file_rmse, row.constant_velocity_rmse
+                scores.append(Score(signal, kind, row.horizon_s, row.unit, row.noise, *errors))
+    return tuple(scores)
+
+
+def verdict_on(scores: Sequence[Score]) -> str:
+    """Return whether a model is recommended, in a sentence; empty if it predicts turns, or else all, better."""
+    first = [score for score in scores if score.kind == scores[0].kind]
+    if not first:
+        return ""
+    name = first[0].other[0]
+    if min(score.gain for score in first) < -_MARGIN:
+        return f"The model predicts worse than the {name}: it is not recommended."
+    return f"The {name} predicts as well." if max(score.gain for score in first) <= _MARGIN else ""
 
 
 class ManoeuvreNumber(NamedTuple):
@@ -161,163 +241,36 @@ class Validation(NamedTuple):
         """Return tables as the CSV files: ``validation``, ``manoeuvres`` and ``validation_checks``."""
         return frames(self.tables())
 
+    @property
+    def scores(self) -> tuple[Score, ...]:
+        """Return the errors of yaw rate and sway in turns and on straight legs, next to those of the vehicle file."""
+        return scores_of(self.predictions)
+
     def worse_than_the_mean(self, kind: str) -> list[str]:
         """Return the signals that a prediction of a kind explains worse than their mean does."""
         fits = ((row.signal, row.fit_percent) for row in self.predictions if row.kind == kind)
         return list(dict.fromkeys(signal for signal, fit in fits if fit is not None and fit < 0.0))
 
-
-def prediction_checks(
-    name: str, rows: Sequence[Prediction], excursion: Mapping[str, float], nis: Mapping[str, float], status: str
-) -> list[Check]:
-    """Return all checks of the predictions of one estimate.
-
-    Parameters
-    ----------
-    name : str
-        Filter of the estimate.
-    rows : sequence of Prediction
-    excursion : mapping of float
-        By signal, of the free run, see `FreeRunFit`.
-    nis : mapping of float
-        By sensor, of the filter that finds the initial states, see `InitialStates`.
-    status : str
-        Status of that filter.
-    """
-    ahead = [row for row in rows if row.kind == AHEAD]
-    stable = Check.of_values(
-        name,
-        "free run",
-        "stable",
-        excursion,
-        limit=_MAX_EXCURSION_RATIO,
-        unit="times",
-        meaning="the range of the measurements",
-        advice="The free run leaves the range of the measurements. If the vehicle is unstable in open loop, use the "
-        "predictions ahead instead; otherwise the coefficients are wrong: run `auvid check` on the estimate.",
-    )
-    completed = Check.of(
-        name,
-        "start",
-        "filter completed",
-        statistic=status,
-        threshold="to the end of the data",
-        passed=status == "completed",
-        advice="No filter follows these measurements with this model. Predictions start only before that time: run "
-        "`auvid inspect` on the data, and check that the vehicle is the same.",
-    )
-    checks = [stable, completed]
-    if ahead:
-        checks += [
-            _better(name, "constant velocity", ahead, lambda row: row.constant_velocity_rmse),
-            _better(name, "the prior", ahead, lambda row: row.prior_rmse),
-            *_band_checks(name, ahead),
-        ]
-    checks.append(
-        Check.of_values(
-            name,
-            "one measurement ahead",
-            "NIS",
-            nis,
-            limit=MAX_NIS,
-            meaning="per component",
-            advice="From one measurement to the next the errors are larger than the settings predict: coefficients are "
-            "wrong, the model lacks an effect of this run, or these sensors are worse than stated. Run `auvid tune` on "
-            "this run.",
-            fails=False,
-        )
-    )
-    return checks
-
-
-def _better(name: str, other: str, rows: Sequence[Prediction], rmse_of: Callable[[Prediction], float | None]) -> Check:
-    """Check that the model has smaller errors than another, wherever those are more than noise."""
-    ratios = []
-    for row in rows:
-        other_rmse = rmse_of(row)
-        if other_rmse is not None and other_rmse > _MIN_ERROR * row.noise:
-            ratios.append((row, row.rmse / other_rmse if row.rmse is not None else inf))
-    if not ratios:
-        return Check.of(
-            name,
-            "ahead",
-            f"better than {other}",
-            statistic="-",
-            threshold="errors larger than noise",
-            passed=None,
-            advice=f"Not checked: the errors of {other} are noise, or it diverged. Validate on a run with more motion.",
-        )
-    return Check.of_values(
-        name,
-        "ahead",
-        f"better than {other}",
-        _worst(ratios),
-        limit=_MAX_ERROR_RATIO,
-        unit="times",
-        meaning="its error, where that is more than noise",
-        advice="Do not use the model for these signals: the coefficients of that motion are wrong, or the vehicle has "
-        "changed.",
-    )
-
-
-def _band_checks(name: str, rows: Sequence[Prediction]) -> list[Check]:
-    """Check the stated uncertainty against the errors: not too small, nor, over all horizons, too large."""
-    banded = [row for row in rows if row.share_within_band is not None]
-    # A model that diverged has no band, so no error is within it.
-    expected = [row for row in rows if row.draws or row.share_within_band is not None]
-    shares = [(row, row.share_within_band or 0.0) for row in expected if row.measurements >= _MIN_MEASUREMENTS]
-    if not shares:
-        return []
-    too_small = Check.of_values(
-        name,
-        "ahead",
-        "uncertainty not too small",
-        _worst(shares, is_least=True),
-        limit=_MIN_BAND_SHARE,
-        meaning="of the errors within two sigma",
-        advice="Errors are larger than the uncertainty of coefficients, start, sensors and process noise. The "
-        "structure of the model is wrong for this manoeuvre, or process noise or covariance is too small (run `auvid "
-        "tune`). A share of 0 means that the model diverged.",
-        is_least=True,
-    )
-    return [too_small, _too_large(name, banded)]
-
-
-def _too_large(name: str, rows: Sequence[Prediction]) -> Check:
-    """Check, by signal and over all horizons, that some errors leave their band.
-
-    Errors of the coefficients are the same at every start and may be small. So a signal counts only if at some horizon
-    enough errors are independent.
-    """
-    within: dict[str, float] = {}
-    for signal in dict.fromkeys(row.signal for row in rows):
-        own = [
-            row for row in rows if row.signal == signal and (row.expected_rmse or 0.0) * _MAX_NOISE_SHARE > row.noise
-        ]
-        if not any((row.independent or 0.0) >= _MIN_INDEPENDENT for row in own):
-            continue
-        if count := sum(row.measurements for row in own):
-            within[signal] = sum((row.share_within_band or 0.0) * row.measurements for row in own) / count
-    if not within:
-        statistic, threshold = "-", f"{_MIN_INDEPENDENT:g} independent errors larger than noise"
-        return Check.of(
-            name, "ahead", UNCERTAINTY_NOT_TOO_LARGE, statistic=statistic, threshold=threshold, passed=True, advice=""
-        )
-    return Check.of_values(
-        name,
-        "ahead",
-        UNCERTAINTY_NOT_TOO_LARGE,
-        within,
-        limit=_MAX_BAND_SHARE,
-        meaning="of the errors within two sigma",
-        advice="The model is better than its uncertainty: its own data were harder to predict, or process noise is set "
-        "too large (run `auvid tune`).",
-    )
-
-
-def _worst(values: Sequence[tuple[Prediction, float]], is_least: bool = False) -> dict[str, float]:
-    """Return the largest (or smallest) value of each signal, by signal and horizon."""
-    worst: dict[str, tuple[Prediction, float]] = {}
-    for row, value in sorted(values, key=lambda pair: pair[1], reverse=not is_least):
-        worst.setdefault(row.signal, (row, value))
-    return {f"{row.signal} at {row.horizon_s:g} s": value for row, value in worst.values()}
+    def conclusion(self) -> str:
+        """Return the end of a sentence that names the predicted signals, and those that are not."""
+        failed = {check.check for check in self.checks if check.passed is False}
+        worse = {"in the free run": self.worse_than_the_mean(FREE_RUN), "ahead": self.worse_than_the_mean(AHEAD)}
+        ahead = [row for row in self.predictions if row.kind == AHEAD]
+        ratios = [error_ratios(ahead, other) for other in ("constant_velocity_rmse", "prior_rmse")]
+        beaten = {symbol for each in ratios for symbol, ratio in each.items() if ratio > MAX_ERROR_RATIO}
+        signals = dict.fromkeys(row.signal for row in self.predictions)
+        beaten |= {row.signal for row in self.predictions if row.rmse is None}
+        predicted = [s for s in signals if s not in beaten and all(s not in own for own in worse.values())]
+        if COMPLETED in failed or not predicted:
+            text = "does not predict these data."
+        elif len(predicted) == len(signals):
+            text = "predicts these data."
+        else:
+            text = f"predicts {', '.join(predicted)} of these data."
+        bands = {UNCERTAINTY_NOT_TOO_SMALL: "some bands too narrow", UNCERTAINTY_NOT_TOO_LARGE: "bands too wide"}
+        if (wrong := [words for name, words in bands.items() if name in failed]) and predicted:
+            text = f"{text.removesuffix('.')}, with {' and '.join(wrong)}."
+        if beaten:
+            text += f" Worse than another prediction: {', '.join(s for s in signals if s in beaten)}."
+        where = "; ".join(f"{', '.join(own)} {how}" for how, own in worse.items() if own)
+        return f"{text} Worse than their mean (fit below 0): {where}." if where else text

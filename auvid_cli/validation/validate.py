@@ -17,12 +17,14 @@ from auvid_cli.identification.prepared_data import PreparedData, prepare, used_s
 from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.validation import horizons, initial_states
 from auvid_cli.validation.data_leakage import other_vehicle
-from auvid_cli.validation.free_run import fit_free_runs, free_run_rows
-from auvid_cli.validation.horizons import Bundle, Collected, ErrorGrowth
+from auvid_cli.validation.error_growth import ErrorGrowth, error_growth
+from auvid_cli.validation.free_run import FreeRunFit, fit_free_runs, free_run_rows
+from auvid_cli.validation.horizons import Bundle, Collected, Sample
 from auvid_cli.validation.initial_states import Draws, InitialStates, Models
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.validation.motion_prediction import MeasuredSignal, measured_signals, signal_sizes
-from auvid_cli.validation.results import ManoeuvreNumber, Validation, prediction_checks
+from auvid_cli.validation.prediction_checks import prediction_checks
+from auvid_cli.validation.results import ManoeuvreNumber, Validation
 from auvid_cli.vehicle.equations import NO_ERRORS
 
 STARTS = 100  # evenly spaced over all segments
@@ -75,7 +77,7 @@ def validate(
     if not estimate.completed:
         raise DataError(f"invalid estimate ({estimate.status}); a model to validate must be complete")
     models = initial_states.models_of(estimate)
-    filtered, too_short = _filter(segments, estimate, starts, anew)
+    filtered, too_short = _filter(_with_model(segments, estimate, anew), starts)
     if not filtered:
         raise DataError(too_short[0])
     sizes = signal_sizes([segment.signals for segment in filtered])
@@ -87,7 +89,11 @@ def validate(
     )
     collected = _predict(filtered, bundle, rng)
     growth = {} if training is None else _growth(training, estimate, bundle, starts, rng, anew).in_motion(sizes)
-    rows = [*free_run_rows(free, sizes), *horizons.rows_ahead(collected, bundle.names, sizes, growth)]
+    free_by_file, ahead_by_file = _by_vehicle_file(segments, starts)
+    rows = [
+        *free_run_rows(free, sizes, free_by_file),
+        *horizons.rows_ahead(collected, bundle.names, sizes, growth, ahead_by_file),
+    ]
     numbers = [
         number
         for segment, its_run in zip(filtered, free, strict=True)
@@ -112,11 +118,31 @@ def validate(
     return Validation(estimate.filter, judgement, rows, numbers, Checks(checks), shown, run, remarks)
 
 
-def _filter(
-    segments: Sequence[Dataset], estimate: Estimate, starts: int, anew: bool
-) -> tuple[list[_Filtered], list[str]]:
+def _by_vehicle_file(segments: Sequence[Dataset], starts: int) -> tuple[list[FreeRunFit], list[Sample]]:
+    """Return free runs and predictions ahead by the unchanged vehicle file; none if it lacks a coefficient.
+
+    They start from states that a filter with this model finds, so they are the same for each estimate.
+    """
+    stated = [data for segment in segments if (data := initial_states.with_vehicle_file(segment)) is not None]
+    if len(stated) < len(segments):
+        return [], []
+    free, ahead = list[FreeRunFit](), list[Sample]()
+    for segment in _filter([prepare(data) for data in stated], starts)[0]:
+        vehicle = segment.prepared.experiment.vehicle
+        values, symbols = vehicle.stated_coefficients(), vehicle.coefficient_set.symbols
+        models = Models(values, None)
+        free.append(fit_free_runs(segment.prepared, segment.signals, models, segment.states))
+        bundle = _bundle(models, None, symbols)
+        ahead += _predict([segment], bundle, np.random.default_rng(0), with_process_noise=False).samples
+    return free, ahead
+
+
+def _with_model(segments: Sequence[Dataset], estimate: Estimate, anew: bool) -> list[PreparedData]:
+    return [prepare(initial_states.with_model(segment, estimate, anew)) for segment in segments]
+
+
+def _filter(prepared: Sequence[PreparedData], starts: int) -> tuple[list[_Filtered], list[str]]:
     """Return the filtered segments, with starts in proportion to their lengths, and sentences on too short ones."""
-    prepared = [prepare(initial_states.with_model(segment, estimate, anew)) for segment in segments]
     signals = [measured_signals(data.measuring) for data in prepared]
     spans = [_span(data, measured) for data, measured in zip(prepared, signals, strict=True)]
     total, filtered, too_short = sum(end - begin for begin, end in spans), list[_Filtered](), list[str]()
@@ -152,10 +178,10 @@ def _growth(
 ) -> ErrorGrowth:
     """Return the excess errors of predictions of the estimate's own data."""
     own = replace(training, experiment=estimate.experiment)
-    filtered, _ = _filter(used_segments(own, measuring_sensors(own)), estimate, starts, anew)
+    filtered, _ = _filter(_with_model(used_segments(own, measuring_sensors(own)), estimate, anew), starts)
     sizes = signal_sizes([segment.signals for segment in filtered])
     plain, noisy = (_predict(filtered, bundle, rng, noise).samples for noise in (False, True))
-    return horizons.error_growth(plain, noisy, sizes)
+    return error_growth(plain, noisy, sizes)
 
 
 def _largest(values: Iterable[Mapping[str, float]]) -> dict[str, float]:

@@ -1,8 +1,8 @@
-"""Time and memory of whole commands: `python -m benchmarks.commands`, some fifteen minutes and 12 GB of disk.
+"""Time and memory of whole commands: `python -m benchmarks.commands`, some two hours and 20 GB of disk.
 
-How `auvid run` starts cold, with nothing compiled, and warm, what its steps take, how fast help comes, and how
-simulation, identification, report and all of them together grow with the duration of the data and the number of
-sensors. Needs Linux, which says what processes share of their memory.
+How `auvid run` starts cold, with nothing compiled, and warm, what its steps take, how fast help comes, and how each
+command grows with the duration of the data: simulation, import, inspection, tuning, each filter, validation, report,
+and all in one run. Needs Linux, which says what processes share of their memory.
 """
 
 import argparse
@@ -13,20 +13,23 @@ import sys
 import tempfile
 import threading
 import time
-from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
 import psutil
 
-from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.api.data import suggest_map
+from auvid_cli.config.enums import FilterName
 from benchmarks.commands.stages import stages
 from benchmarks.timing import described_machine
+from docs.make_field import fill_in, settings
 from docs.section import replace_section
 
 _DURATIONS = (300, 3000, 36000)
-_SENSORS = ("gyroscope", "attitude", "dvl")
+# Longest data to which a method is fitted that needs many passes: hours of work, s.
+_MAX_FITTED = 3600
+_NO_JUDGE = "--set", "identification.judge=false"
 _ROUNDS = 5
 _COLD_ROUNDS = 3
 _BETWEEN_LOOKS = 0.2
@@ -114,43 +117,38 @@ def _start_up(folder: Path) -> list[str]:
 
 
 def _growth(folder: Path, durations: list[int]) -> list[str]:
-    rows = [
-        "| command | data (s) | sensors | wall (s) | processor (s) | memory (MB) |",
-        "| --- | ---: | ---: | ---: | ---: | ---: |",
-    ]
+    """Time each command on data of each duration: a simulated run, and a log with the sensors of a field survey."""
+    rows = ["| command | data (s) | wall (s) | processor (s) | memory (MB) |", "| --- | ---: | ---: | ---: | ---: |"]
+
+    def add(label: str, *arguments: str, sound: bool = True) -> None:
+        cost = cost_of(*arguments, "--quiet", watched=True, sound=sound)
+        rows.append(f"| {label} | {duration} | {cost.wall:.1f} | {cost.processor:.1f} | {cost.memory:.0f} |")
+        print(rows[-1], flush=True)
+
     for duration in durations:
-        home = folder / str(duration)
-        dataset = str(home / "dataset.h5")
-        steps = {
-            "simulate": ("simulate", "--set", f"manoeuvre.duration={duration} s", "--output", str(home)),
-            "identify, TUKF": ("identify", dataset, "--filter", "tukf"),
-            "report": ("report", str(home)),
-        }
-        for label, arguments in steps.items():
-            rows.append(_growth_row(label, duration, len(_SENSORS), cost_of(*arguments, "--quiet", watched=True)))
-        shutil.rmtree(home / "estimates")
-        with tempfile.TemporaryDirectory(dir=folder) as whole:
-            arguments = "run", "--set", f"manoeuvre.duration={duration} s", "--output", whole
-            rows.append(_growth_row("run", duration, len(_SENSORS), cost_of(*arguments, "--quiet", watched=True)))
+        home, length = folder / str(duration), ("--set", f"manoeuvre.duration={duration} s")
+        dataset, other, whole = str(home / "dataset.h5"), str(home / "other"), str(home / "whole")
+        add("simulate", "simulate", *length, "--output", str(home))
+        cost_of("simulate", *length, "--seed", "2", "--output", other, "--quiet")
+        for name in FilterName:
+            if name != FilterName.OUTPUT_ERROR or duration <= _MAX_FITTED:
+                add(f"identify, {name.value}", "identify", dataset, "--filter", name.value, *_NO_JUDGE, sound=False)
+        add("validate", "validate", str(home / "estimates/tukf.h5"), f"{other}/dataset.h5", "--output", other)
+        add("report", "report", str(home), sound=False)
+        add("run", "run", *length, "--output", whole)
+        add("run, without the judge", "run", *length, *_NO_JUDGE, "--output", whole, "--overwrite")
+        log = home / "log"
+        cost_of("simulate", "field", *length, "--as-log", "--output", str(log), "--quiet")
+        suggested = fill_in(suggest_map(sorted(log.glob("*.csv")), log))
+        (log / "map.yaml").write_text(suggested, encoding="utf-8")
+        (log / "lateral.yaml").write_text(settings()[0], encoding="utf-8")
+        survey = str(home / "survey/dataset.h5")
+        add("import, field log", "import", "--map", str(log / "map.yaml"), "--output", str(home / "survey"))
+        add("inspect, field log", "inspect", survey, sound=False)
+        if duration <= _MAX_FITTED:
+            add("tune, field log", "tune", survey, "--set", str(log / "lateral.yaml"))
+        shutil.rmtree(home)
     return rows
-
-
-def _sensors(folder: Path, duration: int) -> list[str]:
-    """Time the same run with one sensor more each time."""
-    rows = []
-    whole = read_dataset(folder / str(duration) / "dataset.h5")
-    for count in range(1, 1 + len(_SENSORS)):
-        path = folder / f"{count}_sensors.h5"
-        write_dataset(path, replace(whole, sensors={name: whole.sensors[name] for name in _SENSORS[:count]}))
-        arguments = "identify", str(path), "--filter", "tukf", "--output", str(folder / path.stem), "--quiet"
-        # The gyroscope alone does not tell the speed.
-        cost = cost_of(*arguments, watched=True, sound=False)
-        rows.append(_growth_row("identify, TUKF", duration, count, cost))
-    return rows
-
-
-def _growth_row(label: str, duration: int, n_sensors: int, cost: Cost) -> str:
-    return f"| {label} | {duration} | {n_sensors} | {cost.wall:.1f} | {cost.processor:.1f} | {cost.memory:.0f} |"
 
 
 def _write(section: str, *tables: list[str]) -> None:
@@ -171,8 +169,7 @@ def main() -> None:
         if options.only != "growth":
             _write("start", _start_up(folder), stages(folder, _ROUNDS))
         if options.only != "start":
-            durations = sorted(options.durations)
-            _write("growth", _growth(folder, durations) + _sensors(folder, durations[len(durations) // 2]))
+            _write("growth", _growth(folder, sorted(options.durations)))
 
 
 if __name__ == "__main__":

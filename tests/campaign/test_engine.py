@@ -1,10 +1,12 @@
 """Whatever happens to workers, each run is there once."""
 
+import json
 import multiprocessing
 import os
 import shutil
 import subprocess
 import sys
+import time
 from functools import partial
 from itertools import islice
 
@@ -52,6 +54,53 @@ def test_killed_worker_loses_and_repeats_no_run(planned):
                 multiprocessing.active_children()[0].kill()
     assert sorted(done.run.identity for done in performed) == sorted(plan.labels())
     assert {done.failure for done in performed} == {""}
+
+
+@pytest.mark.slow
+def test_workers_with_own_folders_killed_in_turn_give_the_same_runs(planned, tmp_path):
+    plan = planned(MANY, "seeds=6")
+    address = ["--host", "127.0.0.1", "--port", "0"]
+    scheduler_file = tmp_path / "scheduler.json"
+    dask = [sys.executable, "-m", "dask"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    options = ["--scheduler-file", str(scheduler_file)]
+    started = [subprocess.Popen([*dask, "scheduler", *address, "--no-dashboard", *options], **quiet)]
+
+    def worker(number):
+        folder = tmp_path / f"worker {number}"
+        folder.mkdir()
+        alone = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder)]
+        started.append(subprocess.Popen([*dask, "worker", *options, *alone], cwd=folder, **quiet))
+
+    try:
+        for number in range(3):
+            worker(number)
+        while not scheduler_file.exists():
+            time.sleep(0.05)
+        address = json.loads(scheduler_file.read_text(encoding="utf-8"))["address"]
+        performed = []
+        with dask_cluster(address) as cluster:
+            for number, group in enumerate(run_groups(cluster, plan.groups(), False)):
+                performed += group
+                if number < 3:
+                    # Each is replaced, as by a queue of jobs; the last of the first three is killed, too.
+                    started[1 + number].kill()
+                    worker(3 + number)
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+    with local_cluster(1) as cluster:
+        expected = [done for group in run_groups(cluster, plan.groups(), False) for done in group]
+
+    def measured(runs):
+        return {done.run.identity: [without_time(row) for row in done.rows] for done in runs}
+
+    def without_time(row):
+        return row._replace(processor_time=None, wall_time=None)
+
+    assert len(performed) == len(expected)
+    assert measured(performed) == measured(expected)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks in /proc")

@@ -1,14 +1,19 @@
 """`auvid fit` as a user runs it."""
 
 import csv
+from pathlib import Path
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
+from auvid_cli.cli.app import app
 from auvid_cli.cli.fit import fit
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import write_dataset
 from auvid_cli.data.estimate_file import read_estimate
+from auvid_cli.simulation.field_log import field_log
+from auvid_cli.simulation.simulate import simulate
 
 
 @pytest.fixture
@@ -29,6 +34,52 @@ def test_invalid_option_is_refused_in_one_line(simulated_with, tmp_path, run, op
     assert result.exit_code == 2
     assert key in result.output
     assert "Traceback" not in result.output
+
+
+@pytest.fixture
+def survey(tmp_path, monkeypatch):
+    """Logs of a short survey with their map in `field/`, in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    run = simulate(load_experiment(find_experiment("field"), ("manoeuvre.duration=20 s",)))
+    (tmp_path / "field").mkdir()
+    for name, text in field_log(run).items():
+        (tmp_path / "field" / name).write_text(text, encoding="utf-8")
+    return Path("field")
+
+
+def test_logs_are_imported_in_any_order_with_the_map_next_to_them(survey, run, monkeypatch):
+    received = []
+    monkeypatch.setattr("auvid_cli.api.fit.fit_into", lambda place, source, *rest: received.append(source))
+    monkeypatch.setattr("auvid_cli.cli.fit.print_fit", lambda result, terminal: 0)
+    result = run(*sorted(survey.glob("*.csv")), "--set", "identification.prior.relative=20 %")
+    assert result.exit_code == 0, result.output
+    (source,) = received
+    assert source.path == Path("results/survey/dataset.h5")
+    assert sorted(source.dataset.sensors) == ["attitude", "depth", "dvl"]
+    assert source.dataset.experiment.identification.prior.relative == 0.2
+    (survey / "map.yaml").rename("other.yaml")
+    missing = run(*survey.glob("*.csv"))
+    assert missing.exit_code == 2
+    assert "auvid import --suggest" in missing.output
+
+
+def test_dataset_among_logs_is_refused(survey, run):
+    result = run(survey / "dvl.csv", "dataset.h5")
+    assert result.exit_code == 2
+    assert "dataset.h5: expected one dataset" in result.output
+
+
+def test_run_with_fit_simulates_and_searches(tmp_path, monkeypatch):
+    received = []
+    monkeypatch.setattr("auvid_cli.api.fit.fit_into", lambda place, source, *rest: received.append(source))
+    monkeypatch.setattr("auvid_cli.cli.fit.print_fit", lambda result, terminal: 1)
+    arguments = ["run", "--fit", "--set", "manoeuvre.duration=5 s", "-o", str(tmp_path)]
+    assert CliRunner().invoke(app, arguments).exit_code == 1
+    (source,) = received
+    assert source.path == tmp_path / "dataset.h5"
+    both = CliRunner().invoke(app, [*arguments, "--filter", "ckf"])
+    assert both.exit_code == 2
+    assert "--filter" in both.output
 
 
 @pytest.mark.slow

@@ -116,9 +116,7 @@ def test_invalid_part_is_one_error(use, complaint, short_run, tmp_path, run):
 def test_last_line_is_next_command(short_run, tmp_path, run):
     path = tmp_path / "dataset.h5"
     write_dataset(path, short_run)
-    *_, next_commands, last = run(path, "--use", "0:40").output.splitlines()
-    assert f"auvid identifiability {path} --use 0:40" in next_commands
-    assert last.endswith(f": auvid fit {path} --use 0:40")
+    assert run(path, "--use", "0:40").output.splitlines()[-1] == f"next: auvid fit {path} --use 0:40"
     dvl = short_run.sensors["dvl"]
     backwards = replace(dvl, values=-dvl.values)
     write_dataset(path, replace(short_run, sensors=short_run.sensors | {"dvl": backwards}))
@@ -128,14 +126,11 @@ def test_last_line_is_next_command(short_run, tmp_path, run):
 
 
 @pytest.mark.slow
-def test_next_command_depends_on_coefficients_of_vehicle_file(short_run, with_settings, tmp_path, run):
-    """Bounds need values of all coefficients; without them an estimate comes first."""
+def test_fixed_coefficients_without_value_are_named(short_run, with_settings, tmp_path, run):
     bare = with_settings(short_run.without_truth(), "vehicle.coefficients={X_u|u|: -5}")
     write_dataset(tmp_path / "bare.h5", bare)
-    last = run(tmp_path / "bare.h5", "-o", tmp_path / "out").output.splitlines()[-2]
-    assert f"Next: `auvid identify {tmp_path / 'bare.h5'}`, then `auvid identifiability" in last
-    assert "--at" in last
+    assert "add values" not in run(tmp_path / "bare.h5", "-o", tmp_path / "out").output
     held = with_settings(bare, "identification.coefficients=[N_uudr]")
     write_dataset(tmp_path / "held.h5", held)
-    last = " ".join(run(tmp_path / "held.h5", "-o", tmp_path / "held").output.splitlines())
-    assert "Next: add values of Y_v|v|" in last
+    last = " ".join(run(tmp_path / "held.h5", "-o", tmp_path / "held").output.split())
+    assert "First add values of Y_v|v|" in last

@@ -47,6 +47,8 @@ def test_a_good_model_passes_and_leaves_tables_and_figures(results, tmp_path):
     result = run(results / "estimates/ckf.h5", results / "circle.h5", "-o", tmp_path)
     assert result.exit_code == 0, result.output
     assert result.stdout.count("The model of the CKF predicts these data.") == 1
+    assert result.stdout.startswith("Yaw rate in turns 20 s ahead: ")
+    assert result.stdout.splitlines()[-1] == f"next: auvid export {results / 'estimates/ckf.h5'} --to yaml"
     made = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert made == {
         ".lock",
@@ -72,7 +74,10 @@ def test_a_changed_vehicle_fails_with_exit_code_1(results, simulated_with, tmp_p
     assert result.exit_code == 1, result.output
     assert "FAIL" in result.stdout
     assert "another vehicle (m differ)" in " ".join(result.stdout.split())
-    assert result.stdout.count("does not predict these data.") == 1
+    words = " ".join(result.stdout.split())
+    assert "it is not recommended" in words
+    assert "predicts these data" not in words
+    assert result.stdout.splitlines()[-1] == f"next: auvid fit {results / 'dataset.h5'}"
 
 
 def test_its_own_data_are_refused_even_as_a_copy(results, tmp_path):

@@ -98,6 +98,12 @@ def test_a_fit_that_did_not_settle_is_given_more_steps_and_not_called_unstable(n
     assert "unstable" not in remedy(off) + remedy(replace(off, innovations=near))
 
 
+def test_smoother_with_sensor_errors_gets_no_advice_for_a_kalman_filter(ended):
+    advice = remedy(ended("smoother", DVL, status="unconverged: out of steps"))
+    assert "Kalman" not in advice
+    assert "max_passes=100" in advice
+
+
 def test_a_factor_says_nothing_of_a_prior_from_an_earlier_estimate(ended):
     without = remedy(ended("ekf", "identification.prior.from_estimate=earlier.h5"))
     assert "from_estimate" in without

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import least_squares
 
 from auvid_cli.filters.problem import OK, PREDICTION, JointProblem
@@ -76,6 +76,16 @@ def test_a_linear_problem_is_solved_as_by_one_big_system(chunk, linear_problem, 
     # A difference of variances.
     assert_allclose(history.records.standard_deviation, expected.deviation, rtol=1e-7)
     assert_allclose(history.covariance, expected.covariance, rtol=1e-8, atol=1e-10)
+
+
+def test_same_numbers_from_memory_file_and_second_pass(linear_problem, run_whole, monkeypatch):
+    whole = run_whole(smooth_one, linear_problem, chunk=7)
+    monkeypatch.setattr("auvid_cli.array_store.MAX_IN_MEMORY", 0)
+    monkeypatch.setattr("auvid_cli.filters.linear_smoother._CACHE_SIZE", 0)
+    filed = run_whole(smooth_one, linear_problem, chunk=7)
+    assert_array_equal(filed.covariance, whole.covariance)
+    for name, rows in whole.records._asdict().items():
+        assert_array_equal(getattr(filed.records, name), rows)
 
 
 @pytest.fixture

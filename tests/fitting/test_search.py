@@ -69,6 +69,33 @@ def test_interrupt_keeps_the_best_model_so_far(trimmed):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("stage", ["fit of the model to all data", "predict the last third"])
+def test_interrupt_of_the_last_stages_keeps_the_model(multisine_with, stage):
+    def interrupt(step: str) -> None:
+        if step.startswith(stage):
+            raise KeyboardInterrupt
+
+    dataset = multisine_with()
+    fit = fit_model(dataset, FitLimits(), interrupt)
+    assert fit.stopped.startswith("interrupted")
+    assert fit.judgement.grade is Grade.SOUND
+    assert fit.experiment == dataset.experiment
+    assert fit.trial == ""
+
+
+@pytest.mark.slow
+def test_interrupt_of_the_fit_to_all_data_keeps_the_additions(trimmed):
+    def interrupt(step: str) -> None:
+        if step.startswith("fit of the model to all data"):
+            raise KeyboardInterrupt
+
+    fit = fit_model(trimmed, FitLimits(), interrupt)
+    assert fit.stopped.startswith("interrupted")
+    assert fit.added == ("trim of the fins",)
+    assert "rudder_trim" in fit.estimate.state
+
+
+@pytest.mark.slow
 def test_excluded_addition_is_not_tried(trimmed):
     fit = fit_model(trimmed, FitLimits(excluded=("fin_trim",)))
     assert "trim of the fins" not in [step.what for step in fit.steps]

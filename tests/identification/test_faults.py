@@ -400,7 +400,7 @@ def test_small_moves_of_an_anticipating_fin_are_rates(model, at):
 def test_large_fin_moves_are_not_anticipation(along):
     problem, timeline, about = along
     faults = VehicleFaults(problem, tested=[BY_NAME["elevator reacting to disturbances"]._replace(reacts_to="")])
-    rate = problem.segments[0].timelines.input_rate[:, 1]
+    rate = problem.segments[0].timelines.input_rate()[:, 1]
     large = np.abs(rate) > np.quantile(np.abs(rate), 0.98)
     assert 0 < large.mean() < 0.03
     given = timeline.substep_input[timeline.substep_offset[:-1].clip(max=timeline.substep_input.size - 1)]

@@ -7,7 +7,10 @@ import pytest
 
 from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import ConfigError
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.run import identify
+from auvid_cli.identification.trajectories import trajectory_of
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 ZIGZAG = (
@@ -37,6 +40,16 @@ def test_smoother_converges_from_wide_priors(seed, simulated_with):
     errors = normalised_errors(dataset, right)
     assert np.abs(errors).max() < 3.0
     assert np.sqrt(np.mean(errors**2)) < 1.3
+
+
+def test_start_from_an_estimate_gives_the_same_one(short_run, short_estimates):
+    earlier = short_estimates[FilterName.SMOOTHER]
+    (again, _), (mean, deviation) = map(coefficients, (identify(short_run, FilterName.SMOOTHER, earlier), earlier))
+    assert np.abs((again - mean) / deviation).max() < 0.1
+    # Only an estimate with one state for each event is a trajectory.
+    augmented = augmented_problem(prepare(short_run))
+    assert trajectory_of(augmented, earlier) is not None
+    assert trajectory_of(augmented, replace(earlier, time=earlier.time[::2], mean=earlier.mean[::2])) is None
 
 
 def test_smoother_agrees_with_a_consistent_filter(short_run, short_estimates):

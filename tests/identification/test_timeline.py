@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.errors import DataError
@@ -74,6 +74,20 @@ def test_pieces_fill_the_gaps_between_events_with_the_input_that_holds(
         for middle, row in zip(middles, timeline.substep_input[substeps], strict=True):
             assert row == np.flatnonzero(dataset.inputs.time <= middle)[-1]
     assert timeline.substep_offset[-1] == timeline.substep_duration.size == timeline.substep_input.size
+
+
+def test_chunks_backwards_are_the_same(experiment_with):
+    rng = np.random.default_rng(0)
+    clocks = {name: np.sort(rng.choice(9000, 60, replace=False)) * 1e-3 for name in ("dvl", "gyroscope")}
+    # Nothing between 3 and 6 s, so that the chunk after the gap follows an event far before.
+    clocks = {name: time[(time < 3.0) | (time > 6.0)] for name, time in clocks.items()}
+    dataset = a_dataset(experiment_with(), np.arange(0.0, 9.0, 0.37), **clocks)
+    timelines = Timelines(dataset.inputs, measuring_sensors(dataset), 0.1, 0.02, chunk=7)
+    forwards, backwards = [*timelines], [*reversed(timelines)]
+    assert len(forwards) > 10
+    for one, other in zip(forwards, reversed(backwards), strict=True):
+        for rows, same in zip(one, other, strict=True):
+            assert_array_equal(rows, same)
 
 
 @given(dvl=clock, gyroscope=clock, attitude=clock)

@@ -157,3 +157,16 @@ def test_constant_inputs_have_no_rate_check():
 
 def test_single_input_has_no_rate_check():
     assert judged_inputs([0.0], 1.0) == {}
+
+
+def test_components_of_two_devices_have_no_jitter(rng):
+    """Roll and pitch at 10 Hz, and a heading at 7 Hz that ends earlier."""
+    tilt, compass = 0.1 * np.arange(1000), 0.0012 + np.arange(420) / 7.0
+    time = np.union1d(tilt, compass)
+    values = np.full((time.size, 3), np.nan)
+    values[np.isin(time, tilt), :2] = rng.standard_normal((tilt.size, 2))
+    values[np.isin(time, compass), 2] = rng.standard_normal(compass.size)
+    checks = judged(SensorRecord(time, values, np.ones(3)))
+    assert checks["rate"].statistic == "10 Hz"
+    assert checks["jitter"].passed
+    assert checks["missing"].passed is None

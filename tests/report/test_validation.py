@@ -17,10 +17,14 @@ from auvid_cli.report.text_tables import write_csv_tables
 from auvid_cli.validation.results import (
     AHEAD,
     FREE_RUN,
+    LEGS,
+    TURNS,
     UNCERTAINTY_NOT_TOO_LARGE,
     ManoeuvreNumber,
     Prediction,
+    Score,
     Validation,
+    verdict_on,
 )
 from auvid_cli.vehicle.parameters import MOTION
 
@@ -40,10 +44,10 @@ def validation(dataset):
     turn = ManoeuvreNumber("turning circle 15", "radius", 20.0, "m", 14.25, None)
     check = Check.of(
         "ckf",
-        "ahead",
-        "better than constant velocity",
-        statistic="u at 1 s 2",
-        threshold="<= 1",
+        "start",
+        "filter completed",
+        statistic="diverged at t = 3 s",
+        threshold="to the end of the data",
         passed=False,
         advice="Look again.",
     )
@@ -101,11 +105,45 @@ def test_the_screen_speaks_of_degrees_and_ends_with_the_verdict(validation):
     assert next(line for line in text.splitlines() if line.startswith(" % within")).split()[-7:] == ["90.0"] * 7
 
 
-def test_what_is_against_the_estimate_stands_on_top(validation):
-    assert "CKF" not in shown(validation, 100).splitlines()[0]
+def test_errors_next_to_the_vehicle_file_come_first_then_the_judgement(validation):
+    # 0.02 and 3 rad/s.
+    first = "Yaw rate 20 s ahead: 1.15 deg/s, vehicle file 172: 99 % better."
+    assert shown(validation, 100).splitlines()[0] == first
     for grade in (Grade.INCONSISTENT, Grade.DOUBTFUL):
         doubted = validation._replace(judgement=Judgement(grade, "because"))
-        assert shown(doubted, 100).splitlines()[0] == f"CKF {grade}: because."
+        assert shown(doubted, 100).splitlines()[2] == f"CKF {grade}: because."
+
+
+def test_signal_beaten_by_an_unchanged_motion_is_named(validation):
+    rows = [row._replace(rmse=0.8) if row.signal == "w" else row for row in validation.predictions]
+    text = " ".join(shown(validation._replace(predictions=rows, checks=Checks()), 200).split())
+    assert "predicts u, v, p, q, r, phi, theta, psi of these data. Worse than another prediction: w." in text
+
+
+def test_unstable_signal_leaves_the_others_predicted(validation):
+    rows = [
+        row._replace(rmse=None, fit_percent=None) if row.signal == "theta" else row for row in validation.predictions
+    ]
+    unstable = Checks(check._replace(check="stable") for check in validation.checks)
+    text = " ".join(shown(validation._replace(predictions=rows, checks=unstable), 200).split())
+    assert "predicts u, v, w, p, q, r, phi, psi of these data. Worse than another prediction: theta." in text
+
+
+def test_equal_errors_are_the_same_and_errors_within_the_noise_decide_nothing():
+    score = Score("v", TURNS, 20.0, "m/s", 0.01, 0.1, 0.10004, 0.2)
+    assert str(score) == "Sway in turns 20 s ahead: 0.1 m/s, vehicle file 0.1: the same"
+    assert str(score._replace(vehicle_file=0.1005)).endswith("less than 1 % better")
+    assert str(score._replace(vehicle_file=None)).endswith("unchanged motion 0.2: 50 % better")
+    assert verdict_on([score]) == "The vehicle file predicts as well."
+    assert "not recommended" in verdict_on([score._replace(model=0.2)])
+    assert verdict_on([score._replace(model=0.05)]) == ""
+    assert score._replace(noise=1.0, model=0.2).gain == 0.0
+
+
+def test_turns_are_scored_before_straight_legs(validation):
+    rows = [row._replace(kind=kind) for kind in (LEGS, TURNS) for row in validation.predictions if row.kind == AHEAD]
+    scores = validation._replace(predictions=[*validation.predictions, *rows]).scores
+    assert [(score.kind, score.signal) for score in scores] == [(k, s) for k in (TURNS, LEGS) for s in "rv"]
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
@@ -208,4 +246,4 @@ def test_a_model_that_is_better_than_its_bands_still_predicts(validation):
 def test_errors_of_reference_models_are_explained(validation):
     words = " ".join(shown(validation, 100).split())
     assert "Unchanged: error if the motion stayed as at the start." in words
-    assert "Prior, vehicle file: errors" in words
+    assert "Vehicle file: error of the vehicle as stated" in words

@@ -5,7 +5,7 @@ import pytest
 
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.evaluation.results import FreeRun
-from auvid_cli.validation.manoeuvres import manoeuvre_numbers, rudder_holds
+from auvid_cli.validation.manoeuvres import manoeuvre_numbers, rudder_holds, turning_times
 from auvid_cli.validation.motion_prediction import MeasuredSignal
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
@@ -41,6 +41,27 @@ def zigzag(amplitude, rate, brake, legs, course=0.7):
     motion = np.zeros((time.size, 9))
     motion[:, 8] = course + heading
     return rudder, motion
+
+
+@pytest.mark.parametrize("symbol", ["psi", "r"])
+def test_turns_are_told_from_straight_legs(symbol):
+    """Legs of 20 s that wander by 0.5 deg/s, and turns of 10 s at 9 deg/s."""
+    time = np.arange(0.0, 90.0, 0.1)
+    turning = time % 30.0 >= 20.0
+    rate = np.where(turning, np.deg2rad(9.0), np.deg2rad(0.5) * np.sin(time))
+    values = rate if symbol == "r" else np.cumsum(rate) * 0.1
+    found = turning_times({symbol: MeasuredSignal(time, values, 0.001)})
+    inside = np.abs(time % 10.0 - 5.0) < 3.9  # without a second at each end, over which the change is computed
+    np.testing.assert_array_equal(found.turning[inside], turning[inside])
+    assert found.at(25.0)
+    assert not found.at(10.0)
+
+
+def test_wander_is_no_turn_and_without_heading_nothing_is_known():
+    time = np.arange(0.0, 60.0, 0.1)
+    wander = MeasuredSignal(time, np.deg2rad(0.5) * np.sin(time), 0.001)
+    assert not turning_times({"psi": wander}).turning.any()
+    assert turning_times({"u": wander}) is None
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.002])

@@ -19,7 +19,6 @@ def test_prior_is_zero_except_held_values(estimate):
     assert models.identified["X_u|u|"] == -3.0
     assert (models.prior["X_u|u|"], models.prior["N_uvl"], models.prior["Y_uvl"]) == (0.0, 0.0, -20.0)
     assert set(models.prior) == set(SYMBOLS)
-    assert models.vehicle_file == estimate.experiment.vehicle.all_coefficients()
 
 
 def test_prior_from_earlier_estimate_is_first_mean(estimate, experiment_with):

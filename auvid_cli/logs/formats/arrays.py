@@ -231,7 +231,7 @@ def _if_usable(path: _Path, array: NDArray[Any]) -> Iterator[tuple[_Path, NDArra
 
 def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
     vectors = {shape.shape[0] for shape in shapes.values() if len(shape.shape) == 1}
-    groups: dict[tuple[str, int], list[_Path]] = {}
+    groups: dict[tuple[_Path, int], list[_Path]] = {}
     # Time may run along the rows, as the lengths of vectors show, or as so many columns do.
     across = {
         path: len(shape) == 2 and shape[0] not in vectors and (shape[1] in vectors or shape[1] > _MAX_COLUMNS)
@@ -239,8 +239,12 @@ def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
     }
     lengths = {path: shape[1] if across[path] else shape[0] for path, (shape, _) in shapes.items()}
     short = _one_short(lengths)
+    timed = {(path[:-1], lengths[path]) for path in lengths if len(path) > 1 and _TIME.search(path[-1])}
     for path, length in lengths.items():
-        groups.setdefault((path[0] if len(path) > 1 else "", length + (path in short)), []).append(path)
+        rows = length + (path in short)
+        # A struct with its own time is a table of its own.
+        struct = path[:-1] if (path[:-1], rows) in timed else path[:1] if len(path) > 1 else ()
+        groups.setdefault((struct, rows), []).append(path)
     parents = [_parent(paths) for paths in groups.values()]
     tables: dict[str, dict[str, _Place]] = {}
     for parent, paths in zip(parents, groups.values(), strict=True):

@@ -21,6 +21,7 @@ from auvid_cli.logs.formats.text_layout import (
     COMMENT_MARKS,
     FLAGS,
     MISSING_VALUES,
+    UTF_16,
     Header,
     TextLayout,
     is_filler,
@@ -195,7 +196,13 @@ class DelimitedLog(FileLog):
                 compressed = plain.read(2) == _GZIP
                 plain.seek(0)
                 file = cast(IO[bytes], gzip.GzipFile(fileobj=plain)) if compressed else plain
+                head = file.read(2)
+                file.seek(0)
+                if head in UTF_16:
+                    file = BytesIO(file.read().decode("utf-16").encode())
                 yield file if self._max_bytes is None else self._beginning(file, self._max_bytes)
+        except UnicodeDecodeError as error:
+            raise FileError(f"{self.path}: byte {error.start}: damaged UTF-16 text: save it as UTF-8") from error
         except (OSError, EOFError, zlib.error) as error:
             raise FileError(f"{self.path}: cannot be read: {error}") from error
 

@@ -38,6 +38,10 @@ class Log(ABC):
         self.path = path
         self.is_cut = False  # whether only the beginning is read
         self.definitions: Sequence[Path] = ()  # definitions of messages, given in addition to those of the log
+        # For a suggested map, by table: column with the times, and offset to a common clock, s, with the reason.
+        self.clocks: dict[str, str] = {}
+        self.clock_offsets: dict[str, tuple[float, str]] = {}
+        self.senders: dict[str, tuple[str, str | float] | None] = {}  # column and value of the rows of one sender
 
     def remarks(self) -> tuple[str, ...]:
         """Return parts of the log that are left out, such as damaged ones, with their number."""

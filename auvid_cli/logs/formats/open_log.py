@@ -12,16 +12,17 @@ from typing import assert_never
 from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import Log
-from auvid_cli.logs.formats.text_layout import TextLayout
+from auvid_cli.logs.formats.text_layout import UTF_16, TextLayout
 from auvid_cli.regular_files import check_regular_file
 
 _HEAD_BYTES = 4096
 _READABLE = (
-    "CSV text, .npz, .mat, ROS bags (.bag, .mcap, .db3, folder), ArduPilot logs (.BIN, .tlog), PX4 (.ulg), IMC (.lsf) "
-    "and MOOS logs (.alog)"
+    "CSV text, JSON lines, .npz, .mat, ROS bags (.bag, .mcap, .db3, folder), ArduPilot logs (.BIN, .log, .tlog), "
+    "PX4 (.ulg), IMC (.lsf) and MOOS logs (.alog)"
 )
 _NEVER_IN_TEXT = re.compile(rb"[\x00-\x08]")
 _SLOCUM = re.compile(rb"dbd_label:\s*DBD\(")
+_JSON_LINE = re.compile(rb'(\xef\xbb\xbf)?\s*\{\s*"')
 _MAVLINK_MARKERS = b"\xfe\xfd"
 
 
@@ -39,6 +40,8 @@ class _Kind(Enum):
     ULOG = "a PX4 log", ".ulg", "px4", b"ULog\x01\x12\x35"
     LSF = "an IMC log", ".lsf", "imc", b"\x54\xfe"
     ALOG = "a MOOS log", ".alog", "", b""
+    DATAFLASH_TEXT = "a DataFlash log as text", "", "", b"FMT, 128,"
+    JSON = "a log of JSON objects", "", "", b""
 
     def __init__(self, description: str, suffix: str, extra: str, magic: bytes) -> None:
         self.description, self.suffix, self.extra, self.magic = description, suffix, extra, magic
@@ -49,10 +52,7 @@ _LOGS_OF_EXTRA = {"ros": "ROS bags", "ardupilot": "ArduPilot logs", "px4": "PX4 
 _ADVICE_BY_MAGIC = {
     b"\x89HDF\r\n\x1a\n": "looks like an HDF5 file of another kind than MATLAB 7.3",
     b"\x93NUMPY": "looks like a single NumPy array: save its columns by name with numpy.savez",
-    b"\xff\xfe": "looks like UTF-16 text: save it as UTF-8",
-    b"\xfe\xff": "looks like UTF-16 text: save it as UTF-8",
     b"\xd0\xcf\x11\xe0": "looks like an old Excel workbook: save it as CSV",
-    b"FMT, 128,": "looks like a DataFlash log turned into text: give the .BIN it came from",
     b"version https://git-lfs.github.com/": "is a Git LFS pointer, not the log: run git lfs pull where it came from",
     b"#ROSBAG V1": "looks like a ROS bag of version 1: run rosbag fix or rosbag migrate",
 }
@@ -91,7 +91,7 @@ def open_log(
         from auvid_cli.logs.formats.delimited import DelimitedLog
 
         return DelimitedLog(path, layout or TextLayout(), max_bytes)
-    if path.suffix.lower() != kind.suffix and not path.name.lower().endswith(f"{kind.suffix}.gz"):
+    if kind.suffix and path.suffix.lower() != kind.suffix and not path.name.lower().endswith(f"{kind.suffix}.gz"):
         raise FileError(f"{path}: looks like {kind.description}, whose name must end in {kind.suffix}: rename it")
     return _open(path, kind, definitions)
 
@@ -124,6 +124,14 @@ def _reader(kind: _Kind, definitions: Sequence[Path]) -> Callable[[Path], Log]:
             from auvid_cli.logs.formats.vehicle_logs import AlogLog, ULogLog
 
             return ULogLog if kind is _Kind.ULOG else AlogLog
+        case _Kind.DATAFLASH_TEXT:
+            from auvid_cli.logs.formats.dataflash_text import DataFlashTextLog
+
+            return DataFlashTextLog
+        case _Kind.JSON:
+            from auvid_cli.logs.formats.json_lines import JsonLinesLog
+
+            return JsonLinesLog
         case _Kind.NPZ | _Kind.MAT | _Kind.MAT_HDF5:
             from auvid_cli.logs.formats.arrays import MatlabHdf5Log, MatlabLog, NumpyLog
 
@@ -173,9 +181,11 @@ def _kind_of(path: Path) -> _Kind | None:
         raise FileError(f"{path}: looks like a NumPy archive or another zip file that is cut short: copy it again")
     if len(head) > 8 and head[8] in _MAVLINK_MARKERS and not _is_text(head):
         return _Kind.TELEMETRY
+    if head.startswith(UTF_16):
+        return None
     if not _is_text(head):
         raise FileError(f"{path}: unknown kind of file; expected {_READABLE}")
-    return None
+    return _Kind.JSON if _JSON_LINE.match(head) else None
 
 
 def _kind_of_zip(path: Path) -> _Kind:

@@ -12,6 +12,7 @@ from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.config.units import EXAMPLES, NUMBER
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LogColumn
+from auvid_cli.logs.formats.ros_echo import ros_names
 
 MISSING_VALUES = ("", "nan", "NaN", "NAN", "-nan", "null", "NULL", "None", "N/A", "n/a", "NA", "-", "--")
 _NOT_FINITE = re.compile(r"[-+]?(?:inf(?:inity)?|nan)", re.IGNORECASE)
@@ -24,6 +25,7 @@ _WITH_UNIT = re.compile(
 _MEASURED = (*EXAMPLES, "dimensionless", "K", "Pa", "V", "A", "W", "T")
 _NO_UNIT = ("", "-", "--")
 _SLOCUM = "dbd_label:"
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
 COMMENT_MARKS = ("#", "%", "//")
 FLAGS = {"true": 1.0, "false": 0.0}
 BLANKS = " "
@@ -160,15 +162,16 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
     if layout.delimiter is not None and len(layout.delimiter) != 1:
         raise FileError(f"{path}: delimiter {layout.delimiter!r}; expected one character, such as ',' or '\\t'")
     delimiter = layout.delimiter or _find_delimiter(path, lines)
-    line = layout.header_row or (0 if layout.names else _find_header(path, lines, delimiter))
+    given = layout.names or (() if layout.header_row else ros_names(split_row(lines[0], delimiter)))
+    line = layout.header_row or (0 if given else _find_header(path, lines, delimiter))
     if line > len(lines):
         raise FileError(f"{path}:{line}: no header in this line; the log has {len(lines)} lines")
-    names = list(layout.names) or split_row(_uncomment(lines[line - 1]), delimiter)
+    names = list(given) or split_row(_uncomment(lines[line - 1]), delimiter)
     if all(map(is_number, names)):
         raise FileError(f"{path}:{line}: a row of numbers; expected names in the `header_row`")
     units = split_row(_uncomment(lines[line]), delimiter) if line < len(lines) else []
     below = _columns(list(_split_rows(lines[line + 1 :], delimiter).values()), len(names))
-    has_units = len(units) >= len(names) and not layout.names and are_units(units, below)
+    has_units = len(units) >= len(names) and not given and are_units(units, below)
     # A Slocum glider writes the size of each number, bytes, below the units.
     last = line + has_units + (has_units and lines[0].startswith(_SLOCUM))
     # A logger that starts again writes its header again.

@@ -37,6 +37,7 @@ _MIN_ALIGNMENT = 0.8  # mean resultant length of course minus heading
 _MAX_SCATTER_RATIO = 0.25  # scatter of the course about the heading divided by its scatter about the bow
 _MIN_DELAY = 0.05  # s
 OVER_GROUND = "NED"  # axes of a velocity whose names contain north and east
+ROTATED = "rotated"  # key of the log likelihood that the axes of a sensor are not a mirror image
 _EXCHANGE = {"rudder": "elevator", "elevator": "rudder"}
 
 
@@ -62,7 +63,7 @@ def likely_signs(
     fits : sequence of RelationFit
     expected : mapping of mappings
         Log likelihoods that follow from names, values and conventions. A sensor has one for each of its `USUAL_AXES`,
-        a symbol one for its present sign (``"+"``).
+        and one for axes that are `ROTATED`; a symbol has one for its present sign (``"+"``).
     """
     signs = np.array(list(product((1, -1), repeat=len(symbols))), np.int8).reshape(2 ** len(symbols), len(symbols))
     by_symbol = {symbol: signs[:, k] for k, symbol in enumerate(symbols)}
@@ -89,7 +90,9 @@ def _axes_likelihood(present: Sequence[tuple[NDArray[np.int8], int]], expected: 
     for axes, usual in USUAL_AXES.items():
         n_reversed = sum((sign != usual[k]).astype(np.float64) for sign, k in present)
         scores.append(expected.get(axes, 0.0) - _FLU_COST * (axes != "FRD") - _REVERSED_COST * n_reversed)
-    return np.max(scores, axis=0)
+    mirrored = np.prod([sign for sign, _ in present], axis=0) < 0
+    # A missing component may have either sign.
+    return np.max(scores, axis=0) - expected.get(ROTATED, 0.0) * (mirrored & (len(present) == len(USUAL_AXES["FRD"])))
 
 
 class Evidence(NamedTuple):

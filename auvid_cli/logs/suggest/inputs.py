@@ -9,11 +9,12 @@ import numpy as np
 from auvid_cli.arrays import Array
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest.evidence import Evidence
-from auvid_cli.logs.suggest.known_formats import KnownMessage
+from auvid_cli.logs.suggest.known_formats import KnownMessage, Role
 from auvid_cli.logs.suggest.names import INPUT_NAMES, SIDES, find_columns, find_in_logs, named_unit
-from auvid_cli.logs.suggest.numbered import FinRole, fin_roles, numbered_fins
+from auvid_cli.logs.suggest.numbered_fins import FinRole, fin_channels, fin_roles
 from auvid_cli.logs.suggest.relations import PITCH_FINS, YAW_FINS, Track
-from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, place_of, row_entries, tracks_of
+from auvid_cli.logs.suggest.rows import place_of, row_entries, tracks_of
+from auvid_cli.logs.suggest.yaml_lines import Comment, Flow, Line, Phrase, YamlEntry
 
 _MAX_FIN_DEGREES = 90.0
 _MAX_PERCENT = 110.0
@@ -119,25 +120,23 @@ def with_numbered_fins(
     """Return the inputs with fins such as fin1 to fin4, if no others are found and the data show their places."""
     if inputs is not None and any(key in (*YAW_FINS, *PITCH_FINS) for key in inputs.signals):
         return inputs
-    for name, log in logs.items():
-        for table, columns in log.tables().items():
-            fins = numbered_fins(columns)
-            if not fins:
-                continue
-            values = {c: np.asarray(v, np.float64) for c, v in log.read(table, [fin.name for fin in fins]).items()}
-            of_fins = tracks_of(log, table, values)
-            roles = fin_roles([*of_fins.values()], tracks.get("r"), tracks.get("q")) if of_fins else []
-            if not roles:
-                continue
-            elsewhere = inputs is not None and (name, table) != (inputs.log, inputs.table)
-            place = (place_of(logs, name, table) or {}) if elsewhere else {}
-            signals = {
-                f"fins.{role.name}": FoundInput(fin, values[fin.name], name, table, place, role=role)
-                for fin, role in zip(fins, roles, strict=True)
-            }
-            if inputs is None:
-                return FoundInputs(name, table, signals, [])
-            return inputs._replace(signals=inputs.signals | signals)
+    for channels in fin_channels(logs):
+        roles = fin_roles([channel.track for channel in channels], tracks.get("r"), tracks.get("q"))
+        if not roles:
+            continue
+        name, table = channels[0].log, channels[0].table
+        if inputs is None:
+            thrust = {key: signal for key, signal in _inputs(logs, name, table).items() if _is_thrust(key)}
+            inputs = FoundInputs(name, table, thrust, [])
+        elsewhere = (name, table) != (inputs.log, inputs.table)
+        place = (place_of(logs, name, table) or {}) if elsewhere else {}
+        signals = {
+            f"fins.{role.name}": FoundInput(
+                channel.column, channel.track.values, name, table, place | channel.rows, channel.message, role
+            )
+            for channel, role in zip(channels, roles, strict=True)
+        }
+        return inputs._replace(signals=inputs.signals | signals)
     return inputs
 
 
@@ -158,10 +157,10 @@ def _without_number(name: str) -> str:
 
 
 def input_tracks(logs: Mapping[str, Log], inputs: FoundInputs | None) -> dict[str, Track]:
-    """Return the deflections of fins in the log's units, because only their signs matter."""
+    """Return the deflections of fins with names in the log's units, because only their signs matter."""
     tracks: dict[str, Track] = {}
     for key, signal in inputs.signals.items() if inputs is not None else ():
-        if key in (*YAW_FINS, *PITCH_FINS):
+        if key in (*YAW_FINS, *PITCH_FINS) and signal.role is None:
             tracks |= tracks_of(logs[signal.log], signal.table, {key: signal.values})
     return tracks
 
@@ -169,7 +168,9 @@ def input_tracks(logs: Mapping[str, Log], inputs: FoundInputs | None) -> dict[st
 def input_lines(logs: Mapping[str, Log], inputs: FoundInputs | None, evidence: Evidence) -> Iterator[Line]:
     """Yield the lines below `inputs:`."""
     if inputs is None:
-        yield YamlEntry("rudder", None, f"required: no column looks like a fin or a propeller{_candidates(logs)}")
+        what = "no column looks like a fin or a propeller"
+        advice = _candidates(logs) or "; add the log with the commands of the fins: import --suggest LOG OTHER"
+        yield YamlEntry("rudder", None, f"required: {what}{advice}")
         return
     yield from row_entries(logs, inputs.log, inputs.table)
     direct = {key: signal for key, signal in inputs.signals.items() if "." not in key}
@@ -232,8 +233,15 @@ def _possible_fins(logs: Mapping[str, Log]) -> Iterator[str]:
 
 def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInput]:
     """Return inputs by key: first those of the main table, then the missing ones from other tables."""
-    places = [(name, columns) for columns in find_columns(INPUT_NAMES, {main: logs[name].tables()[main]})]
-    places += [(log, columns) for log in logs for columns in find_columns(INPUT_NAMES, logs[log].tables())]
+    places = [
+        (name, columns)
+        for columns in find_columns(INPUT_NAMES, {main: logs[name].tables()[main]}, file=logs[name].path.stem)
+    ]
+    places += [
+        (log, columns)
+        for log in logs
+        for columns in find_columns(INPUT_NAMES, logs[log].tables(), file=logs[log].path.stem)
+    ]
     inputs: dict[str, FoundInput] = {}
     for log, (table, columns, message) in places:
         new = {key: column for key, column in columns.items() if key not in inputs}
@@ -311,6 +319,8 @@ def _fin(key: str, fin: FoundInput, largest: float, evidence: Evidence) -> YamlE
     if fin.column.unit:
         return YamlEntry(name, fin.signal(**sign), f"unit {fin.column.unit} stated by the log; {words}")
     if known := _known_unit(fin):
+        is_set_point = fin.message is not None and fin.message.role is Role.SET_POINT
+        words = f"a set-point, which the fin follows late; {words}" if is_set_point else words
         return YamlEntry(name, fin.signal(unit=known, **sign), f"unit of this message by its format; {words}; {span}")
     if unit := named_unit(fin.column.name, "rad"):
         return YamlEntry(name, fin.signal(unit=unit, **sign), f"unit by the name; {words}; {span}")
@@ -331,4 +341,6 @@ def _known_unit(signal: FoundInput) -> str:
 def _middle(counts: Array) -> int:
     """Return the probable count of a straight fin or of zero thrust."""
     low, high = _SERVO_PULSES
+    if np.nanmin(counts) < 0.0:
+        return 0
     return _MIDDLE_PULSE if np.nanmin(counts) >= low and np.nanmax(counts) <= high else _MIDDLE_BYTE

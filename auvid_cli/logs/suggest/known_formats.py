@@ -6,15 +6,23 @@ are left out on purpose: accelerations without gravity, the turn rate of the MOO
 Sources, by the word in `KnownMessage.source`:
 
 - PX4: ``PX4/px4_msgs`` (VehicleAttitude, VehicleLocalPosition); docs.px4.io/main/en/msg_docs (VehicleAngularVelocity,
-  SensorGyro).
-- Water Linked: ``waterlinked/waterlinked.github.io``, ``docs/dvl/axes.md`` (x forward, y right, z down).
+  SensorGyro, SensorAccel).
+- Water Linked: ``waterlinked/waterlinked.github.io``, ``docs/dvl/dvl-protocol.md`` (SI, times in microseconds) and
+  ``axes.md`` (x forward, y right, z down). Its ``time`` is the interval since the last report.
 - marine_acoustic_msgs: docs.ros.org/en/jazzy/p/marine_acoustic_msgs/msg/Dvl.html (x forward, z along the beams).
 - uuv_simulator: ``DVL.msg`` as in cola2_msgs, which states no axes.
 - Nortek: ``nortek_dvl/Dvl.msg`` in ``osu-uwrt/riptide_setup``, which states no axes.
-- ArduPilot: ``AP_AHRS/LogStructure.h`` (ATT).
+- ArduPilot: ``AP_AHRS/LogStructure.h`` (ATT), ``AP_InertialSensor/LogStructure.h`` (IMU, ACC, GYR: rad/s and m/s^2),
+  ``AP_Baro/LogStructure.h`` (BARO: altitude, m).
+- IMC: ``IMC.xml`` of ``LSTS/imc``. EulerAngles has the axes of SNAME (1950); the axes of AngularVelocity, Acceleration
+  and GroundVelocity are those of the device, so that the data decide. ServoPosition is measured.
+- MOOS: ``uSimMarine`` takes DESIRED_RUDDER, DESIRED_ELEVATOR and DESIRED_THRUST from -100 to 100. Vehicles take angles
+  in degrees, so that the unit of rudder and elevator is open.
+- RDI: Pathfinder DVL Guide (2018), page 206: a PD0 velocity is that of the bottom, with all signs reversed, along axes
+  to starboard, ahead and up, in mm/s, where -32768 means a missing measurement.
 
-Not checked against a source: PX4 sensor_accel, sensor_combined; ArduPilot IMU and set-points; IMC; the units of MOOS;
-RDI. Their rows follow the usual use of these formats, and the map shows the evidence of the data next to them.
+Not checked against a source: the axes of sensor_combined of PX4, NAV_PITCH and NAV_ROLL of MOOS, and set-points of
+ArduPilot.
 """
 
 import re
@@ -47,6 +55,7 @@ class KnownMessage(NamedTuple):
     flag: str = ""  # field that marks valid rows
     valid: int = 1  # its value in valid rows
     marks: tuple[str, ...] = ()  # further fields that a table without a fixed name must have
+    is_of_bottom: bool = False  # whether a velocity is that of the bottom, so that its axes seem to be a mirror image
 
 
 def _vector(symbols: str, fields: str) -> dict[str, str]:
@@ -78,13 +87,15 @@ KNOWN_MESSAGES = (
         units=_SI,
     ),
     KnownMessage("IMC", "EulerAngles", _vector("phi theta psi", "phi theta psi"), frame="FRD", units=_SI),
-    KnownMessage("IMC", "AngularVelocity", _vector("p q r", "x y z"), frame="FRD", units=_SI),
-    KnownMessage("IMC", "Acceleration", _vector("fx fy fz", "x y z"), frame="FRD", units=_SI),
-    KnownMessage("IMC", "GroundVelocity", _vector("u v w", "x y z"), frame="FRD", units=_SI, flag="validity", valid=7),
+    KnownMessage("IMC", "AngularVelocity", _vector("p q r", "x y z"), units=_SI),
+    KnownMessage("IMC", "Acceleration", _vector("fx fy fz", "x y z"), units=_SI),
+    KnownMessage("IMC", "GroundVelocity", _vector("u v w", "x y z"), units=_SI, flag="validity", valid=7),
     KnownMessage("IMC", "WaterVelocity", {}),
     KnownMessage("IMC", "Depth", {"down": "value"}, units=_SI),
     KnownMessage("IMC", "Rpm", {"thrust.revolutions": "value"}, Role.MEASURED, units=("rpm",)),
-    KnownMessage("IMC", "(Set)?ServoPosition", {}, Role.COMMAND, units=("rad",)),
+    KnownMessage("IMC", "ServoPosition", {"fins": "value"}, units=("rad",), marks=("id",)),
+    KnownMessage("IMC", "SetServoPosition", {"fins": "value"}, Role.SET_POINT, units=("rad",), marks=("id",)),
+    KnownMessage("IMC", "SetThrusterActuation", {"thrust.share": "value"}, Role.SET_POINT, units=("1",)),
     KnownMessage("IMC", r"Desired\w+", {}, Role.SET_POINT),
     KnownMessage(
         "IMC",
@@ -110,15 +121,19 @@ KNOWN_MESSAGES = (
         frame="FRD",
         units=_SI,
     ),
+    KnownMessage("ArduPilot", "GYR", _vector("p q r", "GyrX GyrY GyrZ"), frame="FRD", units=_SI),
+    KnownMessage("ArduPilot", "ACC", _vector("fx fy fz", "AccX AccY AccZ"), frame="FRD", units=_SI),
+    KnownMessage("ArduPilot", "BARO", {"down": "Alt"}, units=_SI, marks=("Press",)),
     KnownMessage("ArduPilot", "PS[CO][NEDUZ]|RATE|SIDD", {}, Role.SET_POINT),
     KnownMessage("MOOS", "DESIRED_THRUST", {"thrust.share": "value"}, Role.COMMAND, units=("percent",)),
-    KnownMessage("MOOS", "DESIRED_RUDDER", {"rudder": "value"}, Role.COMMAND, units=("deg",)),
-    KnownMessage("MOOS", "DESIRED_ELEVATOR", {"elevator": "value"}, Role.COMMAND, units=("deg",)),
+    KnownMessage("MOOS", "DESIRED_RUDDER", {"rudder": "value"}, Role.COMMAND),
+    KnownMessage("MOOS", "DESIRED_ELEVATOR", {"elevator": "value"}, Role.COMMAND),
     KnownMessage("MOOS", "DESIRED_(HEADING|SPEED|DEPTH)|TURN_RATE", {}, Role.SET_POINT),
     KnownMessage("MOOS", "NAV_DEPTH", {"down": "value"}, Role.FILTER_OUTPUT, units=_SI),
     KnownMessage("MOOS", "NAV_HEADING", {"psi": "value"}, Role.FILTER_OUTPUT, "FRD", _DEG),
     KnownMessage("MOOS", "NAV_PITCH", {"theta": "value"}, Role.FILTER_OUTPUT),
     KnownMessage("MOOS", "NAV_ROLL", {"phi": "value"}, Role.FILTER_OUTPUT),
+    KnownMessage("Water Linked", "position_local", {}, Role.FILTER_OUTPUT, marks=("std", "ts")),
     KnownMessage(
         "Water Linked",
         "",
@@ -140,24 +155,32 @@ KNOWN_MESSAGES = (
     KnownMessage("marine_acoustic_msgs", "", _VELOCITY, frame="FRD", units=_SI, marks=("velocity_mode", "dvl_type")),
     KnownMessage("uuv_simulator", "", _VELOCITY, units=_SI, marks=("velocity_covariance[0]", "altitude")),
     KnownMessage("Nortek", "", _VELOCITY, units=_SI, marks=("figureOfMerit", "dt1")),
-    KnownMessage("RDI", "", _vector("u v w", "BT_vel_x_mms BT_vel_y_mms BT_vel_z_mms"), units=("mm/s",)),
+    KnownMessage(
+        "RDI", "", _vector("u v w", "BT_vel_x_mms BT_vel_y_mms BT_vel_z_mms"), units=("mm/s",), is_of_bottom=True
+    ),
 )
 
 
-def known_message(table: str, columns: Iterable[LogColumn]) -> KnownMessage | None:
-    """Return the message of a table; None if it is of no known format."""
-    return _known(table, frozenset(column.name for column in columns))
+def known_message(table: str, columns: Iterable[LogColumn], file: str = "") -> KnownMessage | None:
+    """Return the message of a table; None if it is of no known format.
+
+    A table without a name is that of a text log, whose `file` may have the name of a message: log_7_sensor_gyro_0.
+    """
+    return _known(table, "" if table else file, frozenset(column.name for column in columns))
 
 
 @cache
-def _known(table: str, names: frozenset[str]) -> KnownMessage | None:
+def _known(table: str, file: str, names: frozenset[str]) -> KnownMessage | None:
     for message in KNOWN_MESSAGES:
         needed = {
             *message.fields.values(),
             *message.marks,
             *({message.flag} if message.flag and not message.table else ()),
         }
-        if message.table and not re.fullmatch(message.table + _INSTANCE, table):
+        if message.table and not (
+            re.fullmatch(message.table + _INSTANCE, table)
+            or re.fullmatch(rf"(.*[_. -])?({message.table})(_\d+)?", file)
+        ):
             continue
         # A topic may have the name of a message by chance; one whose fields are all missing is another.
         if needed <= names:

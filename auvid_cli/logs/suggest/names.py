@@ -1,6 +1,7 @@
 """Usual names of sensors, inputs and times in logs."""
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
@@ -10,7 +11,8 @@ from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
 from auvid_cli.logs.suggest.known_formats import KnownMessage, Role, known_columns, known_message
 
 _VELOCITY, _TO_GROUND = r"(v|(bt_|ground_?)?vel(ocity)?|linear|dvl_v\w*)[_.]?", r"_vel(ocity)?(_wrt_ground)?"
-# By sensor and component: pattern of the end of a name in lower case, with underscores for blanks and dashes.
+# By sensor and component: pattern of the end of a name in lower case, with underscores for blanks and dashes. Names are
+# English or German.
 SENSOR_NAMES: dict[str, dict[str, str]] = {
     "gyroscope": {
         "p": r"(gyro\w*_)?p|(gyro?|g|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?x|roll_?(rate|speed)",
@@ -23,16 +25,17 @@ SENSOR_NAMES: dict[str, dict[str, str]] = {
         "fz": r"(acc\w*_)?fz|(a|acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?z",
     },
     "dvl": {
-        "u": rf"(dvl_)?u|surge(_(speed|velocity))?|{_VELOCITY}x|x{_TO_GROUND}",
-        "v": rf"(dvl_)?v|sway(_(speed|velocity))?|{_VELOCITY}y|y{_TO_GROUND}",
-        "w": rf"(dvl_)?w|heave(_(speed|velocity))?|{_VELOCITY}z|z{_TO_GROUND}",
+        "u": rf"(dvl_)?u|surge(_(speed|velocity))?|{_VELOCITY}x|x{_TO_GROUND}|geschwindigkeit_x",
+        "v": rf"(dvl_)?v|sway(_(speed|velocity))?|{_VELOCITY}y|y{_TO_GROUND}|geschwindigkeit_y",
+        "w": rf"(dvl_)?w|heave(_(speed|velocity))?|{_VELOCITY}z|z{_TO_GROUND}|geschwindigkeit_z",
     },
     "attitude": {
-        "phi": r"(attitude_)?(phi|roll)(_angle)?",
-        "theta": r"(attitude_)?(theta|pitch)(_angle)?",
-        "psi": r"((attitude_)?(psi|yaw)(_angle)?|((c_)?true_|magnetic_)?heading|orientation)(_(enu|ned))?",
+        "phi": r"(attitude_)?(phi|roll)(_angle)?|roll(en|winkel)",
+        "theta": r"(attitude_)?(theta|pitch)(_angle)?|nick(en|winkel)",
+        "psi": r"((attitude_)?(psi|yaw)(_angle)?|((c_)?true_|magnetic_)?heading|orientation"
+        r"|kurs(winkel)?|gier(en|winkel))(_(enu|ned))?",
     },
-    "depth": {"down": r"down|(dfs_)?depth|position\.z"},
+    "depth": {"down": r"down|(dfs_)?depth|position\.z|(tauch)?tiefe"},
 }
 # Velocity along north, east and down, by component of a DVL.
 EARTH_VELOCITY: dict[str, str] = {
@@ -50,13 +53,14 @@ SIDES = (
 )
 _WHICH = rf"(_?\d+|_{SIDES})*"
 INPUT_NAMES: dict[str, str] = {
-    "rudder": r"(servo_)?(rudder|delta_r|dr)(_(angle|cmd|input|pwm|us))?|yaw_input|fin",
-    "elevator": r"(servo_)?(elevator|stern_?planes?|delta_[se]|de|ds)(_(angle|cmd|input|pwm|us))?|pitch_input",
+    "rudder": r"(servo_)?(rudder|delta_r|dr)(_(angle|cmd|input|pwm|us))?|yaw_input|fin|seitenruder",
+    "elevator": r"(servo_)?(elevator|stern_?planes?|delta_[se]|de|ds)(_(angle|cmd|input|pwm|us))?|pitch_input"
+    r"|tiefenruder",
     "fins.top": r"(fins?_)?(yaw_t|top)|top_fins?",
     "fins.bottom": r"(fins?_)?(yaw_b|bottom|bot)|bottom_fins?",
     "fins.right": r"(fins?_)?(pitch_r|right|starboard|stbd)|(right|starboard|stbd)_fins?",
     "fins.left": r"(fins?_)?(pitch_l|left|port)|(left|port)_fins?",
-    "surge_force": rf"surge_force|thrust(_force)?{_WHICH}",
+    "surge_force": rf"surge_force|thrust(_force)?{_WHICH}|schub(kraft)?",
     "thrust.revolutions": r"((prop|screw|shaft|motor|thrust|throttle)\w*)?(rpm|rps|rev/s|turn/s)|(rpm|rps)_\w+"
     r"|propeller_rotation_rate",
     "thrust.share": rf"({SIDES}_)*thruster{_WHICH}(_(cmd|command|input|pwm|us))?{_WHICH}|motor_speed_cmd|throttle",
@@ -95,6 +99,10 @@ _STAMPS = r"(header[._])?stamp([._](secs?|t))?|\w*time_?of_?validity\w*|(\w+_)?v
 _WHOLE_SECONDS = re.compile(r"(?P<stem>(.*[._])?)(sec|secs|seconds|s)")
 _ANY_TIME = r"\w*time|(.*[._])?secs?|zeit"
 _TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
+# Elements of a vector with three components; those of angles are roll, pitch and yaw.
+_ELEMENT = re.compile(r"(?P<stem>(?!(.*\.)?(data|value|xyz|q|q_d|quat\w*)\[).*[a-zA-Z])\[(?P<index>[012])\]")
+_OF_ANGLES = re.compile(r"(^|[._])(rpy|euler\w*|att(itude)?|angles|ypr_rev)$")
+_ANGLES = ("roll", "pitch", "yaw")
 _BARE_FIELD = re.compile(r"(data|value|xyz)(\[(?P<index>[012])\])?|(?P<axis>[xyz])")
 # Fields of ROS messages in forward-left-up and east-north-up axes (REP 103).
 _REP_103 = {
@@ -108,11 +116,14 @@ _REP_103 = {
 _SET_POINT = re.compile(
     r"(^|[_./ ])(desired|target|goal|ref|reference|set_?points?|sp|cmd|command(ed|s)?|next)([_./ ]|$)"
 )
+_MAX_INSTANCES = 100
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")  # start of a word within DesiredHeading
 _FILTER_WORDS = (
     r"global_position_int|local_position|odom|ekf|[xn]kf\d|kalman|estimat|dead_?reckon|(^|[_./])nav(_|state|solution)"
 )
 _FILTER_OUTPUT = re.compile(_FILTER_WORDS)
+# Last part of the name of a table with the measurements of a device, such as nav_t.DVL.
+_DEVICE = re.compile(r"(dvl|imu|ahrs|gyro\w*|fog|ins_raw|paro\w*|ctd|pressure\w*|compass|rdi|nortek|a50|xsens|mti)\d*")
 _FILTER_TABLE = re.compile(rf"{_FILTER_WORDS}|filtered")
 
 
@@ -132,7 +143,11 @@ class Match(NamedTuple):
 
 
 def find_columns(
-    wanted: Mapping[str, str], tables: Mapping[str, tuple[LogColumn, ...]], hint: str = "", unit: str = ""
+    wanted: Mapping[str, str],
+    tables: Mapping[str, tuple[LogColumn, ...]],
+    hint: str = "",
+    unit: str = "",
+    file: str = "",
 ) -> list[Match]:
     """Return the matching columns of each table; measurements and tables with most components first.
 
@@ -147,11 +162,13 @@ def find_columns(
         Word that a preferred table contains.
     unit : str
         SI unit, for endings of names in `NAMED_UNITS`.
+    file : str
+        Name of the file of a text log, which may be that of a message.
     """
     whose = f"{_OWNER}{_COMMANDED}" if wanted is INPUT_NAMES else _OWNER
     ending = rf"(_({'|'.join(NAMED_UNITS[unit])}))?" if unit in NAMED_UNITS else _ANY_UNIT
     places = []
-    for table, columns in tables.items():
+    for table, columns in distinct_tables(tables).items():
         numbers = [
             column
             for column in columns
@@ -159,7 +176,7 @@ def find_columns(
             and (wanted is INPUT_NAMES or not is_set_point(table, column.name))
             and (wanted is QUATERNION_NAMES or not _is_called(column.name, _OF_QUATERNION))
         ]
-        message = known_message(table, columns)
+        message = known_message(table, columns, file)
         if message is not None:
             if matches := known_columns(message, wanted, columns, wanted is QUATERNION_NAMES):
                 places.append(Match(table, matches, message))
@@ -176,6 +193,33 @@ def find_columns(
     return sorted(places, key=lambda place: (*_rank(place), hint in place.table), reverse=True)
 
 
+def distinct_tables(tables: Mapping[str, tuple[LogColumn, ...]]) -> dict[str, tuple[LogColumn, ...]]:
+    """Return the tables without those that repeat others: one with several instances, or the only instance."""
+    instances = Counter(table.partition("[")[0] for table in tables if "[" in table)
+    repeats = {table for table in tables if instances.get(table, 0) > 1}
+    repeats |= {f"{table}[{k}]" for table in tables if instances.get(table, 0) == 1 for k in range(_MAX_INSTANCES)}
+    return {table: columns for table, columns in tables.items() if table not in repeats}
+
+
+def component_of(column: LogColumn) -> str:
+    """Return the component of a sensor that a column has the name of; empty without one."""
+    for wanted in SENSOR_NAMES.values():
+        for component, pattern in wanted.items():
+            if _is_called(column.name, rf"{_OWNER}({pattern}){_FILTERED}{_ANY_UNIT}{_FILTERED}"):
+                return component
+    return ""
+
+
+def without_names(logs: Mapping[str, Log]) -> str:
+    """Return the columns of the logs if they are only elements of arrays; empty otherwise."""
+    tables = [table for log in logs.values() for table in log.tables().values()]
+    tables = [table for log in logs.values() for table in log.tables().values()]
+    columns = [column.name for table in tables for column in table if not column.name.startswith("@")]
+    arrays = [name for name in columns if re.fullmatch(r"data\[\d+\]|#\d+", name)]
+    others = [name for name in columns if name not in arrays and not name.startswith("layout.")]
+    return f"{arrays[0]} to {arrays[-1]}" if arrays and not others else ""
+
+
 def _preference(column: LogColumn) -> tuple[bool, bool, int]:
     return is_filter_output("", column.name), "filt" in column.name.lower(), len(column.name)
 
@@ -187,7 +231,7 @@ def is_set_point(table: str, name: str) -> bool:
 
 def is_filter_output(table: str, *names: str) -> bool:
     """Whether a table or one of its columns has the name of a navigation filter's output."""
-    if _FILTER_TABLE.search(_plain(table)):
+    if _FILTER_TABLE.search(_plain(table)) and not _DEVICE.fullmatch(re.split(r"[./]", _plain(table))[-1]):
         return True
     return any(_FILTER_OUTPUT.search(_plain(name)) for name in names)
 
@@ -207,7 +251,14 @@ def find_in_logs(
     logs: Mapping[str, Log], wanted: Mapping[str, str], hint: str = "", unit: str = ""
 ) -> tuple[str, Match] | None:
     """Return the log and columns with most of the wanted components, of tables whose numbers change."""
-    places = [(name, place) for name, log in logs.items() for place in find_columns(wanted, log.tables(), hint, unit)]
+    places = [
+        (name, place)
+        for name, log in logs.items()
+        for place in find_columns(wanted, log.tables(), hint, unit, log.path.stem)
+    ]
+    if hint == "depth":
+        # One of several pressure sensors may measure the air inside the hull.
+        places.sort(key=lambda place: _range(logs[place[0]], place[1]), reverse=True)
     for name, place in sorted(places, key=lambda place: _rank(place[1]), reverse=True):
         values = logs[name].read(place.table, [column.name for column in place.columns.values()])
         numbers = {key: np.asarray(values[column.name], np.float64) for key, column in place.columns.items()}
@@ -215,6 +266,14 @@ def find_in_logs(
         if any(np.nanmax(values) > np.nanmin(values) for values in filled.values()):
             return name, place._replace(columns={key: place.columns[key] for key in filled})
     return None
+
+
+def _range(log: Log, place: Match) -> float:
+    """Return the largest range of values of the columns of a message; 0 for other tables, which names decide."""
+    if place.message is None:
+        return 0.0
+    values = log.read(place.table, [column.name for column in place.columns.values()]).values()
+    return max(float(np.ptp(known)) for v in values if (known := np.asarray(v)[np.isfinite(np.asarray(v))]).size)
 
 
 def is_over_ground(columns: Mapping[str, LogColumn]) -> bool:
@@ -263,6 +322,10 @@ def time_columns(columns: Iterable[LogColumn]) -> list[TimeColumn]:
 
 def _possible_names(table: str, column: LogColumn) -> tuple[str, ...]:
     """Return the name of a column with and without its unit; for a message of bare numbers those of its topic."""
+    if vector := _ELEMENT.fullmatch(column.name):
+        axes = _ANGLES if _OF_ANGLES.search(_plain(vector["stem"])) else ("x", "y", "z")
+        axis = axes[int(vector["index"])]
+        return (axis,) if axes is _ANGLES else (f"{vector['stem']}_{axis}",)
     field = _BARE_FIELD.fullmatch(column.name)
     if not table or field is None:
         return (column.name, f"{column.name}_{column.unit}")

@@ -1,4 +1,4 @@
-"""Fins, quaternions and axes that names do not tell apart: tried on the data."""
+"""Quaternions and axes that names do not tell apart: tried on the data."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -7,14 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.arrays import Array
-from auvid_cli.logs.formats.log import LogColumn
+from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.frames import conjugate, interpolate, product
+from auvid_cli.logs.suggest.evidence import TRIPLES, course_direction
+from auvid_cli.logs.suggest.found_sensors import FoundSensor, is_over_ground, sensor_tracks
+from auvid_cli.logs.suggest.known_formats import known_message
+from auvid_cli.logs.suggest.names import Match, distinct_tables
+from auvid_cli.logs.suggest.numbered_fins import correlation, numbered
 from auvid_cli.logs.suggest.relations import RelationFit, Track, fit_relations
+from auvid_cli.logs.suggest.rows import found_in, tracks_of
 
 _QUATERNION = re.compile(r"(?i)(.*\.)?(q|quat|quaternion)_?\[?(?P<number>[0-4])\]?")
-_FIN = re.compile(
-    r"(?i)(.*\.)?(fin|servo|rudder|plane|surface|delta)s?_?\[?(?P<number>[0-9])\]?(_(deg|rad|angle|pwm|us))?"
-)
 _MAX_NORM_ERROR = 0.05  # largest deviation of a quaternion's length from 1
 _MIN_AGREEMENT = 0.6  # mean correlation of turn rates
 _CLEARLY_MORE = 0.1
@@ -28,31 +31,12 @@ _RATE_WINDOW = 0.5  # s, over which turn rates of a quaternion are taken
 _FAST = 3.0  # ratio of mean speeds at which the axis of the larger one points ahead
 _MIN_SPEED = 0.3  # m/s
 _EXCHANGE_EVIDENCE = 6.0  # log likelihood by which exchanged axes must agree better
-_TOGETHER = 0.98  # correlation of fins that move together
-_STEP = 0.1  # s
-_WINDOW = 10  # steps over which a response is taken
-_CLEAR = 0.3  # smallest share of the variance of a response that fins must explain
-_PLUS = 0.2  # share below which a response counts as none
 
 
-def numbered(pattern: re.Pattern[str], columns: Iterable[LogColumn]) -> list[LogColumn]:
-    """Return the columns with numbers by a pattern, in the order of their numbers."""
-    matches = [
-        (match, column) for column in columns if (match := pattern.fullmatch(column.name)) and not column.is_text
-    ]
-    return [column for _, column in sorted(matches, key=lambda pair: int(pair[0]["number"]))]
-
-
-def numbered_quaternion(columns: Iterable[LogColumn]) -> list[LogColumn]:
+def _numbered_quaternion(columns: Iterable[LogColumn]) -> list[LogColumn]:
     """Return four columns such as q0 to q3; empty without them."""
     found = numbered(_QUATERNION, columns)
     return found if len(found) == 4 else []
-
-
-def numbered_fins(columns: Iterable[LogColumn]) -> list[LogColumn]:
-    """Return two to four columns such as fin1 to fin4; empty without them."""
-    found = numbered(_FIN, columns)
-    return found if 2 <= len(found) <= 4 else []
 
 
 class Order(NamedTuple):
@@ -100,17 +84,9 @@ def _rates(time: Array, quaternion: Array, cells: int) -> Array:
 def _agreement(rates: Array, measured: Sequence[Array]) -> float:
     """Return the mean correlation of turn rates in the usual pair of axes in which it is largest."""
     return max(
-        float(np.mean([sign * _correlation(rates[k], measured[axis]) for k, (axis, sign) in enumerate(axes)]))
+        float(np.mean([sign * correlation(rates[k], measured[axis]) for k, (axis, sign) in enumerate(axes)]))
         for axes in _USUAL_TURNS
     )
-
-
-def _correlation(first: Array, second: Array) -> float:
-    both = np.isfinite(first) & np.isfinite(second)
-    first, second = first[both], second[both]
-    if first.size < 3 or not np.ptp(first) > 0.0 or not np.ptp(second) > 0.0:
-        return 0.0
-    return float(np.corrcoef(first, second)[0, 1])
 
 
 def exchanged_axes(tracks: Mapping[str, Track], may_be_over_ground: bool) -> dict[str, str]:
@@ -146,81 +122,53 @@ def _weight(fits: Sequence[RelationFit]) -> float:
     return sum(abs(fit.weight) for fit in fits)
 
 
-class FinRole(NamedTuple):
-    """Place of a fin on the tail and its sign."""
-
-    name: str  # as in the map, such as upper_right
-    sign: int
-    reason: str
-
-
-def fin_roles(fins: Sequence[Track], yaw_rate: Track | None, pitch_rate: Track | None) -> list[FinRole]:
-    """Return the place of each fin by which rates answer it; empty if the data do not show it.
-
-    A fin of an x tail moves yaw and pitch, one of a cross moves one of them. Which fin of a pair is the upper or the
-    right one does not show in yaw and pitch, only in roll.
-    """
-    if yaw_rate is None or pitch_rate is None:
-        return []
-    begin, end = max(t.time[0] for t in (*fins, yaw_rate)), min(t.time[-1] for t in (*fins, yaw_rate))
-    grid = np.arange(begin, end, _STEP)
-    if grid.size < 20 * _WINDOW:
-        return []
-    angles = [interpolate(fin.time, fin.values[:, None], grid)[:, 0] for fin in fins]
-    pairs: list[list[int]] = []
-    for k, angle in enumerate(angles):
-        pair = next((p for p in pairs if abs(_correlation(angles[p[0]], angle)) > _TOGETHER), None)
-        if pair is None:
-            pairs.append([k])
-        else:
-            pair.append(k)
-    if len(pairs) != 2:
-        return []
-    heads = [angles[pair[0]] for pair in pairs]
-    yaw, pitch = (_effects(grid, rate, heads) for rate in (yaw_rate, pitch_rate))
-    if yaw is None or pitch is None:
-        return []
-    roles: dict[int, FinRole] = {}
-    for number, pair in enumerate(pairs):
-        rudder, elevator = -yaw[number], -pitch[number]
-        names, sign, what = _places(rudder, elevator)
-        together = " and ".join(f"no. {k + 1}" for k in pair)
-        for name, k in zip(names, pair, strict=False):
-            own = 1 if _correlation(angles[pair[0]], angles[k]) > 0.0 else -1
-            reason = f"{together} move together, {what}" if len(pair) > 1 else what
-            roles[k] = FinRole(name, sign * own, reason)
-    return [roles[k] for k in sorted(roles)] if len(roles) == len(fins) and _are_all_different(roles) else []
+def numbered_attitude(logs: Mapping[str, Log], found: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
+    """Return the attitude of four columns such as q0 to q3, in the order that the gyroscope shows."""
+    gyroscope = sensor_tracks(logs, {name: sensor for name, sensor in found.items() if name == "gyroscope"})
+    for name, log in logs.items():
+        for table, columns in distinct_tables(log.tables()).items():
+            four = _numbered_quaternion(columns)
+            if not four or known_message(table, columns, log.path.stem) is not None:
+                continue
+            read = log.read(table, [column.name for column in four])
+            tracks = tracks_of(
+                log, table, {str(k): np.asarray(values, np.float64) for k, values in enumerate(read.values())}
+            )
+            if len(tracks) == 4 and (
+                order := quaternion_order(
+                    tracks["0"].time,
+                    np.column_stack([track.values for track in tracks.values()]),
+                    list(gyroscope.values()),
+                )
+            ):
+                by_axis = dict(sorted(zip(order.axes, four, strict=True)))
+                main = found_in(logs, "attitude", name, Match(table, by_axis))
+                return {"attitude": FoundSensor(main, [], (f"order {order.axes}: {order.reason}",))}
+    return {}
 
 
-def _are_all_different(roles: Mapping[int, FinRole]) -> bool:
-    return len({role.name for role in roles.values()}) == len(roles)
+def in_usual_order(found: Mapping[str, FoundSensor], tracks: Mapping[str, Track]) -> dict[str, FoundSensor]:
+    """Exchange the first two components of sensors whose x axis points to starboard."""
+    is_fixed = "dvl" in found and (_has_fixed_axes(found["dvl"].main.match) or is_over_ground(found["dvl"].main.match))
+    reasons = exchanged_axes(tracks, is_fixed or course_direction(tracks) != 0)
+    usual = dict(found)
+    for name, reason in reasons.items():
+        if name == "attitude":
+            main = found[name].main._replace(is_right_forward_up=True)
+            if set(main.numbers) in ({*TRIPLES[name]}, {*"wxyz"}):
+                usual[name] = found[name]._replace(main=main)
+            continue
+        main, (first, second, _) = found[name].main, TRIPLES[name]
+        if {first, second} <= {*main.numbers} and not _has_fixed_axes(main.match):
+            swap = {first: second, second: first}
+            columns = {key: main.match.columns[swap.get(key, key)] for key in main.match.columns}
+            numbers = {key: main.numbers[swap.get(key, key)] for key in main.numbers}
+            main = main._replace(match=main.match._replace(columns=columns), numbers=numbers)
+            usual[name] = found[name]._replace(
+                main=main, notes=(f"check: x and y are exchanged: {reason}",), is_exchanged=True
+            )
+    return usual
 
 
-def _places(rudder: float, elevator: float) -> tuple[tuple[str, str], int, str]:
-    """Return the places of a pair of fins, the sign of the first, and the response; arguments are relative effects."""
-    if abs(elevator) < _PLUS * abs(rudder):
-        return ("top", "bottom"), 1 if rudder > 0.0 else -1, "yaw responds"
-    if abs(rudder) < _PLUS * abs(elevator):
-        return ("right", "left"), 1 if elevator > 0.0 else -1, "pitch responds"
-    sign = 1 if rudder > 0.0 else -1
-    same = rudder * elevator > 0.0
-    return (("lower_right", "upper_left") if same else ("upper_right", "lower_left")), sign, "yaw and pitch respond"
-
-
-def _effects(grid: Array, rate: Track, heads: Sequence[Array]) -> Array | None:
-    """Return the effects of fins on a rate, relative to the largest; None if they explain too little of it."""
-    on_grid = interpolate(rate.time, rate.values[:, None], grid)[:, 0]
-    change = on_grid[_WINDOW:] - on_grid[:-_WINDOW]
-    means = [np.convolve(head, np.full(_WINDOW + 1, 1.0 / (_WINDOW + 1)), "valid") for head in heads]
-    design = np.column_stack([*means, on_grid[:-_WINDOW], np.ones(change.size)])
-    usable = np.isfinite(design).all(axis=1) & np.isfinite(change)
-    if np.count_nonzero(usable) < 20 * _WINDOW:
-        return None
-    design, change = design[usable], change[usable]
-    size = np.maximum(np.abs(design).max(axis=0), np.finfo(np.float64).tiny)
-    effects, *_ = np.linalg.lstsq(design / size, change, rcond=None)
-    rest = change - (design / size) @ effects
-    explained = 1.0 - float(rest @ rest) / max(float(change @ change), np.finfo(np.float64).tiny)
-    effects = effects[: len(heads)] / size[: len(heads)]
-    largest = float(np.abs(effects).max())
-    return effects / largest if explained > _CLEAR and largest > 0.0 else None
+def _has_fixed_axes(match: Match) -> bool:
+    return match.message is not None and bool(match.message.frame)

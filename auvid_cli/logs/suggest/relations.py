@@ -24,6 +24,11 @@ _MAX_WEIGHT = 12.0
 _SIDESLIP_WEIGHT = 1.5
 _SIDESLIP_CORRELATION = 0.5
 _CONFOUNDED_WEIGHT = 3.5
+# A current shows in surge and sway of several headings; it must explain much of the surge that turns leave.
+_CURRENT_WEIGHT = 6.0
+_CURRENT_WINDOW = 10.0  # s, of a steady heading
+_MIN_CURRENT_SHARE = 0.3  # share of the variance of the surge
+_MIN_HEADINGS = 0.05  # smallest variance of the heading's cosine and sine along any direction
 # A delay counts only if the signals agree well and its likelihood clearly exceeds that of no delay (log likelihoods).
 _DELAY_GAIN = 6.0
 _DELAY_COST = 8.0  # per second
@@ -151,10 +156,35 @@ def _relations(s: Signals) -> Iterator[Relation]:
         if s.has("v"):
             words, limit = "v points outward in turns", _SIDESLIP_WEIGHT
             yield Relation(("v", axis), words, s.mean("v"), -rate, s.course(), max_weight=limit, shows_delay=False)
+            yield from _of_current(s, rate)
         yield from _responses(s, axis, rate, YAW_FINS)
     pitching = s.turning("q", "theta")
     if pitching is not None:
         yield from _responses(s, *pitching, PITCH_FINS)
+
+
+def _of_current(s: Signals, turn_rate: Array) -> Iterator[Relation]:
+    """Yield the relation of sway to the current that surge shows, if the headings are enough for one."""
+    if not s.has("u", "psi"):
+        return
+    cosine, sine = s.course()
+    rows = np.stack([s.mean("u"), cosine, sine, np.abs(turn_rate), np.ones(cosine.size)])
+    rows = rows[:, np.isfinite(rows).all(axis=0)]
+    if rows.shape[1] < _MIN_WINDOWS:
+        return
+    basis, _ = np.linalg.qr(rows[3:].T)
+    rest = rows[:3] - (rows[:3] @ basis) @ basis.T
+    covariance = np.cov(rest[1:])
+    if float(np.linalg.eigvalsh(covariance)[0]) < _MIN_HEADINGS:
+        return
+    (north, east), *_ = np.linalg.lstsq(rest[1:].T, rest[0], rcond=None)
+    if np.var(north * rest[1] + east * rest[2]) < _MIN_CURRENT_SHARE * np.var(rest[0]):
+        return
+    aside = east * cosine - north * sine
+    words, limit = "v shows the current that u shows", _CURRENT_WEIGHT
+    yield Relation(
+        ("v", "u", "psi"), words, s.mean("v"), aside, (turn_rate,), limit, _CURRENT_WINDOW, shows_delay=False
+    )
 
 
 def _of_depth(s: Signals) -> Iterator[Relation]:

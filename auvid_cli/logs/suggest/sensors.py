@@ -1,69 +1,43 @@
 """Sensors of a suggested map, by names, units, values and evidence."""
 
-import re
-from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from auvid_cli.arrays import Array
 from auvid_cli.data.signals import estimate_noise, is_smoothed
-from auvid_cli.logs.formats.log import Log, LogColumn
+from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest import names
-from auvid_cli.logs.suggest.evidence import OVER_GROUND, TRIPLES, USUAL_AXES, Evidence, course_direction
-from auvid_cli.logs.suggest.known_formats import known_message
-from auvid_cli.logs.suggest.numbered import exchanged_axes, numbered_quaternion, quaternion_order
-from auvid_cli.logs.suggest.relations import Track
-from auvid_cli.logs.suggest.rows import (
-    Comment,
-    Flow,
-    Found,
-    Line,
-    Phrase,
-    YamlEntry,
-    found_in,
-    place_of,
-    row_entries,
-    time_of,
-    tracks_of,
+from auvid_cli.logs.suggest.behaviour import with_behaviour
+from auvid_cli.logs.suggest.evidence import OVER_GROUND, ROTATED, TRIPLES, USUAL_AXES, Evidence
+from auvid_cli.logs.suggest.found_sensors import (
+    FoundSensor,
+    flag_of,
+    is_over_ground,
+    is_upside_down,
+    part_tracks,
+    sensor_tracks,
+    valid_value,
 )
+from auvid_cli.logs.suggest.known_formats import known_message
+from auvid_cli.logs.suggest.numbered import in_usual_order, numbered_attitude
+from auvid_cli.logs.suggest.rows import Found, found_in, place_of, row_entries
+from auvid_cli.logs.suggest.times import time_of
 from auvid_cli.logs.suggest.units import Columns, possible_units
+from auvid_cli.logs.suggest.yaml_lines import Comment, Flow, Line, Phrase, YamlEntry
 from auvid_cli.vehicle.parameters import SENSORS
 
 _EARTH_AXES = {"FRD": "NED", "FLU": "ENU"}
 _MIN_GRAVITY = 5.0  # m/s^2, mean specific force that shows the direction of gravity
-_UPSIDE_DOWN = 0.75 * np.pi  # rad, least median roll of a sensor that hangs upside down
 _MANY_REPEATS = 0.5  # share of rows that repeat the one before
 # Log likelihoods by conventions and names.
 _CONVENTION = 6.0  # axes of a standard message, or of a velocity with north and east in its names
+_MIRROR = 30.0  # axes of a known message that are not a mirror image
 _QUATERNION = 2.0  # FLU axes for a quaternion
 _HANGING = 2.0  # FLU axes for the DVL of a vehicle with an attitude upside down
 _HEADING = 1.5  # usual sign of a column with heading in its name
 _EAST = 8.0  # opposite sign of a heading with ENU in its name
 _BODY_AXES = 4.0  # FRD axes of an attitude with ENU in its name
-_FLAG = re.compile(r"(?P<whose>.*?)[_. ]?(valid|validity|is_valid|lock(ed)?|good)", re.IGNORECASE)
-# Words in the names of a sensor's flags.
-_WORDS = {
-    "gyroscope": ("gyro", "imu", "rate"),
-    "accelerometer": ("acc", "imu"),
-    "dvl": ("dvl", "vel", "bottom"),
-    "attitude": ("att", "ahrs", "imu", "orientation", "roll", "pitch", "yaw"),
-    "depth": ("depth", "press"),
-}
-
-
-class FoundSensor(NamedTuple):
-    """Columns of a sensor in its main table, and its components in other tables."""
-
-    main: Found
-    apart: list[Found]
-    notes: tuple[str, ...] = ()  # reasons for columns that their names do not show
-    is_exchanged: bool = False  # whether x points to starboard and y ahead, so that z points up
-
-    @property
-    def parts(self) -> list[Found]:
-        """Return the main columns and the others."""
-        return [self.main, *self.apart]
 
 
 def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
@@ -85,8 +59,9 @@ def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
             main = found_in(logs, sensor, *place)
             found[sensor] = FoundSensor(main, [] if main.is_quaternion else _apart(logs, main))
     if "attitude" not in found:
-        found |= _numbered_attitude(logs, found)
-    return _with_units(logs, _in_usual_order(found, sensor_tracks(logs, found)))
+        found |= numbered_attitude(logs, found)
+    found = with_behaviour(logs, found)
+    return _with_units(logs, in_usual_order(found, sensor_tracks(logs, found)))
 
 
 def _with_units(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
@@ -95,7 +70,7 @@ def _with_units(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
     columns = []
     for part in parts:
         numbers = part.si() if part.is_quaternion else part.numbers
-        tracks = _part_tracks(logs, sensors, part, numbers)
+        tracks = part_tracks(logs, sensors, part, numbers)
         is_stated = part.is_stated or part.is_quaternion
         columns.append(Columns(part.sensor, tracks, part.unit if is_stated else ""))
     is_over_ground = "dvl" in sensors and names.is_over_ground(sensors["dvl"].main.match.columns)
@@ -111,69 +86,6 @@ def _with_units(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
     }
 
 
-def _part_tracks(
-    logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], part: Found, signals: Mapping[str, Array]
-) -> dict[str, Track]:
-    """Return signals of a part with their times; rows that the log marks as invalid are NaN."""
-    log = logs[part.log]
-    if flag := flag_of(sensors, log, part):
-        flags = np.asarray(log.read(part.match.table, [flag])[flag], np.float64)
-        is_valid = flags == _valid_value(part, flags)
-        signals = {symbol: np.where(is_valid, values, np.nan) for symbol, values in signals.items()}
-    return tracks_of(log, part.match.table, signals)
-
-
-def _numbered_attitude(logs: Mapping[str, Log], found: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
-    """Return the attitude of four columns such as q0 to q3, in the order that the gyroscope shows."""
-    gyroscope = sensor_tracks(logs, {name: sensor for name, sensor in found.items() if name == "gyroscope"})
-    for name, log in logs.items():
-        for table, columns in log.tables().items():
-            four = numbered_quaternion(columns)
-            if not four or known_message(table, columns) is not None:
-                continue
-            read = log.read(table, [column.name for column in four])
-            tracks = tracks_of(
-                log, table, {str(k): np.asarray(values, np.float64) for k, values in enumerate(read.values())}
-            )
-            if len(tracks) == 4 and (
-                order := quaternion_order(
-                    tracks["0"].time,
-                    np.column_stack([track.values for track in tracks.values()]),
-                    list(gyroscope.values()),
-                )
-            ):
-                by_axis = dict(sorted(zip(order.axes, four, strict=True)))
-                main = found_in(logs, "attitude", name, names.Match(table, by_axis))
-                return {"attitude": FoundSensor(main, [], (f"order {order.axes}: {order.reason}",))}
-    return {}
-
-
-def _in_usual_order(found: Mapping[str, FoundSensor], tracks: Mapping[str, Track]) -> dict[str, FoundSensor]:
-    """Exchange the first two components of sensors whose x axis points to starboard."""
-    is_fixed = "dvl" in found and (
-        found["dvl"].main.match.message is not None or _is_over_ground(found["dvl"].main.match)
-    )
-    reasons = exchanged_axes(tracks, is_fixed or course_direction(tracks) != 0)
-    usual = dict(found)
-    for name, reason in reasons.items():
-        if name == "attitude":
-            note = "check: axes are probably starboard, ahead, up: `frame: FRD`, `reference: ENU`, `mount: {"
-            usual[name] = found[name]._replace(
-                notes=(f"{note}roll: 180 deg, pitch: 0 deg, yaw: 90 deg}}`: depth follows its roll",)
-            )
-            continue
-        main, (first, second, _) = found[name].main, TRIPLES[name]
-        if {first, second} <= {*main.numbers} and main.match.message is None:
-            swap = {first: second, second: first}
-            columns = {key: main.match.columns[swap.get(key, key)] for key in main.match.columns}
-            numbers = {key: main.numbers[swap.get(key, key)] for key in main.numbers}
-            main = main._replace(match=main.match._replace(columns=columns), numbers=numbers)
-            usual[name] = found[name]._replace(
-                main=main, notes=(f"check: x and y are exchanged: {reason}",), is_exchanged=True
-            )
-    return usual
-
-
 def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
     """Return components from other tables; outputs of a filter only if the main columns are such too."""
     apart, sensor = [], main.sensor
@@ -187,29 +99,22 @@ def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
     return apart
 
 
-def sensor_tracks(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, Track]:
-    """Return the components of all sensors in SI, with an upside-down roll turned upright."""
-    tracks: dict[str, Track] = {}
-    for sensor in sensors.values():
-        for part in sensor.parts:
-            tracks |= _part_tracks(logs, sensors, part, part.si())
-    if "phi" in tracks and _is_upside_down(tracks["phi"].values):
-        tracks["phi"] = tracks["phi"]._replace(values=tracks["phi"].values + np.pi)
-    return {symbol: track for symbol, track in tracks.items() if np.isfinite(track.values).any()}
-
-
 def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, dict[str, float]]:
     """Return log likelihoods of axes and signs by names and conventions, see `likely_signs`."""
     expected: dict[str, dict[str, float]] = {}
     for name, (main, apart, _, is_exchanged) in sensors.items():
         if is_exchanged:
-            signs = zip(TRIPLES[name], (1.0, 1.0, -1.0), strict=True)
+            signs = zip(TRIPLES[name], _signs_of_exchanged(main), strict=True)
             expected |= {symbol: {"+": sign * _CONVENTION} for symbol, sign in signs}
         convention = _convention(logs[main.log], main.match.table)
-        if convention is not None:
-            expected[name] = {convention[0]: _CONVENTION}
+        if main.is_right_forward_up:
+            expected[name] = {"FRD": _CONVENTION, ROTATED: _MIRROR}
+        elif convention is not None:
+            expected[name] = {convention[0]: _CONVENTION, ROTATED: _MIRROR}
         elif main.is_quaternion:
-            expected[name] = {"FLU": _QUATERNION}
+            expected[name] = {"FLU": _QUATERNION, ROTATED: _MIRROR}
+        if main.match.message is not None and not main.match.message.is_of_bottom:
+            expected.setdefault(name, {})[ROTATED] = _MIRROR
         for part in (main, *apart):
             if "psi" in part.match.columns:
                 column = part.match.columns["psi"].name.lower()
@@ -217,24 +122,26 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
                 if "enu" in column and convention is None:
                     # The name of a heading does not concern the body axes.
                     expected.setdefault(name, {"FRD": _BODY_AXES})
-    if "dvl" in sensors and _is_over_ground(sensors["dvl"].main.match):
+    if "dvl" in sensors and is_over_ground(sensors["dvl"].main.match):
         expected["dvl"] = {OVER_GROUND: _CONVENTION}
     attitude = sensors.get("attitude")
     if (
         attitude is not None
         and "dvl" in sensors
         and "phi" in (angles := attitude.main.si())
-        and _is_upside_down(angles["phi"])
+        and is_upside_down(angles["phi"])
     ):
         expected.setdefault("dvl", {"FLU": _HANGING})
     return expected
 
 
-def _is_over_ground(match: names.Match) -> bool:
-    """Whether a velocity is along north and east, by its message or its names."""
-    if match.message is not None:
-        return match.message.frame == OVER_GROUND
-    return names.is_over_ground(match.columns)
+def _signs_of_exchanged(main: Found) -> tuple[float, float, float]:
+    """Return the signs of components whose axes point to starboard, ahead and up; x may also point to port."""
+    ahead = float(np.nanmean(main.numbers["u"])) if "u" in main.numbers else 1.0
+    turned = -1.0 if ahead < 0.0 else 1.0
+    # The bottom moves against the vehicle, along all axes.
+    is_of_bottom = main.match.message is not None and main.match.message.is_of_bottom and turned < 0.0
+    return turned, turned, 1.0 if is_of_bottom else -1.0
 
 
 def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], evidence: Evidence) -> Iterator[Line]:
@@ -246,7 +153,11 @@ def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], ev
             list(_sensor(logs, sensors, sensor, evidence)),
             comment if sensor.main.match.is_filter_output else "",
         )
-    if not sensors:
+    if not sensors and (unnamed := names.without_names(logs)):
+        yield Comment(
+            f"required: {unnamed} have no names: write sensors here, such as depth: {{columns: {{down: 'data[3]'}}}}"
+        )
+    elif not sensors:
         yield Comment(
             "required: no column looks like a sensor, and outputs of a navigation filter do not count: log measured "
             "motion (velocities u, v, w of a DVL; turn rates p, q, r; roll, pitch and yaw; depth), see "
@@ -303,18 +214,8 @@ def _frame(sensor: str, evidence: Evidence, convention: str) -> str:
     return min(USUAL_AXES, key=distance)
 
 
-def _mirrored(found: FoundSensor, frame: str, evidence: Evidence) -> str:
-    """Return the component of a known message whose sign has no evidence, if the axes would be a mirror image."""
-    triple, signs = TRIPLES.get(found.main.sensor, ()), evidence.verdict.signs
-    usual_axes = USUAL_AXES.get(frame, (1, 1, 1))
-    n_reversed = sum(signs.get(c, usual) != usual for c, usual in zip(triple, usual_axes, strict=False))
-    unknown = [component for component in triple if not evidence.verdict.strength(component)]
-    return unknown[0] if found.main.match.message is not None and n_reversed % 2 and len(unknown) == 1 else ""
-
-
 def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: Evidence) -> Iterator[Line]:
     name, present = found.main.sensor, set[str]()
-    mirrored = _mirrored(found, frame, evidence)
     for part in found.parts:
         for component, column in part.match.columns.items():
             present.add(component)
@@ -326,9 +227,9 @@ def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: 
                 comment = part.unit_entry().comment
             axis = TRIPLES.get(name, (component,)).index(component)
             usual = USUAL_AXES.get(frame, (1, 1, 1))[axis]
-            is_reversed = (evidence.verdict.signs.get(component, usual) != usual) != (component == mirrored)
+            is_reversed = evidence.verdict.signs.get(component, usual) != usual
             more: dict[str, Flow] = {}
-            if is_reversed and not (name == "dvl" and evidence.over_ground):
+            if is_reversed and not part.is_right_forward_up and not (name == "dvl" and evidence.over_ground):
                 more = {"sign": -1, "offset": Phrase("90 deg")} if component == "psi" else {"sign": -1}
                 sign = f"check: opposite sign; {evidence.words([component])}"
                 comment = "; ".join(filter(None, (comment, sign)))
@@ -351,70 +252,37 @@ def _axes(log: Log, found: FoundSensor, frame: str, evidence: Evidence) -> Itera
     elif found.main.is_quaternion:
         reasons.append("FLU is usual for quaternions in ROS")
     if evidence.over_ground and name == "dvl":
-        is_named = _is_over_ground(found.main.match)
+        is_named = is_over_ground(found.main.match)
         reasons = [
             "velocity over ground " + ("by its names" if is_named else "because its direction follows the heading")
         ]
     words = "; ".join(reason for reason in reasons if reason)
+    if found.main.is_right_forward_up:
+        yield YamlEntry("frame", "FRD", "check: axes to starboard, ahead and up: depth follows the roll of the log")
+        yield YamlEntry("reference", "ENU", "check: east, north, up")
+        mount = {axis: Phrase(f"{angle} deg") for axis, angle in (("roll", 180), ("pitch", 0), ("yaw", 90))}
+        yield YamlEntry("mount", mount, "axes to starboard, ahead and up in those of the body")
+        return
     yield YamlEntry("frame", frame, f"check: {words or 'no evidence for the axes'}")
     if name == "attitude":
         meaning = "NED (psi clockwise from north) or ENU (anticlockwise from east)?"
         yield YamlEntry("reference", _EARTH_AXES[frame], f"check: {meaning}")
         angles = found.main.si()
-        if "phi" in angles and _is_upside_down(angles["phi"]):
+        if "phi" in angles and is_upside_down(angles["phi"]):
             yield YamlEntry("mount", Phrase("upside down"), "check: roll is about 180 deg")
-
-
-def _is_upside_down(roll: Array) -> bool:
-    size = np.abs(np.arctan2(np.sin(roll), np.cos(roll)))
-    return bool(np.isfinite(size).any()) and float(np.nanmedian(size)) > _UPSIDE_DOWN
 
 
 def _valid(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> Iterator[Line]:
     if flag := flag_of(sensors, log, main):
-        value = _valid_value(main, np.asarray(log.read(main.match.table, [flag])[flag], np.float64))
+        value = valid_value(main, np.asarray(log.read(main.match.table, [flag])[flag], np.float64))
         values = (True, 1) if value == 1 else (value,)
         yield YamlEntry("valid", {"column": flag, "values": values}, "check: values of valid rows")
-
-
-def _valid_value(found: Found, flags: Array) -> int:
-    """Return the value of valid rows: of a known message, else 1, or the largest of bit fields that never are 1."""
-    if found.match.message is not None and found.match.message.valid != 1:
-        return found.match.message.valid
-    largest = float(np.max(flags, initial=0.0, where=np.isfinite(flags)))
-    return int(largest) if largest > 1.0 and not (flags == 1.0).any() else 1
-
-
-def _stated_flag(columns: Iterable[LogColumn], found: Found) -> str:
-    """Return the flag of a known message, if the table has it."""
-    message = found.match.message
-    return message.flag if message is not None and message.flag in [column.name for column in columns] else ""
-
-
-def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
-    """Return the column that flags this sensor's rows: by its name, or because the table has no other sensor."""
-    sharing = [
-        other for other in sensors.values() if (other.main.log, other.main.match.table) == (main.log, main.match.table)
-    ]
-    if stated := _stated_flag(log.tables()[main.match.table], main):
-        return stated
-    own = []
-    for column in log.tables()[main.match.table]:
-        flag = _FLAG.fullmatch(column.name)
-        if flag is None:
-            continue
-        whose = flag["whose"].lower()
-        named = [sensor for sensor, words in _WORDS.items() if any(word in whose for word in words)]
-        if main.sensor in named or (not named and len(sharing) == 1):
-            own.append(column.name)
-    # "velocity_valid" rather than "beams[0].valid".
-    return min(own, key=lambda name: name.count("."), default="")
 
 
 def _convention(log: Log, table: str) -> tuple[str, str] | None:
     """Return the axes of a standard message of ROS and the reason; gravity may contradict the convention."""
     columns = log.tables()[table]
-    message = known_message(table, columns)
+    message = known_message(table, columns, log.path.stem)
     if message is not None:
         is_fixed = message.frame in USUAL_AXES
         return (message.frame, f"{message.source} states {message.frame} axes") if is_fixed else None

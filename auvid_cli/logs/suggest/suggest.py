@@ -2,70 +2,20 @@
 
 import os
 import re
-import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest.evidence import weigh_evidence
-from auvid_cli.logs.suggest.inputs import FoundInputs, find_inputs, input_lines, input_tracks, with_numbered_fins
-from auvid_cli.logs.suggest.known_formats import known_message
-from auvid_cli.logs.suggest.names import is_filter_output, is_set_point
-from auvid_cli.logs.suggest.rows import Comment, Flow, Line, Phrase, YamlEntry, commented_text, time_of
-from auvid_cli.logs.suggest.sensors import FoundSensor, expected_of, find_sensors, flag_of, sensor_lines, sensor_tracks
+from auvid_cli.logs.suggest.found_sensors import sensor_tracks
+from auvid_cli.logs.suggest.inputs import find_inputs, input_lines, input_tracks, with_numbered_fins
+from auvid_cli.logs.suggest.sensors import expected_of, find_sensors, sensor_lines
+from auvid_cli.logs.suggest.times import align_clocks
+from auvid_cli.logs.suggest.unused import unused_lines
+from auvid_cli.logs.suggest.yaml_lines import Comment, Flow, Line, Phrase, YamlEntry, commented_text
 from auvid_cli.vehicle.parameters import PARAMETERS
 
-_wrapper = textwrap.TextWrapper(110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
 MAX_TEXT = 64_000_000  # bytes that are read from a text log to recognise its columns
-
-
-def unused_lines(
-    logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], inputs: FoundInputs | None
-) -> Iterator[Comment]:
-    """Yield comments that list the columns that the map does not use."""
-    used = set[tuple[str, str, str]]()
-    for part in (part for sensor in sensors.values() for part in sensor.parts):
-        used |= {(part.log, part.match.table, column.name) for column in part.match.columns.values()}
-        used.add((part.log, part.match.table, flag_of(sensors, logs[part.log], part)))
-    if inputs is not None:
-        used |= {(signal.log, signal.table, signal.column.name) for signal in inputs.signals.values()}
-    for log in logs:
-        for table, columns in logs[log].tables().items():
-            time, _ = time_of(logs[log], table)
-            times = [str(text) for text in time.values()] if isinstance(time, Mapping) else [time]
-            unused = _joined_elements(
-                f"{column.name}{_kind_of_column(column.name)}"
-                for column in columns
-                if (log, table, column.name) not in used and column.name not in times
-            )
-            if unused:
-                message = known_message(table, columns)
-                kind = " (output of a navigation filter)" if is_filter_output(table) else ""
-                kind = " (set-points)" if is_set_point(table, "") else kind
-                kind = f" ({message.source}: {message.role.value})" if message is not None else kind
-                where = " ".join(part for part in (log if len(logs) > 1 else "", table) if part)
-                text = f"not used{f' of {where}' if where else ''}{kind}: {', '.join(unused)}"
-                yield from map(Comment, _wrapper.wrap(text))
-
-
-def _kind_of_column(column: str) -> str:
-    if is_set_point("", column):
-        return " (a set-point?)"
-    return " (output of a navigation filter?)" if is_filter_output("", column) else ""
-
-
-def _joined_elements(names: Iterable[str]) -> list[str]:
-    """Return names in which the elements of a list are joined: ``name[0] to [2]``."""
-    runs: list[str] = []
-    stems: list[str] = []
-    for name in names:
-        element = re.fullmatch(r"(?P<stem>.*)\[(?P<index>\d+)\]", name)
-        if element is not None and stems and stems[-1] == element["stem"]:
-            runs[-1] = f"{runs[-1].split(' to ')[0]} to [{element['index']}]"
-        else:
-            runs.append(name)
-            stems.append(element["stem"] if element is not None else "")
-    return runs
 
 
 def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> str:
@@ -92,6 +42,7 @@ def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> st
     """
     names = _log_names(logs)
     files = [YamlEntry(name, _file(log, folder)) for name, log in names.items()]
+    align_clocks(names)
     sensors = find_sensors(names)
     measured = sensor_tracks(names, sensors)
     inputs = with_numbered_fins(names, find_inputs(names, measured), measured)

@@ -13,13 +13,14 @@ from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.fitting.results import Fit
 from auvid_cli.inspection.inspection import Inspection
+from auvid_cli.report.fit_steps import fit_sentences, measure_next_time, steps_tables
 from auvid_cli.report.layout import lay_out
 from auvid_cli.report.page import curves, parts, sections
 from auvid_cli.report.page.coefficients import coefficient_list, convergence, estimate_plots, forest
 from auvid_cli.report.page.render import symbol_parts
 from auvid_cli.report.plot_data import HorizonPlot, horizon_plots
 from auvid_cli.report.screen import assessment_sentences, bounds_table, holding_sentence
-from auvid_cli.report.screens import fit_sentences
+from auvid_cli.report.shared_checks import score_sentences
 from auvid_cli.report.table import by_kind, filter_label, number
 from auvid_cli.validation.results import Validation
 
@@ -138,21 +139,25 @@ def _recorded(dataset: Dataset, inspection: Inspection) -> list[parts.Part]:
 
 def fit_page(dataset: Dataset, fit: Fit) -> parts.Page:
     """Lay out a found model: its judgement, the steps that led to it, and what it leaves unexplained."""
-    steps = [parts.TablePart(sections.table_of_rows("fit_steps", "Steps", fit.rows()))]
     words = (
         "Each look starts from one model. The tests of that model rank candidates; the best are fitted, and the one "
         "with the largest gain in evidence is kept if it is worth it. The gain is that of the log marginal likelihood, "
         "less half the logarithm of the number of measurements for each number without a prior."
     )
-    content = (
+    steps = [parts.TablePart(table, folded=k > 0) for k, table in enumerate(steps_tables(fit))]
+    remains = [*(f"Unexplained: {cause}." for cause in fit.unexplained), *measure_next_time(fit)]
+    content = [
         parts.Section("verdict", "Verdict", [parts.Words([*fit_sentences(fit)], listed=True)]),
         parts.Section("steps", "How this model was found", [parts.Words([words]), *steps]),
-        parts.Section("settings", "Settings", [parts.Listing("fit.yaml", fit.settings())]),
+        parts.Section("model", "Settings of the model", [parts.Listing("fit.yaml", fit.settings())]),
         sections.provenance_section(dataset),
-    )
+    ]
+    if remains:
+        title = "Remaining errors, and advice for the next run"
+        content.insert(2, parts.Section("remains", title, [parts.Words(remains, listed=True)]))
     vehicle = dataset.experiment.vehicle.name
     subtitle = f"{vehicle}, {sections.what_ran(dataset)}, sensors {', '.join(dataset.sensors)}"
-    return parts.Page(f"Fit: {dataset.experiment.name}", subtitle, content)
+    return parts.Page(f"Fit: {dataset.experiment.name}", subtitle, tuple(content))
 
 
 def validation_page(validation: Validation) -> parts.Page:
@@ -183,9 +188,8 @@ def validation_page(validation: Validation) -> parts.Page:
 
 def _validation_verdict(validation: Validation) -> parts.Cards:
     failed = validation.checks.failed()
-    says = "The model predicts these data as well as it says."
-    if failed:
-        says = " ".join(check.advice for check in failed)
+    lines = [*score_sentences(validation.scores), f"The model {validation.conclusion()}"]
+    says = " ".join([*lines, *dict.fromkeys(check.advice for check in failed)])
     counts = {"checks": str(len(validation.checks)), "failed": str(len(failed))}
     return parts.Cards(
         [

@@ -256,9 +256,19 @@ def test_weakly_correlated_signals_give_no_delay():
 
 
 def test_unused_columns_are_listed():
-    text, found = suggested(TRUTH | {"battery": TIME, "desired_depth": TIME, "target.roll": TIME})
+    more = {"battery": TIME, "desired_depth": TIME, "target.roll": TIME, "mode": 0.0 * TIME, "p2": TRUTH["p"]}
+    text, found = suggested(TRUTH | more | {"yaw_copy": TRUTH["phi"], "pitch_angle": 0.5 * TRUTH["u"]})
     assert found["sensors"]["attitude"]["columns"]["phi"] == "phi"
-    assert text.endswith("# not used: battery, desired_depth (a set-point?), target.roll (a set-point?)\n")
+    reasons = {
+        "a set-point?": "desired_depth, target.roll",
+        "constant": "mode",
+        "same as p": "p2",
+        "same as phi": "yaw_copy",
+        "another attitude": "pitch_angle",
+        "no name of a signal that a map has": "battery",
+    }
+    for reason, columns in reasons.items():
+        assert f"{columns} ({reason})" in text.replace("\n#  ", "")
 
 
 class Topics(Columns):

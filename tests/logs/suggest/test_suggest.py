@@ -13,8 +13,8 @@ from auvid_cli.config.log_map import load_map
 from auvid_cli.errors import ConfigError
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.formats.open_log import open_log
-from auvid_cli.logs.suggest.rows import quoted
 from auvid_cli.logs.suggest.suggest import suggest
+from auvid_cli.logs.suggest.yaml_lines import quoted
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 TIME = np.arange(200) * 0.1

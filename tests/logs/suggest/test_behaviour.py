@@ -1,0 +1,54 @@
+"""Columns are matched by their behaviour where names say nothing, or something else."""
+
+import pytest
+
+from tests.logs.suggest.test_evidence import TIME, TRUTH, suggested
+
+REST = {name: TRUTH[name] for name in ("u", "v", "w", "p", "q", "r")}
+FINS = {
+    "fin_top": TRUTH["rudder"],
+    "fin_bottom": TRUTH["rudder"],
+    "fin_right": TRUTH["elevator"],
+    "fin_left": TRUTH["elevator"],
+}
+
+
+def test_inputs_of_a_controller_are_the_measured_angles():
+    """Nothing else has the yaw and the pitch, and four fins stand beside them."""
+    angles = {"yaw_input": TRUTH["psi"], "pitch_input": TRUTH["theta"], "chan7": TRUTH["phi"]}
+    text, found = suggested(REST | angles | FINS | {"temperature": 10.0 + 0.01 * TIME})
+    assert found["sensors"]["attitude"]["columns"] == {"phi": "chan7", "theta": "pitch_input", "psi": "yaw_input"}
+    assert [*found["inputs"]["fins"]] == ["top", "bottom", "right", "left"]
+    assert not {"rudder", "elevator"} & {*found["inputs"]}
+    assert "by its behaviour, not by its name" in text
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "rad"), (57.29578, "deg")])
+def test_angle_without_a_name_gets_its_unit(factor, unit):
+    angles = {"phi": TRUTH["phi"], "theta": TRUTH["theta"], "signal": TRUTH["psi"]}
+    _, found = suggested(REST | {name: factor * values for name, values in angles.items()})
+    assert found["sensors"]["attitude"]["columns"]["psi"] == "signal"
+    assert found["sensors"]["attitude"]["unit"] == unit
+
+
+def test_depth_without_a_name_is_found():
+    _, found = suggested(REST | {name: TRUTH[name] for name in ("phi", "theta", "psi")} | {"chan3": TRUTH["down"]})
+    assert found["sensors"]["depth"]["columns"] == {"down": "chan3"}
+
+
+def test_fin_is_not_taken_for_an_angle():
+    _, found = suggested(REST | {"rudder": TRUTH["rudder"], "elevator": TRUTH["elevator"]})
+    assert "attitude" not in found["sensors"]
+    assert {"rudder", "elevator"} <= {*found["inputs"]}
+
+
+def test_fin_that_a_rate_follows_is_not_that_rate():
+    rate = {"psi": TRUTH["psi"], "u": TRUTH["u"], "theta": TRUTH["theta"], "phi": TRUTH["phi"]}
+    _, found = suggested(rate | {"servo": -2.0 * TRUTH["r"]})
+    assert "gyroscope" not in found["sensors"]
+
+
+def test_pressure_is_not_taken_for_a_depth():
+    motion = REST | {name: TRUTH[name] for name in ("phi", "theta", "psi")}
+    _, found = suggested(motion | {"pressure_mbar": 1013.0 + 98.1 * TRUTH["down"]})
+    assert "depth" not in found["sensors"]

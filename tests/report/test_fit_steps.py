@@ -1,0 +1,62 @@
+"""Sentences and tables on a search for a model."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.fitting.results import Fit, FitStep
+from auvid_cli.report.fit_steps import fit_sentences, measure_next_time, steps_tables
+from auvid_cli.report.page.pages import fit_page
+from auvid_cli.report.page.render import write_page
+
+STEPS = (
+    FitStep(0, "hold", "coefficients of the vertical plane", "", None, True, "", "", 0.1),
+    FitStep(0, "start", "process noise from the data", "", None, True, "", "doubtful", 10.25),
+    FitStep(1, "add", "current", "current_north 0.149 +- 0.001 m/s", 2400.0, True, "doubtful", "sound", 21.0),
+    FitStep(1, "add", "scale of the thrust", "", 310.0, False, "doubtful", "", 8.0),
+    FitStep(1, "end", "fit to all data", "", None, True, "", "sound", 30.0),
+)
+
+
+@pytest.fixture
+def fit(hand_made):
+    estimate = hand_made(np.arange(3.0), {"X_u|u|": [-1.0, -2.0, -3.0]})
+    trial = "Yaw rate in turns 20 s ahead: 1 deg/s, vehicle file 2: 50 % better."
+    return Fit(estimate, Judgement(Grade.SOUND), STEPS, estimate.experiment, ("errors of dvl",), trial)
+
+
+def test_trial_comes_first_and_every_addition_has_its_size(fit):
+    lines = fit_sentences(fit)
+    assert lines[:2] == [fit.trial, "Judgement: sound."]
+    assert "Added to the model: current." in lines
+    assert "current: current_north 0.149 +- 0.001 m/s." in lines
+    assert any("vertical plane" in line for line in lines)
+
+
+def test_tried_and_not_kept_is_a_table_of_its_own(fit):
+    kept, tried = steps_tables(fit)
+    assert [row[1:3] for row in kept.rows][2] == ["add", "current"]
+    assert [row[2] for row in tried.rows] == ["scale of the thrust"]
+    headings = [column.header for column in kept.columns]
+    assert headings[-3:] == ["judged before", "judged after", "processor time in s"]
+    (only,) = steps_tables(Fit(fit.estimate, fit.judgement, STEPS[:1], fit.experiment, ()))
+    assert len(only.rows) == 1
+
+
+def test_next_run_is_advised_by_what_was_held_and_not_recorded(fit):
+    advice = " ".join(measure_next_time(fit))
+    assert "dive and climb" in advice
+    assert "Record a gyroscope" in advice
+    assert "thrust" not in advice
+
+
+def test_page_has_steps_and_advice(fit, short_run, tmp_path):
+    page = write_page(fit_page(short_run, fit), tmp_path / "fit.html").read_text(encoding="utf-8")
+    for text in (
+        "How this model was found",
+        "Tried and not kept",
+        "advice for the next run",
+        "errors of dvl",
+        "fit.yaml",
+    ):
+        assert text in page
