@@ -164,6 +164,7 @@ class NeededFault(NamedTuple):
 
     place: int
     size: float  # together with the other needed faults
+    likely_size: float  # the same with the tolerance as prior
     alternatives: tuple[int, ...]  # faults that explain the data as well in its place
 
 
@@ -291,9 +292,13 @@ def needed_faults(scores: FaultScores, tolerance: Array, limit: float) -> list[N
     needed = []
     for f in found:
         others = [other for other in found if other != f]
-        score, information, _, _ = _conditional(scores, tolerance**2, others, [f])
-        size = float(score[f] / information[f]) if information[f] > 0.0 else 0.0
-        needed.append(NeededFault(f, size, _alternatives(scores, tolerance, limit, f, others)))
+        score, information, variance, _ = _conditional(scores, tolerance**2, others, [f])
+        seen = information[f] > 0.0
+        size, of_size = (
+            (float(score[f] / information[f]), float(variance[f] / information[f] ** 2)) if seen else (0.0, 1.0)
+        )
+        share = tolerance[f] ** 2 / (tolerance[f] ** 2 + of_size) if tolerance[f] > 0.0 else 1.0
+        needed.append(NeededFault(f, size, size * float(share), _alternatives(scores, tolerance, limit, f, others)))
     return needed
 
 

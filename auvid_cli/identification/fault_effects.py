@@ -252,7 +252,7 @@ def _score_tests(
         test = test._replace(tolerance=float(tolerance[place]), significance=significant)
         for rank, fault in enumerate(needed, 1):
             if fault.place == place:
-                moves = np.abs(considered.effect[coefficients, place] * fault.size)
+                moves = np.abs(considered.effect[coefficients, place] * fault.likely_size)
                 # Compared with the total without this fault, which otherwise includes its size.
                 total = considered.given(place).total_deviation(of_data)
                 moved = [header.state[row] for row, by in zip(coefficients, moves, strict=True) if by > total[row]]
