@@ -158,7 +158,11 @@ def most_probable(
         return min(max_passes, _PATIENCE) if any(converged for _, converged in minima) else max_passes
 
     for start in chain([] if first is None else [first], _starts(problem, smoothing, passes)):
-        if (minimum := gauss_newton(smoothing, start, passes())) is not None:
+        minimum, least = gauss_newton(smoothing, start, passes()), min((m.cost for m, _ in minima), default=np.inf)
+        if minimum is not None and not minimum[1] and passes() < max_passes and minimum[0].cost < least:
+            # It is about to replace the estimate, so that it has to converge.
+            minimum = gauss_newton(smoothing, minimum[0].trajectory, max_passes - _PATIENCE)
+        if minimum is not None:
             minima.append(minimum)
             if _is_near(start, minimum[0]) or sum(converged for _, converged in minima) == enough:
                 break
