@@ -39,8 +39,8 @@ _FINS = {
     "right": {"column": "starboard", "unit": "deg"},
     "left": {"column": "port", "unit": "deg"},
 }
-# Log of each sensor, its entry in the map, and the step of its numbers, SI.
-_SENSORS: dict[str, tuple[str, dict[str, Any], float]] = {
+# Log of each sensor and its entry in the map. Standard deviations are those of a data sheet, not of the simulation.
+_SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
     "dvl": (
         "dvl",
         {
@@ -48,18 +48,18 @@ _SENSORS: dict[str, tuple[str, dict[str, Any], float]] = {
             "unit": "knot",
             "frame": "FLU",
             "valid": {"column": "bottom_lock", "values": [True]},
+            "standard_deviation": "1 cm/s",
         },
-        1e-3 * _KNOT,
     ),
     "attitude": (
         "compass",
         {
             "columns": {"theta": "pitch", "psi": {"column": "Yaw_ENU", "sign": -1, "offset": "90 deg"}},
             "unit": "deg",
+            "standard_deviation": "0.2 deg",
         },
-        np.deg2rad(0.01),
     ),
-    "depth": ("depth", {"columns": {"down": "depth"}, "unit": "m"}, 0.01),
+    "depth": ("depth", {"columns": {"down": "depth"}, "unit": "m", "standard_deviation": "1 cm"}),
 }
 
 
@@ -97,7 +97,7 @@ def field_log(dataset: Dataset) -> dict[str, str]:
 
 
 def _map(dataset: Dataset) -> str:
-    """Return the map of the logs, with what a user knows: the noise of the sensors, and no thrust."""
+    """Return the map of the logs, with what a user knows: data sheets of the sensors, and no thrust."""
     content: dict[str, Any] = {
         "name": "survey",
         "vehicle": "vehicle.yaml",
@@ -106,14 +106,10 @@ def _map(dataset: Dataset) -> str:
         "inputs": {"log": "fins", "time": "time", "fins": _FINS, "surge_force": {"constant": "10 N"}},
         "identification": _IDENTIFICATION,
     }
-    for name, (log, entry, step) in _SENSORS.items():
+    for name, (log, entry) in _SENSORS.items():
         if name in dataset.sensors:
-            stated = float(np.nanmax(dataset.sensors[name].standard_deviation))
-            noise = float(np.hypot(stated, step / np.sqrt(12.0)))
-            factor, unit = {"dvl": (1.0, "m/s"), "attitude": (np.rad2deg(1.0), "deg"), "depth": (1.0, "m")}[name]
             content["logs"][log] = f"{log}.csv"
-            own = {"log": log, "time": "time", **entry, "standard_deviation": f"{factor * noise:.3g} {unit}"}
-            content["sensors"][name] = own
+            content["sensors"][name] = {"log": log, "time": "time", **entry}
     return f"{_MAP_HEAD}{yaml.safe_dump(content, sort_keys=False)}"
 
 
