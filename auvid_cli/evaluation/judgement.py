@@ -283,7 +283,7 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
 
 
 def _is_explained(estimate: Estimate, reference: Estimate) -> bool:
-    """Whether innovations are no larger than the smoother's, and errors within the tolerances explain these."""
+    """Whether errors within the tolerances explain the smoother's innovations, and these are at most as large."""
     if not reference.explained or status_of(reference) != "completed":
         return False
     for sensor, innovations in estimate.innovations.items():
@@ -326,9 +326,11 @@ def _noises(reference: Estimate) -> Iterator[Cause]:
             beyond = f"are larger than expected (NIS exceeds 1 by {statistics.nis:.1f} sigma)"
         elif statistics.portmanteau > LARGEST_PORTMANTEAU and statistics.correlation > largest_correlation:
             beyond = f"are correlated in time ({statistics.portmanteau:.0f} sigma, Ljung-Box)"
+        if not beyond:
+            continue
         cause = noise_cause(sensor, of_sensor)
         # With more noise stated than there is, standard deviations are too large rather than too small.
-        if beyond and (statistics.nis >= 0.0 or cause.lasts):
+        if statistics.nis >= 0.0 or cause.lasts:
             remedy = f"they look like {cause.name}: {cause.remedy}"
             yield Cause(cause.gain, f"innovations of {sensor} {beyond}", remedy)
 

@@ -292,13 +292,13 @@ def needed_faults(scores: FaultScores, tolerance: Array, limit: float) -> list[N
     needed = []
     for f in found:
         others = [other for other in found if other != f]
-        score, information, variance, _ = _conditional(scores, tolerance**2, others, [f])
-        seen = information[f] > 0.0
-        size, of_size = (
-            (float(score[f] / information[f]), float(variance[f] / information[f] ** 2)) if seen else (0.0, 1.0)
+        # A significant fault has information.
+        score, information, variance, _ = (
+            float(of_all[f]) for of_all in _conditional(scores, tolerance**2, others, [f])
         )
-        share = tolerance[f] ** 2 / (tolerance[f] ** 2 + of_size) if tolerance[f] > 0.0 else 1.0
-        needed.append(NeededFault(f, size, size * float(share), _alternatives(scores, tolerance, limit, f, others)))
+        size, prior = score / information, float(tolerance[f]) ** 2
+        likely = size * prior / (prior + variance / information**2) if prior > 0.0 else size
+        needed.append(NeededFault(f, size, likely, _alternatives(scores, tolerance, limit, f, others)))
     return needed
 
 

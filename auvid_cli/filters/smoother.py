@@ -158,14 +158,18 @@ def most_probable(
         return min(max_passes, _PATIENCE) if any(converged for _, converged in minima) else max_passes
 
     for start in chain([] if first is None else [first], _starts(problem, smoothing, passes)):
-        minimum, least = gauss_newton(smoothing, start, passes()), min((m.cost for m, _ in minima), default=np.inf)
-        if minimum is not None and not minimum[1] and passes() < max_passes and minimum[0].cost < least:
-            # It is about to replace the estimate, so that it has to converge.
-            minimum = gauss_newton(smoothing, minimum[0].trajectory, max_passes - _PATIENCE)
-        if minimum is not None:
-            minima.append(minimum)
-            if _is_near(start, minimum[0]) or sum(converged for _, converged in minima) == enough:
-                break
+        limit = passes()
+        minimum = gauss_newton(smoothing, start, limit)
+        if minimum is None:
+            continue
+        iterate, converged = minimum
+        if not converged and limit < max_passes and all(iterate.cost < other.cost for other, _ in minima):
+            # It is the most probable one so far, so it has to converge.
+            minimum = gauss_newton(smoothing, iterate.trajectory, max_passes - limit)
+            assert minimum is not None, "the cost of this trajectory is finite"
+        minima.append(minimum)
+        if _is_near(start, minimum[0]) or sum(converged for _, converged in minima) == enough:
+            break
     return sorted(minima, key=lambda minimum: minimum[0].cost)
 
 

@@ -40,6 +40,9 @@ _THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
 _FINS = tuple(INPUT_SYMBOLS.index(name) for name in ("rudder", "elevator"))
 # Quantile of the changes of an input that separates small changes, which may be reactions, from planned ones.
 _SMALL_QUANTILE = 0.98
+# Least decrease of the sum of squares of the innovations by errors within the tolerances for which it is judged without
+# them, in standard deviations of this sum.
+_MIN_DECREASE = 0.5
 _LENGTHS = ("centre_of_gravity", "trim")  # tolerances of parameters that are not shares of their values
 
 
@@ -200,8 +203,12 @@ def fault_tests(
     return (*tests, *(test for test in alternatives if np.isfinite(test.standard_deviation))), considered
 
 
-def sizes_within_tolerances(faults: FaultScores, header: EstimateHeader, whole: Mapping[str, float]) -> Array:
+def sizes_within_tolerances(
+    faults: FaultScores, header: EstimateHeader, whole: Mapping[str, float], n_components: int
+) -> Array | None:
     """Return the most likely sizes of all faults together, SI; 0 for those without a tolerance.
+
+    None if these faults explain hardly anything.
 
     Parameters
     ----------
@@ -209,16 +216,21 @@ def sizes_within_tolerances(faults: FaultScores, header: EstimateHeader, whole: 
     header : EstimateHeader
     whole : mapping
         As `fault_tests`.
+    n_components : int
+        Number of measured components.
     """
     experiment = header.experiment
     estimated = {DELAY_FAULTS[symbol] for symbol in header.state if symbol in DELAY_FAULTS}
     tolerance = np.array([tolerance_of(model, experiment, whole) for model in faults.labels])
     if not tolerance.any():
-        return tolerance
+        return None
     # With other faults, an estimated delay moves too.
     spread = experiment.identification.estimate.delay.spread
     is_estimated = np.array([model in estimated for model in faults.labels])
-    return most_likely_sizes(faults, np.where(is_estimated, spread, tolerance))
+    sizes = most_likely_sizes(faults, np.where(is_estimated, spread, tolerance))
+    decrease = float(sizes @ (2.0 * faults.score - faults.information @ sizes))
+    # A sum of n squares scatters by sqrt(2 n).
+    return sizes if decrease > _MIN_DECREASE * np.sqrt(2.0 * n_components) else None
 
 
 def _score_tests(

@@ -32,9 +32,6 @@ from auvid_cli.vehicle.parameters import SENSORS
 
 # Largest number of parameters that the status of a run without convergence names.
 _MAX_NAMED = 4
-# Least decrease of the sum of squares of the innovations by errors within the tolerances for which it is judged without
-# them, in standard deviations of this sum.
-_MIN_DECREASE = 0.5
 # Smallest step of a parameter that is named, in standard deviations.
 _MIN_STEP = 0.1
 
@@ -122,11 +119,9 @@ class FilterRun:
 
             tests, considered = fault_tests(outcome, self.header, self.scale, progress.whole_faults)
             if outcome.faults is not None and outcome.without_faults is not None:
-                faults = outcome.faults
-                sizes = sizes_within_tolerances(faults, self.header, progress.whole_faults)
-                decrease = float(sizes @ (2.0 * faults.score - faults.information @ sizes))
-                # A sum of n squares scatters by sqrt(2 n).
-                if decrease > _MIN_DECREASE * np.sqrt(2.0 * progress.n_components):
+                whole, n = progress.whole_faults, progress.n_components
+                sizes = sizes_within_tolerances(outcome.faults, self.header, whole, n)
+                if sizes is not None:
                     explained = self._statistics(outcome.without_faults(sizes))
         return Outcome(
             self._status(outcome, progress),
