@@ -16,8 +16,9 @@ from auvid_cli.fitting.additions import Addition, addition_for
 WORTH = 6.0
 # Number of candidates of each kind that are tried in a look.
 _N_TRIALS = 3
-# Factor on the stated process noise from which a disturbance is tried, because the motion has errors that last.
+# Factor on the stated process noise from which a disturbance and the noise of a sensor are tried.
 _LARGE_NOISE = 3.0
+_SENSOR_OF = {"velocity": "dvl", "rate": "gyroscope"}
 # Smallest change of the noise of a sensor that is tried, as a logarithm.
 _MIN_NOISE_CHANGE = 0.1
 
@@ -54,8 +55,14 @@ def candidates(
             gains[key] = candidate if before is None else max(before, candidate, key=lambda each: each.expected)
     found = [candidate for candidate in gains.values() if candidate.expected > WORTH]
     estimated = estimate.experiment.identification.estimate.biases
-    if BiasName.DISTURBANCE not in estimated and noise_excess(estimate, least) > _LARGE_NOISE:
+    large = _motions_with_noise(estimate, least)
+    if BiasName.DISTURBANCE not in estimated and large:
         found.append(Candidate(Addition(BiasName.DISTURBANCE.value), WORTH))
+    for motion in large:
+        # Process noise can hide that a sensor is louder than stated: its innovations are then as large as expected.
+        addition = Addition("noise", _SENSOR_OF[motion])
+        if addition.name in estimate.innovations and addition.key not in keys | gains.keys():
+            found.append(Candidate(addition, WORTH))
     return sorted(found, key=lambda candidate: -candidate.expected)
 
 
@@ -70,6 +77,12 @@ def noise_excess(estimate: Estimate, least: ProcessNoise) -> float:
     noise = estimate.experiment.identification.process_noise
     pairs = zip(noise.of_motion()[:6], least.of_motion()[:6], strict=True)
     return max(used / stated for used, stated in pairs)
+
+
+def _motions_with_noise(estimate: Estimate, least: ProcessNoise) -> list[str]:
+    """Return the motions, velocity or rate, whose process noise is much larger than stated."""
+    noise = estimate.experiment.identification.process_noise
+    return [motion for motion in _SENSOR_OF if max(getattr(noise, motion)) > _LARGE_NOISE * max(getattr(least, motion))]
 
 
 def corrected_times(estimate: Estimate, present: Collection[Addition]) -> Iterator[tuple[Addition, FaultTest]]:

@@ -49,6 +49,7 @@ _TIGHT = 3.0
 _MAX_CORRECTIONS = 3
 _SMALL_CORRECTION = 0.5
 # Reasons of an early end.
+_OUT_OF_TIME = "the time limit was reached"
 _INTERRUPTED = "interrupted"
 _INTERRUPTED_FIT = "interrupted, so the estimate is of thinned data"
 
@@ -116,7 +117,7 @@ def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None
         search.simplify()
         search.correct_times()
     except _OutOfTimeError:
-        stopped = "the time limit was reached"
+        stopped = _OUT_OF_TIME
     except KeyboardInterrupt:
         stopped = _INTERRUPTED
     if search.model is None:
@@ -185,40 +186,42 @@ class _Search:
             if noise_excess(estimate, self._least) > _FAR_FROM_STATED:
                 # The tests are not calibrated yet, and a disturbance converges faster than a wrong cause.
                 causes, others = others, causes
-            best = self._try(self.model, causes)
-            if best is None or best.evidence - self.model.evidence < _SMALL_SHARE * self._n_measured:
+            start = self.model
+            self._try(start, causes)
+            if self.model.evidence - start.evidence < _SMALL_SHARE * self._n_measured:
                 # A disturbance, or noise of another size, explains a little of everything: only if nothing else does.
-                best = self._try(self.model, others, best)
-            if best is None:
+                self._try(start, others)
+            if self.model is start:
                 return
-            self._estimate, self.model = None, best
 
-    def _try(self, model: _Model, trials: Sequence[Candidate], rival: _Model | None = None) -> _Model | None:
-        """Return the best of the models with one of the additions and a rival; None if none is worth it."""
+    def _try(self, start: _Model, trials: Sequence[Candidate]) -> None:
+        """Try additions to a model, and keep the best if it is worth it, also if the trials are interrupted."""
+        assert self.model is not None, "a search starts with a model"
         before = str(self._judgement.grade) if self._judgement else ""
         models: list[tuple[Addition, _Model]] = []
         rows: list[FitStep] = []
         additions = [addition for addition, _ in trials]
-        if BiasName.DISTURBANCE in model.settings.identification.estimate.biases:
+        if BiasName.DISTURBANCE in start.settings.identification.estimate.biases:
             # Tuning the noise of a disturbance takes long, so only the best one is fitted with tuned noise.
-            additions = self._best_with_present_noise(model, additions)
-        for number, addition in enumerate(additions, 1):
+            additions = self._best_with_present_noise(start, additions)
+        try:
+            for number, addition in enumerate(additions, 1):
+                best = max(models, key=lambda pair: pair[1].evidence, default=None)
+                gain = 0.0 if best is None else best[1].evidence - start.evidence
+                so_far = f"{best[0]}, {gain:+.0f}" if best is not None and gain > 0.0 else "no addition"
+                self._on_step(f"look {self._look}, candidate {number} of {len(additions)}: {addition}; best: {so_far}")
+                other = self._with(start, addition)
+                gain = None if other is None else other.evidence - start.evidence
+                rows.append(self._step("add", str(addition), gain, False, before))
+                if other is not None:
+                    models.append((addition, other))
+        finally:
             best = max(models, key=lambda pair: pair[1].evidence, default=None)
-            gain = 0.0 if best is None else best[1].evidence - model.evidence
-            so_far = f"{best[0]}, {gain:+.0f}" if best is not None and gain > 0.0 else "no addition"
-            self._on_step(f"look {self._look}, candidate {number} of {len(additions)}: {addition}; best: {so_far}")
-            other = self._with(model, addition)
-            gain = None if other is None else other.evidence - model.evidence
-            rows.append(self._step("add", str(addition), gain, False, before))
-            if other is not None:
-                models.append((addition, other))
-        best = max(models, key=lambda pair: pair[1].evidence, default=None)
-        if best is None or best[1].evidence - (rival or model).evidence < WORTH:
+            if best is not None and best[1].evidence - self.model.evidence >= WORTH:
+                self.steps = [step._replace(kept=step.kept and step.look < self._look) for step in self.steps]
+                rows = [row._replace(kept=row.what == str(best[0])) for row in rows]
+                self._estimate, self.model = None, best[1]
             self.steps += rows
-            return rival
-        self.steps = [step._replace(kept=step.kept and step.look < self._look) for step in self.steps]
-        self.steps += [row._replace(kept=row.what == str(best[0])) for row in rows]
-        return best[1]
 
     def _best_with_present_noise(self, model: _Model, additions: Sequence[Addition]) -> list[Addition]:
         """Return the addition with the largest evidence if the noise does not change; none if no fit converges."""
@@ -233,12 +236,17 @@ class _Search:
         return sorted(evidence, key=lambda addition: -evidence[addition])[:1]
 
     def simplify(self) -> None:
-        """Take away additions that the others make unnecessary."""
+        """Take away additions that the others make unnecessary, until each one is needed."""
         assert self.model is not None, "a search starts with a model"
-        model = self.model
+        needed = self.model.additions[-1:]  # without it, the model is one that has lost already
+        while (without := self._without_one(self.model, needed)) is not None:
+            self._estimate, self.model, needed = None, without, ()
+
+    def _without_one(self, model: _Model, needed: Collection[Addition]) -> _Model | None:
+        """Return the model without the first addition that is not worth it; None if each one is."""
         estimate = self._estimate or smoothed(self._prepared.with_settings(model.settings))
-        for addition in model.additions[:-1]:
-            if is_certain(estimate, addition):
+        for addition in model.additions:
+            if addition in needed or is_certain(estimate, addition):
                 continue
             rest = tuple(each for each in model.additions if each.key != addition.key)
             self._on_step(f"try without {addition}")
@@ -246,8 +254,9 @@ class _Search:
             loss = None if other is None else other.evidence - model.evidence
             is_better = loss is not None and loss > -WORTH
             self.steps.append(self._step("remove", str(addition), loss, is_better, ""))
-            if other is not None and is_better:
-                self.model = model = other
+            if is_better:
+                return other
+        return None
 
     def correct_times(self) -> None:
         """Move delays and the lag of the fins to the zero of their score tests."""
@@ -343,8 +352,8 @@ class _Search:
 
     def trial(self, settings: RunSettings, stopped: str) -> tuple[str, str]:
         """Return how well a model predicts the last third by a fit to the rest, and the reason of an early end."""
-        if stopped == _INTERRUPTED_FIT:
-            return "", stopped
+        if stopped == _INTERRUPTED_FIT or self._is_out_of_time():
+            return "", stopped or _OUT_OF_TIME
         try:
             self._on_step("predict the last third by a fit to the rest")
             return trial_text(try_on_held_out(thinned(self._dataset), settings)), stopped
@@ -373,6 +382,9 @@ class _Search:
         after = "" if judgement is None else str(judgement.grade)
         return FitStep(self._look, action, what, "", gain, kept, before, after, elapsed)
 
+    def _is_out_of_time(self) -> bool:
+        return process_time() - self._begin > self._limits.max_time
+
     def _check_time(self) -> None:
-        if process_time() - self._begin > self._limits.max_time:
+        if self._is_out_of_time():
             raise _OutOfTimeError
