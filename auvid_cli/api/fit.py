@@ -38,7 +38,7 @@ def fit(
         Its settings are the first model. Its truth is not used.
     only, excluded : sequence of str, optional
         Kinds of additions that may be tried, or not: the names of `identification.estimate.biases`, ``"walk"``,
-        ``"noise"``, ``"lag"`` and ``"term"``.
+        ``"noise"``, ``"lag"``, ``"term"`` and ``"prior"``.
     max_time : float, optional
         Processor time after which the search ends with the best model so far, s.
     on_step : callable, optional

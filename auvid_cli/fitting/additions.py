@@ -9,6 +9,7 @@ from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.identification import INPUTS_DELAY
 from auvid_cli.data.faults import TESTED_TERMS, FaultKind, FaultTest
 from auvid_cli.identification.noise import disturbance_like_noise
+from auvid_cli.identification.states import coefficient_priors
 from auvid_cli.identification.terms import with_terms
 from auvid_cli.vehicle.coefficients import term
 
@@ -37,7 +38,7 @@ _WALKS = {
     FaultKind.TRIM_MOMENT_DRIFT: (BiasName.BALLAST, "moment_walk"),
 }
 _DELAYS = FaultKind.SENSOR_DELAY, FaultKind.INPUT_DELAY
-FAMILIES = *(name.value for name in BiasName), "walk", "noise", "lag", "term"
+FAMILIES = *(name.value for name in BiasName), "walk", "noise", "lag", "term", "prior"
 
 
 class Addition(NamedTuple):
@@ -45,7 +46,8 @@ class Addition(NamedTuple):
 
     family: str  # one of `FAMILIES`: what the user may include or exclude
     name: str = ""  # sensor, input, setting or term; empty if the family has one
-    size: float = 0.0  # value, SI: of a delay, a random walk, or the time constant of the fins
+    # Value, SI: of a delay, a random walk, or the time constant of the fins; factor on the width of the prior
+    size: float = 0.0
     deviation: float = 0.0  # standard deviation of a delay or of the time constant, s
 
     def __str__(self) -> str:
@@ -55,6 +57,7 @@ class Addition(NamedTuple):
             "noise": "noise of the {}",
             "lag": "lag of the fins",
             "term": "term {}",
+            "prior": "width of the prior",
             "dvl": "scale and yaw of the DVL",
             "dvl_arm": "lever arm of the DVL, {}",
             "gyro": "bias of the gyroscope",
@@ -118,6 +121,8 @@ def with_addition(settings: RunSettings, addition: Addition) -> RunSettings:
             return _with_lag(settings, addition.size)
         case "noise":
             return settings
+        case "prior":
+            return _with_wider_prior(settings, addition.size)
         case "walk":
             error, _, key = name.partition(".")
             changed = getattr(estimate, error).model_copy(update={key: addition.size})
@@ -150,6 +155,8 @@ def without_addition(settings: RunSettings, addition: Addition) -> RunSettings:
         case "noise":
             factors = {s: factor for s, factor in identification.measurement_noise.items() if s != name}
             return settings.with_identification(measurement_noise=factors)
+        case "prior":
+            return _with_wider_prior(settings, 1.0 / addition.size)
         case "walk":
             error, _, key = name.partition(".")
             changed = getattr(estimate, error)
@@ -161,6 +168,14 @@ def without_addition(settings: RunSettings, addition: Addition) -> RunSettings:
             return settings.with_estimate(dvl_arm=arm.model_copy(update={"axes": axes}))
         case _:
             return settings.with_estimate(biases=tuple(error for error in estimate.biases if error != family))
+
+
+def _with_wider_prior(settings: RunSettings, factor: float) -> RunSettings:
+    """Return settings with the prior standard deviation of each coefficient multiplied by a factor."""
+    prior = settings.identification.prior
+    priors = coefficient_priors(settings.vehicle, prior)
+    wider = {symbol: factor * of.standard_deviation for symbol, of in priors.items()}
+    return settings.with_identification(prior=prior.model_copy(update={"standard_deviation": wider}))
 
 
 def _with_lag(settings: RunSettings, time_constant: float | None) -> RunSettings:

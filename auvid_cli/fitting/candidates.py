@@ -1,7 +1,7 @@
 """Candidates for an addition to a model, ranked by the score tests and innovations of its estimate."""
 
 from collections.abc import Collection, Iterator, Sequence
-from math import log
+from math import log, sqrt
 from typing import NamedTuple
 
 from auvid_cli.config.extra_states import BiasName, ProcessNoise
@@ -10,6 +10,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.evaluation.innovations import noise_cause, sensors_without_ahrs
 from auvid_cli.fitting.additions import Addition, addition_for
+from auvid_cli.identification.states import coefficient_priors
 
 # Gain in log-likelihood from which an addition is worth it: that of a fault of 3.5 standard deviations, from which an
 # estimate is doubtful.
@@ -48,7 +49,7 @@ def candidates(
     """
     keys = {addition.key for addition in present if not addition.is_time}
     gains: dict[tuple[str, str], Candidate] = {}
-    for candidate in [*_of_faults(estimate, present, duration), *_of_noise(estimate)]:
+    for candidate in [*_of_faults(estimate, present, duration), *_of_noise(estimate), *_of_prior(estimate)]:
         key = candidate.addition.key
         if key not in keys:
             before = gains.get(key)
@@ -121,3 +122,22 @@ def _of_noise(estimate: Estimate) -> Iterator[Candidate]:
         nis = statistics.sums.mean_nis
         if nis > 0.0 and abs(log(nis)) > _MIN_NOISE_CHANGE:
             yield Candidate(Addition("noise", sensor), noise_cause(sensor, statistics).gain)
+
+
+def _of_prior(estimate: Estimate) -> Iterator[Candidate]:
+    """Yield the most likely factor on all standard deviations of the prior, if it is above 1."""
+    settings = estimate.experiment
+    if settings.identification.prior.from_estimate is not None:
+        return
+    priors = coefficient_priors(settings.vehicle, settings.identification.prior)
+    moments = []
+    for symbol, value in estimate.final_coefficients().items():
+        if symbol in priors:
+            mean, width = priors[symbol]
+            moments.append(((value - mean) ** 2 + estimate.final_deviations()[symbol] ** 2) / width**2)
+    if not moments:
+        return
+    # Mean square of the distances from the prior mean: 1 is expected.
+    square = sum(moments) / len(moments)
+    if square > 1.0:
+        yield Candidate(Addition("prior", "", sqrt(square)), 0.5 * len(moments) * (square - 1.0 - log(square)))

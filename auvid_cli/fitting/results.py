@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # Settings below `identification` that a search changes.
-_CHANGED = "coefficients", "estimate", "delays", "process_noise", "measurement_noise", "noise", "smoother"
+_CHANGED = "coefficients", "prior", "estimate", "delays", "process_noise", "measurement_noise", "noise", "smoother"
 
 
 class FitStep(NamedTuple):

@@ -310,7 +310,7 @@ class _Search:
             return None
         if tuning is None:
             return None
-        free = len(sensors) + sum(addition.is_time for addition in additions)
+        free = len(sensors) + sum(addition.is_time or addition.family == "prior" for addition in additions)
         free += sum(noise.setting.startswith("identification.estimate.") for noise in tuning.noises)
         evidence = tuning.log_likelihood - 0.5 * free * log(self._n_measured)
         tuned = tuning.experiment.with_identification(smoother=settings.identification.smoother)

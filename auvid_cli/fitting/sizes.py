@@ -33,6 +33,8 @@ def size_text(estimate: Estimate, addition: Addition) -> str:
     settings = estimate.experiment.identification
     if addition.family == "noise":
         return f"{settings.measurement_noise[addition.name]:.3g} times the stated noise"
+    if addition.family == "prior":
+        return f"standard deviations {addition.size:.3g} times as large"
     if addition.is_time:
         return f"{1e3 * addition.size:.3g} +- {1e3 * addition.deviation:.2g} ms"
     if addition.family == BiasName.DISTURBANCE:

@@ -16,6 +16,7 @@ _ADDITIONS = (
     Addition("delay", "gyroscope", 0.02),
     LAG,
     Addition("term", "N_|v|r"),
+    Addition("prior", "", 4.0),
 )
 
 

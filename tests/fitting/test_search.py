@@ -96,6 +96,42 @@ def test_interrupt_of_the_fit_to_all_data_keeps_the_additions(trimmed):
 
 
 @pytest.mark.slow
+def test_interrupt_within_a_look_keeps_the_best_candidate(trimmed):
+    steps: list[str] = []
+
+    def interrupt(step: str) -> None:
+        steps.append(step)
+        if "candidate 2" in step:
+            raise KeyboardInterrupt
+
+    fit = fit_model(trimmed, FitLimits(), interrupt)
+    assert fit.stopped == "interrupted"
+    tried = [step.what for step in fit.steps if step.action == "add"]
+    assert len(tried) == 1
+    assert fit.added == tuple(tried)
+
+
+@pytest.mark.slow
+def test_gyroscope_twice_as_loud_as_stated_is_found(multisine_with):
+    dataset = multisine_with()
+    record = dataset.sensors["gyroscope"]
+    quiet = replace(record, standard_deviation=0.5 * record.standard_deviation)
+    fit = fit_model(replace(dataset, sensors={**dataset.sensors, "gyroscope": quiet}), FitLimits())
+    assert fit.judgement.grade is Grade.SOUND
+    assert fit.added == ("noise of the gyroscope",)
+    assert fit.experiment.identification.measurement_noise["gyroscope"] == pytest.approx(2.0, rel=0.1)
+
+
+@pytest.mark.slow
+def test_prior_that_excludes_the_coefficients_is_widened(multisine_with):
+    # Sixty times as narrow as by default: the true coefficients are far outside.
+    dataset = multisine_with("identification.prior.factor=0.05")
+    fit = fit_model(dataset, FitLimits())
+    assert fit.judgement.grade is Grade.SOUND
+    assert fit.added == ("width of the prior",)
+
+
+@pytest.mark.slow
 def test_excluded_addition_is_not_tried(trimmed):
     fit = fit_model(trimmed, FitLimits(excluded=("fin_trim",)))
     assert "trim of the fins" not in [step.what for step in fit.steps]
