@@ -147,14 +147,20 @@ class _Search:
         self._estimate: Estimate | None = None  # of the present model from the thinned data
 
     def holds_as_stated(self) -> bool:
-        """Whether a fit of the thinned data with the settings as they are is sound."""
+        """Whether a fit of the thinned data with the settings as they are is sound, and no addition promises much."""
         smoother = self._dataset.experiment.identification.smoother
         quick = smoother.model_copy(update={"max_passes": min(smoother.max_passes, _FIRST_PASSES), "answer": "joint"})
         try:
             estimate = smoothed(self._prepared.with_identification(smoother=quick))
         except DataError:
             return False
-        return judge_one(estimate, None).grade is Grade.SOUND
+        promising = [each for each in self._candidates(estimate, ()) if each.expected > _SMALL_SHARE * self._n_measured]
+        return judge_one(estimate, None).grade is Grade.SOUND and not promising
+
+    def _candidates(self, estimate: Estimate, present: Collection[Addition]) -> list[Candidate]:
+        """Return the additions that may be tried, the best first."""
+        found = candidates(estimate, present, self._least, self._duration)
+        return [candidate for candidate in found if self._limits.allows(candidate.addition)]
 
     def start_loose(self) -> None:
         """Find the most likely process noise, beginning with far more than stated."""
@@ -178,10 +184,10 @@ class _Search:
             estimate = self._estimate = smoothed(self._prepared.with_settings(self.model.settings))
             self._judgement = judge_one(estimate, None)
             self._set_judged_after(self._judgement)
+            tried = self._candidates(estimate, self.model.additions)
             if self._judgement.grade is Grade.SOUND and noise_excess(estimate, self._least) <= _TIGHT:
-                return
-            found = candidates(estimate, self.model.additions, self._least, self._duration)
-            tried = [candidate for candidate in found if self._limits.allows(candidate.addition)]
+                # A sensor much quieter than stated is no reason for doubt, but coefficients are better known with it.
+                tried = [candidate for candidate in tried if candidate.expected > _SMALL_SHARE * self._n_measured]
             causes, others = by_kind(tried)
             if noise_excess(estimate, self._least) > _FAR_FROM_STATED:
                 # The tests are not calibrated yet, and a disturbance converges faster than a wrong cause.
