@@ -21,6 +21,7 @@ from docs.section import replace_section
 _RIGHT = 4.0
 _WRONG = 5.0
 _MAX_FAULTS = 3
+_WIDER = "width of the prior"
 _SPEEDS = {"vt690": "3.9 m/s", "remus100": "1.54 m/s", "lauv": "1.43 m/s"}
 _SPIRALS = {"vt690": "spiral_gentle", "remus100": "spiral_remus100", "lauv": "spiral_lauv"}
 _MANOEUVRES = "spiral", "zigzag_10_10", "multisine"
@@ -132,9 +133,20 @@ def found(case: str, seed: int) -> pd.DataFrame:
     return pd.DataFrame([{**row, "trial": fit.trial, "cpu_time": process_time() - begin}], columns=_COLUMNS)
 
 
-def _count(text: str) -> int:
-    """Return the number of names in a text."""
-    return len(text.split("; ")) if text else 0
+def _names(text: str) -> list[str]:
+    return text.split("; ") if text else []
+
+
+def _unneeded(faults: str, added: str) -> str:
+    """Return the additions of a run that explain none of its faults; a wider prior is counted by itself."""
+    expected = {_WIDER, *(name for fault in _names(faults) for name in _FAULTS[fault][2])}
+    return "; ".join(name for name in _names(added) if name not in expected)
+
+
+def _numbers(texts: pd.Series) -> str:
+    """Return how often each name occurs."""
+    counts = pd.Series([name for text in texts for name in _names(text)], dtype=str).value_counts()
+    return ", ".join(f"{name} ({count})" for name, count in counts.items()) or "none"
 
 
 def _share(of: pd.Series) -> str:
@@ -147,24 +159,37 @@ def main() -> None:
     cases = [f"{vehicle} {manoeuvre}" for manoeuvre in _MANOEUVRES for vehicle in _SPEEDS]
     rows = all_rows(file, [(cases[seed % len(cases)], seed) for seed in range(1, seeds + 1)], found)
     rows = rows[rows["grade"] != "not simulated"].fillna({"faults": "", "added": "", "missed": ""})
-    sound, number = rows["grade"] == "sound", rows["faults"].map(_count)
+    sound, number = rows["grade"] == "sound", rows["faults"].map(lambda text: len(_names(str(text))))
+    rows = rows.assign(unneeded=[_unneeded(*pair) for pair in zip(rows["faults"], rows["added"], strict=True)])
     lines = [
         f"Seeds 1 to {rows['seed'].max()}. Right: no coefficient beyond {_RIGHT:g} standard deviations; wrong: one "
         f"beyond {_WRONG:g}.",
         "",
-        "| faults | sound and right | sound and wrong | all faults found | nothing else added | processor time |",
-        "| ---: | --- | --- | --- | --- | ---: |",
+        "| runs | sound and right | sound and wrong | all faults found | nothing else added | processor time |",
+        "| --- | --- | --- | --- | --- | ---: |",
     ]
-    for count in sorted(number.unique()):
-        own = rows[number == count]
-        added = own["added"].map(_count)
+    parts = [(f"{count} faults", rows[number == count]) for count in sorted(number.unique())]
+    parts += [(vehicle, rows[rows["case"].str.startswith(vehicle)]) for vehicle in _SPEEDS]
+    for count, own in [*parts, ("all", rows)]:
         lines.append(
             f"| {count} | {_share((own['grade'] == 'sound') & (own['sigmas'] <= _RIGHT))} "
             f"| {_share((own['grade'] == 'sound') & (own['sigmas'] > _WRONG))} | {_share(own['missed'] == '')} "
-            f"| {_share(added <= count)} | {own['cpu_time'].median():.0f} s |"
+            f"| {_share(own['unneeded'] == '')} | {own['cpu_time'].median():.0f} s |"
         )
-    missed = rows["missed"][rows["missed"] != ""].value_counts()
-    lines += ["", f"Sound: {_share(sound)}. Not found: {', '.join(f'{m} ({n})' for m, n in missed.items()) or 'none'}."]
+    widened = rows["added"].map(lambda text: _WIDER in _names(str(text)))
+    lines += [
+        "",
+        f"Sound: {_share(sound)}. Not found: {_numbers(rows['missed'])}. Added without need: "
+        f"{_numbers(rows['unneeded'])}. Prior widened: {_share(widened)}, of remus100 "
+        f"{_share(widened[rows['case'].str.startswith('remus100')])}.",
+        "",
+        "Not sound:",
+        "",
+        *(
+            f"- {row.case}, seed {row.seed} ({row.faults or 'no fault'}): {row.grade}, {row.reason}"
+            for row in rows[~sound].itertuples()
+        ),
+    ]
     replace_section("fit", "\n".join(lines), "studies")
 
 

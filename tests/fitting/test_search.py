@@ -112,14 +112,15 @@ def test_interrupt_within_a_look_keeps_the_best_candidate(trimmed):
 
 
 @pytest.mark.slow
-def test_gyroscope_twice_as_loud_as_stated_is_found(multisine_with):
+@pytest.mark.parametrize(("sensor", "factor"), [("gyroscope", 2.0), ("dvl", 0.5)])
+def test_noise_twice_or_half_as_stated_is_found(multisine_with, sensor, factor):
     dataset = multisine_with()
-    record = dataset.sensors["gyroscope"]
-    quiet = replace(record, standard_deviation=0.5 * record.standard_deviation)
-    fit = fit_model(replace(dataset, sensors={**dataset.sensors, "gyroscope": quiet}), FitLimits())
+    record = dataset.sensors[sensor]
+    stated = replace(record, standard_deviation=record.standard_deviation / factor)
+    fit = fit_model(replace(dataset, sensors={**dataset.sensors, sensor: stated}), FitLimits())
     assert fit.judgement.grade is Grade.SOUND
-    assert fit.added == ("noise of the gyroscope",)
-    assert fit.experiment.identification.measurement_noise["gyroscope"] == pytest.approx(2.0, rel=0.1)
+    assert fit.added == (f"noise of the {sensor}",)
+    assert fit.experiment.identification.measurement_noise[sensor] == pytest.approx(factor, rel=0.1)
 
 
 @pytest.mark.slow
