@@ -89,8 +89,8 @@ def forecast(plan: CampaignPlan, folder: Path, options: CampaignOptions, progres
         )
         return
     progress.message(
-        f"{remaining} runs take about {_duration(seconds * remaining / threads)} on {threads} workers like this "
-        f"machine, plus some seconds to start (measured on {PROBE_DURATION:g} s of data of a few runs)"
+        f"{remaining} runs take about {_duration(seconds * remaining / threads)} on {threads} workers of this "
+        f"machine's speed, and some seconds to start (measured with a few runs of {PROBE_DURATION:g} s)"
     )
 
 

@@ -244,7 +244,8 @@ def campaign(
         return DONE
     result = run_campaign(plan, folder, chosen, terminal)
     if result.findings is not None:
-        print_findings(terminal.out, result.findings, result.files)
+        print_findings(terminal.out, result.findings, [file for file in result.files if file != result.page])
+        terminal.print(f"report: {result.page}")
         if figures.show:
             terminal.open_page(result.page)
     for remark in result.remarks:

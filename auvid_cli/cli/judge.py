@@ -151,7 +151,7 @@ def compare(
     """Compare the tables of two results folders; exit code 1 if they differ by more than the tolerances.
 
     Compares coefficients.csv, summary.csv and velocity_error.csv. Every value of the reference must be in the first
-    folder: texts must be equal, numbers within the tolerances. Processor times and judgements are not compared.
+    folder: texts must be equal, numbers within the tolerances. Processor times and sentences are not compared.
     """
     from auvid_cli.api.data import compare_results
     from auvid_cli.report.screens import print_comparison

@@ -11,7 +11,7 @@ RELATIVE = 0.01  # share of a value
 DEVIATIONS = 0.01  # standard deviations of an estimate
 # Columns whose tolerance follows from the standard deviation, and columns that are not compared.
 _BY_DEVIATION = ("estimate", "steady_state_error_percent")
-_LEFT_OUT = ("cpu_time_s", "microseconds_per_step", "reason", "remedy")
+_LEFT_OUT = ("cpu_time_s", "microseconds_per_step", "reason", "remedy", "contributors")
 
 
 class Tolerance(NamedTuple):

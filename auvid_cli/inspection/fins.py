@@ -279,8 +279,9 @@ def rudder_trim_checks(trim: RudderTrim | None) -> list[Check]:
             statistic=f"{angle:.2f} +- {error:.1g} deg on a straight course",
             threshold=f"<= {np.rad2deg(_MAX_TRIM):.2g} deg",
             passed=None if trim.is_significant else True,
-            advice=f"The vehicle goes straight at a recorded rudder of {trim.angle:.3g} rad: its zero is wrong, the "
-            "hull is bent, or the vehicle heels (mean roll). Set `centre` or `offset` in the map, or estimate the trim "
+            advice=f"The vehicle goes straight at a recorded rudder of {np.degrees(trim.angle):.3g} deg: its zero is "
+            "wrong, the hull is bent, or the vehicle heels (mean roll). Set `centre` or `offset` in the map, or "
+            "estimate the trim "
             "(`identification.estimate.biases: [fin_trim]`).",
         )
     ]

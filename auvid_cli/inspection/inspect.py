@@ -147,7 +147,7 @@ def _import_remarks(run: RunSettings) -> list[Check]:
         judged(
             name,
             "import",
-            statistic="a remark",
+            statistic=f"{len(sentences)} {'remark' if len(sentences) == 1 else 'remarks'}",
             threshold="none",
             passed=None,
             advice=f"At import: {'; '.join(sentences)}.",

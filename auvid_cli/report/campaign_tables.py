@@ -65,7 +65,7 @@ def comparison_sentences(findings: CampaignSummary) -> list[str]:
     for (first, second, measure), rows in findings.comparisons.groupby(["first", "second", "measure"], sort=False):
         counts = rows["conclusion"].value_counts()
         conclusions = ", ".join(f"{conclusion} in {count}" for conclusion, count in counts.items())
-        sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {conclusions}, of {len(rows)}")
+        sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {conclusions} (of {len(rows)})")
     return sentences
 
 

@@ -192,10 +192,10 @@ def _checks(shared: Sequence[SharedCheck], names: Sequence[str]) -> Table:
     cells: dict[Column, Callable[[SharedCheck], Cell]] = {
         text_column(""): lambda row: _VERDICTS[row.check.passed],
         text_column("estimator"): lambda row: whose(row.filters, names),
-        text_column("of"): lambda row: row.check.subject,
+        text_column("subject"): lambda row: row.check.subject,
         text_column("check"): lambda row: row.check.check,
         text_column("found"): lambda row: row.check.statistic,
-        text_column("allowed"): lambda row: row.check.threshold,
+        text_column("expected"): lambda row: row.check.threshold,
     }
     table = tabulated("checks", "Checks", shared, cells)
     return table if any(len(each.filters) < len(names) for each in shared) else table.without("estimator")

@@ -37,15 +37,32 @@ _PREFIX = "identification."
 Judged = tuple[Estimate, Judgement]
 
 
+_DESIGN_NOTE = (
+    "Mean sd, worst sd: standard deviation of the coefficients in percent of their values, geometric mean and largest. "
+    "Gain: mean sd of the spiral divided by that of the manoeuvre; lowest and highest of the trial vehicles. Left "
+    "limits: number of trial vehicles. Box, depth: largest extent of the track."
+)
+
+
 def print_design(console: Console, design: "Design") -> None:
     """Print the manoeuvres side by side, on trial vehicles that the search has not seen, and the conclusions."""
     spiral = design.trials["spiral"]
-    headers = "mean sd (%)", "worst sd (%)", "gain", "least", "largest", "outside", "box (m)", "depth (m)"
+    headers = (
+        "mean sd (%)",
+        "worst sd (%)",
+        "gain",
+        "lowest gain",
+        "highest gain",
+        "left limits",
+        "box (m)",
+        "depth (m)",
+    )
     columns = text_column("manoeuvre"), *map(Column, headers)
     rows = [_design_row(name, trial, spiral) for name, trial in design.trials.items()]
     console.print(
         screen_table(console, Table("design", "Design", columns, rows), _DESIGN_DIGITS, unbroken=["manoeuvre"])
     )
+    print_texts(console, [_DESIGN_NOTE])
     for line in sentences(design):
         console.print(Text(line), soft_wrap=True)
 
@@ -68,15 +85,17 @@ def sentences(design: "Design") -> list[str]:
     """Return the conclusions of a design, a sentence each."""
     chosen, spiral = design.trials[design.chosen], design.trials["spiral"]
     number = len(spiral.runs)
-    gain = f"x{design.gain:.2f} over the spiral"
+    gain = f"a gain of {design.gain:.2f} over the spiral"
     if design.keeps_spiral and design.is_worth_while:
         lines = ["No designed run stays within the limits as well as the spiral: the spiral is written."]
     elif design.keeps_spiral:
-        lines = [f"The spiral is as good ({gain} on {number} vehicles not seen by the search): the spiral is written."]
+        lines = [
+            f"The spiral is as good, and is written: the search found {gain} on {number} vehicles that it did not use."
+        ]
     elif design.chosen == "designed":
-        lines = [f"The designed run gives {gain} on {number} vehicles not seen by the search."]
+        lines = [f"The designed run gives {gain} on {number} vehicles that the search did not use."]
     else:
-        result = f"{gain} on {number} vehicles not seen by the search"
+        result = f"{gain} on {number} vehicles that the search did not use"
         lines = [f"The best run is {design.chosen} ({result}); it is written."]
     if chosen.n_outside:
         limits = dict.fromkeys(name for shares in chosen.excess for name, share in shares.items() if share > 0.0)
@@ -95,7 +114,9 @@ def sentences(design: "Design") -> list[str]:
     lines.append(f"Mean sd for the expected vehicle: {course}.")
     if longer := [f"{percent:.2g} % in {time:.0f} s" for time, percent in design.accuracy_over_time if time > end]:
         lines.append(f"Mean sd of a longer run of this kind: {', '.join(longer)}.")
-    lines += [f"{poor.symbol} stays at {poor.percent:.2g} %: {poor.why}." for poor in design.weak_coefficients]
+    for poor in design.weak_coefficients:
+        percent = f"{poor.percent:.0f}" if poor.percent >= 100.0 else f"{poor.percent:.2g}"
+        lines.append(f"{poor.symbol} stays at {percent} %: {poor.why}.")
     return lines
 
 
@@ -106,17 +127,17 @@ def print_terms(console: Console, findings: TermFindings) -> None:
         text_column("term"): lambda term: term.term,
         Column("size"): lambda term: term.size,
         Column("+-"): lambda term: term.standard_deviation,
-        Column("gain"): lambda term: term.gain,
+        Column("predicted gain"): lambda term: term.gain,
         Column("imitated %"): lambda term: 100.0 * term.made_up_share,
         Column("held-out gain"): lambda term: term.held_out_gain,
-        Column("gain of all"): lambda term: term.evidence_gain,
+        Column("gain on all data"): lambda term: term.evidence_gain,
         text_column("verdict"): _verdict,
     }
     console.print(screen_table(console, tabulated("terms", "Terms", findings.scored, cells), _TERM_DIGITS))
     console.print(
         Text(
             f"{findings.n_candidates} candidates, fitted to {_of(findings.fitted)}, held out {_of(findings.held_out)}. "
-            "Gain: increase of the log-likelihood, predicted before the fit and found after it. Imitated: share of the "
+            "Gain: increase of the log-likelihood, predicted before the fit or found after it. Imitated: share of the "
             "effect of the term that the coefficients of the model can imitate. Not kept: another term fits better or "
             "replaces it. Not confirmed: the term does not improve the fit of the held-out data."
         )
@@ -276,7 +297,7 @@ def print_comparison(console: Console, comparison: Comparison, everything: bool)
         counts = Counter(value.column or "whole rows" for value in of_table if not value.agrees)
         others = ", ".join(f"{column} {count}" for column, count in counts.most_common())
         agreeing = f"{table}.csv: {len(of_table) - counts.total()} of {len(of_table)} values agree"
-        console.print(Text(f"{agreeing}; others: {others}" if others else agreeing))
+        console.print(Text(f"{agreeing}; values that differ: {others}" if others else agreeing))
     if comparison.only_first:
         console.print(Text(f"only the first has {', '.join(comparison.only_first)}"))
 
@@ -295,7 +316,7 @@ def _difference(value: float) -> str:
 _COMPARED: dict[Column, Callable[[ComparedValue], Cell]] = {
     text_column(_MARK): lambda value: "" if value.agrees else "DIFFERS",
     text_column("table"): lambda value: value.table,
-    text_column("of"): lambda value: value.row,
+    text_column("row"): lambda value: value.row,
     text_column("value"): lambda value: value.column,
     Column("first"): lambda value: _cell(value.first),
     Column("second"): lambda value: _cell(value.second),

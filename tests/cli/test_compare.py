@@ -30,7 +30,7 @@ def test_different_results_are_listed_with_exit_code_1(folders):
         [cell.removesuffix(".00000").removesuffix("0000") for cell in line] for line in lines
     ]
     assert "and 5 more that differ" in result.stdout
-    assert "coefficients.csv: 75 of 100 values agree; others: estimate 25" in result.stdout
+    assert "coefficients.csv: 75 of 100 values agree; values that differ: estimate 25" in result.stdout
     assert result.stdout.splitlines()[-1] == "25 of 100 values differ"
 
 

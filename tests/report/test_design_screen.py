@@ -43,7 +43,7 @@ def design():
 
 def test_sentences_of_better_design_give_gain_duration_and_weak_coefficients(design):
     assert sentences(design(trial(1.0), trial(2.0))) == [
-        "The designed run gives x2.00 over the spiral on 4 vehicles not seen by the search.",
+        "The designed run gives a gain of 2.00 over the spiral on 4 vehicles that the search did not use.",
         "After 40 of 120 s it is as informative as the whole spiral.",
         "Mean sd for the expected vehicle: 3.1 % after 60 s, 1 % after 120 s.",
         "N_uvl stays at 31 %: cannot be told from N_url: correlation 0.97.",
@@ -52,7 +52,9 @@ def test_sentences_of_better_design_give_gain_duration_and_weak_coefficients(des
 
 def test_spiral_is_written_if_as_good(design):
     lines = sentences(design(trial(1.0), trial(1.05, outside=2, lost=1), chosen="spiral"))
-    assert lines[0].startswith("The spiral is as good (x1.05 over the spiral on 4 vehicles")
+    assert lines[0].startswith(
+        "The spiral is as good, and is written: the search found a gain of 1.05 over the spiral on 4 vehicles"
+    )
     assert lines[1] == "3 of 4 trial vehicles left the limits (roll), and 1 went out of control: plan a margin."
 
 
@@ -63,7 +65,7 @@ def test_spiral_is_written_if_no_design_stays_within_limits(design):
 
 def test_usual_manoeuvre_is_written_if_best(design):
     lines = sentences(design(trial(1.0), trial(2.0, outside=1), chosen="doublets"))
-    assert lines[0].startswith("The best run is doublets (x4.00 over the spiral on 4 vehicles")
+    assert lines[0].startswith("The best run is doublets (a gain of 4.00 over the spiral on 4 vehicles")
     assert lines[1] == "With the spiral, 1 of them left the limits."
 
 

@@ -210,7 +210,7 @@ def check_parts(checks: Iterable[Check]) -> list[Part]:
         return []
     names = list(dict.fromkeys(check.filter for check in ordered))
     filters = any(names)
-    headers = ("verdict", *(["estimator"] if filters else []), "of", "check", "found", "allowed", "what to do")
+    headers = ("verdict", *(["estimator"] if filters else []), "subject", "check", "found", "expected", "what to do")
 
     def row(check: Check, of: Sequence[str]) -> list[Cell]:
         return [
