@@ -1,5 +1,6 @@
 """Columns are matched by their behaviour where names say nothing, or something else."""
 
+import numpy as np
 import pytest
 
 from tests.logs.suggest.test_evidence import TIME, TRUTH, suggested
@@ -52,3 +53,19 @@ def test_pressure_is_not_taken_for_a_depth():
     motion = REST | {name: TRUTH[name] for name in ("phi", "theta", "psi")}
     _, found = suggested(motion | {"pressure_mbar": 1013.0 + 98.1 * TRUTH["down"]})
     assert "depth" not in found["sensors"]
+
+
+@pytest.mark.parametrize("rows", [3, 5, 10])
+def test_delay_below_sampling_step_is_not_suggested(rows):
+    """Rows that repeat a slower sensor's last value seem late by half its step."""
+    held = {name: np.repeat(TRUTH[name][::rows], rows) for name in ("phi", "theta", "psi")}
+    held = {name: values[: TIME.size] for name, values in held.items()}
+    _, found = suggested(TRUTH | held)
+    assert not any("offset" in sensor["time"] for sensor in found["sensors"].values())
+
+
+def test_delay_above_sampling_step_of_repeated_rows_is_suggested():
+    later = {name: np.interp(TIME - 0.5, TIME, TRUTH[name]) for name in ("phi", "theta", "psi")}
+    held = {name: np.repeat(values[::3], 3)[: TIME.size] for name, values in later.items()}
+    _, found = suggested(TRUTH | held)
+    assert float(found["sensors"]["attitude"]["time"]["offset"].split()[0]) == pytest.approx(-0.6, abs=0.05)
