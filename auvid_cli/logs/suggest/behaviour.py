@@ -85,7 +85,9 @@ def _behaviours(
             is_measured = not (names.is_set_point(table, "") or names.is_filter_output(table))
             if known_message(table, columns, log.path.stem) is not None or not is_measured:
                 continue
-            tried = [column for column in columns if (name, table, column.name) not in used and _may_measure(column)]
+            tried = [
+                column for column in columns if (name, table, column.name) not in used and names.may_measure(column)
+            ]
             if not tried or len(tried) > _MAX_COLUMNS:
                 continue
             read = log.read(table, [column.name for column in tried])
@@ -99,12 +101,6 @@ def _behaviours(
                 for sensor, component in missing:
                     if fit := _agreement(component, track, tracks):
                         yield _Behaviour(fit[0], sensor, component, name, table, column, fit[1])
-
-
-def _may_measure(column: LogColumn) -> bool:
-    is_time = any(one.column == column for one in names.time_columns([column]))
-    is_other = names.is_set_point("", column.name) or names.is_filter_output("", column.name)
-    return not (column.is_text or column.name.startswith("@") or is_time or is_other)
 
 
 def _agreement(component: str, track: Track, tracks: Mapping[str, Track]) -> tuple[float, str] | None:

@@ -10,6 +10,7 @@ from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.behaviour import with_behaviour
 from auvid_cli.logs.suggest.evidence import OVER_GROUND, ROTATED, TRIPLES, USUAL_AXES, Evidence
+from auvid_cli.logs.suggest.filtered import with_unfiltered
 from auvid_cli.logs.suggest.found_sensors import (
     FoundSensor,
     flag_of,
@@ -60,7 +61,7 @@ def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
             found[sensor] = FoundSensor(main, [] if main.is_quaternion else _apart(logs, main))
     if "attitude" not in found:
         found |= numbered_attitude(logs, found)
-    found = with_behaviour(logs, found)
+    found = with_unfiltered(logs, with_behaviour(logs, found))
     return _with_units(logs, in_usual_order(found, sensor_tracks(logs, found)))
 
 

@@ -69,3 +69,34 @@ def test_delay_above_sampling_step_of_repeated_rows_is_suggested():
     held = {name: np.repeat(values[::3], 3)[: TIME.size] for name, values in later.items()}
     _, found = suggested(TRUTH | held)
     assert float(found["sensors"]["attitude"]["time"]["offset"].split()[0]) == pytest.approx(-0.6, abs=0.05)
+
+
+def smoothed(values, share=0.2):
+    """A low-pass filter of first order."""
+    copy = values.copy()
+    for k in range(1, values.size):
+        copy[k] = copy[k - 1] + share * (values[k] - copy[k - 1])
+    return copy
+
+
+@pytest.mark.parametrize(("raw", "copy"), [("depth_sensor_1", "depth"), ("depth_filtered", "depth"), ("depth", "down")])
+def test_unfiltered_column_is_taken_whatever_its_name(raw, copy):
+    motion = REST | {name: TRUTH[name] for name in ("phi", "theta", "psi")}
+    text, found = suggested(motion | {copy: smoothed(TRUTH["down"]), raw: TRUTH["down"]})
+    assert found["sensors"]["depth"]["columns"] == {"down": raw}
+    assert f"{copy} is a low-pass filtered copy of it" in text or f"{copy} (another depth)" in text
+
+
+def test_noisier_second_sensor_is_not_taken():
+    """Its noise is its own: nothing shows that the other sensor is filtered."""
+    noise = 0.1 * np.random.default_rng(4).standard_normal(TIME.size)
+    motion = REST | {name: TRUTH[name] for name in ("phi", "theta", "psi")}
+    _, found = suggested(motion | {"depth": TRUTH["down"], "depth_sensor_2": TRUTH["down"] + noise})
+    assert found["sensors"]["depth"]["columns"] == {"down": "depth"}
+
+
+def test_pressure_in_decibar_is_not_the_unfiltered_depth():
+    pressure = 1.0055 * TRUTH["down"]
+    motion = REST | {name: TRUTH[name] for name in ("phi", "theta", "psi")}
+    _, found = suggested(motion | {"depth": smoothed(TRUTH["down"]), "sensor_dbar": pressure})
+    assert found["sensors"]["depth"]["columns"] == {"down": "depth"}
