@@ -32,6 +32,7 @@ class FoundSensor(NamedTuple):
     apart: list[Found]
     notes: tuple[str, ...] = ()  # reasons for columns that their names do not show
     is_exchanged: bool = False  # whether x points to starboard and y ahead, so that z points up
+    questions: tuple[tuple[str, str], ...] = ()  # components whose column is uncertain, each with the reason
 
     @property
     def parts(self) -> list[Found]:

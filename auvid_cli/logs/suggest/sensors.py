@@ -103,7 +103,7 @@ def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
 def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, dict[str, float]]:
     """Return log likelihoods of axes and signs by names and conventions, see `likely_signs`."""
     expected: dict[str, dict[str, float]] = {}
-    for name, (main, apart, _, is_exchanged) in sensors.items():
+    for name, (main, apart, _, is_exchanged, _) in sensors.items():
         if is_exchanged:
             signs = zip(TRIPLES[name], _signs_of_exchanged(main), strict=True)
             expected |= {symbol: {"+": sign * _CONVENTION} for symbol, sign in signs}
@@ -220,6 +220,9 @@ def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: 
     for part in found.parts:
         for component, column in part.match.columns.items():
             present.add(component)
+            if question := dict(found.questions).get(component):
+                yield YamlEntry(component, None, f"required: {question}")
+                continue
             place: dict[str, Flow] = {}
             comment = ""
             if part is not found.main:

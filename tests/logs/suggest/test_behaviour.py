@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.logs.suggest.test_evidence import TIME, TRUTH, suggested
+from tests.logs.suggest.test_evidence import TIME, TRUTH, moving, suggested
 
 REST = {name: TRUTH[name] for name in ("u", "v", "w", "p", "q", "r")}
 FINS = {
@@ -100,3 +100,39 @@ def test_pressure_in_decibar_is_not_the_unfiltered_depth():
     motion = REST | {name: TRUTH[name] for name in ("phi", "theta", "psi")}
     _, found = suggested(motion | {"depth": smoothed(TRUTH["down"]), "sensor_dbar": pressure})
     assert found["sensors"]["depth"]["columns"] == {"down": "depth"}
+
+
+ANGLES = {name: TRUTH[name] for name in ("phi", "theta", "psi")}
+DEPTH = {"depth": TRUTH["down"]}
+OTHER = {"psi": moving(5)[0]["psi"], "down": moving(5)[0]["down"], "r": moving(5)[0]["r"]}
+
+
+def test_column_that_contradicts_its_name_is_replaced_by_one_that_fits():
+    text, found = suggested(REST | ANGLES | DEPTH | {"psi": OTHER["psi"], "channel_3": TRUTH["psi"]})
+    assert found["sensors"]["attitude"]["columns"]["psi"] == "channel_3"
+    assert "psi does not agree with r" in text.replace("\n", " ")
+
+
+def test_depth_that_contradicts_pitch_is_replaced_by_one_that_fits():
+    _, found = suggested(REST | ANGLES | {"depth": OTHER["down"], "channel_3": TRUTH["down"]})
+    assert found["sensors"]["depth"]["columns"] == {"down": "channel_3"}
+
+
+def test_rate_that_contradicts_its_angle_is_replaced_by_one_that_fits():
+    _, found = suggested(REST | ANGLES | DEPTH | {"r": OTHER["r"], "channel_3": TRUTH["r"]})
+    assert found["sensors"]["gyroscope"]["columns"]["r"] == "channel_3"
+
+
+def test_contradiction_without_better_column_is_a_question():
+    text, found = suggested(REST | ANGLES | DEPTH | {"psi": OTHER["psi"]})
+    assert found["sensors"]["attitude"]["columns"]["psi"] is None
+    assert found["sensors"]["gyroscope"]["columns"]["r"] is None
+    assert "required: a column; psi does not agree with r" in text
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_right_names_are_not_contradicted(seed):
+    log, _ = moving(seed)
+    text, found = suggested(log)
+    assert None not in [value for sensor in found["sensors"].values() for value in sensor["columns"].values()]
+    assert "does not agree" not in text
