@@ -47,7 +47,9 @@ def with_behaviour(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) 
 
     A contradicted component without such a column, or of a pair of which either may be wrong, becomes a question.
     """
-    return _with_questions(logs, _with_missing(logs, _without_contradicted(logs, sensors)))
+    # Twice, because a depth is found by the pitch, which may itself be missing at first.
+    found = _with_missing(logs, _with_missing(logs, _without_contradicted(logs, sensors)))
+    return _with_questions(logs, found)
 
 
 def _without_contradicted(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
@@ -184,22 +186,24 @@ def _agreement(component: str, track: Track, tracks: Mapping[str, Track]) -> tup
     signals = on_grid({_CANDIDATE: track} | involved)
     if signals is None:
         return None
-    relation = _relation(component, other, signals)
-    fit = fit_relation(relation, signals.step)
-    if fit is None or abs(fit.correlation) < _MIN_CORRELATION:
-        return None
-    gain = 1.0 / fit.gain if component in _RATES else fit.gain
-    if not any(abs(np.log(gain / unit)) < _MAX_GAIN_ERROR for unit in _GAINS[component == "down"]):
-        return None
-    return abs(fit.correlation), f"{relation.words} (correlation {abs(fit.correlation):.2f})"
+    # The unit of the pitch may be unknown yet.
+    factors = (1.0, float(np.radians(1.0))) if component == "down" else (1.0,)
+    relations = [_relation(component, other, signals, factor) for factor in factors]
+    for fit in (fit_relation(one, signals.step) for one in relations):
+        if fit is None or abs(fit.correlation) < _MIN_CORRELATION:
+            continue
+        gain = 1.0 / fit.gain if component in _RATES else fit.gain
+        if any(abs(np.log(gain / unit)) < _MAX_GAIN_ERROR for unit in _GAINS[component == "down"]):
+            return abs(fit.correlation), f"{fit.words} (correlation {abs(fit.correlation):.2f})"
+    return None
 
 
-def _relation(component: str, other: str, s: Signals) -> Relation:
+def _relation(component: str, other: str, s: Signals, factor: float) -> Relation:
     if component in _RATES:
         return Relation((_CANDIDATE,), f"{other} is its rate", s.mean(other), s.rate(_CANDIDATE))
     if component in _ANGLES:
         return Relation((_CANDIDATE,), f"it is the rate of {other}", s.mean(_CANDIDATE), s.rate(other))
-    diving = -s.mean("u") * np.sin(s.mean("theta"))
+    diving = -s.mean("u") * np.sin(factor * s.mean("theta"))
     return Relation((_CANDIDATE,), "it changes with u sin(theta)", s.rate(_CANDIDATE), diving)
 
 

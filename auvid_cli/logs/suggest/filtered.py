@@ -141,5 +141,5 @@ def _roughness(values: Array) -> float:
 
 def _fit(design: Array, target: Array) -> tuple[float, Array]:
     """Return the root mean square of the residuals of a linear fit, and its weights."""
-    weights, *_ = np.linalg.lstsq(design, target, rcond=None)
+    weights = np.asarray(np.linalg.lstsq(design, target, rcond=None)[0], np.float64)
     return float(np.sqrt(np.mean(np.square(target - design @ weights)))), weights

@@ -136,3 +136,41 @@ def test_right_names_are_not_contradicted(seed):
     text, found = suggested(log)
     assert None not in [value for sensor in found["sensors"].values() for value in sensor["columns"].values()]
     assert "does not agree" not in text
+
+
+def log_of_controller():
+    """A log whose controller records measured angles, four numbered fins, and a raw and a smoothed depth."""
+    angles = {"yaw_pid_input": np.degrees(TRUTH["psi"]), "pitch_pid_input": np.degrees(TRUTH["theta"])}
+    outputs = {"yaw_pid_output": -0.4 * TRUTH["psi"], "pitch_pid_output": -0.4 * TRUTH["theta"]}
+    fins = {f"fin_{number}": values for number, values in enumerate(FINS.values(), 1)}
+    depth = {"z_smooth": smoothed(TRUTH["down"]), "z_raw": TRUTH["down"]}
+    return REST | angles | outputs | fins | depth
+
+
+@pytest.mark.parametrize("depth", ["z_smooth", "depth"])
+def test_log_of_controller_gives_angles_fins_and_raw_depth(depth):
+    log = {depth if name == "z_smooth" else name: values for name, values in log_of_controller().items()}
+    _, found = suggested(log)
+    assert found["sensors"]["attitude"]["columns"] == {"theta": "pitch_pid_input", "psi": "yaw_pid_input"}
+    assert found["sensors"]["attitude"]["unit"] == "deg"
+    assert found["sensors"]["depth"]["columns"] == {"down": "z_raw"}
+    assert {key: fin["column"] for key, fin in found["inputs"]["fins"].items()} == {
+        "top": "fin_1",
+        "bottom": "fin_2",
+        "right": "fin_3",
+        "left": "fin_4",
+    }
+    assert not {"rudder", "elevator"} & {*found["inputs"]}
+
+
+def test_angles_of_controller_are_no_fins_without_gyroscope():
+    log = {name: values for name, values in log_of_controller().items() if name not in "pqr"}
+    log["yaw_input"], log["pitch_input"] = log.pop("yaw_pid_input"), log.pop("pitch_pid_input")
+    _, found = suggested(log | {"depth": TRUTH["down"]})
+    assert not {"rudder", "elevator"} & {key for key, value in found["inputs"].items() if value is not None}
+
+
+def test_flag_of_depth_is_its_valid_column():
+    flag = (np.arange(TIME.size) % 50 != 0).astype(float)
+    _, found = suggested(log_of_controller() | {"z_good": flag})
+    assert found["sensors"]["depth"]["valid"] == {"column": "z_good", "values": [True, 1]}
