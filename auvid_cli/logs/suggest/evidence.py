@@ -209,11 +209,20 @@ def _latest_sensor(fits: Sequence[RelationFit], tracks: Mapping[str, Track]) -> 
     for fit in sorted(fits, key=lambda fit: abs(fit.correlation), reverse=True):
         first, other = _sensor_of(fit.symbols[0]), _sensor_of(fit.symbols[-1])
         # Less than a sampling step is not significant.
-        steps = [float(np.median(np.diff(tracks[symbol].time))) for symbol in fit.symbols if symbol in tracks]
+        steps = [sampling_step(tracks[symbol]) for symbol in fit.symbols if symbol in tracks]
         if first != other and abs(fit.delay) >= max(_MIN_DELAY, *steps):
             # Inertial sensors are more likely on time, so the other one is early or late.
             return (other, -fit.delay) if first in ("gyroscope", "accelerometer") else (first, fit.delay)
     return None
+
+
+def sampling_step(track: Track) -> float:
+    """Return the median time between new values, s; rows that repeat the value before are no samples."""
+    known = np.isfinite(track.values)
+    time, values = track.time[known], track.values[known]
+    is_new = np.append(True, np.diff(values) != 0.0)
+    new = time[is_new] if np.count_nonzero(is_new) > 1 else track.time
+    return float(np.median(np.diff(new)))
 
 
 def _sensor_of(symbol: str) -> str:

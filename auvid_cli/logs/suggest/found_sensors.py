@@ -32,6 +32,7 @@ class FoundSensor(NamedTuple):
     apart: list[Found]
     notes: tuple[str, ...] = ()  # reasons for columns that their names do not show
     is_exchanged: bool = False  # whether x points to starboard and y ahead, so that z points up
+    questions: tuple[tuple[str, str], ...] = ()  # components whose column is uncertain, each with the reason
 
     @property
     def parts(self) -> list[Found]:
@@ -103,7 +104,9 @@ def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
             continue
         whose = flag["whose"].lower()
         named = [sensor for sensor, words in _WORDS.items() if any(word in whose for word in words)]
-        if main.sensor in named or (not named and len(sharing) == 1):
+        # A flag may also have the first part of a column's name, such as x_good next to x_raw.
+        stems = {re.split(r"[_. ]", column.name.lower())[0] for column in main.match.columns.values()}
+        if main.sensor in named or (not named and (len(sharing) == 1 or whose in stems)):
             own.append(column.name)
     # "velocity_valid" rather than "beams[0].valid".
     return min(own, key=lambda name: name.count("."), default="")

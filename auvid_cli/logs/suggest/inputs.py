@@ -27,6 +27,7 @@ _MOTION = ("phi", "theta", "psi", "p", "q", "r")
 _SAME_SIGNAL = 0.05  # largest difference from a measurement that a column repeats, as a share of its spread
 _MIN_ROWS = 30
 _OPPOSITE = (("top", "bottom"), ("right", "left"))
+_OF_ANGLE = re.compile(r"(yaw|pitch)_input")  # input of a controller, not of a fin, if the log has numbered fins
 _FIN_WORDS = re.compile(r"(?<![a-z])((stern|bow)_?)?(fin|rudder|elevator|plane|servo)s?(?![a-z])")
 
 
@@ -79,6 +80,7 @@ def find_inputs(logs: Mapping[str, Log], measured: Mapping[str, Track]) -> Found
         key: signal
         for key, signal in _inputs(logs, name, main.table).items()
         if not (key in _EITHER and _repeats_measurement(logs[signal.log], signal, measured))
+        and not (_OF_ANGLE.search(signal.column.name.lower()) and next(fin_channels(logs), None))
     }
     direct = {"rudder", "elevator"} & {*signals}
     signals = {key: signal for key, signal in signals.items() if not (direct and key.startswith("fins."))}

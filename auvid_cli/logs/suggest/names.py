@@ -213,7 +213,6 @@ def component_of(column: LogColumn) -> str:
 def without_names(logs: Mapping[str, Log]) -> str:
     """Return the columns of the logs if they are only elements of arrays; empty otherwise."""
     tables = [table for log in logs.values() for table in log.tables().values()]
-    tables = [table for log in logs.values() for table in log.tables().values()]
     columns = [column.name for table in tables for column in table if not column.name.startswith("@")]
     arrays = [name for name in columns if re.fullmatch(r"data\[\d+\]|#\d+", name)]
     others = [name for name in columns if name not in arrays and not name.startswith("layout.")]
@@ -318,6 +317,13 @@ def time_columns(columns: Iterable[LogColumn]) -> list[TimeColumn]:
                 found.append(TimeColumn(column, fraction, pattern is _STAMPS))
     fractions = [one.nanoseconds for one in found]
     return [one for one in found if one.column not in fractions]
+
+
+def may_measure(column: LogColumn) -> bool:
+    """Whether a column has numbers, and no name of a time, a set-point or a navigation filter's output."""
+    is_time = any(one.column == column for one in time_columns([column]))
+    is_other = is_set_point("", column.name) or is_filter_output("", column.name)
+    return not (column.is_text or column.name.startswith("@") or is_time or is_other)
 
 
 def _possible_names(table: str, column: LogColumn) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.behaviour import with_behaviour
 from auvid_cli.logs.suggest.evidence import OVER_GROUND, ROTATED, TRIPLES, USUAL_AXES, Evidence
+from auvid_cli.logs.suggest.filtered import with_unfiltered
 from auvid_cli.logs.suggest.found_sensors import (
     FoundSensor,
     flag_of,
@@ -60,7 +61,7 @@ def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
             found[sensor] = FoundSensor(main, [] if main.is_quaternion else _apart(logs, main))
     if "attitude" not in found:
         found |= numbered_attitude(logs, found)
-    found = with_behaviour(logs, found)
+    found = with_unfiltered(logs, with_behaviour(logs, found))
     return _with_units(logs, in_usual_order(found, sensor_tracks(logs, found)))
 
 
@@ -102,7 +103,7 @@ def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
 def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, dict[str, float]]:
     """Return log likelihoods of axes and signs by names and conventions, see `likely_signs`."""
     expected: dict[str, dict[str, float]] = {}
-    for name, (main, apart, _, is_exchanged) in sensors.items():
+    for name, (main, apart, _, is_exchanged, _) in sensors.items():
         if is_exchanged:
             signs = zip(TRIPLES[name], _signs_of_exchanged(main), strict=True)
             expected |= {symbol: {"+": sign * _CONVENTION} for symbol, sign in signs}
@@ -219,6 +220,9 @@ def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: 
     for part in found.parts:
         for component, column in part.match.columns.items():
             present.add(component)
+            if question := dict(found.questions).get(component):
+                yield YamlEntry(component, None, f"required: {question}")
+                continue
             place: dict[str, Flow] = {}
             comment = ""
             if part is not found.main:
