@@ -162,13 +162,13 @@ def main() -> None:
     sound, number = rows["grade"] == "sound", rows["faults"].map(lambda text: len(_names(str(text))))
     rows = rows.assign(unneeded=[_unneeded(*pair) for pair in zip(rows["faults"], rows["added"], strict=True)])
     lines = [
-        f"Seeds 1 to {rows['seed'].max()}. Right: no coefficient beyond {_RIGHT:g} standard deviations; wrong: one "
-        f"beyond {_WRONG:g}.",
+        f"{len(rows)} runs with seeds from 1 to {rows['seed'].max()}. Right: no coefficient beyond {_RIGHT:g} standard "
+        f"deviations; wrong: one beyond {_WRONG:g}.",
         "",
         "| runs | sound and right | sound and wrong | all faults found | nothing else added | processor time |",
         "| --- | --- | --- | --- | --- | ---: |",
     ]
-    parts = [(f"{count} faults", rows[number == count]) for count in sorted(number.unique())]
+    parts = [(f"{count} fault{'s' * (count != 1)}", rows[number == count]) for count in sorted(number.unique())]
     parts += [(vehicle, rows[rows["case"].str.startswith(vehicle)]) for vehicle in _SPEEDS]
     for count, own in [*parts, ("all", rows)]:
         lines.append(

@@ -52,7 +52,8 @@ class Fit:
     def added(self) -> tuple[str, ...]:
         """Return the additions that the model has."""
         removed = [step.what for step in self.steps if step.kept and step.action == "remove"]
-        return tuple(s.what for s in self.steps if s.kept and s.action == "add" and s.what not in removed)
+        kept = [step.what for step in self.steps if step.kept and step.action == "add" and step.what not in removed]
+        return tuple(dict.fromkeys(kept))
 
     def rows(self) -> NamedRows:
         """Return a row for each step."""

@@ -336,16 +336,24 @@ class _Search:
         judgement = judge_one(estimate, None)
         self._set_judged_after(judgement)
         self.note("end", "fit to thinned data" if interrupted else "fit to all data", None, True, "", judgement)
-        additions = {str(addition): addition for addition in self.model.additions}
-        steps = tuple(
-            step._replace(size=size_text(estimate, additions[step.what]))
-            if step.kept and step.what in additions
-            else step
-            for step in self.steps
-        )
         trial, stopped = self.trial(settings, stopped) if estimate.completed else ("", stopped)
         causes = likely_causes(estimate) if judgement.grade is not Grade.SOUND else []
-        return Fit(estimate, judgement, steps, settings, (causes_text(causes),) if causes else (), trial, stopped)
+        explained = (causes_text(causes),) if causes else ()
+        return Fit(estimate, judgement, self._steps_with_sizes(estimate), settings, explained, trial, stopped)
+
+    def _steps_with_sizes(self, estimate: Estimate) -> tuple[FitStep, ...]:
+        """Return the steps; an addition that was corrected or replaced later counts only as it is in the model."""
+        assert self.model is not None, "a search starts with a model"
+        additions = {str(addition): addition for addition in self.model.additions}
+        removed = {step.what for step in self.steps if step.kept and step.action == "remove"}
+        steps = []
+        for step in self.steps:
+            if step.kept and step.what in additions:
+                step = step._replace(size=size_text(estimate, additions[step.what]))
+            elif step.kept and step.action == "add" and step.what not in removed:
+                step = step._replace(kept=False)
+            steps.append(step)
+        return tuple(steps)
 
     def fit_to_all_data(self, settings: RunSettings) -> tuple[Estimate, str]:
         """Return the estimate from all data, or if interrupted from thinned data, and the reason of an early end."""
