@@ -168,7 +168,7 @@ def main() -> None:
         "| runs | sound and right | sound and wrong | all faults found | nothing else added | processor time |",
         "| --- | --- | --- | --- | --- | ---: |",
     ]
-    parts = [(f"{count} fault{'s' * (count != 1)}", rows[number == count]) for count in sorted(number.unique())]
+    parts = [(f"{count} fault{'' if count == 1 else 's'}", rows[number == count]) for count in sorted(number.unique())]
     parts += [(vehicle, rows[rows["case"].str.startswith(vehicle)]) for vehicle in _SPEEDS]
     for count, own in [*parts, ("all", rows)]:
         lines.append(
