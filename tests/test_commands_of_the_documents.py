@@ -100,8 +100,8 @@ def test_commands_of_the_readme_and_the_pages_run_in_order_in_one_empty_folder(q
             if arguments[:2] == ["import", "--suggest"]:
                 write_log(Path(arguments[2]))
             if arguments[0] == "compare":
-                # A clone has these, of runs that are longer than those of this test.
-                shutil.copytree("results/spiral/tables", "results/reference/spiral", dirs_exist_ok=True)
+                # The reader has these: of an earlier run, or of a clone.
+                shutil.copytree("results/spiral/tables", Path(arguments[2]) / "spiral", dirs_exist_ok=True)
             result = CliRunner().invoke(app, arguments)
             assert result.exit_code == 0, f"auvid {shlex.join(arguments)}:\n{result.output}"
             if arguments[:2] == ["import", "--suggest"]:
