@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from auvid_cli.config.extra_states import BiasName, ProcessNoise
 from auvid_cli.config.identification import INPUTS_DELAY
+from auvid_cli.config.settings import three
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.evaluation.innovations import noise_cause, sensors_without_ahrs
@@ -56,7 +57,7 @@ def candidates(
             gains[key] = candidate if before is None else max(before, candidate, key=lambda each: each.expected)
     found = [candidate for candidate in gains.values() if candidate.expected > WORTH]
     estimated = estimate.experiment.identification.estimate.biases
-    large = _motions_with_noise(estimate, least)
+    large = [motion for motion, excess in _noise_excesses(estimate, least).items() if excess > _LARGE_NOISE]
     if BiasName.DISTURBANCE not in estimated and large:
         found.append(Candidate(Addition(BiasName.DISTURBANCE.value), WORTH))
     for motion in large:
@@ -75,15 +76,14 @@ def by_kind(found: Sequence[Candidate]) -> tuple[list[Candidate], list[Candidate
 
 def noise_excess(estimate: Estimate, least: ProcessNoise) -> float:
     """Return the largest ratio of the process noise of velocity and rate to the stated one."""
-    noise = estimate.experiment.identification.process_noise
-    pairs = zip(noise.of_motion()[:6], least.of_motion()[:6], strict=True)
-    return max(used / stated for used, stated in pairs)
+    return max(_noise_excesses(estimate, least).values())
 
 
-def _motions_with_noise(estimate: Estimate, least: ProcessNoise) -> list[str]:
-    """Return the motions, velocity or rate, whose process noise is much larger than stated."""
+def _noise_excesses(estimate: Estimate, least: ProcessNoise) -> dict[str, float]:
+    """Return the largest ratio of the process noise to the stated one, of velocity and of rate."""
     noise = estimate.experiment.identification.process_noise
-    return [motion for motion in _SENSOR_OF if max(getattr(noise, motion)) > _LARGE_NOISE * max(getattr(least, motion))]
+    pairs = {motion: (three(getattr(noise, motion)), three(getattr(least, motion))) for motion in _SENSOR_OF}
+    return {motion: max(a / b for a, b in zip(*pair, strict=True)) for motion, pair in pairs.items()}
 
 
 def corrected_times(estimate: Estimate, present: Collection[Addition]) -> Iterator[tuple[Addition, FaultTest]]:

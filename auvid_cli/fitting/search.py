@@ -154,13 +154,16 @@ class _Search:
             estimate = smoothed(self._prepared.with_identification(smoother=quick))
         except DataError:
             return False
-        promising = [each for each in self._candidates(estimate, ()) if each.expected > _SMALL_SHARE * self._n_measured]
-        return judge_one(estimate, None).grade is Grade.SOUND and not promising
+        return judge_one(estimate, None).grade is Grade.SOUND and not self._promising(self._candidates(estimate, ()))
 
     def _candidates(self, estimate: Estimate, present: Collection[Addition]) -> list[Candidate]:
         """Return the additions that may be tried, the best first."""
         found = candidates(estimate, present, self._least, self._duration)
         return [candidate for candidate in found if self._limits.allows(candidate.addition)]
+
+    def _promising(self, found: Sequence[Candidate]) -> list[Candidate]:
+        """Return the candidates from which much is expected."""
+        return [candidate for candidate in found if candidate.expected > _SMALL_SHARE * self._n_measured]
 
     def start_loose(self) -> None:
         """Find the most likely process noise, beginning with far more than stated."""
@@ -186,8 +189,8 @@ class _Search:
             self._set_judged_after(self._judgement)
             tried = self._candidates(estimate, self.model.additions)
             if self._judgement.grade is Grade.SOUND and noise_excess(estimate, self._least) <= _TIGHT:
-                # A sensor much quieter than stated is no reason for doubt, but coefficients are better known with it.
-                tried = [candidate for candidate in tried if candidate.expected > _SMALL_SHARE * self._n_measured]
+                # With a sensor much quieter than stated, an estimate is sound, but not as accurate as it could be.
+                tried = self._promising(tried)
             causes, others = by_kind(tried)
             if noise_excess(estimate, self._least) > _FAR_FROM_STATED:
                 # The tests are not calibrated yet, and a disturbance converges faster than a wrong cause.
@@ -342,7 +345,7 @@ class _Search:
         return Fit(estimate, judgement, self._steps_with_sizes(estimate), settings, explained, trial, stopped)
 
     def _steps_with_sizes(self, estimate: Estimate) -> tuple[FitStep, ...]:
-        """Return the steps; an addition that was corrected or replaced later counts only as it is in the model."""
+        """Return the steps; an addition that a later one replaced counts as not kept."""
         assert self.model is not None, "a search starts with a model"
         additions = {str(addition): addition for addition in self.model.additions}
         removed = {step.what for step in self.steps if step.kept and step.action == "remove"}

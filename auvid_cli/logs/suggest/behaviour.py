@@ -7,9 +7,9 @@ import numpy as np
 
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest import names
-from auvid_cli.logs.suggest.contradictions import contradictions
+from auvid_cli.logs.suggest.contradictions import ANGLE_UNITS, RATES, contradictions
 from auvid_cli.logs.suggest.filtered import unwrapped
-from auvid_cli.logs.suggest.found_sensors import FoundSensor, sensor_tracks
+from auvid_cli.logs.suggest.found_sensors import FoundSensor, sensor_tracks, used_columns
 from auvid_cli.logs.suggest.known_formats import known_message
 from auvid_cli.logs.suggest.names import Match
 from auvid_cli.logs.suggest.relations import Relation, Signals, Track, fit_relation, on_grid
@@ -17,8 +17,7 @@ from auvid_cli.logs.suggest.rows import found_in, tracks_of
 
 # A rate is not among them, because the deflection of a fin may look like the rate that follows it.
 _SENSORS = {"attitude": ("phi", "theta", "psi"), "depth": ("down",)}
-_RATES = {"phi": "p", "theta": "q", "psi": "r"}
-_ANGLES = {rate: angle for angle, rate in _RATES.items()}
+_ANGLES = {rate: angle for angle, rate in RATES.items()}
 _SENSOR_OF = {"phi": "attitude", "theta": "attitude", "psi": "attitude", "down": "depth"}
 _SENSOR_OF |= dict.fromkeys("pqr", "gyroscope")
 _ASKS = 0.3  # largest correlation at which a contradiction without a better column is a question
@@ -67,7 +66,7 @@ def _without_contradicted(logs: Mapping[str, Log], sensors: Mapping[str, FoundSe
         # If both have a better column, nothing shows which of both is wrong.
         if other not in best:
             sensor = changed[one.sensor]
-            old = next(part.match.columns[symbol] for part in sensor.parts if symbol in part.match.columns)
+            old = _column_of(sensor, symbol)
             words = f"{one.words}; {old.name} does not agree with {other} (correlation {size:.2f})"
             changed |= _without(logs, one.sensor, sensor, symbol)
             left = changed[one.sensor] if changed[one.sensor].main.match.columns else None
@@ -80,6 +79,10 @@ def _is_named(sensors: Mapping[str, FoundSensor], symbol: str) -> bool:
     sensor = sensors.get(_SENSOR_OF.get(symbol, ""))
     parts = [part for part in sensor.parts if symbol in part.match.columns] if sensor is not None else []
     return bool(parts) and parts[0].match.message is None
+
+
+def _column_of(sensor: FoundSensor, symbol: str) -> LogColumn:
+    return next(part.match.columns[symbol] for part in sensor.parts if symbol in part.match.columns)
 
 
 def _without(logs: Mapping[str, Log], name: str, sensor: FoundSensor, symbol: str) -> dict[str, FoundSensor]:
@@ -101,7 +104,7 @@ def _with_questions(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor])
     for symbol, (other, size) in contradictions(sensor_tracks(logs, sensors)).items():
         if size < _ASKS and _is_named(sensors, symbol):
             sensor = asking[_SENSOR_OF[symbol]]
-            old = next(part.match.columns[symbol] for part in sensor.parts if symbol in part.match.columns)
+            old = _column_of(sensor, symbol)
             text = (
                 f"a column; {old.name} does not agree with {other} (correlation {size:.2f}), and nothing shows which "
                 f"of both is wrong"
@@ -137,7 +140,7 @@ def _with_missing(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -
 
 def _reference(component: str, tracks: Mapping[str, Track]) -> str:
     """Return the measured symbol with which a component is compared; empty without one."""
-    other = (_RATES | _ANGLES).get(component, "theta")
+    other = (RATES | _ANGLES).get(component, "theta")
     # Without a speed, nothing tells the size of a depth.
     return other if other in tracks and (component != "down" or "u" in tracks) else ""
 
@@ -148,12 +151,7 @@ def _behaviours(
     missing: list[tuple[str, str]],
     tracks: Mapping[str, Track],
 ) -> Iterator[_Behaviour]:
-    used = {
-        (part.log, part.match.table, column.name)
-        for sensor in sensors.values()
-        for part in sensor.parts
-        for column in part.match.columns.values()
-    }
+    used = used_columns(sensors)
     for name, log in logs.items():
         for table, columns in names.distinct_tables(log.tables()).items():
             is_measured = not (names.is_set_point(table, "") or names.is_filter_output(table))
@@ -181,25 +179,25 @@ def _agreement(component: str, track: Track, tracks: Mapping[str, Track]) -> tup
     """Return the correlation of a column with what a component would be, and the words for it; None if it is small."""
     other = _reference(component, tracks)
     involved = {other: tracks[other]} | ({"u": tracks["u"]} if component == "down" else {})
-    if component in _RATES:
+    if component in RATES:
         track = track._replace(values=unwrapped(track.values))
     signals = on_grid({_CANDIDATE: track} | involved)
     if signals is None:
         return None
     # The unit of the pitch may be unknown yet.
-    factors = (1.0, float(np.radians(1.0))) if component == "down" else (1.0,)
+    factors = ANGLE_UNITS if component == "down" else (1.0,)
     relations = [_relation(component, other, signals, factor) for factor in factors]
     for fit in (fit_relation(one, signals.step) for one in relations):
         if fit is None or abs(fit.correlation) < _MIN_CORRELATION:
             continue
-        gain = 1.0 / fit.gain if component in _RATES else fit.gain
+        gain = 1.0 / fit.gain if component in RATES else fit.gain
         if any(abs(np.log(gain / unit)) < _MAX_GAIN_ERROR for unit in _GAINS[component == "down"]):
             return abs(fit.correlation), f"{fit.words} (correlation {abs(fit.correlation):.2f})"
     return None
 
 
 def _relation(component: str, other: str, s: Signals, factor: float) -> Relation:
-    if component in _RATES:
+    if component in RATES:
         return Relation((_CANDIDATE,), f"{other} is its rate", s.mean(other), s.rate(_CANDIDATE))
     if component in _ANGLES:
         return Relation((_CANDIDATE,), f"it is the rate of {other}", s.mean(_CANDIDATE), s.rate(other))

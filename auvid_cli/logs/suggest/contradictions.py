@@ -10,7 +10,7 @@ from auvid_cli.logs.suggest.filtered import unwrapped
 from auvid_cli.logs.suggest.numbered_fins import correlation
 from auvid_cli.logs.suggest.relations import Signals, Track, on_grid
 
-_RATES = {"phi": "p", "theta": "q", "psi": "r"}
+RATES = {"phi": "p", "theta": "q", "psi": "r"}
 _WINDOW = 1.0  # s, over which changes are taken
 _AGREES = 0.8  # smallest correlation of signals that agree
 _DISAGREES = {"rate": 0.6, "depth": 0.3}  # largest correlation of a contradiction; heave changes the depth too
@@ -18,7 +18,7 @@ _CLEAR = 4.0  # smallest spread of a change, divided by that of its noise
 _STEADY = 0.3  # smallest correlation of a signal with itself after `_WINDOW`
 _MIN_SECONDS = 60.0  # s, of a log that can contradict a name
 _MAX_LAG = 30.0  # s; signals that agree at such a lag have wrong times, not wrong names
-_FACTORS = (1.0, float(np.radians(1.0)))  # angles may be in rad or degrees
+ANGLE_UNITS = (1.0, float(np.radians(1.0)))  # angles may be in rad or degrees
 
 
 def contradictions(tracks: Mapping[str, Track]) -> dict[str, tuple[str, float]]:
@@ -61,33 +61,33 @@ def _change(signals: Signals, symbol: str) -> Array:
 
 def _pairs(signals: Signals) -> Iterator[tuple[str, str, list[tuple[Array, Array]]]]:
     """Yield two symbols, and the signals that should agree for one of the units of angles."""
-    rates = [rate for rate in _RATES.values() if signals.has(_plain(rate))]
-    angles = [angle for angle in _RATES if signals.has(_plain(angle))]
+    rates = [rate for rate in RATES.values() if signals.has(_plain(rate))]
+    angles = [angle for angle in RATES if signals.has(_plain(angle))]
     changes = {angle: _change(signals, angle) for angle in angles}
     means = {rate: signals.mean(_plain(rate)) for rate in rates}
     crossed = [
         (angle, rate)
         for angle in angles
         for rate in rates
-        if _RATES[angle] != rate and _largest_correlation(signals.step, changes[angle], means[rate]) > _AGREES
+        if RATES[angle] != rate and _largest_correlation(signals.step, changes[angle], means[rate]) > _AGREES
     ]
     # Two angles that follow each other's rate are those of exchanged axes, which other relations find.
     exchanged = {
         symbol
         for angle, rate in crossed
         for symbol in (angle, rate)
-        if any((other, _RATES[angle]) in crossed for other in angles if _RATES[other] == rate)
+        if any((other, RATES[angle]) in crossed for other in angles if RATES[other] == rate)
     }
     for angle in angles:
-        rate = _RATES[angle]
+        rate = RATES[angle]
         if rate in rates and not {angle, rate} & exchanged:
             yield angle, rate, [(changes[angle], means[rate])]
     if signals.has(_plain("down"), _plain("u")) and "theta" in angles and "theta" not in exchanged:
         sinking, u, theta = _change(signals, "down"), signals.mean(_plain("u")), signals.mean(_plain("theta"))
-        climbs = [speed * np.sin(factor * theta) for factor in _FACTORS for speed in (u, 1.0)]
+        climbs = [speed * np.sin(factor * theta) for factor in ANGLE_UNITS for speed in (u, 1.0)]
         # Axes of a DVL to starboard: its second component is the speed; axes of an attitude: its roll is the pitch.
         if "phi" in angles:
-            climbs += [np.sin(factor * signals.mean(_plain("phi"))) for factor in _FACTORS]
+            climbs += [np.sin(factor * signals.mean(_plain("phi"))) for factor in ANGLE_UNITS]
         yield "down", "theta", [(sinking, climb) for climb in climbs]
 
 

@@ -217,7 +217,7 @@ def _latest_sensor(fits: Sequence[RelationFit], tracks: Mapping[str, Track]) -> 
 
 
 def sampling_step(track: Track) -> float:
-    """Return the median time between new values, s; rows that repeat the value before are no samples."""
+    """Return the median time between new values, s; a row that repeats the value before does not count."""
     known = np.isfinite(track.values)
     time, values = track.time[known], track.values[known]
     is_new = np.append(True, np.diff(values) != 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 from auvid_cli.arrays import Array
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest import names
-from auvid_cli.logs.suggest.found_sensors import FoundSensor
+from auvid_cli.logs.suggest.found_sensors import FoundSensor, used_columns
 from auvid_cli.logs.suggest.rows import Found, found_in
 
 _OWN_PAST = 3  # rows of the copy itself that may enter it
@@ -32,12 +32,7 @@ class Filtering(NamedTuple):
 
 def with_unfiltered(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
     """Return the sensors, with a column of the same table in place of each one that is its filtered copy."""
-    used = {
-        (part.log, part.match.table, column.name)
-        for sensor in sensors.values()
-        for part in sensor.parts
-        for column in part.match.columns.values()
-    }
+    used = used_columns(sensors)
     replaced: dict[str, FoundSensor] = {}
     for name, sensor in sensors.items():
         parts, notes = [], [*sensor.notes]

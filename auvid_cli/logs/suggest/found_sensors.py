@@ -90,6 +90,16 @@ def _stated_flag(columns: Iterable[LogColumn], found: Found) -> str:
     return message.flag if message is not None and message.flag in [column.name for column in columns] else ""
 
 
+def used_columns(sensors: Mapping[str, FoundSensor]) -> set[tuple[str, str, str]]:
+    """Return log, table and name of each column that a sensor has."""
+    return {
+        (part.log, part.match.table, column.name)
+        for sensor in sensors.values()
+        for part in sensor.parts
+        for column in part.match.columns.values()
+    }
+
+
 def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
     """Return the column that flags this sensor's rows: by its name, or because the table has no other sensor."""
     sharing = [
