@@ -1,6 +1,91 @@
-"""Type of arrays of doubles."""
+"""Arrays of doubles: their type, and a sequence that is kept in memory up to a limit, and beyond it in a file."""
+
+import tempfile
+import weakref
+from collections.abc import Iterator, Sequence
+from math import prod
+from typing import IO, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.errors import FileError
+
 Array = NDArray[np.float64]
+
+
+# Size of the arrays of one store in memory: some 40 minutes of a trajectory at 100 Hz.
+MAX_IN_MEMORY = 2**24  # bytes
+
+
+class _Place(NamedTuple):
+    """Place of an array in the file."""
+
+    offset: int  # bytes
+    shape: tuple[int, ...]
+
+
+class ArrayStore(Sequence[Array]):
+    """Sequence of C-contiguous arrays of doubles, to which arrays can be appended.
+
+    The file is created without a name, or is deleted as soon as it is open, so that it also disappears if the process
+    is killed. It is in the folder of temporary files (``TMPDIR``).
+    """
+
+    def __init__(self) -> None:
+        self._entries, self._room = list[Array | _Place](), MAX_IN_MEMORY
+        self._file: IO[bytes] | None = None
+
+    def append(self, array: Array) -> None:
+        """Append an array, which must not be changed afterwards.
+
+        Raises
+        ------
+        FileError
+            If the temporary file cannot be written.
+        """
+        if array.nbytes <= self._room:
+            self._room -= array.nbytes
+            self._entries.append(array)
+            return
+        # Later arrays go to the file, too.
+        self._room = 0
+        try:
+            file = self._file or self._open()
+            place = _Place(file.seek(0, 2), array.shape)
+            array.tofile(file)
+        except OSError as error:
+            where, reason = tempfile.gettempdir(), error.strerror or error
+            raise FileError(f"{where}: temporary file not written: {reason}; set TMPDIR to another folder") from None
+        self._entries.append(place)
+
+    def _open(self) -> IO[bytes]:
+        self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115  # Closed with the store.
+        weakref.finalize(self, self._file.close)
+        return self._file
+
+    def reverse(self) -> None:
+        """Reverse the order of the arrays."""
+        self._entries.reverse()
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    @overload
+    def __getitem__(self, index: int) -> Array: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Array]: ...
+    def __getitem__(self, index: int | slice) -> Array | list[Array]:
+        if isinstance(index, slice):
+            return [self._read(entry) for entry in self._entries[index]]
+        return self._read(self._entries[index])
+
+    def __iter__(self) -> Iterator[Array]:
+        return map(self._read, self._entries)
+
+    def _read(self, entry: Array | _Place) -> Array:
+        if not isinstance(entry, _Place):
+            return entry
+        assert self._file is not None, "an array has a place only if it was written"
+        self._file.seek(entry.offset)
+        return np.fromfile(self._file, count=prod(entry.shape)).reshape(entry.shape)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from auvid_cli.campaign.summary import CampaignSummary, summarize
-from auvid_cli.report.campaign_tables import comparison_sentences
+from auvid_cli.report.campaign_results import comparison_sentences
 from auvid_cli.report.table import setting_text
 from benchmarks.timing import described_machine
 from docs.campaign_rows import campaign_rows

@@ -14,7 +14,7 @@ from auvid_cli.api import campaign
 from auvid_cli.cli.app import app
 from auvid_cli.config import loading, shipped
 from auvid_cli.simulation.simulate import simulate
-from auvid_cli.start import first_spiral
+from auvid_cli.start import first_folder
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
 ROOT = Path(__file__).parents[1]
@@ -52,7 +52,7 @@ def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
         path.write_text(text.replace("duration: 300 s", "duration: 120 s"), encoding="utf-8")
     monkeypatch.setattr(shipped, "PACKAGE", configs.parent)
     monkeypatch.setattr(campaign, "N_PROBES", 1)
-    monkeypatch.setattr(first_spiral, "MIN_DURATION", 120.0)
+    monkeypatch.setattr(first_folder, "MIN_DURATION", 120.0)
 
 
 def write_log(path: Path) -> None:

@@ -17,14 +17,14 @@ from auvid_cli.numerics import CORE, check_numba
 PACKAGE = Path(auvid_cli.__file__).parent
 ELSEWHERE = """
 from auvid_cli.numerics import compile_elsewhere, is_compiled, on_compilation
-before = is_compiled("auvid_cli.simulation.imperfections")
-code = compile_elsewhere("auvid_cli.simulation.imperfections").wait()
+before = is_compiled("auvid_cli.vehicle.actuator_motion")
+code = compile_elsewhere("auvid_cli.vehicle.actuator_motion").wait()
 events = []
 with on_compilation(lambda: events.append(1)):
-    import auvid_cli.simulation.imperfections
+    import auvid_cli.vehicle.actuator_motion
     after_one = len(events)
     import auvid_cli.filters.factor
-print(before, code, is_compiled("auvid_cli.simulation.imperfections"), after_one, len(events) > 0)
+print(before, code, is_compiled("auvid_cli.vehicle.actuator_motion"), after_one, len(events) > 0)
 """
 CACHED = """
 from numba import types

@@ -20,9 +20,8 @@ from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.data.files import dataset_in, folder_of_run, locked, page_in
 from auvid_cli.data.results import refuse_other_page
 from auvid_cli.errors import FileError
-from auvid_cli.report.campaign_tables import write_findings
+from auvid_cli.report.campaign_results import campaign_page, write_findings
 from auvid_cli.report.figures.draw import drawing
-from auvid_cli.report.page.campaign_page import campaign_page
 from auvid_cli.report.page.render import write_page
 
 # A forecast measures a few groups of runs on the first seconds of their data.

@@ -21,8 +21,14 @@ from auvid_cli.errors import ConfigError
 from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
 from auvid_cli.simulation import simulate as simulation
 from auvid_cli.simulation.field_log import field_log
-from auvid_cli.start.first_folder import FirstFolder, folder_like, folder_of_outline
-from auvid_cli.start.first_spiral import SanityRow, sanity_notes, sanity_rows
+from auvid_cli.start.first_folder import (
+    FirstFolder,
+    SanityRow,
+    folder_like,
+    folder_of_outline,
+    sanity_notes,
+    sanity_rows,
+)
 
 
 @checked

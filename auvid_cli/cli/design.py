@@ -234,7 +234,7 @@ def campaign(
     # Compile before the workers start: they load the core from the cache.
     with terminal.compiling():
         from auvid_cli.api.campaign import CampaignOptions, Workers, forecast, plan_campaign, run_campaign
-        from auvid_cli.report.campaign_tables import print_findings
+        from auvid_cli.report.campaign_results import print_findings
 
     plan, folder = plan_campaign(file, settings or (), output)
     where = Workers(scheduler, workers or os.cpu_count() or 1)

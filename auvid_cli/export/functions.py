@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from auvid_cli.export.losses import UnsupportedFeatures, certainty, heading_lines, line_comments
-from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.export.model_parts import FACTOR_INPUTS
+from auvid_cli.export.model import FACTOR_INPUTS, IdentifiedModel
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUTS, MOTION_SYMBOLS, PARAMETERS, Quantity

@@ -8,8 +8,7 @@ import numpy as np
 
 from auvid_cli.arrays import Array
 from auvid_cli.export.losses import UnsupportedFeatures, certainty, heading_lines, unsupported_features, xml_comment
-from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.export.model_parts import FinSurface, fin_surfaces
+from auvid_cli.export.model import FinSurface, IdentifiedModel, fin_surfaces
 from auvid_cli.text import printable
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient
 

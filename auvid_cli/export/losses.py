@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from auvid_cli.evaluation.accuracy import LARGEST_SHARE_OF_VALUE
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
-from auvid_cli.export.model_parts import TermSize
+from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, TermSize
 from auvid_cli.text import one_line
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
 from auvid_cli.vehicle.parameters import PARAMETERS

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from auvid_cli.array_store import ArrayStore
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, ArrayStore
 from auvid_cli.filters.problem import Gaussian, JointProblem, ModelData, Process, Sensors, Timeline
 from auvid_cli.filters.smoother_backward import Adjoint, backward
 from auvid_cli.filters.smoother_forward import (

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.array_store import ArrayStore
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, ArrayStore
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
 from auvid_cli.filters.linear_smoother import (
     ConditionalFilter,

@@ -15,8 +15,7 @@ from itertools import chain
 
 import numpy as np
 
-from auvid_cli.array_store import ArrayStore
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, ArrayStore
 from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, carry_errors, fault_signatures, score_faults
 from auvid_cli.filters.linear_smoother import (

@@ -1,4 +1,4 @@
-"""The estimation problem of a dataset: prior, process and sensors of the augmented state."""
+"""The estimation problem of a dataset: prior, process and sensors of the augmented state, and an earlier trajectory."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from auvid_cli.arrays import ArrayStore
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.identification import STEPS_PER_TIME_CONSTANT
 from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import ConfigError, DataError
+from auvid_cli.filters.linear_smoother import Trajectory
 from auvid_cli.filters.problem import Gaussian, Indices, JointProblem, Process, Sensors, joint_gaussian, segment_indices
 from auvid_cli.filters.smoother_forward import THRESHOLD
 from auvid_cli.identification.compiled_layout import NOT_USED, KnownSensor, KnownSensors
@@ -192,3 +195,25 @@ def held_coefficients(experiment: RunSettings) -> dict[str, float]:
             f"identification.coefficients leaves out {', '.join(missing)}: expected a value of each in the vehicle file"
         )
     return {symbol: given[symbol] for symbol in held}
+
+
+def trajectory_of(augmented: AugmentedProblem, estimate: Estimate) -> Trajectory | None:
+    """Return the trajectory of an estimate, in scaled units.
+
+    None if the estimate has another state, or not one state for each event (`identification.keep_every`).
+    """
+    layout, n = augmented.layout, augmented.layout.n_parameters
+    if estimate.state[: layout.scale.size] != layout.symbols or not np.isfinite(estimate.mean[-1]).all():
+        return None
+    parameters = estimate.mean[-1, :n] / layout.scale[:n]
+    initial, moving, begin = [], [ArrayStore() for _ in augmented.segments], 0
+    for segment, chunks in zip(augmented.segments, moving, strict=True):
+        for timeline in segment.timelines:
+            rows = slice(begin, begin + timeline.time.size)
+            if not np.array_equal(estimate.time[rows], timeline.time):
+                return None
+            chunks.append(estimate.mean[rows, n : layout.scale.size] / layout.scale[n:])
+            begin = rows.stop
+        # Nothing leads to the first event of a segment.
+        initial.append(chunks[0][0])
+    return Trajectory(parameters, initial, moving) if begin == estimate.time.size else None

@@ -25,9 +25,8 @@ from auvid_cli.filters.square_root import (
 )
 from auvid_cli.filters.workspace import cubature, transformed, unscented
 from auvid_cli.identification.prepared_data import FoundDelays, PreparedData, prepare
-from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
+from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem, trajectory_of
 from auvid_cli.identification.process import first_order_transition
-from auvid_cli.identification.trajectories import trajectory_of
 from auvid_cli.vehicle.parameters import SENSORS
 
 # Largest number of parameters that the status of a run without convergence names.

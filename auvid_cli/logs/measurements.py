@@ -10,8 +10,7 @@ from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import LogSignal, RowChoice
 from auvid_cli.config.source_positions import KeyPath
 from auvid_cli.logs.clock import ClockDrift, Order, find_clock_drift, find_restarts, order_rows
-from auvid_cli.logs.formats.log import ColumnValues, Overlap, find_overlaps
-from auvid_cli.logs.no_value import is_code, rows_of_zeros
+from auvid_cli.logs.formats.log import ColumnValues, Overlap, find_overlaps, is_code, rows_of_zeros
 from auvid_cli.logs.requests import ColumnReader, MapMismatchError, Request
 from auvid_cli.text import one_line
 from auvid_cli.vehicle.kinematics import MAX_SPEED, MAX_TURN_RATE

@@ -15,7 +15,7 @@ from auvid_cli.arrays import Array
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.checks import csv_text
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.simulation.imperfections import stream
+from auvid_cli.simulation.simulate import stream
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 _START = 1.75e9  # s since 1970

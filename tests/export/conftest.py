@@ -6,8 +6,15 @@ import pytest
 from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, Origin
-from auvid_cli.export.model_parts import Actuation, surface_changes, term_histories, term_sizes
+from auvid_cli.export.model import (
+    Actuation,
+    IdentifiedCoefficient,
+    IdentifiedModel,
+    Origin,
+    surface_changes,
+    term_histories,
+    term_sizes,
+)
 from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.equations import N_SLOPE, motion_derivative, vehicle_constants, with_errors
 from auvid_cli.vehicle.parameters import N_MOTION

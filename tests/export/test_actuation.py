@@ -8,7 +8,7 @@ import pytest
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.data.dataset import InputRecord
-from auvid_cli.export.model_parts import acting_inputs, actuation
+from auvid_cli.export.model import acting_inputs, actuation
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import SYMBOLS
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
-from auvid_cli.export.model_parts import surface_changes
+from auvid_cli.export.model import surface_changes
 from auvid_cli.vehicle.kinematics import rotation_matrix
 
 HALF_TURN = np.diag([1.0, -1.0, -1.0])

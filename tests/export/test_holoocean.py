@@ -14,8 +14,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from auvid_cli.config.enums import FormatName
-from auvid_cli.export.formats import FORMATS
-from auvid_cli.export.simulators import holoocean_text
+from auvid_cli.export.formats import FORMATS, holoocean_text
 from auvid_cli.vehicle.kinematics import rotation_matrix
 
 HALF_TURN = np.diag([1.0, -1.0, -1.0])

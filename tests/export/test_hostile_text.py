@@ -15,11 +15,18 @@ from hypothesis import strategies as st
 
 from auvid_cli.config.enums import FormatName
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.export.formats import FORMATS, check_stem, file_stem, json_text, yaml_text
+from auvid_cli.export.formats import (
+    FORMATS,
+    check_stem,
+    file_stem,
+    holoocean_text,
+    json_text,
+    simulator_text,
+    yaml_text,
+)
 from auvid_cli.export.functions import matlab_text, mss_text, python_text
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
 from auvid_cli.export.losses import unsupported_features
-from auvid_cli.export.simulators import holoocean_text, simulator_text
 
 HOSTILE = (
     "  x\nimport os; os.system('true')\n#",

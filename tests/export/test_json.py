@@ -7,8 +7,7 @@ from auvid_cli.config.loading import parse_experiment
 from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.export.formats import FORMATS, json_text
 from auvid_cli.export.losses import unsupported_lines
-from auvid_cli.export.model import EstimatedState
-from auvid_cli.export.model_parts import Actuation
+from auvid_cli.export.model import Actuation, EstimatedState
 
 LAGGING = ActuatorSettings.model_validate({"fins": {"time_constant": "0.1 s"}})
 

@@ -4,8 +4,7 @@ from auvid_cli.config.enums import FormatName
 from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.export.formats import FORMATS
 from auvid_cli.export.losses import unsupported_lines
-from auvid_cli.export.model import EstimatedState
-from auvid_cli.export.model_parts import Actuation
+from auvid_cli.export.model import Actuation, EstimatedState
 
 STATES = (
     EstimatedState("thrust_scale", "1", 0.2, 0.0123),

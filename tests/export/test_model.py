@@ -8,8 +8,7 @@ from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.export.losses import UnsupportedFeatures, caveats, heading_lines
-from auvid_cli.export.model import Origin, identified_model
-from auvid_cli.export.model_parts import acting_inputs
+from auvid_cli.export.model import Origin, acting_inputs, identified_model
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, N_COEFFICIENTS
 

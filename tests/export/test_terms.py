@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.export.model_parts import held_inputs, term_histories, term_sizes
+from auvid_cli.export.model import held_inputs, term_histories, term_sizes
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.matrices import mass_matrix
 

@@ -10,9 +10,8 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.config.enums import FormatName
 from auvid_cli.config.vehicle import ActuatorSettings
-from auvid_cli.export.formats import FORMATS
-from auvid_cli.export.model_parts import Actuation
-from auvid_cli.export.simulators import simulator_text
+from auvid_cli.export.formats import FORMATS, simulator_text
+from auvid_cli.export.model import Actuation
 from auvid_cli.vehicle.kinematics import current_in_body_axes, euler_rates
 
 STEP = 0.02

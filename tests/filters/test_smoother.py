@@ -80,7 +80,7 @@ def test_a_linear_problem_is_solved_as_by_one_big_system(chunk, linear_problem, 
 
 def test_same_numbers_from_memory_file_and_second_pass(linear_problem, run_whole, monkeypatch):
     whole = run_whole(smooth_one, linear_problem, chunk=7)
-    monkeypatch.setattr("auvid_cli.array_store.MAX_IN_MEMORY", 0)
+    monkeypatch.setattr("auvid_cli.arrays.MAX_IN_MEMORY", 0)
     monkeypatch.setattr("auvid_cli.filters.linear_smoother._CACHE_SIZE", 0)
     filed = run_whole(smooth_one, linear_problem, chunk=7)
     assert_array_equal(filed.covariance, whole.covariance)

@@ -8,9 +8,8 @@ import pytest
 from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import ConfigError
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.identification.problem_setup import augmented_problem
+from auvid_cli.identification.problem_setup import augmented_problem, trajectory_of
 from auvid_cli.identification.run import identify
-from auvid_cli.identification.trajectories import trajectory_of
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 ZIGZAG = (

@@ -24,8 +24,7 @@ from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 from auvid_cli.inspection.inspect import inspect_dataset
-from auvid_cli.simulation.imperfections import corrupt
-from auvid_cli.simulation.simulate import sample_times
+from auvid_cli.simulation.simulate import corrupt, sample_times
 from auvid_cli.validation.data_leakage import check_unseen
 from auvid_cli.validation.results import Prediction
 from auvid_cli.validation.validate import validate

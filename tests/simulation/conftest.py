@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from auvid_cli.simulation.imperfections import draw_disturbance
 from auvid_cli.simulation.manoeuvres import make_plan
 from auvid_cli.simulation.motion import LONGEST_STEP, Truth, simulate_motion
+from auvid_cli.simulation.simulate import draw_disturbance
 from auvid_cli.vehicle.equations import N_FACTORS, vehicle_constants
 
 

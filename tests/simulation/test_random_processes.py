@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from auvid_cli.simulation.imperfections import gauss_markov, stream
+from auvid_cli.simulation.simulate import gauss_markov, stream
 
 
 def test_gauss_markov_process_has_variance_and_autocorrelation():

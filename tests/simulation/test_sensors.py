@@ -210,7 +210,7 @@ def test_seeds_differ_and_repeat(experiment_with, standing_still):
 
 def test_noise_does_not_depend_on_block_size(measurement, monkeypatch):
     whole = measurement("gyroscope", "{rate: 50 Hz, noise: 0.1 deg/s}", 2.0)
-    monkeypatch.setattr("auvid_cli.simulation.imperfections.BLOCK", 7)
+    monkeypatch.setattr("auvid_cli.simulation.simulate.BLOCK", 7)
     assert np.array_equal(measurement("gyroscope", "{rate: 50 Hz, noise: 0.1 deg/s}", 2.0).values, whole.values)
 
 

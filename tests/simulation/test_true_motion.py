@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 
 from auvid_cli.errors import SimulationError
 from auvid_cli.numerics import LANES
-from auvid_cli.simulation.imperfections import draw_disturbance
 from auvid_cli.simulation.motion import sample_motion
+from auvid_cli.simulation.simulate import draw_disturbance
 from auvid_cli.vehicle.equations import motion_derivative
 from auvid_cli.vehicle.matrices import mass_matrix
 

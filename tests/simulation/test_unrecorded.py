@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.errors import ConfigError
-from auvid_cli.simulation.imperfections import draw_disturbance, draw_fin_trim
+from auvid_cli.simulation.simulate import draw_disturbance, draw_fin_trim
 
 SHORT = "manoeuvre.duration=10 s"
 FORCE = "manoeuvre.disturbance.force={standard_deviation: [3 N, 2 N, 0 N], time_constant: [1 s, 2 s, 3 s]}"

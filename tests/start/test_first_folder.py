@@ -13,9 +13,8 @@ from auvid_cli.data.files import write_folder
 from auvid_cli.errors import ConfigError
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.simulation.simulate import simulate
-from auvid_cli.start import first_spiral
-from auvid_cli.start.first_folder import folder_like, folder_of_outline
-from auvid_cli.start.first_spiral import sanity_notes, sanity_rows
+from auvid_cli.start import first_folder
+from auvid_cli.start.first_folder import folder_like, folder_of_outline, sanity_notes, sanity_rows
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 OUTLINE = {"length": 2, "diameter": 0.2, "mass": 60, "fin_span": 0.1, "fin_area": 0.012}
@@ -25,7 +24,7 @@ OUTLINE = {"length": 2, "diameter": 0.2, "mass": 60, "fin_span": 0.1, "fin_area"
 def short():
     """Spirals of a minute, to be fast."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(first_spiral, "MIN_DURATION", 60.0)
+        patch.setattr(first_folder, "MIN_DURATION", 60.0)
         yield
 
 

@@ -1,7 +1,7 @@
-"""Interface of a log: tables of columns with units, and several files joined to one log."""
+"""Interface of a log: tables of columns with units, several files joined to one, and codes for missing measurements."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,11 @@ LOG_TIME = "@log_time"  # time of recording
 HEADER_STAMP = "@header_stamp"  # time of measurement by the sender
 FILE = "@file"  # number of the file of a row, from 1, in a log of several files
 ColumnValues = Array | NDArray[np.str_]
+# Usual codes without their sign; 32.768 is the smallest 16-bit number in mm, written in m.
+_CODES = (32.768, 999.0, 9999.0, 32768.0, 99999.0)
+_MAX_OTHERS = 0.9  # largest other number divided by the code
+_PRECISION = 1e-6  # of numbers stored in single precision
+_MAX_ZEROS = 0.9  # share of rows of zeros
 
 
 class LogColumn(NamedTuple):
@@ -197,3 +202,33 @@ def find_overlaps(time: Array, files: Array, values: Array) -> list[Overlap]:
             is_own = not repeats or common.size < min(np.unique(time[before]).size, np.unique(time[after]).size)
             overlaps.append(Overlap(int(files[start]), float(begin), float(end), is_own))
     return overlaps
+
+
+def is_code(numbers: Array, codes: Collection[float]) -> NDArray[np.bool_]:
+    """Return whether numbers are one of the codes, to single precision."""
+    found = np.zeros(numbers.shape, np.bool_)
+    for code in codes:
+        found |= np.isclose(numbers, code, rtol=_PRECISION, atol=_PRECISION)
+    return found
+
+
+def find_codes(numbers: Mapping[str, Array]) -> tuple[float, ...]:
+    """Return the codes for missing measurements in the columns of a sensor: usual ones, far from all other numbers."""
+    signed = [sign * code for code in _CODES for sign in (-1.0, 1.0)]
+    codes = set[float]()
+    for values in numbers.values():
+        own = [code for code in signed if is_code(values, [code]).any()]
+        others = np.abs(values[np.isfinite(values) & ~is_code(values, own)])
+        codes |= {code for code in own if others.size and others.max() < _MAX_OTHERS * abs(code)}
+    return tuple(sorted(codes))
+
+
+def rows_of_zeros(numbers: Mapping[str, Array]) -> NDArray[np.bool_]:
+    """Return the rows in which all components are exactly zero, as of a DVL without bottom lock."""
+    return np.all([values == 0.0 for values in numbers.values()], axis=0)
+
+
+def has_rows_of_zeros(numbers: Mapping[str, Array]) -> bool:
+    """Whether exact zeros in all of several components mark missing measurements: some rows, but not most."""
+    zeros = rows_of_zeros(numbers)
+    return len(numbers) > 1 and bool(zeros.any()) and float(zeros.mean()) < _MAX_ZEROS

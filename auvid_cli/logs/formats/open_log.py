@@ -121,15 +121,15 @@ def _reader(kind: _Kind, definitions: Sequence[Path]) -> Callable[[Path], Log]:
 
             return LsfLog
         case _Kind.ULOG | _Kind.ALOG:
-            from auvid_cli.logs.formats.vehicle_logs import AlogLog, ULogLog
+            from auvid_cli.logs.formats.message_logs import AlogLog, ULogLog
 
             return ULogLog if kind is _Kind.ULOG else AlogLog
         case _Kind.DATAFLASH_TEXT:
-            from auvid_cli.logs.formats.dataflash_text import DataFlashTextLog
+            from auvid_cli.logs.formats.message_logs import DataFlashTextLog
 
             return DataFlashTextLog
         case _Kind.JSON:
-            from auvid_cli.logs.formats.json_lines import JsonLinesLog
+            from auvid_cli.logs.formats.message_logs import JsonLinesLog
 
             return JsonLinesLog
         case _Kind.NPZ | _Kind.MAT | _Kind.MAT_HDF5:

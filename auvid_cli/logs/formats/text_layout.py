@@ -1,4 +1,4 @@
-"""Layout of text logs: delimiter, header and units."""
+"""Layout of text logs: delimiter, header and units; names for `ros2 topic echo --csv`, which writes no header."""
 
 import csv
 import re
@@ -12,8 +12,9 @@ from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.config.units import EXAMPLES, NUMBER
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LogColumn
-from auvid_cli.logs.formats.ros_echo import ros_names
 
+_HEADER = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
+_NANOSECONDS = 10**9  # nanoseconds in 1 s
 MISSING_VALUES = ("", "nan", "NaN", "NAN", "-nan", "null", "NULL", "None", "N/A", "n/a", "NA", "-", "--")
 _NOT_FINITE = re.compile(r"[-+]?(?:inf(?:inity)?|nan)", re.IGNORECASE)
 # A letter directly after a number belongs to a name, such as "3D".
@@ -33,6 +34,41 @@ BLANKS = " "
 _DELIMITERS = (";", "\t", "|", ",", BLANKS)
 _UNIT = re.compile(r"(?P<name>.*\S)\s*[(\[](?P<unit>[^()\[\]]*[^()\[\]\d][^()\[\]]*)[)\]]")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
+
+
+def _vector(name: str, axes: str = "xyz") -> list[str]:
+    return [f"{name}.{axis}" for axis in axes]
+
+
+def _covariance(name: str, size: int) -> list[str]:
+    return [f"{name}[{k}]" for k in range(size)]
+
+
+# Fields after the header, by the number of columns of sensor_msgs and geometry_msgs with a stamp.
+_TWIST = [*_vector("twist.linear"), *_vector("twist.angular")]
+_FIELDS = {
+    5: ["fluid_pressure", "variance"],
+    6: _vector("vector"),
+    7: _vector("quaternion", "xyzw"),
+    9: _TWIST,
+    40: [
+        *_vector("orientation", "xyzw"),
+        *_covariance("orientation_covariance", 9),
+        *_vector("angular_velocity"),
+        *_covariance("angular_velocity_covariance", 9),
+        *_vector("linear_acceleration"),
+        *_covariance("linear_acceleration_covariance", 9),
+    ],
+    45: [*(f"twist.{name}" for name in _TWIST), *_covariance("twist.covariance", 36)],
+}
+
+
+def ros_names(row: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the columns of a first row with stamp, frame and numbers; empty for other rows."""
+    if len(row) not in _FIELDS or not (row[0].isdecimal() and row[1].isdecimal()) or NUMBER.fullmatch(row[2]):
+        return ()
+    is_stamp = int(row[1]) < _NANOSECONDS and all(NUMBER.fullmatch(field) for field in row[3:])
+    return (*_HEADER, *_FIELDS[len(row)]) if is_stamp else ()
 
 
 def is_number(field: str, decimal: str = ".", missing: Sequence[str] = ()) -> bool:

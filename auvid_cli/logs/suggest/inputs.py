@@ -11,7 +11,7 @@ from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest.evidence import Evidence
 from auvid_cli.logs.suggest.known_formats import KnownMessage, Role
 from auvid_cli.logs.suggest.names import INPUT_NAMES, SIDES, find_columns, find_in_logs, named_unit
-from auvid_cli.logs.suggest.numbered_fins import FinRole, fin_channels, fin_roles
+from auvid_cli.logs.suggest.numbered import FinRole, fin_channels, fin_roles
 from auvid_cli.logs.suggest.relations import PITCH_FINS, YAW_FINS, Track
 from auvid_cli.logs.suggest.rows import place_of, row_entries, tracks_of
 from auvid_cli.logs.suggest.yaml_lines import Comment, Flow, Line, Phrase, YamlEntry

@@ -10,9 +10,8 @@ from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.config.units import magnitude_of
 from auvid_cli.logs.clock import find_restarts, order_rows
-from auvid_cli.logs.formats.log import Log, LogColumn
+from auvid_cli.logs.formats.log import Log, LogColumn, find_codes, has_rows_of_zeros, is_code, rows_of_zeros
 from auvid_cli.logs.frames import euler_of_quaternion, in_forward_axes, quaternion_of_euler
-from auvid_cli.logs.no_value import find_codes, has_rows_of_zeros, is_code, rows_of_zeros
 from auvid_cli.logs.suggest.names import QUATERNION_NAMES, Match, named_unit, standard_message
 from auvid_cli.logs.suggest.relations import Track
 from auvid_cli.logs.suggest.times import is_unit_of, one_sender, rows_of_sender, seconds_of, time_of

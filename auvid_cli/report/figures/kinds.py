@@ -9,8 +9,14 @@ from matplotlib.figure import Figure
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.data.files import remove, replacing
 from auvid_cli.report.figures import draw
-from auvid_cli.report.figures.campaign_errors import map_figure, spread_figure
-from auvid_cli.report.figures.coefficients import bounds_figure, convergence_figure, correlation_figure, estimate_figure
+from auvid_cli.report.figures.coefficients import (
+    bounds_figure,
+    convergence_figure,
+    correlation_figure,
+    estimate_figure,
+    map_figure,
+    spread_figure,
+)
 from auvid_cli.report.figures.motion import motion_error_figure, motion_figure, path_figure
 from auvid_cli.report.figures.timeline import mission_figure, timeline_figure
 from auvid_cli.report.figures.validation import free_run_figure, horizon_figure, innovation_figure

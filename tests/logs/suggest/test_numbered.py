@@ -9,8 +9,7 @@ import yaml
 
 from auvid_cli.logs.formats.open_log import open_log
 from auvid_cli.logs.frames import quaternion_of_euler
-from auvid_cli.logs.suggest.numbered import exchanged_axes, quaternion_order
-from auvid_cli.logs.suggest.numbered_fins import fin_roles
+from auvid_cli.logs.suggest.numbered import exchanged_axes, fin_roles, quaternion_order
 from auvid_cli.logs.suggest.relations import Track
 from auvid_cli.logs.suggest.suggest import suggest
 from auvid_cli.vehicle.kinematics import body_rates

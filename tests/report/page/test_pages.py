@@ -13,7 +13,8 @@ from auvid_cli.data.checks import Checks, NamedRows
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.results import CoefficientBound, FreeRun, Identifiability
 from auvid_cli.inspection.inspection import Inspection, Mark
-from auvid_cli.report.page import campaign_page as campaign
+from auvid_cli.report import campaign_results
+from auvid_cli.report.campaign_results import campaign_page
 from auvid_cli.report.page.curves import path_parts
 from auvid_cli.report.page.pages import identifiability_page, inspection_page, run_page, validation_page
 from auvid_cli.report.page.parts import Box, Dot, Listing, Picture, Plots, TextLabel
@@ -141,10 +142,10 @@ def test_the_page_of_a_campaign_draws_every_run_that_ended(monkeypatch):
     def of(name):
         return Campaign(name=name, experiment="<i>")
 
-    monkeypatch.setattr(campaign, "filters_table", lambda _: table_of_rows("k", "t", NamedRows(("a",), [(1.0,)])))
-    page = campaign.campaign_page(
-        of("x"), CampaignSummary([], runs, nothing, nothing, nothing), {"ckf": "ckf"}, ["why <u>"]
+    monkeypatch.setattr(
+        campaign_results, "filters_table", lambda _: table_of_rows("k", "t", NamedRows(("a",), [(1.0,)]))
     )
+    page = campaign_page(of("x"), CampaignSummary([], runs, nothing, nothing, nothing), {"ckf": "ckf"}, ["why <u>"])
     (drawing,) = parts_of(page, Picture)
     dots = [shape for shape in drawing.shapes if isinstance(shape, Dot)]
     assert [dot.says for dot in dots] == ["ckf: 1 %", "ckf: 10 %", "<b>: 1 %", "<b>: 1e+06 %"]
@@ -155,9 +156,7 @@ def test_the_page_of_a_campaign_draws_every_run_that_ended(monkeypatch):
     assert page.subtitle == "5 runs, 3 seeds"
     (listing,) = parts_of(page, Listing)
     assert yaml.safe_load(listing.text) == {"name": "x", "experiment": "<i>"}
-    one = campaign.campaign_page(
-        of("one"), CampaignSummary([], runs[:1], nothing, nothing, nothing), {"ckf": "ckf"}, []
-    )
+    one = campaign_page(of("one"), CampaignSummary([], runs[:1], nothing, nothing, nothing), {"ckf": "ckf"}, [])
     assert one.subtitle == "1 run, 1 seed"
 
 

@@ -5,8 +5,8 @@ import errno
 import numpy as np
 import pytest
 
-from auvid_cli import array_store
-from auvid_cli.array_store import ArrayStore
+from auvid_cli import arrays as module
+from auvid_cli.arrays import ArrayStore
 from auvid_cli.errors import FileError
 
 
@@ -25,7 +25,7 @@ def filled(arrays):
 
 @pytest.mark.parametrize("limit", [0, 5 * 24, 10**6])
 def test_arrays_come_back_bit_by_bit(arrays, limit, monkeypatch):
-    monkeypatch.setattr(array_store, "MAX_IN_MEMORY", limit)
+    monkeypatch.setattr(module, "MAX_IN_MEMORY", limit)
     store = filled(arrays)
     assert len(store) == len(arrays)
     assert all(np.array_equal(*pair) for pair in zip(store, arrays, strict=True))
@@ -39,7 +39,7 @@ def test_arrays_come_back_bit_by_bit(arrays, limit, monkeypatch):
 
 
 def test_temporary_file_has_no_name(arrays, monkeypatch, tmp_path):
-    monkeypatch.setattr(array_store, "MAX_IN_MEMORY", 0)
+    monkeypatch.setattr(module, "MAX_IN_MEMORY", 0)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     filled(arrays)
     assert not any(tmp_path.iterdir())
@@ -49,7 +49,7 @@ def test_full_disk_is_one_line(arrays, monkeypatch):
     def full(**options):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(array_store, "MAX_IN_MEMORY", 0)
+    monkeypatch.setattr(module, "MAX_IN_MEMORY", 0)
     monkeypatch.setattr("tempfile.TemporaryFile", full)
     with pytest.raises(FileError, match="No space left"):
         filled(arrays)

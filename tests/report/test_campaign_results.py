@@ -9,8 +9,8 @@ from rich.console import Console
 
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.summary import summarize
-from auvid_cli.report.campaign_tables import comparison_sentences, print_findings, write_findings
-from auvid_cli.report.figures.campaign_errors import map_figure, spread_figure
+from auvid_cli.report.campaign_results import comparison_sentences, print_findings, write_findings
+from auvid_cli.report.figures.coefficients import map_figure, spread_figure
 
 SEEDS = 20
 FILTERS = {"ckf": "ckf", "wide": "ckf", "ekf": "ekf"}
