@@ -1,5 +1,6 @@
 """Signal processing: noise, quantisation, gaps, repeated measurements and rates of change."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -208,8 +209,11 @@ def rate_noise(interval: float, half: int, averaged: int = 1) -> float:
     return float(np.linalg.norm(np.convolve(_slope_weights(interval, half), np.full(averaged, 1.0 / averaged))))
 
 
+@cache
 def _slope_weights(interval: float, half: int) -> Array:
     # Imported here because scipy.signal is slow to load, and a simulated run needs no slopes.
     from scipy.signal import savgol_coeffs
 
-    return np.asarray(savgol_coeffs(2 * half + 1, 3, deriv=1, delta=interval), dtype=np.float64)
+    weights = np.asarray(savgol_coeffs(2 * half + 1, 3, deriv=1, delta=interval), dtype=np.float64)
+    weights.setflags(write=False)
+    return weights

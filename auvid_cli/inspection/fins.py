@@ -84,10 +84,12 @@ def linear_motion(vehicle: VehicleSettings, speed: float, spreads: Mapping[str, 
         at = dict(zip(_ACROSS, np.multiply(pattern, sizes), strict=True)) | {"u": speed}
         for coefficient in vehicle.coefficient_set:
             share = stated[coefficient.symbol] / len(patterns)
-            for k, symbol in enumerate(_LINEAR_STATES[:6]):
-                forces[coefficient.row, k] += share * _slope(coefficient, symbol, at)
-            for fin, by_fin in fins.items():
-                by_fin[coefficient.row] += share * _slope(coefficient, fin, at) / speed**2
+            for symbol in {*coefficient.signals}:
+                slope = share * _slope(coefficient, symbol, at)
+                if symbol in fins:
+                    fins[symbol][coefficient.row] += slope / speed**2
+                elif symbol in _LINEAR_STATES[:6]:
+                    forces[coefficient.row, _LINEAR_STATES.index(symbol)] += slope
     ahead, unit = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), np.eye(6)
     for k in range(6):
         more, less = (coriolis_matrix(mass, at) @ at for at in (ahead + unit[k], ahead - unit[k]))
