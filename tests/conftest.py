@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import hypothesis
@@ -81,6 +81,7 @@ GENTLE = "manoeuvre=manoeuvres/spiral_gentle.yaml", "identification.prior.factor
 def experiment_with():
     """Function: the shipped spiral experiment, started gently, with overrides as on the command line."""
 
+    @cache
     def load(*overrides: str) -> Experiment:
         return load_experiment(find_experiment(None), (*GENTLE, *overrides))
 

@@ -128,6 +128,7 @@ def test_nothing_is_printed_and_no_file_is_written_unless_asked(short_run, other
     assert {path: path.stat().st_mtime_ns for path in here.rglob("*")} == before
 
 
+@pytest.mark.slow
 def test_paths_may_be_path_objects(here):
     dataset = auvid.read_dataset(Path("dataset.h5"))
     assert auvid.write_dataset(Path("copy.h5"), dataset).sha256 == auvid.read_dataset("copy.h5").sha256

@@ -1,7 +1,8 @@
 """Data flows one way, and imports with it."""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -61,17 +62,18 @@ def statements(tree: ast.AST, everywhere: bool) -> Iterator[ast.AST]:
             yield from statements(node, everywhere)
 
 
-def imported(path: Path, everywhere: bool = True) -> set[str]:
+@cache
+def imported(path: Path, everywhere: bool = True) -> frozenset[str]:
     names = set()
     for node in statements(ast.parse(path.read_text(encoding="utf-8")), everywhere):
         if isinstance(node, ast.ImportFrom) and node.module:
             names.update({f"{node.module}.{alias.name}" for alias in node.names} & PATHS.keys() or {node.module})
         elif isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
-    return names
+    return frozenset(names)
 
 
-def rooms_of(names: set[str]) -> set[str]:
+def rooms_of(names: Set[str]) -> set[str]:
     parts = [name.split(".") for name in names]
     return {part[1] for part in parts if part[0] == "auvid_cli" and len(part) > 1 and part[1] in MAY_IMPORT}
 

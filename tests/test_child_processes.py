@@ -94,11 +94,13 @@ def test_exception_kills_busy_workers():
     assert time.monotonic() - start < 30.0
 
 
+@pytest.mark.slow
 def test_figure_server_loads_without_priorities():
     code = "import os; vars(os).pop('nice', None); import auvid_cli.report.figures.server; print('loaded')"
     assert output_of("-c", code) == "loaded"
 
 
+@pytest.mark.slow
 def test_scan_works_without_alarms(tmp_path):
     (tmp_path / "a.h5").write_text("no HDF5")
     code = "import signal; vars(signal).pop('alarm', None); from auvid_cli.data.hdf5 import main; main()"

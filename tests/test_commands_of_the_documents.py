@@ -78,6 +78,7 @@ def fill_in(path: Path) -> None:
     path.write_text(text.replace("standard_deviation: null", "standard_deviation: 0.01"), encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_commands_of_the_readme_and_the_pages_run_in_order_in_one_empty_folder(quick, tmp_path, monkeypatch):
     folder = tmp_path / "empty"
     folder.mkdir()

@@ -112,6 +112,7 @@ def test_a_reader_without_a_network_searches_and_finds(site, browser):
     assert complaints == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "ends"),
     [("[here](index.md)", 0), ("[gone](gone.md)", 1), ("[gone](index.md#gone)", 1), ("$`\\frac{a}`$", 1)],
@@ -126,6 +127,7 @@ def test_what_is_wrong_on_a_page_ends_the_build(tmp_path, text, ends):
     assert build(tmp_path).returncode == ends
 
 
+@pytest.mark.slow
 def test_an_equation_that_cannot_be_read_is_named():
     with pytest.raises(SuperFencesException, match=r"\\nowhere x"):
         mathml("\\nowhere x", block=True)

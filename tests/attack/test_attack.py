@@ -46,6 +46,7 @@ def test_damaged_input_is_answered_in_words_in_time_and_nothing_is_lost(kind, wo
     assert not failed, failures(failed, f"python -m benchmarks.attack --seed {SEED}")
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_case(worker):
     one, other, another = (worker.attack("settings", index) for index in (0, 0, 1))
     assert one.what == other.what != another.what

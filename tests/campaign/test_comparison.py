@@ -131,6 +131,7 @@ def test_single_filter_has_no_comparisons():
     assert len(compare_filters(pd.DataFrame(rows_of("a", [1.0, 2.0])), [])) == 0
 
 
+@pytest.mark.slow
 @given(st.integers(1, 60))
 def test_median_interval_covers_95_percent(n):
     low, high = median_interval(np.arange(n, dtype=np.float64))

@@ -27,6 +27,7 @@ filters: [ckf, tukf]
 """
 
 
+@pytest.mark.slow
 def test_existing_scheduler_returns_all_runs(planned):
     plan = planned(MANY, "seeds=4")
     with (
@@ -103,6 +104,7 @@ def test_workers_with_own_folders_killed_in_turn_give_the_same_runs(planned, tmp
     assert measured(performed) == measured(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="looks in /proc")
 def test_local_workers_listen_on_no_port():
     with local_cluster(2):
@@ -125,6 +127,7 @@ def test_group_that_kills_workers_fails_and_others_go_on(planned):
     assert sum(bool(done.failure) for done in runs) == 2
 
 
+@pytest.mark.slow
 def test_few_groups_wait_at_the_scheduler(planned):
     plan, taken = planned(MANY, "seeds=200"), []
 

@@ -75,6 +75,7 @@ def test_measures_equal_those_of_the_report(performed):
         np.testing.assert_array_equal(result.estimate.mean, estimate.mean)
 
 
+@pytest.mark.slow
 def test_bounds_use_the_sensors_of_the_filter(planned):
     text = TEXT + "vary: [{setting: identification.attitude_from, values: [ahrs, inertial]}]\n"
     (group,) = planned(text).groups()

@@ -98,6 +98,7 @@ def test_keep_estimates_writes_complete_estimates(finished):
         assert own.loc[symbol, "estimate"] == value
 
 
+@pytest.mark.slow
 def test_finished_campaign_is_only_reported_again(finished):
     folder, first = finished
     before = {path: path.stat().st_mtime_ns for path in (folder / "results/campaigns/small/results").iterdir()}

@@ -47,6 +47,7 @@ def left_of(marked) -> list[str]:
     return marked()
 
 
+@pytest.mark.slow
 def test_early_end_leaves_no_drawing_process(begun):
     process, marked = begun("-m", "auvid_cli", "run", "--set", "nope=3")
     assert process.wait(60) == 2

@@ -248,6 +248,7 @@ def test_dry_run_prints_valid_settings_and_writes_nothing(tmp_path):
     assert "seed: 7" in again.stdout
 
 
+@pytest.mark.slow
 def test_diverged_filter_gives_exit_code_1_and_others_finish(tmp_path):
     result = auvid(*("run", *SHORT, "--set", "identification.prior.factor=300", "-f", "ckf", "-f", "ekf"), cwd=tmp_path)
     assert result.exit_code == 1

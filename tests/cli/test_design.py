@@ -129,6 +129,7 @@ def test_dask_scheduler_gives_same_design(tmp_path):
     assert texts[0] == texts[1]
 
 
+@pytest.mark.slow
 def test_design_lists_what_it_does_not_include(tmp_path):
     settings = "--set", "identification.attitude_from=inertial", "--set", "identification.estimate.biases=[current]"
     result = auvid("design", *QUICK, *settings, cwd=tmp_path)

@@ -161,6 +161,7 @@ def test_export_does_not_overwrite_estimate(own_results):
     assert estimate.read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["yaml", "json", "sdf"])
 @pytest.mark.parametrize("name", ["é", os.fsdecode(b"\xff")], ids=["accent", "no text"])
 def test_file_name_may_have_undecodable_bytes(target, name, results, tmp_path):

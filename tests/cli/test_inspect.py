@@ -113,6 +113,7 @@ def test_invalid_part_is_one_error(use, complaint, short_run, tmp_path, run):
     assert complaint in result.output
 
 
+@pytest.mark.slow
 def test_last_line_is_next_command(short_run, tmp_path, run):
     path = tmp_path / "dataset.h5"
     write_dataset(path, short_run)

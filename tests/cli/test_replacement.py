@@ -76,6 +76,7 @@ def test_every_written_file_is_listed_as_product(here):
         assert {*files(folder)} == {dataset_in(folder), *products(folder)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "words"),
     [

@@ -20,6 +20,7 @@ def shell(command, **environment):
     return subprocess.run(line, shell=True, capture_output=True, text=True, env=os.environ | environment, timeout=60)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["--version", "--help", "simulate --dry-run"])
 def test_full_device_is_one_line(command):
     result = shell(f"{command} > /dev/full")
@@ -41,6 +42,7 @@ def test_closed_streams_give_exit_code(redirection, code):
     assert (result.returncode, result.stdout, result.stderr) == (code, "", "")
 
 
+@pytest.mark.slow
 def test_unsupported_characters_are_escaped():
     result = shell("run --set é=1", PYTHONIOENCODING="ascii")
     assert result.returncode == 2

@@ -105,6 +105,7 @@ def test_quiet_prints_nothing(results, tmp_path):
     assert (result.exit_code, result.output) == (0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("without_figures")
 def test_unused_part_of_own_dataset_is_accepted(results, tmp_path):
     dataset = read_dataset(results / "dataset.h5")

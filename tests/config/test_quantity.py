@@ -132,6 +132,7 @@ def test_field_with_unit_converts_quantity():
         Model.model_validate({"speed": "1 s"})
 
 
+@pytest.mark.slow
 def test_import_does_not_load_pint():
     code = "import sys, auvid_cli.config.loading; sys.exit('pint' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
@@ -148,6 +149,7 @@ def test_usual_units_agree_with_pint():
     assert module.usual_units() == stated, "python docs/make_reference.py"
 
 
+@pytest.mark.slow
 def test_shipped_experiment_loads_without_pint():
     code = (
         "import sys; from auvid_cli.config.loading import find_experiment, load_experiment;"

@@ -16,6 +16,7 @@ def with_terms(*terms):
     return f"vehicle.terms=[{', '.join(terms)}]"
 
 
+@pytest.mark.slow
 def test_term_is_coefficient_after_the_22(text):
     experiment = parse_experiment(text, "test", (with_terms(CROSS, "{name: K_up, row: K, factors: [u, p]}"),))
     vehicle = experiment.vehicle

@@ -131,12 +131,14 @@ def words(values):
     return np.array(["fast"] * values.size, dtype="S4")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [short, backwards, all_zero, all_nan, one_nan])
 @pytest.mark.parametrize("name", ["inputs/time", "sensors/dvl/time"])
 def test_invalid_times_are_refused(name, change, dataset, tmp_path):
     refused("dataset", tampered(tmp_path / "dataset.h5", dataset, name, change))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "change"),
     [

@@ -49,6 +49,7 @@ def estimate_with(written, tmp_path):
     return change
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "value"),
     [
@@ -115,6 +116,7 @@ def test_innovations_of_unknown_sensor_are_refused(written, tmp_path):
     refused(read_estimate, path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "change"),
     [
@@ -246,6 +248,7 @@ def test_invalid_faults_are_refused(name, change, estimate, write_estimate, tmp_
     refused(read_estimate, path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "change"),
     [

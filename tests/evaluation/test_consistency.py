@@ -74,6 +74,7 @@ def test_the_wrong_vehicle_is_called_inconsistent(simulated_with, filter_name, w
     assert status_of(identify(wrong, filter_name)).startswith(("inconsistent", "diverged", "unconverged"))
 
 
+@pytest.mark.slow
 def test_filters_on_white_noise_are_consistent(simulated_with, filter_name):
     """A direct attitude sensor, so that no sensor's error is correlated in time."""
     dataset = simulated_with(

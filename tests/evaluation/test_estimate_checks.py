@@ -88,6 +88,7 @@ def test_an_estimate_that_is_not_sound_fails_and_says_what_would_help(long_enoug
     assert sound.advice.endswith("identification.estimate.biases: [gyro]).")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", ["gyroscope", "dvl", "attitude"])
 def test_a_stuck_sensor_is_named_with_its_time(sensor, long_enough):
     checks, fails = verdicts(with_values(long_enough, sensor, stuck))
@@ -127,6 +128,7 @@ def test_a_gap_is_worth_knowing_but_no_failure(long_enough):
     assert "30" in gap.statistic
 
 
+@pytest.mark.slow
 def test_outliers_show_and_gated_ones_are_counted(long_enough, with_settings):
     bad = with_values(long_enough, "dvl", wild)
     _, fails = verdicts(bad)

@@ -26,6 +26,7 @@ def identified(simulated_with, *settings):
     return prepare(dataset), identify(dataset, FilterName.CKF)
 
 
+@pytest.mark.slow
 def test_where_nothing_disturbs_much_process_noise_is_told_to_be_lowered(simulated_with):
     prepared, estimate = identified(simulated_with, noise(0.03))
     assert process_noise_score(prepared, estimate) < -20.0

@@ -55,6 +55,7 @@ def test_coefficients_missing_in_the_earlier_estimate_keep_their_prior(short_run
     assert np.all(mean[known] != 0.3)
 
 
+@pytest.mark.slow
 def test_a_second_run_on_new_data_knows_more(simulated_with, short_run, short_estimates, written, with_settings):
     other = simulated_with("manoeuvre.duration=60 s", "seed=9")
     path = written(short_run)

@@ -131,6 +131,7 @@ def test_advice_of_a_fault_removes_most_of_it(plant, name, obey, clean):
     assert abs(results_of(obey(faulty, fault.size))[name].z) < 0.1 * abs(fault.z)
 
 
+@pytest.mark.slow
 def test_clean_data_have_no_fault(clean):
     found = results_of(clean)
     labels = VehicleFaults(augmented_problem(prepare(clean))).labels

@@ -101,6 +101,7 @@ def test_estimating_needs_no_coefficients_in_the_settings(short_run, short_estim
     assert_same(identify(bare, FilterName.TUKF), short_estimates[FilterName.TUKF])
 
 
+@pytest.mark.slow
 def test_a_subset_is_estimated_with_the_others_held(short_run, filter_name, with_settings):
     chosen = ("Z_w|w|", "N_uudr", "X_u|u|")
     estimate = identify(with_settings(short_run, f"identification.coefficients=[{', '.join(chosen)}]"), filter_name)
@@ -285,6 +286,7 @@ def test_keep_every_keeps_the_last_state_and_all_innovations(short_run, short_es
     assert np.array_equal(thin.innovations["dvl"].nis, whole.innovations["dvl"].nis)
 
 
+@pytest.mark.slow
 def test_a_filter_that_fails_at_its_first_event_leaves_the_prior(short_run, kalman_filter, monkeypatch):
     def hopeless(*arguments, **options):
         process = vehicle_process(*arguments, **options)

@@ -41,6 +41,7 @@ def test_smoother_converges_from_wide_priors(seed, simulated_with):
     assert np.sqrt(np.mean(errors**2)) < 1.3
 
 
+@pytest.mark.slow
 def test_start_from_an_estimate_gives_the_same_one(short_run, short_estimates):
     earlier = short_estimates[FilterName.SMOOTHER]
     (again, _), (mean, deviation) = map(coefficients, (identify(short_run, FilterName.SMOOTHER, earlier), earlier))

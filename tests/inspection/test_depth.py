@@ -39,6 +39,7 @@ def test_altitude_as_depth_fails(dive, changed):
     assert fails_of(changed(dive, "depth", turn)) == {("depth", "depth against pitch and u")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensor", "component", "factor", "words"),
     [

@@ -24,6 +24,7 @@ def fails_of(dataset):
     return {(check.subject, check.check): check.statistic for check in inspect_dataset(dataset).checks.failed()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sensor", "column", "symbol"), [("attitude", 2, "psi"), ("magnetometer", 0, "heading")])
 def test_excursion_from_gyroscope_fails(sensor, column, symbol, sound_run, changed):
     fails = fails_of(changed(sound_run(), sensor, swing(column)))

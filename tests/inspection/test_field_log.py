@@ -119,6 +119,7 @@ def test_dvl_near_the_nose_is_a_note(zigzag):
     assert "dvl_arm" in check.advice
 
 
+@pytest.mark.slow
 def test_speed_lost_in_turns_leaves_heading_offset_undetermined(simulated_with):
     """Turns of a vehicle with a trimmed rudder slip more to one side, and slow it down on both."""
     survey = (

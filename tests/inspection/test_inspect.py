@@ -106,6 +106,7 @@ def test_zigzag_determines_signs_of_horizontal_plane(symbol, sound_run, changed)
     assert fails == TURNED[symbol]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("symbol", "other"), [("p", "phi"), ("q", "theta"), ("r", "psi")])
 def test_degrees_as_radians_are_named(symbol, other, sound_run, changed):
     inspection, fails = verdicts(scaled(changed, sound_run(), symbol, 180.0 / np.pi))

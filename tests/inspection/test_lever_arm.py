@@ -32,6 +32,7 @@ def lever_arm(dataset):
     return check, checks.failed()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("metres", [0.5, -1.0])
 def test_lever_arm_is_noted_with_its_size(metres, dataset):
     check, fails = lever_arm(moved_ahead(dataset, metres))

@@ -29,6 +29,7 @@ def test_dropouts_count_as_missing(simulated_with):
     assert float(missing.statistic.split("%")[0]) == pytest.approx(20.0, abs=1.0)
 
 
+@pytest.mark.slow
 def test_coarse_sensor_shows_quantisation(simulated_with):
     # 0.01 rad/s is 8.6 times 0.2 deg/s / 3, the stated noise.
     checks, fails = judged(simulated_with, "sensors.gyroscope.quantisation=0.01 rad/s")

@@ -219,6 +219,7 @@ def test_errors_of_the_motion_are_estimates_minus_the_truth(dataset):
     assert [text.get_text() for text in heading.texts] == [r"$\psi$ (°)"]
 
 
+@pytest.mark.slow
 def test_numbers_at_one_panel_do_not_reach_into_its_neighbour(dataset):
     estimate = make_estimate("ckf")
     columns = [estimate.state.index(symbol) for symbol in MOTION_SYMBOLS]

@@ -188,6 +188,7 @@ def test_band_is_explained(validation):
     assert "process noise" not in shown(validation._replace(predictions=rows), 120)
 
 
+@pytest.mark.slow
 def test_each_panel_shows_errors_over_the_horizon_with_what_explains_them(validation):
     figure = horizon_figure("ckf", validation.predictions)
     assert len(figure.axes) == 9

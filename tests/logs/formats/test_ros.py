@@ -195,6 +195,7 @@ def test_topic_without_messages_has_no_fields(bag):
         log.read("/silent", ["data"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("table", "column", "complaint"),
     [

@@ -130,6 +130,7 @@ def test_contradiction_without_better_column_is_a_question():
     assert "required: a column; psi does not agree with r" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_right_names_are_not_contradicted(seed):
     log, _ = moving(seed)

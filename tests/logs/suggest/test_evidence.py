@@ -328,6 +328,7 @@ def test_several_thrusters_give_no_surge_force():
     assert "several thrusters are not one surge force" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "names",
     [

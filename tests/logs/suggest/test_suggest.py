@@ -343,6 +343,7 @@ class OneColumn(Log):
 NAMES = st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs", "Zl", "Zp", "Cn", "Co")), max_size=12)
 
 
+@pytest.mark.slow
 @given(
     NAMES, NAMES, st.sampled_from(["roll", "u", "rudder", "depth"]), st.sampled_from(["", "%", "deg", "m", "#", "°"])
 )

@@ -82,6 +82,7 @@ def test_rows_that_share_a_second_are_refused(imported):
         run()
 
 
+@pytest.mark.slow
 def test_restarted_clock_asks_for_a_run(imported):
     times = {"time": np.concatenate((TIME[:1200], TIME[:800]))}
     time, run = imported(times)

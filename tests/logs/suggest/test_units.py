@@ -25,6 +25,7 @@ def units(columns):
     return {name: sensor["unit"] for name, sensor in found["sensors"].items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dvl", "ahrs", "rates", "angles"), list(product((True, False), repeat=4)))
 def test_unit_is_right_or_question(dvl, ahrs, rates, angles):
     found = units(log(dvl, ahrs, rates, angles))
