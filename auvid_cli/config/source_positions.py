@@ -20,7 +20,9 @@ LINE_WIDTH = 100  # characters of an excerpt
 MAX_MESSAGES = 50
 MAX_MESSAGE_LENGTH = 600  # characters
 _TAGS = "tag:yaml.org,2002:"
-_INT, _FLOAT, _MERGE = f"{_TAGS}int", f"{_TAGS}float", f"{_TAGS}merge"
+_INT = f"{_TAGS}int"
+_FLOAT = f"{_TAGS}float"
+_MERGE = f"{_TAGS}merge"
 _KEPT_TAGS = (f"{_TAGS}null", f"{_TAGS}bool", _MERGE)
 # Real settings are smaller; larger files would take long to read.
 MAX_VALUES = 10_000

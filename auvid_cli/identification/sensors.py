@@ -47,7 +47,6 @@ _SLOPE = N_SLOPE
 _BLOCK = _SLOPE + N_BLOCK
 _FOR_JACOBIAN = _BLOCK + N_JACOBIAN_WORK
 _FORCE = _FOR_JACOBIAN + 3 * LANES
-_three = types.UniTuple(types.float64, 3)
 # Sensors that `observe` and `linearise` predict.
 _PREDICTED = "accelerometer", "dvl", "magnetic_field"
 

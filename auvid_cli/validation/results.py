@@ -17,15 +17,20 @@ if TYPE_CHECKING:
     from auvid_cli.evaluation.judgement import Judgement
 
 # Kinds of predictions: those ahead are of all measurements, of those in turns, and of those on straight legs.
-FREE_RUN, AHEAD, TURNS, LEGS = "free_run", "ahead", "ahead_in_turns", "ahead_on_straight_legs"
+FREE_RUN = "free_run"
+AHEAD = "ahead"
+TURNS = "ahead_in_turns"
+LEGS = "ahead_on_straight_legs"
 _WHERE = {TURNS: " in turns", LEGS: " on straight legs", AHEAD: ""}
 _SCORED = {"r": "yaw rate", "v": "sway"}  # signals that show a turn
 _SCORED_HORIZON = 20.0  # s, longest
 _MARGIN = 0.1  # share of an error below which two models predict equally well
 _VISIBLE = 1.1  # ratio to the noise below which an error is that of the measurement
 # Names of checks.
-STABLE, COMPLETED = "stable", "filter completed"
-UNCERTAINTY_NOT_TOO_SMALL, UNCERTAINTY_NOT_TOO_LARGE = "uncertainty not too small", "uncertainty not too large"
+STABLE = "stable"
+COMPLETED = "filter completed"
+UNCERTAINTY_NOT_TOO_SMALL = "uncertainty not too small"
+UNCERTAINTY_NOT_TOO_LARGE = "uncertainty not too large"
 MIN_ERROR = 3.0  # standard deviations of a measurement, above which an error is more than noise
 MAX_ERROR_RATIO = 1.1  # ratio to the error of another model; over short horizons all models are nearly equal
 MAX_NIS = 1.5  # mean per component of a sensor, up to which the settings hold

@@ -209,12 +209,14 @@ def test_bounds_are_respected(linear_problem, by_hand, run_whole):
     )
 
 
+@pytest.mark.slow
 def test_too_few_evaluations_do_not_converge(nonlinear_problem, run_whole):
     history = run_whole(partial(fit_one, max_evaluations=1), nonlinear_problem)
     assert (history.n_good, history.failure) == (EVENTS, NOT_CONVERGED)
     assert np.isfinite(history.records.mean).all()
 
 
+@pytest.mark.slow
 def test_fit_of_a_shorter_span_does_not_converge(linear_problem, run_whole, monkeypatch):
     whole = run_whole(fit_one, linear_problem)
     monkeypatch.setattr("auvid_cli.filters.output_error._FIRST_SPAN", 8)

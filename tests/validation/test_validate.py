@@ -71,6 +71,7 @@ def test_true_coefficients_predict_to_within_the_noise(zigzag, undisturbed):
     assert "not available" in remark
 
 
+@pytest.mark.slow
 def test_truth_is_ignored(zigzag, with_coefficients):
     estimate = with_coefficients(zigzag.truth.coefficients)
     some = validate([zigzag], estimate, starts=5)
@@ -102,6 +103,7 @@ def test_wrong_rudder_sign_is_worse_than_mean(zigzag, with_coefficients):
     assert known.rmse > 100.0 * known.noise
 
 
+@pytest.mark.slow
 def test_errors_of_the_vehicle_file_do_not_depend_on_the_estimate(zigzag, with_coefficients, experiment_with):
     true = zigzag.truth.coefficients
     some = with_coefficients(true)
@@ -138,6 +140,7 @@ def test_unstated_error_fails_uncertainty(zigzag, with_coefficients):
     assert "u at" in failed.statistic
 
 
+@pytest.mark.slow
 def test_diverged_draws_are_counted_and_remarked(zigzag, with_coefficients):
     validation = validate([zigzag], with_coefficients(zigzag.truth.coefficients, share=20.0), starts=12)
     ahead = rows_of(validation, AHEAD)
@@ -154,6 +157,7 @@ def test_without_a_covariance_there_is_no_band(zigzag, with_coefficients):
     assert any("no band" in remark for remark in validation.remarks)
 
 
+@pytest.mark.slow
 def test_diverging_free_run_is_unstable(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     validation = validate([zigzag], with_coefficients(true, **{"X_u|u|": 5.0}), starts=12)
@@ -203,6 +207,7 @@ def test_estimated_current_is_in_predictions(simulated_with):
     assert not validation.checks.failed()
 
 
+@pytest.mark.slow
 def test_estimated_disturbance_is_in_predictions_and_bands(simulated_with, with_coefficients, experiment_with):
     """Without these settings predictions are worse and bands too small."""
     force, moment = (
@@ -249,6 +254,7 @@ def test_turn_in_a_current_is_over_ground(simulated_with, with_coefficients, exp
     assert numbers["radius"].predicted == pytest.approx(numbers["radius"].measured, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_turn_without_roll_is_level_and_remarked(simulated_with, with_coefficients):
     whole = simulated_with(CIRCLE, WHITE, "seed=5")
     attitude = whole.sensors["attitude"]
@@ -319,6 +325,7 @@ def test_inconsistent_estimate_keeps_its_judgement(zigzag, with_coefficients):
     assert doubted.judgement.grade is Grade.INCONSISTENT
 
 
+@pytest.mark.slow
 def test_an_estimate_is_judged_by_the_smoother_of_its_own_data(zigzag, with_coefficients):
     estimate = with_coefficients(zigzag.truth.coefficients)
     assert validate([zigzag], estimate, starts=5).judgement.grade is Grade.UNJUDGED

@@ -9,8 +9,7 @@ from auvid_cli.arrays import Array
 from auvid_cli.data.signals import estimate_noise
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest import names
-from auvid_cli.logs.suggest.filtered import unwrapped
-from auvid_cli.logs.suggest.found_sensors import FoundSensor, sensor_tracks, used_columns
+from auvid_cli.logs.suggest.found_sensors import FoundSensor, sensor_tracks, unwrapped, used_columns
 from auvid_cli.logs.suggest.known_formats import known_message
 from auvid_cli.logs.suggest.names import Match
 from auvid_cli.logs.suggest.numbered import correlation

@@ -1,4 +1,4 @@
-"""Sensors that a log has: their columns, signals and flags."""
+"""Sensors that a log has: their columns, signals and flags; raw columns in place of their low-pass filtered copies."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -11,7 +11,7 @@ from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.evidence import OVER_GROUND
 from auvid_cli.logs.suggest.relations import Track
-from auvid_cli.logs.suggest.rows import Found, tracks_of
+from auvid_cli.logs.suggest.rows import Found, found_in, tracks_of
 
 _UPSIDE_DOWN = 0.75 * np.pi  # rad, least median roll of a sensor that hangs upside down
 _FLAG = re.compile(r"(?P<whose>.*?)[_. ]?(valid|validity|is_valid|lock(ed)?|good)", re.IGNORECASE)
@@ -23,6 +23,16 @@ _WORDS = {
     "attitude": ("att", "ahrs", "imu", "orientation", "roll", "pitch", "yaw"),
     "depth": ("depth", "press"),
 }
+_OWN_PAST = 3  # rows of the copy itself that may enter it
+_REACH = 20  # rows of the other column, before and after, that may enter it
+_MIN_ROWS = 400
+_MAX_ROWS = 20_000
+_MAX_REST = 0.3  # unexplained share of the part of the copy that its own past does not explain
+_MAX_ROUGHNESS = 0.7  # roughness of the copy, divided by that of the other column
+_MAX_GAIN_ERROR = 0.004  # less than that between a depth in m and a pressure in dbar
+_TURNS = (2.0 * np.pi, 360.0)
+_MAX_COLUMNS = 40  # columns of a table that are tried; more are those of images and the like
+_MAX_WRAP = 1.01  # largest range of a wrapped angle, turns
 
 
 class FoundSensor(NamedTuple):
@@ -120,3 +130,120 @@ def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
             own.append(column.name)
     # "velocity_valid" rather than "beams[0].valid".
     return min(own, key=lambda name: name.count("."), default="")
+
+
+class Filtering(NamedTuple):
+    """How a column follows from another by a filter."""
+
+    rest: float  # share of its new part that the other column leaves unexplained
+    roughness: float  # size of its second differences, divided by that of the other column
+
+
+def with_unfiltered(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
+    """Return the sensors, with a column of the same table in place of each one that is its filtered copy."""
+    used = used_columns(sensors)
+    replaced: dict[str, FoundSensor] = {}
+    for name, sensor in sensors.items():
+        parts, notes = [], [*sensor.notes]
+        for part in sensor.parts:
+            raw, reasons = _unfiltered(logs, part, used)
+            parts.append(raw)
+            notes += reasons
+        replaced[name] = sensor._replace(main=parts[0], apart=parts[1:], notes=tuple(notes))
+    return replaced
+
+
+def _unfiltered(logs: Mapping[str, Log], part: Found, used: set[tuple[str, str, str]]) -> tuple[Found, list[str]]:
+    """Return a part with unfiltered columns, and the reason for each one that is new."""
+    table, log = part.match.table, logs[part.log]
+    tried = [
+        column
+        for column in log.tables()[table]
+        if (part.log, table, column.name) not in used and names.may_measure(column)
+    ]
+    if part.match.message is not None or part.is_quaternion or not 0 < len(tried) <= _MAX_COLUMNS:
+        return part, []
+    read = log.read(table, [column.name for column in tried])
+    columns, reasons = dict(part.match.columns), list[str]()
+    for component, column in part.match.columns.items():
+        found = [
+            (fit.roughness, other, fit)
+            for other in tried
+            if other.unit == column.unit
+            and (fit := filtering(part.numbers[component], np.asarray(read[other.name], np.float64))) is not None
+        ]
+        if found:
+            _, raw, fit = min(found, key=lambda one: one[0])
+            columns[component] = raw
+            reasons.append(
+                f"check: {component} is {raw.name}, because {column.name} is a low-pass filtered copy of it: "
+                f"{fit.rest:.0%} of its changes have another cause"
+            )
+    if not reasons:
+        return part, []
+    return found_in(logs, part.sensor, part.log, part.match._replace(columns=columns)), reasons
+
+
+def filtering(copy: Array, other: Array) -> Filtering | None:
+    """Return how a column is a low-pass filtered copy of another with the same rows; None if it is not.
+
+    Two sensors of one signal have noise of their own, so that neither explains the other's new part.
+
+    Parameters
+    ----------
+    copy, other : ndarray, shape (n,)
+        NaN where missing.
+    """
+    if copy.shape != other.shape or copy.size < _MIN_ROWS:
+        return None
+    rows = slice(0, _MAX_ROWS)
+    copy, other = unwrapped(copy[rows]), unwrapped(other[rows])
+    known = np.isfinite(copy) & np.isfinite(other)
+    if np.count_nonzero(known) < _MIN_ROWS:
+        return None
+    centre = float(np.mean(other[known]))
+    roughness = _roughness(copy), _roughness(other)
+    if not 0.0 < roughness[0] < _MAX_ROUGHNESS * roughness[1]:
+        return None
+    middle = np.arange(_REACH, copy.size - _REACH)
+    past = np.column_stack([copy[middle - k] - centre for k in range(1, _OWN_PAST + 1)])
+    around = np.column_stack([other[middle + k] - centre for k in range(-_REACH, _REACH + 1)])
+    design = np.column_stack([np.ones(middle.size), past, around])
+    target = copy[middle] - centre
+    usable = np.isfinite(design).all(axis=1) & np.isfinite(target)
+    if np.count_nonzero(usable) < _MIN_ROWS:
+        return None
+    design, target = design[usable], target[usable]
+    alone, _ = _fit(design[:, : 1 + _OWN_PAST], target)
+    rest, weights = _fit(design, target)
+    if not rest < _MAX_REST * alone:
+        return None
+    own = 1.0 - float(weights[1 : 1 + _OWN_PAST].sum())
+    gain = float(weights[1 + _OWN_PAST :].sum()) / own if own else np.inf
+    return Filtering(rest / alone, roughness[0] / roughness[1]) if abs(gain - 1.0) < _MAX_GAIN_ERROR else None
+
+
+def unwrapped(values: Array) -> Array:
+    """Return values without the jumps of an angle that is wrapped at a turn, in rad or degrees."""
+    known = np.isfinite(values)
+    if np.count_nonzero(known) < 2:
+        return values
+    range_, jump = float(np.ptp(values[known])), float(np.abs(np.diff(values[known])).max())
+    turn = next((turn for turn in _TURNS if 0.9 * turn < jump and range_ < _MAX_WRAP * turn), None)
+    if turn is None:
+        return values
+    smooth = values.copy()
+    smooth[known] = np.unwrap(values[known], period=turn)
+    return smooth
+
+
+def _roughness(values: Array) -> float:
+    second = np.diff(values, 2)
+    second = second[np.isfinite(second)]
+    return float(np.sqrt(np.mean(np.square(second)))) if second.size else 0.0
+
+
+def _fit(design: Array, target: Array) -> tuple[float, Array]:
+    """Return the root mean square of the residuals of a linear fit, and its weights."""
+    weights = np.asarray(np.linalg.lstsq(design, target, rcond=None)[0], np.float64)
+    return float(np.sqrt(np.mean(np.square(target - design @ weights)))), weights

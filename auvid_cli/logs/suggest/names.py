@@ -10,7 +10,8 @@ import numpy as np
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
 from auvid_cli.logs.suggest.known_formats import KnownMessage, Role, known_columns, known_message
 
-_VELOCITY, _TO_GROUND = r"(v|(bt_|ground_?)?vel(ocity)?|linear|dvl_v\w*)[_.]?", r"_vel(ocity)?(_wrt_ground)?"
+_VELOCITY = r"(v|(bt_|ground_?)?vel(ocity)?|linear|dvl_v\w*)[_.]?"
+_TO_GROUND = r"_vel(ocity)?(_wrt_ground)?"
 # By sensor and component: pattern of the end of a name in lower case, with underscores for blanks and dashes. Names are
 # English or German.
 SENSOR_NAMES: dict[str, dict[str, str]] = {

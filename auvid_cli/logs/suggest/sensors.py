@@ -10,7 +10,6 @@ from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.behaviour import with_behaviour
 from auvid_cli.logs.suggest.evidence import OVER_GROUND, ROTATED, TRIPLES, USUAL_AXES, Evidence
-from auvid_cli.logs.suggest.filtered import with_unfiltered
 from auvid_cli.logs.suggest.found_sensors import (
     FoundSensor,
     flag_of,
@@ -19,6 +18,7 @@ from auvid_cli.logs.suggest.found_sensors import (
     part_tracks,
     sensor_tracks,
     valid_value,
+    with_unfiltered,
 )
 from auvid_cli.logs.suggest.known_formats import known_message
 from auvid_cli.logs.suggest.numbered import in_usual_order, numbered_attitude
