@@ -51,34 +51,35 @@ def test_code_compiled_by_another_process_is_found(tmp_path, place):
     assert output.split() == ["False", "0", "True", "0", "True"]
 
 
-@pytest.fixture
-def compile_again(tmp_path):
-    """Function: result of a compiled function in a new process, and how many functions that process compiled."""
-    script = tmp_path / "doubling.py"
-    script.write_text(CACHED)
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """Folder of a script with compiled functions, and of their cache; each test leaves a valid cache behind."""
+    folder = tmp_path_factory.mktemp("cache")
+    (folder / "doubling.py").write_text(CACHED)
+    assert compile_again(folder) == ["41", "2"]
+    return folder
 
-    def again() -> list[str]:
-        command = [sys.executable, script]
-        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
 
-    assert again() == ["41", "2"]
-    return again
+def compile_again(folder: Path) -> list[str]:
+    """Result of a compiled function in a new process, and how many functions that process compiled."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder)}
+    command = [sys.executable, folder / "doubling.py"]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
 
 
 @pytest.mark.slow
-def test_compiled_function_is_loaded_with_its_callees_inside(compile_again, tmp_path):
-    assert compile_again() == ["41", "0"]
-    assert len(list(tmp_path.rglob("*.nbc"))) == 1
+def test_compiled_function_is_loaded_with_its_callees_inside(cache):
+    assert compile_again(cache) == ["41", "0"]
+    assert len(list(cache.rglob("*.nbc"))) == 1
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
 @pytest.mark.parametrize("content", [b"", b"no machine code\n" * 100], ids=["empty", "text"])
-def test_unreadable_cache_file_is_compiled_again(compile_again, tmp_path, kind, content):
-    (path,) = tmp_path.rglob(f"*.{kind}")
+def test_unreadable_cache_file_is_compiled_again(cache, kind, content):
+    (path,) = cache.rglob(f"*.{kind}")
     path.write_bytes(content)
-    assert [compile_again() for _ in range(3)] == [["41", "2"], ["41", "2"], ["41", "0"]]
+    assert [compile_again(cache) for _ in range(3)] == [["41", "2"], ["41", "2"], ["41", "0"]]
 
 
 @pytest.mark.parametrize("version", ["0.60.1", "0.69.0rc1", "1.0.0", "0.70.0dev0+12.gabc"])
