@@ -87,6 +87,7 @@ def test_campaign_writes_results_tables_and_figures(finished):
     assert set(table.loc[table["kind"] == "motion", "name"]) == {"u", "v", "w", "p", "q", "r", "phi", "theta", "psi"}
 
 
+@pytest.mark.slow
 def test_keep_estimates_writes_complete_estimates(finished):
     folder, _ = finished
     table = rows(folder)
@@ -108,6 +109,7 @@ def test_finished_campaign_is_only_reported_again(finished):
     assert before == {path: path.stat().st_mtime_ns for path in (folder / "results/campaigns/small/results").iterdir()}
 
 
+@pytest.mark.slow
 def test_more_seeds_and_levels_extend_existing_results(finished, tmp_path):
     folder, _ = finished
     (tmp_path / "small.yaml").write_text(CAMPAIGN.replace("seeds: 6", "seeds: 7").replace("[1, 3]", "[1, 3, 10]"))
@@ -129,6 +131,7 @@ def test_other_settings_do_not_mix_with_existing_results(finished):
     assert first.stdout.splitlines()[:8] == again.stdout.splitlines()[:8]
 
 
+@pytest.mark.slow
 def test_dry_run_counts_remaining_runs(finished):
     folder, _ = finished
     assert "0 runs remain" in campaign("small.yaml", "--dry-run", cwd=folder).stdout

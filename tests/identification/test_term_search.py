@@ -39,6 +39,7 @@ def test_missing_term_is_found_and_sized(findings):
     assert 0.0 < first.made_up_share < 1.0
 
 
+@pytest.mark.slow
 def test_written_settings_estimate_the_term(findings, planted, tmp_path):
     file = tmp_path / "terms.yaml"
     file.write_text(findings.settings(), encoding="utf-8")
@@ -47,11 +48,13 @@ def test_written_settings_estimate_the_term(findings, planted, tmp_path):
     assert "N_|v|r" in findings.experiment.identification.estimated(findings.experiment.vehicle)
 
 
+@pytest.mark.slow
 def test_correlated_candidates_are_fitted_too(findings):
     tried = {term.term: term.evidence_gain for term in findings.scored if term.look == 1 and term.evidence_gain}
     assert max(tried, key=lambda name: tried[name]) == "N_|v|r" != "N_|r|v" in tried
 
 
+@pytest.mark.slow
 def test_search_ends_without_further_terms(findings):
     assert [term.term for term in findings.found] == ["N_|v|r"]
     second = [term for term in findings.scored if term.look == 2]
