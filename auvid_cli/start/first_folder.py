@@ -79,11 +79,11 @@ _README = """\
 
     auvid run %(folder)s
     auvid import dive.csv --map %(map)s
-    auvid identify %(dataset)s
+    auvid fit %(dataset)s
 
 The first command is a rehearsal: it simulates the vehicle, identifies it from the simulated data and compares both.
-The second makes a dataset from your log `dive.csv`, once its columns are in `map.yaml`. The third identifies the
-vehicle from that dataset.
+The second makes a dataset from your log `dive.csv`, once its columns are in `map.yaml`. The third finds the model of
+your vehicle from that dataset: coefficients, and errors such as a current, trims and delays.
 
 ## Measure what you can
 

@@ -156,7 +156,7 @@ def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[Sanit
         )
         yield SanityRow("fin: span, mean chord", f"{span:.3g}, {chord:.3g} m", relative)
     if displaced := _displaced(vehicle):
-        share = f"{parameters['m'] / displaced:.3g} of it"
+        share = f"{parameters['m'] / displaced:.3g} times as much"
         yield SanityRow("water displaced by the hull", f"{displaced:.4g} kg", f"mass {parameters['m']:.4g} kg, {share}")
     yield SanityRow("buoyancy", f"{parameters['B']:.4g} N", f"weight {parameters['W']:.4g} N")
     central = central_inertia(parameters)
