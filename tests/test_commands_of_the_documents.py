@@ -19,7 +19,7 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-FIRST = ROOT / "README.md", DOCS / "quick-start.md"
+FIRST = ROOT / "README.md", DOCS / "quick-start.md", DOCS / "paper.md"
 PAGES = *FIRST, *sorted(DOCS.glob("how-to/*.md")), *sorted(DOCS.glob("explanation/*.md")), DOCS / "formats.md"
 # They begin what is no matter of auvid's commands.
 OTHERS = ("python3 -m venv", ". .venv/bin/activate", "pip install", "pytest")
