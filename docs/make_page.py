@@ -39,8 +39,8 @@ def _take(browser: Browser, page: Path, scheme: Literal["light", "dark"]) -> Non
     box = tab.locator("#convergence").bounding_box()
     assert box is not None
     bottom = box["y"] + box["height"] + tab.evaluate("scrollY") + _MARGIN
-    clip = {"x": 0, "y": 0, "width": _WIDTH, "height": bottom}
-    tab.screenshot(path=_IMAGES / _TARGETS[scheme], full_page=True, clip=clip)
+    file = _IMAGES / _TARGETS[scheme]
+    tab.screenshot(path=file, full_page=True, clip={"x": 0, "y": 0, "width": _WIDTH, "height": bottom})
     tab.close()
 
 
