@@ -22,7 +22,7 @@ a `TypeError`.
 
 `to_pandas()` makes a table of a result, or several tables by name, with the names and columns of the CSV files that the
 commands write. `to_xarray()` makes labelled arrays over time with units and the names of the data files; it needs
-`pip install 'auvid[xarray]'`.
+xarray: run `pip install '.[xarray]'` in the clone.
 
 """
 SECTION = re.compile(r"^(\w+)\n-+\n", re.MULTILINE)

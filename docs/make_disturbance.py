@@ -44,7 +44,7 @@ _CASES = {
     "lasting": _FOUND,
     "lasting, gyroscope at 20 Hz": _FOUND._replace(settings=(*_FOUND.settings, SLOW_GYROSCOPE)),
 }
-_CHOICES = {"nothing": (), "5 N and 0.2, 2, 2 N m over 3 s": (_LASTS,)}
+_CHOICES = {"none": (), "5 N and 0.2, 2, 2 N m over 3 s": (_LASTS,)}
 
 
 def chosen(settings: tuple[str, ...], seed: int) -> pd.DataFrame:
@@ -58,7 +58,7 @@ def chosen(settings: tuple[str, ...], seed: int) -> pd.DataFrame:
 def choices(rows: pd.DataFrame) -> list[str]:
     """Return how often a disturbance was kept."""
     lines = [
-        "| what pushes | kept | gain in log-likelihood, least | median | largest | needed |",
+        "| disturbance | chosen | gain in log-likelihood, least | median | largest | needed |",
         "| --- | ---: | ---: | ---: | ---: | ---: |",
     ]
     for case, each in rows.groupby("case", sort=False):

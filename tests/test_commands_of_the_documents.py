@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from auvid_cli.api import campaign
 from auvid_cli.cli.app import app
+from auvid_cli.cli.options import Group
 from auvid_cli.config import loading, shipped
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.start import first_folder
@@ -19,12 +21,13 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-FIRST = ROOT / "README.md", DOCS / "quick-start.md"
+FIRST = ROOT / "README.md", DOCS / "quick-start.md", DOCS / "paper.md"
 PAGES = *FIRST, *sorted(DOCS.glob("how-to/*.md")), *sorted(DOCS.glob("explanation/*.md")), DOCS / "formats.md"
 # They begin what is no matter of auvid's commands.
 OTHERS = ("python3 -m venv", ". .venv/bin/activate", "pip install", "pytest")
 FENCE = re.compile(r"```yaml\n(name: (\w+).*?)```\n", re.DOTALL)
 FRAGMENT = re.compile(r"```yaml\n(.*?)```\n", re.DOTALL)
+SHELL = re.compile(r"^```(?:sh|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
 def indented(text: str) -> list[str]:
@@ -110,3 +113,19 @@ def test_commands_of_the_readme_and_the_pages_run_in_order_in_one_empty_folder(q
             done.append(arguments)
     commands_done = {arguments[0] for arguments in done}
     assert commands_done >= {"run", "identify", "validate", "export", "import", "inspect", "campaign", "compare"}
+
+
+def test_fenced_commands_have_known_options():
+    """Commands in fences take long, so they are parsed and not run."""
+    group = get_command(app)
+    assert isinstance(group, Group)
+    parsed = 0
+    for page in (ROOT / "README.md", *sorted(DOCS.rglob("*.md"))):
+        for line in "".join(SHELL.findall(page.read_text(encoding="utf-8"))).splitlines():
+            if line.startswith("auvid "):
+                name, *arguments = shlex.split(line, comments=True)[1:]
+                command = group.commands.get(name)
+                assert command is not None, f"{page.name}: {line}"
+                command.make_context(name, arguments)
+                parsed += 1
+    assert parsed >= 20

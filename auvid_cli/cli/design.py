@@ -1,6 +1,7 @@
 """auvid design and campaign: plan the next run, and repeat an experiment many times."""
 
 import os
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -137,6 +138,15 @@ def design(
     )
     print_design(terminal.out, result)
     terminal.print_lines(written)
+    terminal.print(f"next: {_rehearsal(experiment, output / 'manoeuvre.yaml')}")
+
+
+def _rehearsal(experiment: options.ExperimentOptions, manoeuvre: Path) -> str:
+    """Return the command that simulates and identifies an experiment with the written manoeuvre."""
+    kept = [setting for setting in experiment.settings or () if not setting.startswith("manoeuvre")]
+    changes = [f"--set={setting}" for setting in (*kept, f"manoeuvre={manoeuvre}")]
+    name = [] if experiment.experiment is None else [experiment.experiment]
+    return shlex.join(["auvid", "run", *name, *changes, "-o", "results/designed_run"])
 
 
 def _quantity(option: str, text: str, unit: str, below: float = float("inf")) -> float:

@@ -112,17 +112,22 @@ def validate(
     terminal.print_lines(files)
     failed = bool(validation.checks.failed())
     export = f"auvid export {shlex.quote(str(estimate_file))} --to yaml"
-    terminal.print(f"next: {_after_failure(estimate_file.parent.parent) if failed else export}")
+    results = estimate_file.parent.parent
+    after = _after_failure(results, is_too_wide=validation.has_only_wide_bands)
+    terminal.print(f"next: {after if failed else export}")
     if figures.show:
         terminal.open_page(page)
     return VERDICT_FAILED if failed else DONE
 
 
-def _after_failure(folder: Path) -> str:
+def _after_failure(folder: Path, is_too_wide: bool = False) -> str:
     """Return the command to continue with if an estimate in a results folder fails."""
     from auvid_cli.data.files import dataset_in
 
     dataset = dataset_in(folder)
+    if is_too_wide and dataset.is_file():
+        # The model predicts well, but states too much uncertainty: its process noise may be too large.
+        return f"auvid tune {shlex.quote(str(dataset))}"
     if dataset.is_file() and not (folder / "fit.yaml").is_file():
         return f"auvid fit {shlex.quote(str(dataset))}"
     # A search has been made: the report shows what it left unexplained.

@@ -44,7 +44,9 @@ def import_xarray() -> ModuleType:
     try:
         import xarray
     except ModuleNotFoundError as error:
-        raise DataError("to_xarray() needs the package xarray: pip install 'auvid[xarray]'") from error
+        raise DataError(
+            "to_xarray() needs the package xarray: run pip install '.[xarray]' in the clone of auvid"
+        ) from error
     return xarray
 
 

@@ -169,7 +169,9 @@ def write_mcap(path: Path, topics: list[Topic], origin: Mapping[str, str]) -> No
         from mcap.writer import Writer
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ModuleNotFoundError as error:
-        raise FileError("writing MCAP needs the packages mcap and rosbags: pip install 'auvid[ros]'") from error
+        raise FileError(
+            "writing MCAP needs the packages mcap and rosbags: run pip install '.[ros]' in the clone of auvid"
+        ) from error
     store = get_typestore(Stores.ROS2_HUMBLE)
     for topic in topics:
         if topic.kind is TopicKind.TABLE:

@@ -23,7 +23,7 @@ class FitStep(NamedTuple):
     look: int  # 0 for the start; all steps of a look start from the same model
     action: str  # hold, start, add, remove or end
     what: str
-    size: str  # estimated values with their standard deviations, SI; empty if unknown
+    size: str  # estimated values with their standard deviations and units; angles in degrees; empty if unknown
     gain: float | None  # increase of the log marginal likelihood, net of the numbers that it takes; None for a start
     kept: bool
     judged_before: str  # judgement of the model before the look

@@ -1,5 +1,7 @@
 """Sizes of the additions to a model, from its estimate."""
 
+from math import degrees
+
 from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.settings import three
 from auvid_cli.data.estimate import Estimate
@@ -29,7 +31,7 @@ def is_certain(estimate: Estimate, addition: Addition) -> bool:
 
 
 def size_text(estimate: Estimate, addition: Addition) -> str:
-    """Return the estimated values of an addition with their standard deviations as text, SI; empty if unknown."""
+    """Return the estimated values of an addition with standard deviations, angles in degrees; empty if unknown."""
     settings = estimate.experiment.identification
     if addition.family == "noise":
         return f"{settings.measurement_noise[addition.name]:.3g} times the stated noise"
@@ -45,7 +47,10 @@ def size_text(estimate: Estimate, addition: Addition) -> str:
         )
         return f"force {of_force} N, moment {of_moment} N*m"
     units = dict(zip(estimate.state, estimate.unit, strict=True))
-    return ", ".join(
-        f"{symbol} {value:.4g} +- {deviation:.2g} {units[symbol]}".removesuffix(" 1")
-        for symbol, (value, deviation) in values(estimate, addition).items()
-    )
+    return ", ".join(_with_unit(symbol, *size, units[symbol]) for symbol, size in values(estimate, addition).items())
+
+
+def _with_unit(symbol: str, value: float, deviation: float, unit: str) -> str:
+    factor = degrees(1.0) if unit.startswith("rad") else 1.0
+    shown = unit.replace("rad", "deg") if factor != 1.0 else unit
+    return f"{symbol} {factor * value:.4g} +- {factor * deviation:.2g} {shown}".removesuffix(" 1")

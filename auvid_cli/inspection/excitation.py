@@ -16,6 +16,7 @@ from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, SENSORS, Quantity
 
 _MIN_FIN = np.deg2rad(1.0)  # rad, RMS
+_ROUNDING = 1e-9  # ratio of a deviation to the peak below which it is rounding
 _MIN_THRUST_SHARE = 0.02  # RMS as a share of the mean
 _MIN_THRUST = 1e-3  # N, RMS
 _MIN_ROLL_MOMENT = 1e-3  # N m, RMS
@@ -91,6 +92,8 @@ def _channel(quantity: Quantity, values: Array, least: float, advice: str) -> Ch
     )
     deviation = values - values.mean()
     size, peak = float(np.sqrt(np.mean(deviation**2))), float(np.abs(values).max())
+    # The mean of equal numbers is rounded.
+    size = size if size > _ROUNDING * peak else 0.0
     return judged(
         quantity.symbol,
         "excitation",

@@ -338,8 +338,8 @@ def causes_check(
         "identification",
         "likely causes",
         statistic="; ".join(cause.name_with_gain for cause in causes) or "none",
-        threshold="no error that looks like motion or noise",
+        threshold="no fault that explains the data",
         passed=None if causes else True,
         advice=f"Before you identify, the most likely first: {'; then '.join(cause.remedy for cause in causes)}. The "
-        "rest is process noise: set more of it, not less.",
+        "other errors count as process noise: if in doubt, state more of it.",
     )

@@ -133,7 +133,8 @@ def print_terms(console: Console, findings: TermFindings) -> None:
         Column("gain on all data"): lambda term: term.evidence_gain,
         text_column("verdict"): _verdict,
     }
-    console.print(screen_table(console, tabulated("terms", "Terms", findings.scored, cells), _TERM_DIGITS))
+    table = tabulated("terms", "Terms", findings.scored, cells)
+    console.print(screen_table(console, table, _TERM_DIGITS, unbroken=["term", "size", "+-", "verdict"]))
     console.print(
         Text(
             f"{findings.n_candidates} candidates, fitted to {_of(findings.fitted)}, held out {_of(findings.held_out)}. "

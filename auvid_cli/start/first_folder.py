@@ -183,7 +183,7 @@ def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[Sanit
         )
         yield SanityRow("fin: span, mean chord", f"{span:.3g}, {chord:.3g} m", relative)
     if displaced := _displaced(vehicle):
-        share = f"{parameters['m'] / displaced:.3g} of it"
+        share = f"{parameters['m'] / displaced:.3g} times as much"
         yield SanityRow("water displaced by the hull", f"{displaced:.4g} kg", f"mass {parameters['m']:.4g} kg, {share}")
     yield SanityRow("buoyancy", f"{parameters['B']:.4g} N", f"weight {parameters['W']:.4g} N")
     central = central_inertia(parameters)
@@ -277,11 +277,11 @@ _README = """\
 
     auvid run %(folder)s
     auvid import dive.csv --map %(map)s
-    auvid identify %(dataset)s
+    auvid fit %(dataset)s
 
 The first command is a rehearsal: it simulates the vehicle, identifies it from the simulated data and compares both.
-The second makes a dataset from your log `dive.csv`, once its columns are in `map.yaml`. The third identifies the
-vehicle from that dataset.
+The second makes a dataset from your log `dive.csv`, once its columns are in `map.yaml`. The third finds the model of
+your vehicle from that dataset: coefficients, and errors such as a current, trims and delays.
 
 ## Measure what you can
 

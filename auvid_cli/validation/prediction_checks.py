@@ -119,7 +119,9 @@ def _band_checks(name: str, rows: Sequence[Prediction]) -> list[Check]:
     banded = [row for row in rows if row.share_within_band is not None]
     # A model that diverged has no band, so no error is within it.
     expected = [row for row in rows if row.draws or row.share_within_band is not None]
-    shares = [(row, row.share_within_band or 0.0) for row in expected if row.measurements >= _MIN_MEASUREMENTS]
+    shares = [
+        (row, 100.0 * (row.share_within_band or 0.0)) for row in expected if row.measurements >= _MIN_MEASUREMENTS
+    ]
     if not shares:
         return []
     too_small = Check.of_values(
@@ -127,11 +129,12 @@ def _band_checks(name: str, rows: Sequence[Prediction]) -> list[Check]:
         "ahead",
         UNCERTAINTY_NOT_TOO_SMALL,
         _worst(shares, is_least=True),
-        limit=_MIN_BAND_SHARE,
+        limit=100.0 * _MIN_BAND_SHARE,
+        unit="%",
         meaning="of the errors within two sigma",
         advice="Errors are larger than the uncertainty of coefficients, start, sensors and process noise. The "
         "structure of the model is wrong for this manoeuvre, or process noise or covariance is too small (run `auvid "
-        "tune`). A share of 0 means that the model diverged.",
+        "tune`). 0 % means that the model diverged.",
         is_least=True,
     )
     return [too_small, _too_large(name, banded)]
@@ -151,7 +154,8 @@ def _too_large(name: str, rows: Sequence[Prediction]) -> Check:
         if not any((row.independent or 0.0) >= _MIN_INDEPENDENT for row in own):
             continue
         if count := sum(row.measurements for row in own):
-            within[signal] = sum((row.share_within_band or 0.0) * row.measurements for row in own) / count
+            hits = sum((row.share_within_band or 0.0) * row.measurements for row in own)
+            within[signal] = 100.0 * hits / count
     if not within:
         statistic, threshold = "-", f"{_MIN_INDEPENDENT:g} independent errors larger than noise"
         return Check.of(
@@ -162,7 +166,8 @@ def _too_large(name: str, rows: Sequence[Prediction]) -> Check:
         "ahead",
         UNCERTAINTY_NOT_TOO_LARGE,
         within,
-        limit=_MAX_BAND_SHARE,
+        limit=100.0 * _MAX_BAND_SHARE,
+        unit="%",
         meaning="of the errors within two sigma",
         advice="The model is better than its uncertainty: its own data were harder to predict, or process noise is set "
         "too large (run `auvid tune`).",

@@ -25,6 +25,7 @@ _WHERE = {TURNS: " in turns", LEGS: " on straight legs", AHEAD: ""}
 _SCORED = {"r": "yaw rate", "v": "sway"}  # signals that show a turn
 _SCORED_HORIZON = 20.0  # s, longest
 _MARGIN = 0.1  # share of an error below which two models predict equally well
+_MIN_MULTIPLE = 2.0  # ratio of errors from which it is stated as a multiple instead of percent
 _VISIBLE = 1.1  # ratio to the noise below which an error is that of the measurement
 # Names of checks.
 STABLE = "stable"
@@ -181,7 +182,10 @@ def _compared(error: float, other: float) -> str:
     """Return by how much an error is smaller or larger than another, in words."""
     if f"{error:.3g}" == f"{other:.3g}":
         return "the same"
-    percent = 100.0 * abs(1.0 - error / other)
+    ratio = error / other
+    if ratio >= _MIN_MULTIPLE:
+        return f"{ratio:.{0 if ratio >= 10.0 else 1}f} times as large"
+    percent = 100.0 * abs(1.0 - ratio)
     size = f"{percent:.0f} %" if percent >= 1.0 else "less than 1 %"
     return f"{size} {'better' if error < other else 'worse'}"
 
@@ -250,6 +254,11 @@ class Validation(NamedTuple):
     def scores(self) -> tuple[Score, ...]:
         """Return the errors of yaw rate and sway in turns and on straight legs, next to those of the vehicle file."""
         return scores_of(self.predictions)
+
+    @property
+    def has_only_wide_bands(self) -> bool:
+        """Whether the only failure is an uncertainty that is too large."""
+        return {check.check for check in self.checks.failed()} == {UNCERTAINTY_NOT_TOO_LARGE}
 
     def worse_than_the_mean(self, kind: str) -> list[str]:
         """Return the signals that a prediction of a kind explains worse than their mean does."""

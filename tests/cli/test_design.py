@@ -29,6 +29,7 @@ def test_design_writes_mission_files_and_gain(tmp_path):
     assert "REMUS 100: 1 trial vehicles drawn from 10% of the vehicle file's values" in result.stdout
     assert all(name in result.stdout for name in ("designed", "spiral", "doublets", "zigzag"))
     assert {path.name for path in (tmp_path / "mission").glob("[!.]*.*")} == FILES
+    assert "next: auvid run remus100 --set" in result.stdout
     assert (tmp_path / "mission/result.md").read_text(encoding="utf-8").count("\n- ") >= 3
     manoeuvre = f"manoeuvre={tmp_path}/mission/manoeuvre.yaml"
     assert load_experiment(find_experiment("remus100"), [manoeuvre]).manoeuvre.duration == 20.0

@@ -95,7 +95,7 @@ def test_mcap_without_packages_is_one_error(results, tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "auvid_cli.export.mcap_file", raising=False)
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     result = run(results / "estimates/tukf.h5", "--to", "mcap", "-o", tmp_path / "run.mcap")
-    assert_one_clear_complaint(result, "pip install 'auvid[ros]'")
+    assert_one_clear_complaint(result, "pip install '.[ros]'")
 
 
 def test_python_file_simulates(results, tmp_path, monkeypatch):

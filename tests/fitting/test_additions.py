@@ -8,6 +8,7 @@ from auvid_cli.data.faults import Fault, FaultKind, FaultTest
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.fitting.additions import FAMILIES, Addition, addition_for, with_addition, without_addition
 from auvid_cli.fitting.results import Fit
+from auvid_cli.fitting.sizes import size_text
 
 LAG = Addition("lag", "", 0.1)
 _ADDITIONS = (
@@ -83,6 +84,15 @@ def test_drift_walks_as_far_as_it_drifts():
     addition = addition_for(score_test(FaultKind.CURRENT_DRIFT, "north"), 100.0)
     assert addition is not None
     assert addition.size == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(
+    ("symbol", "text"), [("r", "r 0 +- 14 deg/s"), ("u", "u 0 +- 0.25 m/s"), ("Y_url", "Y_url 7 +- 0.25 kg/rad")]
+)
+def test_sizes_of_angles_are_in_degrees(hand_made, symbol, text):
+    """0.25 rad are 14.3 degrees; a coefficient keeps its unit."""
+    estimate = hand_made([0.0], {"Y_url": [7.0]})
+    assert size_text(estimate, Addition("term", symbol)) == text
 
 
 def test_settings_of_a_fit_give_its_model_again(experiment_with, hand_made, tmp_path):

@@ -133,11 +133,21 @@ def test_equal_errors_are_the_same_and_errors_within_the_noise_decide_nothing():
     score = Score("v", TURNS, 20.0, "m/s", 0.01, 0.1, 0.10004, 0.2)
     assert str(score) == "Sway in turns 20 s ahead: 0.1 m/s, vehicle file 0.1: the same"
     assert str(score._replace(vehicle_file=0.1005)).endswith("less than 1 % better")
+    assert str(score._replace(model=0.15, vehicle_file=0.1)).endswith("vehicle file 0.1: 50 % worse")
+    assert str(score._replace(model=0.25, vehicle_file=0.1)).endswith("vehicle file 0.1: 2.5 times as large")
+    assert str(score._replace(model=4.2, vehicle_file=0.1)).endswith("vehicle file 0.1: 42 times as large")
     assert str(score._replace(vehicle_file=None)).endswith("unchanged motion 0.2: 50 % better")
     assert verdict_on([score]) == "The vehicle file predicts as well."
     assert "not recommended" in verdict_on([score._replace(model=0.2)])
     assert verdict_on([score._replace(model=0.05)]) == ""
     assert score._replace(noise=1.0, model=0.2).gain == 0.0
+
+
+def test_only_wide_bands_are_told_from_other_failures(validation):
+    failed = validation.checks[0]._replace(passed=False)
+    wide, unstable = failed._replace(check="uncertainty not too large"), failed._replace(check="stable")
+    assert validation._replace(checks=Checks([wide])).has_only_wide_bands
+    assert not validation._replace(checks=Checks([wide, unstable])).has_only_wide_bands
 
 
 def test_turns_are_scored_before_straight_legs(validation):

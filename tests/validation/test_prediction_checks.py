@@ -54,13 +54,13 @@ def test_diverged_prior_is_not_compared():
 
 def test_errors_beyond_the_band_fail():
     verdict = check_of("uncertainty not too small", [row(), row("v", share=0.5), row("v", 5.0, share=0.2)])
-    assert (verdict.passed, verdict.statistic) == (False, "v at 5 s 0.2")
+    assert (verdict.passed, verdict.statistic) == (False, "v at 5 s 20 %")
     assert check_of("uncertainty not too small", [row(), row("v", share=0.5, count=20)]).passed is True
 
 
 def test_diverged_model_without_band_fails():
     verdict = check_of("uncertainty not too small", [row(), row("q", 50.0, share=None, expected=None)])
-    assert (verdict.passed, verdict.statistic) == (False, "q at 50 s 0")
+    assert (verdict.passed, verdict.statistic) == (False, "q at 50 s 0 %")
     unknown = row("q", 50.0, share=None, expected=None)._replace(draws=0)
     assert check_of("uncertainty not too small", [row(), unknown]).passed is True
 
@@ -70,7 +70,7 @@ def test_too_wide_band_fails():
     assert check_of("uncertainty not too large", rows[:1]).passed is True
     assert check_of("uncertainty not too large", rows).passed is True
     verdict = check_of("uncertainty not too large", rows[:2])
-    assert (verdict.passed, verdict.statistic) == (False, "v 1")
+    assert (verdict.passed, verdict.statistic) == (False, "v 100 %")
 
 
 def test_wide_band_with_few_independent_errors_passes():

@@ -103,7 +103,9 @@ def _open(path: Path, kind: _Kind, definitions: Sequence[Path]) -> Log:
         if not kind.extra:
             raise
         logs, package = _LOGS_OF_EXTRA[kind.extra], str(error.name).partition(".")[0]
-        raise FileError(f"reading {logs} needs the package {package}: pip install 'auvid[{kind.extra}]'") from error
+        raise FileError(
+            f"reading {logs} needs the package {package}: run pip install '.[{kind.extra}]' in the clone of auvid"
+        ) from error
 
 
 def _reader(kind: _Kind, definitions: Sequence[Path]) -> Callable[[Path], Log]:

@@ -75,7 +75,8 @@ def run_page(
     )
     origin = "simulated, truth known" if dataset.truth is not None else "recorded, truth not known"
     vehicle = dataset.experiment.vehicle.name
-    subtitle = f"{vehicle}, {sections.what_ran(dataset)}, sensors {', '.join(dataset.sensors)}; {origin}"
+    use = estimates[0].experiment.identification.use if estimates else None
+    subtitle = f"{vehicle}, {sections.what_ran(dataset, use)}, sensors {', '.join(dataset.sensors)}; {origin}"
     return parts.Page(dataset.experiment.name, subtitle, content)
 
 

@@ -12,6 +12,7 @@ from auvid_cli.arrays import Array
 from auvid_cli.config.campaign import Campaign, dump_campaign
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.identification import Use
 from auvid_cli.config.loading import dump_experiment
 from auvid_cli.data.checks import Check, NamedRows
 from auvid_cli.data.dataset import Dataset
@@ -36,9 +37,12 @@ _MIN_WEIGHT = 0.3  # smallest listed weight of a combination, relative to the la
 _SYMBOLS = {*SYMBOLS, *MOTION_SYMBOLS}
 
 
-def what_ran(dataset: Dataset) -> str:
-    """Return the duration of the data, the part of it that was used and, if simulated, the manoeuvre."""
-    first, last, use = dataset.inputs.time[0], dataset.inputs.time[-1], dataset.experiment.identification.use
+def what_ran(dataset: Dataset, use: Use | None = None) -> str:
+    """Return the duration of the data, the part of it that was used and, if simulated, the manoeuvre.
+
+    `use` is that of the estimates; by default it is that of the dataset.
+    """
+    first, last, use = dataset.inputs.time[0], dataset.inputs.time[-1], use or dataset.experiment.identification.use
     duration = f"{last - first:.6g} s"
     used = sum(max(min(end, last) - max(begin, first), 0.0) for begin, end in use.spans)
     if use.longest_gap is not None or use.least_speed is not None:

@@ -78,8 +78,8 @@ def test_pipe_or_device_raises_file_error(tmp_path):
 @pytest.mark.parametrize(
     ("package", "reader", "name", "content", "extra"),
     [
-        ("rosbags.highlevel", "ros", "log.mcap", b"\x89MCAP0\r\n", "rosbags: pip install 'auvid[ros]'"),
-        ("pymavlink.DFReader", "ardupilot", "log.BIN", b"\xa3\x95\x80", "pymavlink: pip install 'auvid[ardupilot]'"),
+        ("rosbags.highlevel", "ros", "log.mcap", b"\x89MCAP0\r\n", "rosbags: run pip install '.[ros]'"),
+        ("pymavlink.DFReader", "ardupilot", "log.BIN", b"\xa3\x95\x80", "pymavlink: run pip install '.[ardupilot]'"),
     ],
 )
 def test_missing_package_raises_file_error(tmp_path, monkeypatch, package, reader, name, content, extra):

@@ -56,6 +56,7 @@ def test_recorded_data_have_a_page_without_a_truth(known):
 def test_page_states_the_part_of_the_data_that_was_used(known, with_settings):
     used = with_settings(known, "identification.use.spans=[[10, 30], [70, null]]")
     assert what_ran(used) == "spiral of 80 s (30 s used)"
+    assert what_ran(known, used.experiment.identification.use) == "spiral of 80 s (30 s used)"
     slow = with_settings(known, "identification.use.least_speed=0.5 m/s")
     assert what_ran(slow) == "spiral of 80 s (parts used)"
 
