@@ -205,8 +205,8 @@ def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory, free: NDAr
         if current is None:
             break
         scores = likelihood.scores(current)
-        # A log factor at its minimum does not decrease.
-        moves = (x > minimum) | (scores.slope > 0.0)
+        # A log factor at its minimum does not decrease, nor one of negligible noise: less of it slows the smoother.
+        moves = (scores.slope > 0.0) | (x > minimum) & (scores.slope < -_MIN_INCREASE)
         moves = moves if free is None else moves & free
         information = scores.information * np.outer(moves, moves) + np.diag(~moves)
         scores = scores._replace(slope=scores.slope * moves, information=information)

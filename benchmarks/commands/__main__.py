@@ -19,11 +19,10 @@ from typing import NamedTuple
 
 import psutil
 
-from auvid_cli.api.data import suggest_map
 from auvid_cli.config.enums import FilterName
 from benchmarks.commands.stages import stages
 from benchmarks.timing import described_machine
-from docs.make_field import fill_in, settings
+from docs.make_field import settings
 from docs.section import replace_section
 
 _DURATIONS = (300, 3000, 36000)
@@ -121,8 +120,8 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
     """Time each command on data of each duration: a simulated run, and a log with the sensors of a field survey."""
     rows = ["| command | data (s) | wall (s) | processor (s) | memory (MB) |", "| --- | ---: | ---: | ---: | ---: |"]
 
-    def add(label: str, *arguments: str, sound: bool = True) -> None:
-        cost = cost_of(*arguments, "--quiet", watched=True, sound=sound)
+    def add(label: str, *arguments: str) -> None:
+        cost = cost_of(*arguments, "--quiet", watched=True, sound=False)
         rows.append(f"| {label} | {duration} | {cost.wall:.1f} | {cost.processor:.1f} | {cost.memory:.0f} |")
         print(rows[-1], flush=True)
 
@@ -133,16 +132,13 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
         cost_of("simulate", *length, "--seed", "2", "--output", other, "--quiet")
         for name in FilterName:
             if duration <= _MAX_ALL or name in _LONG_FILTERS:
-                add(f"identify, {name.value}", "identify", dataset, "--filter", name.value, *_NO_JUDGE, sound=False)
+                add(f"identify, {name.value}", "identify", dataset, "--filter", name.value, *_NO_JUDGE)
         add("validate", "validate", str(home / "estimates/tukf.h5"), f"{other}/dataset.h5", "--output", other)
-        add("report", "report", str(home), sound=False)
+        add("report", "report", str(home))
         cost_of("simulate", "field", *length, "--as-log", "--output", str(log), "--quiet")
-        suggested = fill_in(suggest_map(sorted(log.glob("*.csv")), log))
-        (log / "map.yaml").write_text(suggested, encoding="utf-8")
-        (log / "lateral.yaml").write_text(settings()[0], encoding="utf-8")
         survey = str(_survey(folder, duration))
         add("import, field log", "import", "--map", str(log / "map.yaml"), "--output", survey)
-        add("inspect, field log", "inspect", f"{survey}/dataset.h5", sound=False)
+        add("inspect, field log", "inspect", f"{survey}/dataset.h5")
         (_survey(folder, duration) / "lateral.yaml").write_text(settings()[0], encoding="utf-8")
         shutil.rmtree(home)
     for duration in durations:
