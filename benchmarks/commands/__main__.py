@@ -138,8 +138,7 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
         cost_of("simulate", "field", *length, "--as-log", "--output", str(log), "--quiet")
         survey = str(_survey(folder, duration))
         add("import, field log", "import", "--map", str(log / "map.yaml"), "--output", survey)
-        add("inspect, field log", "inspect", f"{survey}/dataset.h5")
-        (_survey(folder, duration) / "lateral.yaml").write_text(settings()[0], encoding="utf-8")
+        add("inspect, field log", "inspect", survey)
         shutil.rmtree(home)
     for duration in durations:
         length, whole = ("--set", f"manoeuvre.duration={duration} s"), folder / "whole"
@@ -147,16 +146,17 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
         if duration <= _MAX_ALL:
             add("run, without the judge", "run", *length, *_NO_JUDGE, "--output", str(whole), "--overwrite")
         shutil.rmtree(whole)
+    lateral = folder / "lateral.yaml"
+    lateral.write_text(settings()[0], encoding="utf-8")
     for duration in durations:
         if duration <= _MAX_ALL:
-            survey = _survey(folder, duration)
-            add("tune, field log", "tune", str(survey / "dataset.h5"), "--set", str(survey / "lateral.yaml"))
+            add("tune, field log", "tune", str(_survey(folder, duration)), "--set", str(lateral))
     return rows
 
 
 def _survey(folder: Path, duration: int) -> Path:
-    """Return the folder of the imported field log of some duration."""
-    return folder / f"survey-{duration}"
+    """Return the dataset of the imported field log of some duration."""
+    return folder / f"survey-{duration}.h5"
 
 
 def _write(section: str, *tables: list[str]) -> None:
