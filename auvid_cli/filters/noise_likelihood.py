@@ -1,9 +1,10 @@
 """Maximum-likelihood estimates of process and measurement noise.
 
-In the linear problem about the most probable trajectory, minus twice the log-likelihood of the measurements, with
-trajectory and parameters integrated out, is ``sum(log S + e^2 / S)`` over the innovations e of variance S (Schweppe,
-IEEE Trans. Autom. Control 11(1), 1965). It is maximised over the logarithms of noise factors by scoring, with the
-derivatives from `auvid_cli.filters.noise_scores`; then the trajectory is estimated again.
+In the linear problem about a trajectory, minus twice the log-likelihood of the measurements, with trajectory and
+parameters integrated out, is ``sum(log S + e^2 / S)`` over the innovations e of variance S (Schweppe, IEEE Trans.
+Autom. Control 11(1), 1965). It is maximised over the logarithms of noise factors by scoring, with the derivatives from
+`auvid_cli.filters.noise_scores`; then the trajectory takes a step towards the marginal estimate, and so on. About the
+most probable trajectory the likelihood is lower: that trajectory ignores the variances S, so its parameters are biased.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,20 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
-from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, gauss_newton, with_process_memory
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, with_process_memory
+from auvid_cli.filters.marginal import integrate_out_motion
 from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores, with_time_constants
 from auvid_cli.filters.problem import JointProblem
 from auvid_cli.filters.smoother import most_probable
 
-# Largest change of log factors between two trajectories at convergence.
-_MAX_CHANGE = 0.05
+# Largest change of log factors between two trajectories at convergence, in standard deviations.
+_MAX_CHANGE = 0.2
 # Approximate maximum step of log factors.
 _MAX_STEP = 2.0
 # Largest log factor.
 _MAX_LOG_FACTOR = 14.0
 # Tolerance of an end of an interval, in log factors.
 _INTERVAL_TOLERANCE = 0.05
-MAX_TRAJECTORIES = 6
+MAX_TRAJECTORIES = 10
 _MAX_STEPS = 40
 # Negligible information, which keeps matrices invertible.
 _MIN_INFORMATION = 1e-9
@@ -106,11 +108,10 @@ class _Likelihood:
         self._count_pass()
         return noise_scores(self.smoothing, filtered, self._present, self._groups)
 
-    def follow(self, trajectory: Trajectory, logarithms: Array, max_passes: int) -> Trajectory:
-        """Return the most probable trajectory with scaled noise, starting from another one."""
-        self._scale(logarithms)
-        minimum = gauss_newton(self.smoothing, trajectory, max_passes)
-        return trajectory if minimum is None else minimum[0].trajectory
+    def follow(self, filtered: Filtered) -> Trajectory | None:
+        """Return the trajectory one step closer to the marginal estimate; None if the motion diverges."""
+        found = integrate_out_motion(self._present, self.smoothing, filtered, max_steps=1)
+        return None if found is None else found[0].trajectory
 
     def set_process_memory(self, trajectory: Trajectory) -> None:
         """Set the memory of the process noise from the motion along a trajectory."""
@@ -156,27 +157,29 @@ def most_likely_noise(
         return None
     trajectory, x, converged = minima[0][0].trajectory, np.zeros(len(groups)), False
     likelihood.set_process_memory(trajectory)
-    stated = likelihood.at(x, trajectory)
+    stated = level = likelihood.at(x, trajectory)
+    information = np.eye(x.size)
     for number in range(1, MAX_TRAJECTORIES + 1):
         before, x = x, _climb(likelihood, x, trajectory)
-        level = likelihood.at(x, trajectory)
+        filtered = likelihood.filter(x, trajectory)
+        if filtered is None:
+            return None
+        level = log_likelihood(filtered)
         likelihood.progress = likelihood.progress._replace(
             trajectories=number, log_factor=x, log_likelihood=level, gain=level - stated
         )
-        trajectory = likelihood.follow(trajectory, x, max_passes)
-        likelihood.set_process_memory(trajectory)
-        if converged := bool(np.abs(x - before).max() < _MAX_CHANGE):
+        information = likelihood.scores(filtered).information
+        # The first trajectory is not yet a marginal estimate.
+        converged = number > 1 and bool((np.abs(x - before) < _MAX_CHANGE * _deviations(information)).all())
+        if converged or number == MAX_TRAJECTORIES or (closer := likelihood.follow(filtered)) is None:
             break
-    filtered = likelihood.filter(x, trajectory)
-    if filtered is None:
-        return None
-    best = log_likelihood(filtered)
+        trajectory = closer
+        likelihood.set_process_memory(trajectory)
     if not with_intervals:
-        return NoiseFactors(np.exp(x), np.zeros(x.size), np.full(x.size, np.inf), best, best - stated, converged)
-    information = likelihood.scores(filtered).information
+        return NoiseFactors(np.exp(x), np.zeros(x.size), np.full(x.size, np.inf), level, level - stated, converged)
 
     def decrease(logarithms: Array) -> float:
-        return best - likelihood.at(logarithms, trajectory)
+        return level - likelihood.at(logarithms, trajectory)
 
     def profile(i: int, value: float | None = None) -> float:
         # The decrease with one log factor fixed, by default to its minimum, and all others optimised.
@@ -185,7 +188,7 @@ def most_likely_noise(
         return decrease(_climb(likelihood, start, trajectory, others))
 
     low, high = _intervals(decrease, profile, x, information, [bool(group.rates) for group in groups])
-    return NoiseFactors(np.exp(x), low, high, best, best - stated, converged)
+    return NoiseFactors(np.exp(x), low, high, level, level - stated, converged)
 
 
 def noise_scores_about(
@@ -205,8 +208,8 @@ def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory, free: NDAr
         if current is None:
             break
         scores = likelihood.scores(current)
-        # A log factor at its minimum does not decrease.
-        moves = (x > minimum) | (scores.slope > 0.0)
+        # A log factor at its minimum does not decrease, nor one of negligible noise: less of it slows the smoother.
+        moves = (scores.slope > 0.0) | (x > minimum) & (scores.slope < -_MIN_INCREASE)
         moves = moves if free is None else moves & free
         information = scores.information * np.outer(moves, moves) + np.diag(~moves)
         scores = scores._replace(slope=scores.slope * moves, information=information)
@@ -225,6 +228,11 @@ def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory, free: NDAr
     return x
 
 
+def _deviations(information: Array) -> Array:
+    """Return the standard deviations of log factors."""
+    return np.sqrt(np.diagonal(np.linalg.inv(information + _MIN_INFORMATION * np.eye(len(information)))))
+
+
 def _intervals(
     decrease: Callable[[Array], float],
     profile: Callable[..., float],
@@ -233,8 +241,7 @@ def _intervals(
     is_time_constant: Sequence[bool] | None = None,
 ) -> tuple[Array, Array]:
     """Return 95 % intervals of the factors: from the curvature, and for wide ones from the likelihood itself."""
-    variance = np.diag(np.linalg.inv(information + _MIN_INFORMATION * np.eye(x.size)))
-    width = np.minimum(_INTERVAL_DEVIATIONS * np.sqrt(variance), _MAX_LOG_FACTOR)
+    width = np.minimum(_INTERVAL_DEVIATIONS * _deviations(information), _MAX_LOG_FACTOR)
     finite = width < _MAX_LOG_FACTOR
     low, high = np.where(finite, np.exp(x - width), 0.0), np.where(finite, np.exp(x + width), np.inf)
     for i in np.flatnonzero(width > _WIDE).tolist():

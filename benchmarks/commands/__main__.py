@@ -1,4 +1,4 @@
-"""Time and memory of whole commands: `python -m benchmarks.commands`, some two hours and 20 GB of disk.
+"""Time and memory of whole commands: `python -m benchmarks.commands`, an hour and 10 GB of disk.
 
 How `auvid run` starts cold, with nothing compiled, and warm, what its steps take, how fast help comes, and how each
 command grows with the duration of the data: simulation, import, inspection, tuning, each filter, validation, report,
@@ -19,16 +19,16 @@ from typing import NamedTuple
 
 import psutil
 
-from auvid_cli.api.data import suggest_map
 from auvid_cli.config.enums import FilterName
 from benchmarks.commands.stages import stages
 from benchmarks.timing import described_machine
-from docs.make_field import fill_in, settings
+from docs.make_field import settings
 from docs.section import replace_section
 
 _DURATIONS = (300, 3000, 36000)
-# Longest data to which a method is fitted that needs many passes: hours of work, s.
-_MAX_FITTED = 3600
+# Longest data with all commands, s; beyond, only those of at most a few minutes, and one whole run.
+_MAX_ALL = 3600
+_LONG_FILTERS = FilterName.CKF, FilterName.TUKF
 _NO_JUDGE = "--set", "identification.judge=false"
 _ROUNDS = 5
 _COLD_ROUNDS = 3
@@ -120,35 +120,43 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
     """Time each command on data of each duration: a simulated run, and a log with the sensors of a field survey."""
     rows = ["| command | data (s) | wall (s) | processor (s) | memory (MB) |", "| --- | ---: | ---: | ---: | ---: |"]
 
-    def add(label: str, *arguments: str, sound: bool = True) -> None:
-        cost = cost_of(*arguments, "--quiet", watched=True, sound=sound)
+    def add(label: str, *arguments: str) -> None:
+        cost = cost_of(*arguments, "--quiet", watched=True, sound=False)
         rows.append(f"| {label} | {duration} | {cost.wall:.1f} | {cost.processor:.1f} | {cost.memory:.0f} |")
         print(rows[-1], flush=True)
 
     for duration in durations:
         home, length = folder / str(duration), ("--set", f"manoeuvre.duration={duration} s")
-        dataset, other, whole = str(home / "dataset.h5"), str(home / "other"), str(home / "whole")
+        dataset, other, log = str(home / "dataset.h5"), str(home / "other"), home / "log"
         add("simulate", "simulate", *length, "--output", str(home))
         cost_of("simulate", *length, "--seed", "2", "--output", other, "--quiet")
         for name in FilterName:
-            if name != FilterName.OUTPUT_ERROR or duration <= _MAX_FITTED:
-                add(f"identify, {name.value}", "identify", dataset, "--filter", name.value, *_NO_JUDGE, sound=False)
+            if duration <= _MAX_ALL or name in _LONG_FILTERS:
+                add(f"identify, {name.value}", "identify", dataset, "--filter", name.value, *_NO_JUDGE)
         add("validate", "validate", str(home / "estimates/tukf.h5"), f"{other}/dataset.h5", "--output", other)
-        add("report", "report", str(home), sound=False)
-        add("run", "run", *length, "--output", whole)
-        add("run, without the judge", "run", *length, *_NO_JUDGE, "--output", whole, "--overwrite")
-        log = home / "log"
+        add("report", "report", str(home))
         cost_of("simulate", "field", *length, "--as-log", "--output", str(log), "--quiet")
-        suggested = fill_in(suggest_map(sorted(log.glob("*.csv")), log))
-        (log / "map.yaml").write_text(suggested, encoding="utf-8")
-        (log / "lateral.yaml").write_text(settings()[0], encoding="utf-8")
-        survey = str(home / "survey/dataset.h5")
-        add("import, field log", "import", "--map", str(log / "map.yaml"), "--output", str(home / "survey"))
-        add("inspect, field log", "inspect", survey, sound=False)
-        if duration <= _MAX_FITTED:
-            add("tune, field log", "tune", survey, "--set", str(log / "lateral.yaml"))
+        survey = str(_survey(folder, duration))
+        add("import, field log", "import", "--map", str(log / "map.yaml"), "--output", survey)
+        add("inspect, field log", "inspect", survey)
         shutil.rmtree(home)
+    for duration in durations:
+        length, whole = ("--set", f"manoeuvre.duration={duration} s"), folder / "whole"
+        add("run", "run", *length, "--output", str(whole))
+        if duration <= _MAX_ALL:
+            add("run, without the judge", "run", *length, *_NO_JUDGE, "--output", str(whole), "--overwrite")
+        shutil.rmtree(whole)
+    lateral = folder / "lateral.yaml"
+    lateral.write_text(settings()[0], encoding="utf-8")
+    for duration in durations:
+        if duration <= _MAX_ALL:
+            add("tune, field log", "tune", str(_survey(folder, duration)), "--set", str(lateral))
     return rows
+
+
+def _survey(folder: Path, duration: int) -> Path:
+    """Return the dataset of the imported field log of some duration."""
+    return folder / f"survey-{duration}.h5"
 
 
 def _write(section: str, *tables: list[str]) -> None:
