@@ -337,5 +337,5 @@ def test_to_xarray_without_xarray_is_one_error(short_run, estimate, monkeypatch)
 
     monkeypatch.setattr(builtins, "__import__", without_xarray)
     for result in (short_run, estimate):
-        with pytest.raises(DataError, match=r"pip install 'auvid\[xarray\]'"):
+        with pytest.raises(DataError, match=r"pip install '\.\[xarray\]'"):
             result.to_xarray()

@@ -135,7 +135,7 @@ def test_cut_compressed_imc_log_is_read_up_to_the_cut(tmp_path):
 def test_missing_package_raises_file_error(tmp_path, monkeypatch, name, content, package):
     monkeypatch.setitem(sys.modules, package, None)
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(FileError, match=rf"needs the package {package}: pip install"):
+    with pytest.raises(FileError, match=rf"needs the package {package}: run pip install"):
         open_log(tmp_path / name)
 
 
