@@ -18,7 +18,7 @@ from auvid_cli.config.extra_states import (
 )
 from auvid_cli.config.identification import STEPS_PER_TIME_CONSTANT, Identification
 from auvid_cli.config.settings import Settings, three
-from auvid_cli.config.units import Unit
+from auvid_cli.config.units import Unit, magnitude_of
 from auvid_cli.data.findings import DisturbanceChoice, TunedNoise, Tuning
 from auvid_cli.errors import DataError
 from auvid_cli.filters.noise_likelihood import (
@@ -31,13 +31,19 @@ from auvid_cli.filters.noise_likelihood import (
 from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem, shortest_interval
+from auvid_cli.identification.problem_setup import (
+    AugmentedProblem,
+    augmented_problem,
+    shortest_interval,
+)
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import DISTURBANCE
 
 SettingsClass = TypeVar("SettingsClass", bound=Settings)
 
-# Factor on the shortest time constant that settings accept, so that a rounded estimate is accepted too.
+# Smallest factor on the noise of a sensor in a coarse tuning. Below it, process noise would replace that of the sensor.
+_LEAST_SENSOR_FACTOR = 0.1
+# Factor on the shortest time constant and the smallest level that settings accept: a rounded estimate is accepted too.
 _MARGIN = 1.01
 
 
@@ -106,7 +112,7 @@ def tune_noise(
 
         on_progress(TuningProgress(search, so_far))
 
-    groups = [noise.group for noise in noises]
+    groups = _groups(noises)
     likeliest = most_likely_noise(augmented.joint, groups, settings.smoother.max_passes, report)
     if likeliest is None:
         raise DataError(
@@ -117,7 +123,10 @@ def tune_noise(
 
 
 def tune_coarsely(
-    prepared: PreparedData, least: ProcessNoise, sensors: Collection[str], on_pass: OnPass
+    prepared: PreparedData,
+    least: ProcessNoise,
+    sensors: Collection[str],
+    on_pass: OnPass,
 ) -> Tuning | None:
     """Return the most likely noise levels without their intervals; None if no trajectory follows the data.
 
@@ -139,10 +148,23 @@ def tune_coarsely(
     experiment, settings = prepared.experiment, prepared.experiment.identification
     augmented = augmented_problem(prepared)
     noises = [_with_limit(noise, least) for noise in process_noises(augmented, settings, with_time_constants=True)]
-    noises += [noise for noise in _sensor_noises(augmented, settings) if noise.path[-1] in sensors]
-    groups, max_passes = [noise.group for noise in noises], settings.smoother.max_passes
-    likeliest = most_likely_noise(augmented.joint, groups, max_passes, on_pass, with_intervals=False)
+    noises += [
+        noise._replace(group=noise.group._replace(min_log_factor=min(log(_LEAST_SENSOR_FACTOR / noise.stated), 0.0)))
+        for noise in _sensor_noises(augmented, settings)
+        if noise.path[-1] in sensors
+    ]
+    groups, max_passes = _groups(noises), settings.smoother.max_passes
+    likeliest = most_likely_noise(augmented.joint, groups, max_passes, on_pass, is_coarse=True)
     return None if likeliest is None else _tuning(experiment, noises, likeliest)
+
+
+def _groups(noises: Sequence[AdjustableNoise]) -> list[NoiseGroup]:
+    """Return the groups, with lower limits so that the settings accept each level."""
+    smallest = [min(log(_MARGIN * magnitude_of(noise.unit).smallest / noise.stated), 0.0) for noise in noises]
+    return [
+        noise.group._replace(min_log_factor=max(noise.group.min_log_factor, limit))
+        for noise, limit in zip(noises, smallest, strict=True)
+    ]
 
 
 def _with_limit(noise: AdjustableNoise, least: ProcessNoise) -> AdjustableNoise:

@@ -7,7 +7,8 @@ import pytest
 import yaml
 
 from auvid_cli.config.enums import FilterName
-from auvid_cli.identification.noise import choose_disturbance, process_noises, tune_noise
+from auvid_cli.config.loading import dump_experiment, parse_run
+from auvid_cli.identification.noise import choose_disturbance, process_noises, tune_coarsely, tune_noise
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.run import identify
@@ -192,3 +193,13 @@ def test_time_constant_of_near_white_noise_is_uncertain(simulated_with):
     assert lasts.tuned < 1.0
     stated = tuned.experiment.identification.estimate.disturbance.force.time_constant
     assert stated == pytest.approx((lasts.tuned,), rel=0.01)
+
+
+def test_settings_accept_a_level_that_is_tuned_to_nothing(simulated_with):
+    walk = "identification.estimate={biases: [gyro], gyro: {walk: 2e-12 rad/s/s^0.5}}"
+    dataset = simulated_with("manoeuvre.duration=8 s", *SLOW, FEW, walk)
+    least = dataset.experiment.identification.process_noise
+    tuning = tune_coarsely(prepare(dataset), least, (), lambda progress: None)
+    assert tuning is not None
+    read = parse_run(dump_experiment(tuning.experiment), "tuned", ())
+    assert read.identification.estimate.gyro.walk >= 1e-12
