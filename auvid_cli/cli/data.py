@@ -101,7 +101,7 @@ def inspect(
     from auvid_cli.api.data import inspect_into
     from auvid_cli.report.screen import print_checks
 
-    options.refuse_log(dataset)
+    dataset = options.dataset_file(dataset)
     terminal = console.terminal()
     place = output.destination(terminal, figures)
     inspected, inspection, files, page = inspect_into(place, dataset, options.overrides(None, use=use))
@@ -151,7 +151,7 @@ def export(
 
     Prints the features that the format does not support.
     """
-    options.refuse_log(dataset)
+    dataset = None if dataset is None else options.dataset_file(dataset)
     terminal = console.terminal()
     with terminal.compiling():
         from auvid_cli.api.export import export_into

@@ -103,8 +103,7 @@ def design(
     """
     terminal = console.terminal()
     source = experiment.load()
-    for path in aim.given or ():
-        options.refuse_log(path)
+    given = [options.dataset_file(path) for path in aim.given or ()]
     envelope = _envelope(limits)
     time = None if search.generations else _quantity("budget", search.budget, "s")
     duration = _quantity("duration", limits.duration, "s")
@@ -130,7 +129,7 @@ def design(
     )
     result, written = design_into(
         Destination(output, overwrite, terminal, tuple(figure_format or (FigureFormat.PNG,))),
-        DesignSources(source, aim.at, aim.given or []),
+        DesignSources(source, aim.at, given),
         requirement,
         SearchLimits(search.generations, time),
         search.scheduler,

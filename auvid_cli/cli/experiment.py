@@ -181,7 +181,7 @@ def tune(
     Process noise describes the errors of the model. The smoother runs many times with different noise levels. The
     result is written to tuned.yaml; use it with `auvid identify --set tuned.yaml`.
     """
-    options.refuse_log(dataset)
+    dataset = options.dataset_file(dataset)
     changes, terminal = settings.overrides(), console.terminal()
     with terminal.compiling():
         from auvid_cli.api.analysis import tune_into
@@ -218,7 +218,7 @@ def terms(
     and fitted one at a time. The best one is kept only if it raises the likelihood of the last third; then the search
     is repeated. The result is written to terms.yaml; use it with `auvid identify --set terms.yaml`.
     """
-    options.refuse_log(dataset)
+    dataset = options.dataset_file(dataset)
     changes, terminal = settings.overrides(), console.terminal()
     with terminal.compiling():
         from auvid_cli.api.analysis import find_terms_into

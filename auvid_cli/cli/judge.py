@@ -99,8 +99,7 @@ def validate(
     of the prior, and with the errors if the motion did not change. Several datasets are judged together; --use applies
     to all of them. The results are written next to the first dataset.
     """
-    for path in dataset_files:
-        options.refuse_log(path)
+    dataset_files = [options.dataset_file(path) for path in dataset_files]
     changes, terminal = options.overrides(None, use=use), console.terminal()
     with terminal.compiling():
         from auvid_cli.api.results import validate_into

@@ -61,7 +61,10 @@ def _as_folder(path: Path | None) -> Path | None:
 
 
 DatasetArgument = Annotated[
-    Path, typer.Argument(metavar="DATASET", help="Dataset file (.h5): results/NAME/dataset.h5 after `auvid import`.")
+    Path,
+    typer.Argument(
+        metavar="DATASET", help="Dataset file (.h5), or its results folder: results/NAME after `auvid import`."
+    ),
 ]
 ResultsArgument = Annotated[
     Path, typer.Argument(metavar="RESULTS", help="Results folder with dataset.h5 and estimates/.")
@@ -287,8 +290,10 @@ class VerdictTerminalOptions(TerminalOptions):
 
 
 def is_log(source: str | Path | None) -> bool:
-    """Whether a path has the suffix of a log, or is a folder."""
-    return source is not None and (str(source).lower().endswith(_LOGS) or Path(source).is_dir())
+    """Whether a path has the suffix of a log, or is a folder of logs."""
+    return source is not None and (
+        str(source).lower().endswith(_LOGS) or (Path(source).is_dir() and dataset_file(Path(source)) == Path(source))
+    )
 
 
 def refuse_log(source: str | Path | None) -> None:
@@ -297,10 +302,25 @@ def refuse_log(source: str | Path | None) -> None:
         raise ConfigError(f"{source}: expected a dataset; first run auvid import --suggest {source} -o map.yaml")
 
 
+def dataset_file(path: Path) -> Path:
+    """Return the path of a dataset file; of a results folder, that of its dataset.
+
+    Raises
+    ------
+    ConfigError
+        If it is a log.
+    """
+    refuse_log(path)
+    of_folder = path / "dataset.h5"
+    return of_folder if of_folder.is_file() else path
+
+
 def dataset_path(source: str | None) -> Path | None:
     """Return the path of a dataset file, or None for an experiment."""
-    refuse_log(source)
-    return Path(source) if source is not None and source.endswith(DATASETS) else None
+    if source is None:
+        return None
+    path = dataset_file(Path(source))
+    return path if path.name.endswith(DATASETS) else None
 
 
 def overrides(settings: list[str] | None, seed: int | None = None, use: list[str] | None = None) -> tuple[str, ...]:
