@@ -11,7 +11,7 @@ from auvid_cli.angles import wrap
 from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.extra_states import Disturbance
-from auvid_cli.config.manoeuvre import FinTrim
+from auvid_cli.config.manoeuvre import FinTrim, ManoeuvreSettings
 from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, MagneticField, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord, shared_clock
 from auvid_cli.numerics import compiled, types
@@ -19,7 +19,7 @@ from auvid_cli.simulation.ahrs import attitude_reference
 from auvid_cli.simulation.manoeuvres import make_plan
 from auvid_cli.simulation.motion import Truth, sample_motion, simulate_motion
 from auvid_cli.vehicle.kinematics import dvl_axes, earth_to_body, specific_force
-from auvid_cli.vehicle.parameters import DISTURBANCE, MOTION_SYMBOLS, SENSORS, Quantity
+from auvid_cli.vehicle.parameters import DISTURBANCE, INPUTS, MOTION_SYMBOLS, SENSORS, Quantity
 
 _vector = types.float64[::1]
 # Samples of noise drawn at once; all samples of ten hours at 100 Hz would take 86 MB.
@@ -118,13 +118,16 @@ def draw_fin_trim(settings: FinTrim, seed: int) -> Array:
     return np.array([settings.rudder + rudder, settings.elevator + elevator, 0.0, 0.0])
 
 
-def record_inputs(time: Array, inputs: Array, rate: float | None) -> InputRecord:
-    """Return the record of inputs that are constant from each time to the next; `rate`, Hz, selects a slower clock."""
-    if rate is None:
-        return InputRecord(time, inputs)
-    ticks = np.arange(int(np.floor(time[-1] * rate + 1e-9)) + 1) / rate
-    # The tolerance matches ticks of both clocks despite rounding.
-    return InputRecord(ticks, inputs[np.searchsorted(time, ticks + 1e-9, side="right") - 1])
+def record_inputs(time: Array, inputs: Array, settings: ManoeuvreSettings) -> InputRecord:
+    """Return the record of inputs that are constant from each time to the next, with the errors of the settings."""
+    if settings.recorded_rate is not None:
+        ticks = np.arange(int(np.floor(time[-1] * settings.recorded_rate + 1e-9)) + 1) / settings.recorded_rate
+        # The tolerance matches ticks of both clocks despite rounding.
+        time, inputs = ticks, inputs[np.searchsorted(time, ticks + 1e-9, side="right") - 1]
+    if settings.thrust_error:
+        scale = [1.0 + settings.thrust_error if quantity.symbol == "surge_force" else 1.0 for quantity in INPUTS]
+        inputs = inputs * scale
+    return InputRecord(time - settings.input_delay if settings.input_delay else time, inputs)
 
 
 def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict[str, SensorRecord]:
@@ -243,7 +246,7 @@ def simulate(experiment: Experiment) -> Dataset:
         attitude = attitude_reference(records, ahrs, times)
         records["attitude"] = with_delay(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
     return Dataset(
-        inputs=record_inputs(truth.time, _without_trim(truth.commands, trim), manoeuvre.recorded_rate),
+        inputs=record_inputs(truth.time, _without_trim(truth.commands, trim), manoeuvre),
         sensors=records,
         experiment=experiment,
         truth=TruthRecord(

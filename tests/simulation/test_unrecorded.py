@@ -81,6 +81,15 @@ def test_inputs_are_recorded_at_recorded_rate(simulated_with):
     assert np.array_equal(slow.truth.motion, every.truth.motion)
 
 
+def test_recorded_thrust_and_time_have_their_errors_and_the_motion_does_not(simulated_with):
+    exact = simulated_with(SHORT)
+    wrong = simulated_with(SHORT, "manoeuvre.thrust_error=0.1", "manoeuvre.input_delay=40 ms")
+    assert np.array_equal(wrong.truth.motion, exact.truth.motion)
+    assert_allclose(wrong.inputs.time, exact.inputs.time - 0.04, atol=1e-12)
+    assert_allclose(wrong.inputs.values[:, 2], 1.1 * exact.inputs.values[:, 2])
+    assert np.array_equal(wrong.inputs.values[:, [0, 1, 3]], exact.inputs.values[:, [0, 1, 3]])
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [
