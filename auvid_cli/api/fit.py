@@ -28,6 +28,7 @@ def fit(
     only: Sequence[str] = (),
     excluded: Sequence[str] = (),
     max_time: float = float("inf"),
+    ignore_inspection: bool = False,
     on_step: Callable[[str], None] | None = None,
 ) -> Fit:
     """Find a model that explains a dataset: errors, delays, noise, disturbance and terms, one addition after another.
@@ -41,6 +42,8 @@ def fit(
         ``"noise"``, ``"lag"``, ``"term"`` and ``"prior"``.
     max_time : float, optional
         Processor time after which the search ends with the best model so far, s.
+    ignore_inspection : bool, optional
+        Whether to search even if the inspection finds a wrong sign, unit, axis or clock.
     on_step : callable, optional
         Called with a description of each step. A KeyboardInterrupt ends the stage; the best model so far is kept.
 
@@ -55,7 +58,8 @@ def fit(
     ConfigError
         If a kind is unknown, or a fixed coefficient has no value.
     DataError
-        If no sensor is usable, or no trajectory follows the data.
+        If the inspection finds a wrong sign, unit, axis or clock, no sensor is usable, or no trajectory follows the
+        data.
 
     Examples
     --------
@@ -66,7 +70,9 @@ def fit(
     for name in (*only, *excluded):
         if name not in FAMILIES:
             raise ConfigError(f"unknown kind of addition {name!r}; expected one of {', '.join(FAMILIES)}")
-    return fit_model(dataset, FitLimits(tuple(only), tuple(excluded), max_time), on_step or (lambda text: None))
+    return fit_model(
+        dataset, FitLimits(tuple(only), tuple(excluded), max_time, ignore_inspection), on_step or (lambda text: None)
+    )
 
 
 class FitResult(NamedTuple):
@@ -80,7 +86,12 @@ class FitResult(NamedTuple):
 
 
 def fit_into(
-    place: Destination, source: RecordedData, only: Sequence[str], excluded: Sequence[str], max_time: float
+    place: Destination,
+    source: RecordedData,
+    only: Sequence[str] = (),
+    excluded: Sequence[str] = (),
+    max_time: float = float("inf"),
+    ignore_inspection: bool = False,
 ) -> FitResult:
     """Find a model of a dataset, and write estimate, settings, steps and page into its results folder."""
     with results_folder(place, source, new=["fit.yaml"], page=_PAGE) as folder:
@@ -94,7 +105,7 @@ def fit_into(
                 label(step)
                 place.progress.message(step)
 
-            found = fit(source.dataset, only, excluded, max_time, show)
+            found = fit(source.dataset, only, excluded, max_time, ignore_inspection, show)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_estimate(path, found.estimate)
         write_text(folder / "fit.yaml", found.settings())

@@ -15,11 +15,12 @@ if TYPE_CHECKING:
     from auvid_cli.api.files import RecordedData
     from auvid_cli.api.fit import FitResult
 
-_DATA = "Dataset file (.h5), or log files or bags with a map."
+_DATA = "Dataset file (.h5) or its results folder, or log files or bags with a map."
 _MAP_NAME = "map.yaml"
 _MAP = f"Map of the logs. Default: {_MAP_NAME} next to the first log."
 _ONLY = "Kinds of additions that may be tried, such as current,gyro; see docs/how-to/fit.md. Default: all."
 _NOT = "Kinds of additions that may not be tried, such as disturbance,term."
+_IGNORE = "Search even if the inspection finds a wrong sign, unit, axis or clock."
 _TIME = "Processor time after which the search ends with the best model so far, such as '5 min'. Default: no limit."
 
 
@@ -31,13 +32,15 @@ def fit(
     only: Annotated[str | None, options.optional("KINDS", _ONLY)] = None,
     excluded: Annotated[str | None, options.optional("KINDS", _NOT, "--not")] = None,
     max_time: Annotated[str | None, options.optional("QUANTITY", _TIME)] = None,
+    ignore_inspection: Annotated[bool, typer.Option("--ignore-inspection", help=_IGNORE)] = False,
     settings: options.SettingOptions,
     output: options.OutputOptions,
     console: options.TerminalOptions,
 ) -> int:
     """Find a model that explains a dataset, and show every decision; exit code 1 if the model is not sound.
 
-    The settings of the dataset are the first model. If it does not hold, the process noise is found from the data, and
+    The data are inspected first; a wrong sign, unit, axis or clock ends the command. The settings of the dataset are
+    the first model. If it does not hold, the process noise is found from the data, and
     errors, delays, noise, a disturbance or terms are added one at a time, each only if the data support it. Ctrl-C
     ends the search and keeps the best model. The settings are written to fit.yaml; `auvid identify --set fit.yaml`
     repeats the estimate. Logs are imported first, with the map that lies next to them.
@@ -48,9 +51,13 @@ def fit(
         from auvid_cli.api.files import RecordedData, read_dataset
         from auvid_cli.api.fit import fit_into
 
-    path = _imported(data, map_file, output.overwrite, terminal) if map_file or _are_logs(data) else data[0]
+    path = (
+        _imported(data, map_file, output.overwrite, terminal)
+        if map_file or _are_logs(data)
+        else options.dataset_file(data[0])
+    )
     source = RecordedData(path, read_dataset(path, *changes))
-    result = fit_into(output.destination(terminal), source, _kinds(only), _kinds(excluded), limit)
+    result = fit_into(output.destination(terminal), source, _kinds(only), _kinds(excluded), limit, ignore_inspection)
     return print_fit(result, terminal)
 
 
@@ -58,7 +65,7 @@ def fit_of_run(source: "RecordedData", output: options.OutputOptions, terminal: 
     """Find a model of the dataset of a run, and print it; returns the exit code."""
     from auvid_cli.api.fit import fit_into
 
-    return print_fit(fit_into(output.destination(terminal), source, (), (), float("inf")), terminal)
+    return print_fit(fit_into(output.destination(terminal), source), terminal)
 
 
 def print_fit(result: "FitResult", terminal: Terminal) -> int:

@@ -69,9 +69,12 @@ def candidates(
 
 
 def by_kind(found: Sequence[Candidate]) -> tuple[list[Candidate], list[Candidate]]:
-    """Return the best candidates that are a cause, and those that only describe errors: noise and a disturbance."""
-    vague = [candidate for candidate in found if candidate.addition.family in ("noise", BiasName.DISTURBANCE)]
-    return [candidate for candidate in found if candidate not in vague][:_N_TRIALS], vague[:_N_TRIALS]
+    """Return the best candidates that are a cause, and those that only describe errors: a disturbance and noise."""
+    disturbance = [candidate for candidate in found if candidate.addition.family == BiasName.DISTURBANCE]
+    noise = [candidate for candidate in found if candidate.addition.family == "noise"]
+    causes = [candidate for candidate in found if candidate not in (*disturbance, *noise)]
+    # No test predicts the gain of a disturbance, so it is tried whatever the noise promises.
+    return causes[:_N_TRIALS], [*disturbance, *noise][:_N_TRIALS]
 
 
 def noise_excess(estimate: Estimate, least: ProcessNoise) -> float:
@@ -131,10 +134,10 @@ def _of_prior(estimate: Estimate) -> Iterator[Candidate]:
         return
     priors = coefficient_priors(settings.vehicle, settings.identification.prior)
     moments = []
-    for symbol, value in estimate.final_coefficients().items():
-        if symbol in priors:
-            mean, width = priors[symbol]
-            moments.append(((value - mean) ** 2 + estimate.final_deviations()[symbol] ** 2) / width**2)
+    values, deviations = estimate.final_coefficients(), estimate.final_deviations()
+    for symbol in priors.keys() & deviations.keys():
+        mean, width = priors[symbol]
+        moments.append(((values[symbol] - mean) ** 2 + deviations[symbol] ** 2) / width**2)
     if not moments:
         return
     # Mean square of the distances from the prior mean: 1 is expected.

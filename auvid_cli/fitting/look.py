@@ -1,17 +1,60 @@
-"""Look at data before a search: coefficients of motions that hardly vary are held at the vehicle file's values."""
+"""Look at data before a search.
+
+Data that contradict themselves are refused, and coefficients of motions that hardly vary are held at the vehicle
+file's values.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from auvid_cli.config.experiment import RunSettings
+from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
+from auvid_cli.errors import DataError
+from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS
 from auvid_cli.vehicle.parameters import SENSORS
 
 _MIN_FIN = np.deg2rad(1.0)  # rad, RMS about the mean
 _MIN_ROLL_MOMENT = 1e-3  # N m, RMS about the mean
 _MIN_NOISE_RATIO = 3.0  # RMS of a velocity, as a multiple of the noise of its sensor
+# Beginnings of the names of checks that do not end a search if they fail: an addition explains what they find, it
+# concerns few measurements, or the vehicle file may be wrong.
+_NOT_DECISIVE = (
+    "delay",
+    "pitch offset",
+    "spikes",
+    "steps",
+    "excursions",
+    "stuck",
+    "missing",
+    "gimbal",
+    "size",
+    "strength",
+)
+
+
+def refuse_contradictions(dataset: Dataset) -> None:
+    """Inspect the data, and refuse them if a sign, a unit, an axis or a clock is wrong.
+
+    Raises
+    ------
+    DataError
+        With the failed check and its advice.
+    """
+    decisive = [check for check in inspect_dataset(dataset).checks.failed() if _is_decisive(check)]
+    if decisive:
+        first, others = decisive[0], len(decisive) - 1
+        more = f" ({others} more: auvid inspect)" if others else ""
+        raise DataError(
+            f"{first.subject}: {first.check}: {first.statistic}, expected {first.threshold}{more}. {first.advice} If "
+            "the check is wrong, search nevertheless with --ignore-inspection"
+        )
+
+
+def _is_decisive(check: Check) -> bool:
+    return not check.check.startswith(_NOT_DECISIVE)
 
 
 class _Plane(NamedTuple):

@@ -6,12 +6,9 @@ measurements for each number that has no prior (Schwarz, Ann. Stat. 6(2), 1978).
 """
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
-from math import log
+from dataclasses import replace
 from time import process_time
 from typing import NamedTuple
-
-import numpy as np
 
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while the smoother runs
 from auvid_cli.config.enums import JUDGE
@@ -19,20 +16,20 @@ from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import BiasName, ProcessNoise
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.findings import MIN_HELD_OUT_GAIN
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.innovations import causes_text, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
-from auvid_cli.fitting.additions import Addition, with_addition, without_addition
-from auvid_cli.fitting.candidates import WORTH, Candidate, by_kind, candidates, corrected_times, noise_excess
-from auvid_cli.fitting.look import with_still_planes_held
+from auvid_cli.fitting.additions import Addition
+from auvid_cli.fitting.candidates import WORTH, Candidate, by_kind, candidates, noise_excess
+from auvid_cli.fitting.look import refuse_contradictions, with_still_planes_held
+from auvid_cli.fitting.models import Model, ModelMaker
 from auvid_cli.fitting.results import Fit, FitStep
 from auvid_cli.fitting.sizes import is_certain, size_text
 from auvid_cli.fitting.thinning import joint_answer, smoothed, thinned
-from auvid_cli.fitting.trial import trial_text, try_on_held_out
-from auvid_cli.identification.noise import tune_coarsely
+from auvid_cli.fitting.trial import training_part, trial_text, try_on_held_out
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
-from auvid_cli.identification.terms import fit_smoother
 
 # Passes of the first fit, with the noise as stated: a model that holds converges in a few.
 _FIRST_PASSES = 8
@@ -45,9 +42,6 @@ _SMALL_SHARE = 0.02
 _FAR_FROM_STATED = 500.0
 # Process noise up to this factor on the stated one is no sign of a missing part of the model.
 _TIGHT = 3.0
-# Corrections of a delay, and the size of one that is small enough at the end, in standard deviations.
-_MAX_CORRECTIONS = 3
-_SMALL_CORRECTION = 0.5
 # Reasons of an early end.
 _OUT_OF_TIME = "the time limit was reached"
 _INTERRUPTED = "interrupted"
@@ -60,6 +54,7 @@ class FitLimits(NamedTuple):
     only: tuple[str, ...] = ()  # families of additions that may be tried; empty for all
     excluded: tuple[str, ...] = ()  # families that may not be tried
     max_time: float = float("inf")  # s of processor time
+    ignores_inspection: bool = False  # whether data whose inspection fails are searched nevertheless
 
     def allows(self, addition: Addition) -> bool:
         """Whether an addition may be tried."""
@@ -68,15 +63,6 @@ class FitLimits(NamedTuple):
 
 class _OutOfTimeError(Exception):
     """The time limit of the search is over."""
-
-
-@dataclass(frozen=True)
-class _Model:
-    """Settings with tuned noise, the additions that they have, and their evidence."""
-
-    settings: RunSettings
-    additions: tuple[Addition, ...]
-    evidence: float
 
 
 def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None] = lambda text: None) -> Fit:
@@ -95,20 +81,24 @@ def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None
     ConfigError, DataError
         As `auvid_cli.identification.problem_setup.augmented_problem`.
     DataError
-        If no trajectory follows the data.
+        If the inspection of the data finds a wrong sign, unit, axis or clock, or no trajectory follows the data.
     """
+    if not limits.ignores_inspection:
+        on_step("inspect the data")
+        refuse_contradictions(dataset)
     settings, still = with_still_planes_held(dataset)
     dataset = replace(dataset, experiment=settings)
     search = _Search(dataset, limits, on_step)
     for motion in still:
         search.note("hold", f"coefficients of {motion}", None, True, "")
     on_step("fit with the settings as they are")
-    if search.holds_as_stated():
+    quick = search.fit_as_stated()
+    if search.holds(quick):
         estimate, stopped = search.fit_to_all_data(dataset.experiment)
         judgement = judge_one(estimate, None)
         search.note("start", "settings as they are", None, True, "", judgement)
-        if stopped or judgement.grade is Grade.SOUND:
-            trial, stopped = search.trial(dataset.experiment, stopped)
+        if stopped or search.holds(estimate):
+            trial, stopped = search.trial(dataset.experiment, stopped, quick)
             return Fit(estimate, judgement, tuple(search.steps), dataset.experiment, (), trial, stopped)
     stopped = ""
     try:
@@ -131,39 +121,40 @@ class _Search:
     def __init__(self, dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None]) -> None:
         self._dataset, self._limits, self._on_step = dataset, limits, on_step
         self._prepared = prepare(joint_answer(thinned(dataset)))
-        spans = [segment.timelines.span for segment in self._prepared.segments]
-        self._duration = sum(end - begin for begin, end in spans)
-        self._n_measured = sum(
-            int(np.isfinite(timeline.measurement).sum())
-            for segment in self._prepared.segments
-            for timeline in segment.timelines
-        )
         self._least: ProcessNoise = dataset.experiment.identification.process_noise
+        self._maker = ModelMaker(self._prepared, self._least, self._check_time)
         self._begin = self._last = process_time()
         self.steps: list[FitStep] = []
-        self.model: _Model | None = None
+        self.model: Model | None = None
         self._look = 0
         self._judgement: Judgement | None = None
         self._estimate: Estimate | None = None  # of the present model from the thinned data
 
-    def holds_as_stated(self) -> bool:
-        """Whether a fit of the thinned data with the settings as they are is sound, and no addition promises much."""
-        smoother = self._dataset.experiment.identification.smoother
-        quick = smoother.model_copy(update={"max_passes": min(smoother.max_passes, _FIRST_PASSES), "answer": "joint"})
+    def fit_as_stated(self) -> Estimate | None:
+        """Return a quick fit of the first two thirds with the settings as they are; None if none follows the data."""
+        data = joint_answer(thinned(self._dataset))
+        smoother = data.experiment.identification.smoother
+        quick = smoother.model_copy(update={"max_passes": min(smoother.max_passes, _FIRST_PASSES)})
         try:
-            estimate = smoothed(self._prepared.with_identification(smoother=quick))
+            return smoothed(training_part(data, data.experiment.with_identification(smoother=quick)))
         except DataError:
+            return None
+
+    def holds(self, estimate: Estimate | None) -> bool:
+        """Whether an estimate with the settings as they are is sound, and no addition promises much."""
+        if estimate is None or judge_one(estimate, None).grade is not Grade.SOUND:
             return False
-        return judge_one(estimate, None).grade is Grade.SOUND and not self._promising(self._candidates(estimate, ()))
+        return not self._promising(self._candidates(estimate, ()), estimate)
 
     def _candidates(self, estimate: Estimate, present: Collection[Addition]) -> list[Candidate]:
         """Return the additions that may be tried, the best first."""
-        found = candidates(estimate, present, self._least, self._duration)
+        found = candidates(estimate, present, self._least, self._maker.duration)
         return [candidate for candidate in found if self._limits.allows(candidate.addition)]
 
-    def _promising(self, found: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates from which much is expected."""
-        return [candidate for candidate in found if candidate.expected > _SMALL_SHARE * self._n_measured]
+    def _promising(self, found: Sequence[Candidate], estimate: Estimate) -> list[Candidate]:
+        """Return the candidates from which much is expected, for the number of measurements of an estimate."""
+        measured = sum(estimate.statistics(sensor).sums.components.sum() for sensor in estimate.innovations)
+        return [candidate for candidate in found if candidate.expected > _SMALL_SHARE * measured]
 
     def start_loose(self) -> None:
         """Find the most likely process noise, beginning with far more than stated."""
@@ -175,7 +166,7 @@ class _Search:
         ]
         noise = self._least.times(_LOOSE, names)
         loose = self._prepared.experiment.with_identification(process_noise=noise)
-        self.model = self._tuned(loose, ())
+        self.model = self._maker.tuned(loose, ())
         if self.model is None:
             raise DataError("no trajectory follows these data, even with much process noise; see auvid inspect")
         self.note("start", "process noise from the data", None, True, "")
@@ -190,40 +181,48 @@ class _Search:
             tried = self._candidates(estimate, self.model.additions)
             if self._judgement.grade is Grade.SOUND and noise_excess(estimate, self._least) <= _TIGHT:
                 # With a sensor much quieter than stated, an estimate is sound, but not as accurate as it could be.
-                tried = self._promising(tried)
+                tried = self._promising(tried, estimate)
             causes, others = by_kind(tried)
             if noise_excess(estimate, self._least) > _FAR_FROM_STATED:
                 # The tests are not calibrated yet, and a disturbance converges faster than a wrong cause.
                 causes, others = others, causes
             start = self.model
             self._try(start, causes)
-            if self.model.evidence - start.evidence < _SMALL_SHARE * self._n_measured:
+            if self.model.evidence - start.evidence < _SMALL_SHARE * self._maker.n_measured:
                 # A disturbance, or noise of another size, explains a little of everything: only if nothing else does.
                 self._try(start, others)
             if self.model is start:
                 return
 
-    def _try(self, start: _Model, trials: Sequence[Candidate]) -> None:
+    def _try(self, start: Model, trials: Sequence[Candidate]) -> None:
         """Try additions to a model, and keep the best if it is worth it, also if the trials are interrupted."""
         assert self.model is not None, "a search starts with a model"
         before = str(self._judgement.grade) if self._judgement else ""
-        models: list[tuple[Addition, _Model]] = []
+        models: list[tuple[Addition, Model]] = []
         rows: list[FitStep] = []
         additions = [addition for addition, _ in trials]
-        if BiasName.DISTURBANCE in start.settings.identification.estimate.biases:
-            # Tuning the noise of a disturbance takes long, so only the best one is fitted with tuned noise.
-            additions = self._best_with_present_noise(start, additions)
+        # Tuning the noise of a disturbance takes long: the first addition that is worth it then ends the look.
+        is_slow = BiasName.DISTURBANCE in start.settings.identification.estimate.biases
+        if is_slow:
+            additions = self._ranked_with_present_noise(start, additions)
         try:
             for number, addition in enumerate(additions, 1):
                 best = max(models, key=lambda pair: pair[1].evidence, default=None)
                 gain = 0.0 if best is None else best[1].evidence - start.evidence
                 so_far = f"{best[0]}, {gain:+.0f}" if best is not None and gain > 0.0 else "no addition"
                 self._on_step(f"look {self._look}, candidate {number} of {len(additions)}: {addition}; best: {so_far}")
-                other = self._with(start, addition)
+                other = self._maker.with_addition(start, addition)
                 gain = None if other is None else other.evidence - start.evidence
+                if other is not None and addition.family == "term":
+                    # Other terms bend to the data as well. One that the vehicle has also predicts new data better.
+                    held_out = self._maker.held_out_gain(start, other)
+                    if held_out < MIN_HELD_OUT_GAIN:
+                        other, gain = None, min(held_out, 0.0)
                 rows.append(self._step("add", str(addition), gain, False, before))
                 if other is not None:
                     models.append((addition, other))
+                if is_slow and gain is not None and gain >= WORTH:
+                    break
         finally:
             best = max(models, key=lambda pair: pair[1].evidence, default=None)
             if best is not None and best[1].evidence - self.model.evidence >= WORTH:
@@ -232,17 +231,16 @@ class _Search:
                 self._estimate, self.model = None, best[1]
             self.steps += rows
 
-    def _best_with_present_noise(self, model: _Model, additions: Sequence[Addition]) -> list[Addition]:
-        """Return the addition with the largest evidence if the noise does not change; none if no fit converges."""
-        spans = tuple(segment.timelines.span for segment in self._prepared.segments)
+    def _ranked_with_present_noise(self, model: Model, additions: Sequence[Addition]) -> list[Addition]:
+        """Return the additions that converge with the present noise, the one with the largest evidence first."""
         evidence: dict[Addition, float] = {}
         for addition in additions:
             self._check_time()
             self._on_step(f"look {self._look}: compare {addition}")
-            fit = fit_smoother(self._prepared, self._changed(model, addition)[0], spans)
-            if fit is not None:
-                evidence[addition] = fit.log_evidence
-        return sorted(evidence, key=lambda addition: -evidence[addition])[:1]
+            level = self._maker.evidence_with_present_noise(model, addition)
+            if level is not None:
+                evidence[addition] = level
+        return sorted(evidence, key=lambda addition: -evidence[addition])
 
     def simplify(self) -> None:
         """Take away additions that the others make unnecessary, until each one is needed."""
@@ -251,15 +249,14 @@ class _Search:
         while (without := self._without_one(self.model, needed)) is not None:
             self._estimate, self.model, needed = None, without, ()
 
-    def _without_one(self, model: _Model, needed: Collection[Addition]) -> _Model | None:
+    def _without_one(self, model: Model, needed: Collection[Addition]) -> Model | None:
         """Return the model without the first addition that is not worth it; None if each one is."""
         estimate = self._estimate or smoothed(self._prepared.with_settings(model.settings))
         for addition in model.additions:
             if addition in needed or is_certain(estimate, addition):
                 continue
-            rest = tuple(each for each in model.additions if each.key != addition.key)
             self._on_step(f"try without {addition}")
-            other = self._tuned(without_addition(model.settings, addition), rest)
+            other = self._maker.without_addition(model, addition)
             loss = None if other is None else other.evidence - model.evidence
             is_better = loss is not None and loss > -WORTH
             self.steps.append(self._step("remove", str(addition), loss, is_better, ""))
@@ -271,59 +268,8 @@ class _Search:
         """Move delays and the lag of the fins to the zero of their score tests."""
         assert self.model is not None, "a search starts with a model"
         keys = {addition.key for addition in self.model.additions if addition.is_time}
-        for _ in range(_MAX_CORRECTIONS if keys else 0):
-            self.model, distance = self._with_corrected_times(self.model, keys)
-            self._estimate = None
-            if distance < _SMALL_CORRECTION:
-                break
-
-    def _with(self, model: _Model, addition: Addition) -> _Model | None:
-        """Return the model with an addition and the noise tuned again; None if it does not converge."""
-        settings, replaced = self._changed(model, addition)
-        others = tuple(each for each in model.additions if each.key not in (addition.key, replaced))
-        model_with = self._tuned(settings, (*others, addition))
-        for _ in range(_MAX_CORRECTIONS if addition.is_time else 0):
-            if model_with is None:
-                break
-            corrected, distance = self._with_corrected_times(model_with, {addition.key})
-            if distance < 1.0:
-                break
-            model_with = self._tuned(corrected.settings, corrected.additions)
-        return model_with
-
-    def _with_corrected_times(self, model: _Model, keys: Collection[tuple[str, str]]) -> tuple[_Model, float]:
-        """Return a model with delays moved to the zero of their score tests, and the largest move in deviations."""
-        estimate = smoothed(self._prepared.with_settings(model.settings))
-        settings, additions, largest = model.settings, model.additions, 0.0
-        for addition, test in corrected_times(estimate, model.additions):
-            if addition.key in keys:
-                settings = with_addition(settings, addition)
-                additions = tuple(addition if each.key == addition.key else each for each in additions)
-                largest = max(largest, abs(test.z))
-        return replace(model, settings=settings, additions=additions), largest
-
-    def _changed(self, model: _Model, addition: Addition) -> tuple[RunSettings, tuple[str, str] | None]:
-        """Return settings with an addition, and the key of the addition that it replaces."""
-        other = addition.instead
-        if other is None or all(each.key != other.key for each in model.additions):
-            return with_addition(model.settings, addition), None
-        return with_addition(without_addition(model.settings, other), addition), other.key
-
-    def _tuned(self, settings: RunSettings, additions: tuple[Addition, ...]) -> _Model | None:
-        """Return the model of some settings with the most likely noise; None if no trajectory follows the data."""
-        sensors = [addition.name for addition in additions if addition.family == "noise"]
-        prepared = self._prepared.with_settings(settings)
-        try:
-            tuning = tune_coarsely(prepared, self._least, sensors, lambda progress: self._check_time())
-        except DataError:
-            return None
-        if tuning is None:
-            return None
-        free = len(sensors) + sum(addition.is_time or addition.family == "prior" for addition in additions)
-        free += sum(noise.setting.startswith("identification.estimate.") for noise in tuning.noises)
-        evidence = tuning.log_likelihood - 0.5 * free * log(self._n_measured)
-        tuned = tuning.experiment.with_identification(smoother=settings.identification.smoother)
-        return _Model(tuned, additions, evidence)
+        if keys:
+            self.model, self._estimate = self._maker.settled(self.model, keys), None
 
     def finish(self, stopped: str) -> Fit:
         """Fit the best model to all data, and judge it."""
@@ -367,15 +313,19 @@ class _Search:
         except KeyboardInterrupt:
             return smoothed(self._prepared.with_settings(quick)), _INTERRUPTED_FIT
 
-    def trial(self, settings: RunSettings, stopped: str) -> tuple[str, str]:
+    def trial(self, settings: RunSettings, stopped: str, fitted: Estimate | None = None) -> tuple[str, str]:
         """Return how well a model predicts the last third by a fit to the rest, and the reason of an early end."""
         if stopped == _INTERRUPTED_FIT or self._is_out_of_time():
             return "", stopped or _OUT_OF_TIME
         try:
             self._on_step("predict the last third by a fit to the rest")
-            return trial_text(try_on_held_out(thinned(self._dataset), settings)), stopped
+            data = thinned(self._dataset)
+            fitted = fitted or smoothed(training_part(data, settings))
+            return trial_text(try_on_held_out(data, fitted)), stopped
         except KeyboardInterrupt:
             return "", stopped or _INTERRUPTED
+        except DataError:
+            return "", stopped  # no trajectory follows the first two thirds
 
     def note(
         self, action: str, what: str, gain: float | None, kept: bool, before: str, judgement: Judgement | None = None

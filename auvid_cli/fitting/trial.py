@@ -3,46 +3,53 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from auvid_cli.config.enums import JUDGE
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.identification import Use
 from auvid_cli.data.dataset import Dataset, cut
+from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.identification.run import identify
+from auvid_cli.identification.prepared_data import PreparedData, prepare
 from auvid_cli.identification.terms import split
 from auvid_cli.validation.results import Score, scores_of, verdict_on
-from auvid_cli.validation.validate import validate
+from auvid_cli.validation.validate import predict
 
-_STARTS = 60
+_STARTS = 30
 _MIN_LENGTH = 30.0  # s; shorter data are not split
 
 
-def try_on_held_out(dataset: Dataset, settings: RunSettings) -> tuple[Score, ...]:
-    """Return the errors of predictions of the last third by a fit to the rest; empty if the data are too short.
+def training_part(dataset: Dataset, settings: RunSettings) -> PreparedData:
+    """Return the first two thirds of the data, or all if they are too short to be split, for a fit."""
+    errors = settings.identification.estimate.biases
+    stated = settings.with_estimate(biases=tuple(error for error in errors if error != BiasName.DELAY))
+    training, held_out = split(prepare(dataset))
+    if _is_long_enough(held_out):
+        stated = stated.with_identification(use=Use(spans=training))
+    return prepare(replace(dataset, experiment=stated))
+
+
+def try_on_held_out(dataset: Dataset, fitted: Estimate) -> tuple[Score, ...]:
+    """Return the errors of predictions of the last third; empty if there are none, or the data are too short.
 
     Parameters
     ----------
     dataset : Dataset
         Its own settings are those of the vehicle file.
-    settings : RunSettings
-        Settings of the model.
+    fitted : Estimate
+        From `training_part` of the dataset.
     """
-    errors = settings.identification.estimate.biases
-    stated = settings.with_estimate(biases=tuple(error for error in errors if error != BiasName.DELAY))
-    data = replace(dataset, experiment=stated)
-    training, held_out = split(prepare(data))
-    if sum(end - begin for begin, end in held_out) < _MIN_LENGTH / 3.0:
+    _, held_out = split(prepare(dataset))
+    if not fitted.completed or not _is_long_enough(held_out):
         return ()
-    fitted = identify(replace(data, experiment=stated.with_identification(use=Use(spans=training))), JUDGE)
-    if not fitted.completed:
-        return ()
-    parts = [cut(dataset.without_truth(), begin, end) for begin, end in held_out]
+    data = dataset.without_truth()
     try:
-        return scores_of(validate(parts, fitted, starts=_STARTS).predictions)
+        return scores_of(predict([cut(data, begin, end) for begin, end in held_out], fitted, _STARTS))
     except DataError:
         return ()
+
+
+def _is_long_enough(held_out: Sequence[tuple[float, float]]) -> bool:
+    return sum(end - begin for begin, end in held_out) >= _MIN_LENGTH / 3.0
 
 
 def trial_text(scores: Sequence[Score]) -> str:

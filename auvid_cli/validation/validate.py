@@ -24,7 +24,7 @@ from auvid_cli.validation.initial_states import Draws, InitialStates, Models
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.validation.motion_prediction import MeasuredSignal, measured_signals, signal_sizes
 from auvid_cli.validation.prediction_checks import prediction_checks
-from auvid_cli.validation.results import ManoeuvreNumber, Validation
+from auvid_cli.validation.results import ManoeuvreNumber, Prediction, Validation
 from auvid_cli.vehicle.equations import NO_ERRORS
 
 STARTS = 100  # evenly spaced over all segments
@@ -116,6 +116,26 @@ def validate(
     shown, run = filtered[longest].prepared.dataset, free[longest].run
     judgement = judge_one(estimate, reference)
     return Validation(estimate.filter, judgement, rows, numbers, Checks(checks), shown, run, remarks)
+
+
+def predict(segments: Sequence[Dataset], estimate: Estimate, starts: int) -> list[Prediction]:
+    """Return predictions ahead by an estimate, beside those by the vehicle file: those of `validate`, without bands.
+
+    Without the models that are drawn for the bands, this takes a fraction of the time.
+
+    Raises
+    ------
+    DataError
+        If no segment has a usable sensor, or all are too short for a prediction.
+    """
+    models = initial_states.models_of(estimate)
+    filtered, too_short = _filter(_with_model(segments, estimate, anew=False), starts)
+    if not filtered:
+        raise DataError(too_short[0])
+    sizes = signal_sizes([segment.signals for segment in filtered])
+    bundle = _bundle(models, None, estimate.coefficient_set.symbols)
+    collected = _predict(filtered, bundle, np.random.default_rng(estimate.experiment.seed), with_process_noise=False)
+    return [*horizons.rows_ahead(collected, bundle.names, sizes, {}, _by_vehicle_file(segments, starts)[1])]
 
 
 def _by_vehicle_file(segments: Sequence[Dataset], starts: int) -> tuple[list[FreeRunFit], list[Sample]]:

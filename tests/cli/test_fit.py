@@ -36,6 +36,18 @@ def test_invalid_option_is_refused_in_one_line(simulated_with, tmp_path, run, op
     assert "Traceback" not in result.output
 
 
+def test_results_folder_stands_for_its_dataset(simulated_with, tmp_path, run, monkeypatch):
+    received = []
+    monkeypatch.setattr("auvid_cli.api.fit.fit_into", lambda place, source, *rest: received.append(source))
+    monkeypatch.setattr("auvid_cli.cli.fit.print_fit", lambda result, terminal: 0)
+    write_dataset(tmp_path / "dataset.h5", simulated_with("manoeuvre.duration=2 s"))
+    assert run(tmp_path).exit_code == 0
+    assert [source.path for source in received] == [tmp_path / "dataset.h5"]
+    identified = CliRunner().invoke(app, ["identify", str(tmp_path), "--dry-run", "--set", "seed=no"])
+    assert identified.exit_code == 2
+    assert "experiment.yaml" not in identified.output
+
+
 @pytest.fixture
 def survey(tmp_path, monkeypatch):
     """Logs of a short survey with their map in `field/`, in the working folder."""

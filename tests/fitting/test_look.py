@@ -1,4 +1,4 @@
-"""Coefficients that data cannot determine are held before a search."""
+"""Contradictory data are refused before a search, and coefficients that data cannot determine are held."""
 
 from dataclasses import replace
 
@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.loading import find_experiment, load_experiment
-from auvid_cli.fitting.look import with_still_planes_held
+from auvid_cli.errors import DataError
+from auvid_cli.fitting.look import refuse_contradictions, with_still_planes_held
+from auvid_cli.fitting.search import FitLimits, fit_model
 from auvid_cli.simulation.simulate import simulate
 
 AT_FILE = "identification.prior={mean: vehicle, relative: 50 %}"
@@ -44,3 +46,32 @@ def test_moving_elevator_or_heave_keeps_the_vertical_plane(survey, excited):
 def test_nothing_is_held_without_values_or_if_the_user_chose(survey, with_settings, setting):
     stated = with_settings(survey, setting)
     assert with_still_planes_held(stated) == (stated.experiment, ())
+
+
+def with_values(dataset, name, change):
+    record = dataset.sensors[name]
+    return replace(dataset, sensors=dataset.sensors | {name: replace(record, values=change(record.values))})
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("gyroscope", lambda values: -values, "gyroscope: .* against "),
+        ("gyroscope", lambda values: np.rad2deg(values), "gyroscope: "),
+        ("dvl", lambda values: 1e3 * values, "dvl: (speed|range)"),
+    ],
+)
+def test_wrong_sign_or_unit_ends_the_search(multisine_with, name, change, said):
+    steps: list[str] = []
+    wrong = with_values(multisine_with(), name, change)
+    with pytest.raises(DataError, match=said) as caught:
+        fit_model(wrong, FitLimits(), steps.append)
+    assert steps == ["inspect the data"]
+    assert "--ignore-inspection" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "fault", ["sensors.gyroscope.bias=0.1 deg/s", "sensors.gyroscope.delay=20 ms", "manoeuvre.current_north=0.2"]
+)
+def test_errors_that_a_model_explains_are_not_refused(multisine_with, fault):
+    refuse_contradictions(multisine_with(fault))

@@ -1,0 +1,145 @@
+"""Models of a search: settings with tuned noise, additions and evidence, and models made from them."""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+from math import inf, log
+
+import numpy as np
+
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.extra_states import ProcessNoise
+from auvid_cli.data.findings import TunedNoise
+from auvid_cli.errors import DataError
+from auvid_cli.fitting.additions import Addition, with_addition, without_addition
+from auvid_cli.fitting.candidates import corrected_times
+from auvid_cli.fitting.thinning import smoothed
+from auvid_cli.identification.noise import tune_coarsely
+from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.terms import fit_smoother, fitted_model
+
+# Corrections of a delay, and the size of one that is small enough at the end, in standard deviations.
+_MAX_CORRECTIONS = 3
+_SMALL_CORRECTION = 0.5
+_SIZES = tuple(f"identification.estimate.disturbance.{name}.standard_deviation" for name in ("force", "moment"))
+_MAX_TUNINGS = 2
+# Change of the logarithm of the size of a disturbance from which it is tuned again.
+_FAR = 0.5
+
+
+@dataclass(frozen=True)
+class Model:
+    """Settings with tuned noise, the additions that they have, and their evidence."""
+
+    settings: RunSettings
+    additions: tuple[Addition, ...]
+    evidence: float
+
+
+def _is_far(noise: TunedNoise) -> bool:
+    """Whether the size of a disturbance is far from the stated one, which is also the prior of its first value."""
+    return noise.setting.startswith(_SIZES) and abs(log(noise.worth_stating / noise.stated)) > _FAR
+
+
+class ModelMaker:
+    """Makes models of the same data.
+
+    Parameters
+    ----------
+    prepared : PreparedData
+        Thinned data.
+    least : ProcessNoise
+        Lower limits of the process noise.
+    on_pass : callable
+        Called before each pass through the data; an exception from it ends the search.
+    """
+
+    def __init__(self, prepared: PreparedData, least: ProcessNoise, on_pass: Callable[[], None]) -> None:
+        self.prepared, self._least, self._on_pass = prepared, least, on_pass
+        self._spans = tuple(segment.timelines.span for segment in prepared.segments)
+        self.n_measured = sum(
+            int(np.isfinite(timeline.measurement).sum())
+            for segment in prepared.segments
+            for timeline in segment.timelines
+        )
+
+    @property
+    def duration(self) -> float:
+        """Return the duration of the data, s."""
+        return sum(end - begin for begin, end in self._spans)
+
+    def with_addition(self, model: Model, addition: Addition) -> Model | None:
+        """Return the model with an addition and the noise tuned again; None if it does not converge."""
+        settings, replaced = self._changed(model, addition)
+        others = tuple(each for each in model.additions if each.key not in (addition.key, replaced))
+        additions = (*others, addition)
+        if not addition.is_time:
+            return self.tuned(settings, additions)
+        # A score test is exact for small delays only. Corrections with the present noise are quick, so they come first.
+        settled = self.settled(Model(settings, additions, model.evidence), {addition.key})
+        tuned = self.tuned(settled.settings, settled.additions)
+        if tuned is None:
+            return None
+        corrected, distance = self._with_corrected_times(tuned, {addition.key})
+        return tuned if distance < 1.0 else self.tuned(corrected.settings, corrected.additions)
+
+    def without_addition(self, model: Model, addition: Addition) -> Model | None:
+        """Return the model without an addition and the noise tuned again; None if it does not converge."""
+        rest = tuple(each for each in model.additions if each.key != addition.key)
+        return self.tuned(without_addition(model.settings, addition), rest)
+
+    def evidence_with_present_noise(self, model: Model, addition: Addition) -> float | None:
+        """Return the evidence with an addition if the noise does not change; None if the fit does not converge."""
+        fit = fit_smoother(self.prepared, self._changed(model, addition)[0], self._spans)
+        return None if fit is None else fit.log_evidence
+
+    def settled(self, model: Model, keys: Collection[tuple[str, str]]) -> Model:
+        """Return a model with delays moved to the zero of their score tests, with the present noise."""
+        for _ in range(_MAX_CORRECTIONS):
+            model, distance = self._with_corrected_times(model, keys)
+            if distance < _SMALL_CORRECTION:
+                break
+        return model
+
+    def _with_corrected_times(self, model: Model, keys: Collection[tuple[str, str]]) -> tuple[Model, float]:
+        """Return a model with delays moved to the zero of their score tests, and the largest move in deviations."""
+        estimate = smoothed(self.prepared.with_settings(model.settings))
+        settings, additions, largest = model.settings, model.additions, 0.0
+        for addition, test in corrected_times(estimate, model.additions):
+            if addition.key in keys:
+                settings = with_addition(settings, addition)
+                additions = tuple(addition if each.key == addition.key else each for each in additions)
+                largest = max(largest, abs(test.z))
+        return replace(model, settings=settings, additions=additions), largest
+
+    def _changed(self, model: Model, addition: Addition) -> tuple[RunSettings, tuple[str, str] | None]:
+        """Return settings with an addition, and the key of the addition that it replaces."""
+        other = addition.instead
+        if other is None or all(each.key != other.key for each in model.additions):
+            return with_addition(model.settings, addition), None
+        return with_addition(without_addition(model.settings, other), addition), other.key
+
+    def tuned(self, settings: RunSettings, additions: tuple[Addition, ...]) -> Model | None:
+        """Return the model of some settings with the most likely noise; None if no trajectory follows the data."""
+        sensors = [addition.name for addition in additions if addition.family == "noise"]
+        smoother, prepared = settings.identification.smoother, self.prepared.with_settings(settings)
+        noises, log_likelihood = (), 0.0
+        for _ in range(_MAX_TUNINGS):
+            try:
+                tuning = tune_coarsely(prepared, self._least, sensors, lambda progress: self._on_pass())
+            except DataError:
+                return None
+            if tuning is None:
+                return None
+            noises, log_likelihood = tuning.noises, tuning.log_likelihood
+            prepared = prepared.with_settings(tuning.experiment.with_identification(smoother=smoother))
+            if not any(map(_is_far, noises)):
+                break
+        free = len(sensors) + sum(addition.is_time or addition.family == "prior" for addition in additions)
+        free += sum(noise.setting.startswith("identification.estimate.") for noise in noises)
+        evidence = log_likelihood - 0.5 * free * log(self.n_measured)
+        return Model(prepared.experiment, additions, evidence)
+
+    def held_out_gain(self, model: Model, other: Model) -> float:
+        """Return the gain in log-likelihood of the last third by another model, given the rest; -inf without a fit."""
+        before, after = (fitted_model(self.prepared, each.settings) for each in (model, other))
+        return -inf if before is None or after is None else after.gains(before)[0]
