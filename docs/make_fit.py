@@ -1,145 +1,54 @@
-"""Random faults in simulated runs, found by `auvid fit`, into docs/studies.md: `python -m docs.make_fit`.
+"""Table of random faults found by `auvid fit`, into docs/studies.md, from the runs of a campaign.
 
-Each seed draws none to three faults. A run takes some 30 s; results are kept in a file, and finished seeds are not
-repeated.
+`auvid campaign fit` simulates the runs and searches for their models. Then `python -m docs.make_fit
+results/campaigns/fit/tables/runs.csv` keeps its rows in docs/rows and writes the section; without a file, it writes
+the section from the rows that are kept.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
-from time import process_time
+import argparse
+from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
-import auvid_cli as auvid
-from auvid_cli.data.dataset import Dataset
-from auvid_cli.errors import AuvidError, SimulationError
-from docs.resumable import all_rows, asked
 from docs.section import replace_section
 
+ROWS = Path(__file__).with_name("rows") / "fit.csv.gz"
 # Standard deviations up to which a coefficient is right, and beyond which it is wrong.
 _RIGHT = 4.0
 _WRONG = 5.0
-_MAX_FAULTS = 3
 _WIDER = "width of the prior"
-_SPEEDS = {"vt690": "3.9 m/s", "remus100": "1.54 m/s", "lauv": "1.43 m/s"}
-_SPIRALS = {"vt690": "spiral_gentle", "remus100": "spiral_remus100", "lauv": "spiral_lauv"}
-_MANOEUVRES = "spiral", "zigzag_10_10", "multisine"
-_RUN = (
-    "manoeuvre.duration=90 s",
-    "sensors.attitude={source: direct, rate: 20 Hz, noise: 0.1 deg}",
-    *(f"sensors.{name}.rate=20 Hz" for name in ("gyroscope", "accelerometer")),
-)
-
-
-def _late_inputs(dataset: Dataset) -> Dataset:
-    """Return the data with inputs stamped 40 ms before they act."""
-    return replace(dataset, inputs=replace(dataset.inputs, time=dataset.inputs.time - 0.04))
-
-
-def _weak_thrust(dataset: Dataset) -> Dataset:
-    """Return the data with a recorded thrust 10 % above the actual one."""
-    return replace(dataset, inputs=replace(dataset.inputs, values=dataset.inputs.values * [1.0, 1.0, 1.1, 1.0]))
-
-
-def _stated_noise(sensor: str, factor: float) -> Callable[[Dataset], Dataset]:
-    def change(dataset: Dataset) -> Dataset:
-        record = dataset.sensors[sensor]
-        stated = replace(record, standard_deviation=factor * record.standard_deviation)
-        return replace(dataset, sensors={**dataset.sensors, sensor: stated})
-
-    return change
-
-
-# Settings of the simulation, change of the data, and kinds of additions that explain each fault.
-_FAULTS: dict[str, tuple[tuple[str, ...], Callable[[Dataset], Dataset] | None, tuple[str, ...]]] = {
-    "current": (("manoeuvre.current_north=0.15", "manoeuvre.current_east=-0.1"), None, ("current",)),
-    "fin_trim": (
-        ("manoeuvre.fin_trim.rudder=1 deg", "manoeuvre.fin_trim.elevator=-0.5 deg"),
-        None,
-        ("trim of the fins",),
-    ),
-    "dvl_yaw": (("sensors.dvl.mounting_yaw=0.7 deg",), None, ("scale and yaw of the DVL",)),
-    "dvl_scale": (("sensors.dvl.scale_error=0.01",), None, ("scale and yaw of the DVL", "scale of the thrust")),
-    "gyro": (("sensors.gyroscope.bias=0.1 deg/s",), None, ("bias of the gyroscope",)),
-    "late gyroscope": (("sensors.gyroscope.delay=20 ms",), None, ("delay of the gyroscope",)),
-    "late dvl": (("sensors.dvl.delay=60 ms",), None, ("delay of the dvl",)),
-    "late inputs": ((), _late_inputs, ("delay of the inputs", "lag of the fins")),
-    "thrust": ((), _weak_thrust, ("scale of the thrust", "scale and yaw of the DVL")),
-    "disturbance": (
-        (
-            "manoeuvre.disturbance.force.standard_deviation=2 N",
-            "manoeuvre.disturbance.moment.standard_deviation=0.6 N*m",
-        ),
-        None,
-        ("disturbance",),
-    ),
-    "loud gyroscope": ((), _stated_noise("gyroscope", 0.5), ("noise of the gyroscope",)),
-    "quiet dvl": ((), _stated_noise("dvl", 2.0), ("noise of the dvl",)),
-    "lag": (
-        ("vehicle.actuators.fins.time_constant=0.1 s",),
-        None,
-        ("lag of the fins", "delay of the inputs"),
-    ),
-    "missing term": (
-        ("vehicle.terms=[{name: 'N_|v|r', row: N, factors: ['|v|', r], value: -30}]",),
-        None,
-        ("term N_|v|r", "term Y_|v|r"),
-    ),
+# Additions that explain each fault of the campaign.
+_EXPLAINED_BY = {
+    "current": ("current",),
+    "fin trim": ("trim of the fins",),
+    "dvl yaw": ("scale and yaw of the DVL",),
+    "dvl scale": ("scale and yaw of the DVL", "scale of the thrust"),
+    "dvl arm": ("lever arm of the DVL, x",),
+    "gyroscope bias": ("bias of the gyroscope",),
+    "late gyroscope": ("delay of the gyroscope",),
+    "late dvl": ("delay of the dvl",),
+    "late inputs": ("delay of the inputs", "lag of the fins"),
+    "slow fins": ("lag of the fins", "delay of the inputs"),
+    "thrust": ("scale of the thrust", "scale and yaw of the DVL"),
+    "ballast": ("ballast",),
+    "disturbance": ("disturbance",),
+    "loud gyroscope": ("noise of the gyroscope",),
+    "quiet dvl": ("noise of the dvl",),
+    "missing term": ("term N_|v|r", "term Y_|v|r"),
 }
 
-_COLUMNS = ["faults", "attitude", "grade", "reason", "added", "missed", "worst", "sigmas", "trial", "cpu_time"]
+
+def _names(text: object) -> list[str]:
+    return [name for name in str(text).split("; ") if name not in ("none", "nan", "")]
 
 
-def found(case: str, seed: int) -> pd.DataFrame:
-    """Fit a run with the faults of a seed: one row."""
-    rng = np.random.default_rng([seed, 48])
-    vehicle, manoeuvre = case.split()
-    faults = sorted(rng.choice([*_FAULTS], rng.integers(0, _MAX_FAULTS + 1), replace=False).tolist())
-    if vehicle == "remus100" and manoeuvre == "multisine":
-        manoeuvre = "doublets"  # it capsizes in the multisine
-    path = _SPIRALS[vehicle] if manoeuvre == "spiral" else manoeuvre
-    run = [f"vehicle=vehicles/{vehicle}.yaml", f"manoeuvre=manoeuvres/{path}.yaml", f"seed={seed}", *_RUN]
-    if manoeuvre != "spiral":
-        run.append(f"manoeuvre.speed={_SPEEDS[vehicle]}")
-    if rng.random() < 0.25:
-        run.append("identification.attitude_from=inertial")
-    nominal = auvid.load_experiment("spiral", *run)
-    try:
-        faulted = auvid.load_experiment("spiral", *run, *(s for name in faults for s in _FAULTS[name][0]))
-        dataset = auvid.simulate(faulted)
-    except SimulationError:
-        return pd.DataFrame([dict.fromkeys(_COLUMNS) | {"faults": "; ".join(faults), "grade": "not simulated"}])
-    for name in faults:
-        change = _FAULTS[name][1]
-        dataset = dataset if change is None else change(dataset)
-    begin = process_time()
-    truth = dataset.truth
-    assert truth is not None, "a simulation has a truth"
-    row = {"faults": "; ".join(faults), "attitude": nominal.identification.attitude_from}
-    try:
-        fit = auvid.fit(replace(dataset, experiment=nominal, truth=None))
-    except AuvidError as error:
-        return pd.DataFrame([dict.fromkeys(_COLUMNS) | row | {"grade": "failed", "reason": str(error)}])
-    estimate = fit.estimate
-    values, deviations = estimate.final_coefficients(), estimate.final_deviations()
-    distances = {
-        s: abs(values[s] - truth.coefficients[s]) / deviations[s] for s in deviations if s in truth.coefficients
-    }
-    worst = max(distances, key=lambda symbol: distances[symbol])
-    row |= {"grade": fit.judgement.grade.value, "reason": fit.judgement.reason, "added": "; ".join(fit.added)}
-    missed = [name for name in faults if not {*_FAULTS[name][2]} & {*fit.added}]
-    row |= {"missed": "; ".join(missed), "worst": worst, "sigmas": distances[worst]}
-    return pd.DataFrame([{**row, "trial": fit.trial, "cpu_time": process_time() - begin}], columns=_COLUMNS)
+def _missed(faults: object, added: object) -> str:
+    return "; ".join(fault for fault in _names(faults) if not {*_EXPLAINED_BY[fault]} & {*_names(added)})
 
 
-def _names(text: str) -> list[str]:
-    return text.split("; ") if text else []
-
-
-def _unneeded(faults: str, added: str) -> str:
+def _unneeded(faults: object, added: object) -> str:
     """Return the additions of a run that explain none of its faults; a wider prior is counted by itself."""
-    expected = {_WIDER, *(name for fault in _names(faults) for name in _FAULTS[fault][2])}
+    expected = {_WIDER, *(name for fault in _names(faults) for name in _EXPLAINED_BY[fault])}
     return "; ".join(name for name in _names(added) if name not in expected)
 
 
@@ -153,44 +62,60 @@ def _share(of: pd.Series) -> str:
     return f"{int(of.sum())} of {len(of)}"
 
 
-def main() -> None:
-    """Go through all seeds and write the section."""
-    seeds, file = asked(__doc__, "fit", 80)
-    cases = [f"{vehicle} {manoeuvre}" for manoeuvre in _MANOEUVRES for vehicle in _SPEEDS]
-    rows = all_rows(file, [(cases[seed % len(cases)], seed) for seed in range(1, seeds + 1)], found)
-    rows = rows[rows["grade"] != "not simulated"].fillna({"faults": "", "added": "", "missed": ""})
-    sound, number = rows["grade"] == "sound", rows["faults"].map(lambda text: len(_names(str(text))))
-    rows = rows.assign(unneeded=[_unneeded(*pair) for pair in zip(rows["faults"], rows["added"], strict=True)])
+def section(runs: pd.DataFrame) -> str:
+    """Return the text of the section."""
+    ended = runs[~runs["status"].str.startswith("failed")]
+    pairs = list(zip(ended["faults"], ended["additions"], strict=True))
+    rows = ended.assign(
+        missed=[_missed(*pair) for pair in pairs],
+        unneeded=[_unneeded(*pair) for pair in pairs],
+        number=[len(_names(faults)) for faults, _ in pairs],
+        vehicle=ended["case"].str.split().str[0],
+    )
+    sound, sigmas = rows["grade"] == "sound", rows["largest_error_sigmas"]
     lines = [
-        f"{len(rows)} runs with seeds from 1 to {rows['seed'].max()}. Right: no coefficient beyond {_RIGHT:g} standard "
-        f"deviations; wrong: one beyond {_WRONG:g}.",
+        f"{len(rows)} runs, a seed each; {len(runs) - len(rows)} more could not be simulated. Right: no coefficient "
+        f"beyond {_RIGHT:g} total standard deviations; wrong: one beyond {_WRONG:g}.",
         "",
         "| runs | sound and right | sound and wrong | all faults found | nothing else added | processor time |",
         "| --- | --- | --- | --- | --- | ---: |",
     ]
-    parts = [(f"{count} fault{'' if count == 1 else 's'}", rows[number == count]) for count in sorted(number.unique())]
-    parts += [(vehicle, rows[rows["case"].str.startswith(vehicle)]) for vehicle in _SPEEDS]
-    for count, own in [*parts, ("all", rows)]:
+    groups = [(f"{n} fault{'' if n == 1 else 's'}", rows["number"] == n) for n in sorted(rows["number"].unique())]
+    groups += [(vehicle, rows["vehicle"] == vehicle) for vehicle in sorted(rows["vehicle"].unique())]
+    for name, own in [*groups, ("all", rows["number"] >= 0)]:
         lines.append(
-            f"| {count} | {_share((own['grade'] == 'sound') & (own['sigmas'] <= _RIGHT))} "
-            f"| {_share((own['grade'] == 'sound') & (own['sigmas'] > _WRONG))} | {_share(own['missed'] == '')} "
-            f"| {_share(own['unneeded'] == '')} | {own['cpu_time'].median():.0f} s |"
+            f"| {name} | {_share((sound & (sigmas <= _RIGHT))[own])} | {_share((sound & (sigmas > _WRONG))[own])} "
+            f"| {_share((rows['missed'] == '')[own])} | {_share((rows['unneeded'] == '')[own])} "
+            f"| {rows.loc[own, 'processor_time'].median():.0f} s |"
         )
-    widened = rows["added"].map(lambda text: _WIDER in _names(str(text)))
+    widened = rows["additions"].map(lambda text: _WIDER in _names(text))
     lines += [
         "",
         f"Sound: {_share(sound)}. Not found: {_numbers(rows['missed'])}. Added without need: "
         f"{_numbers(rows['unneeded'])}. Prior widened: {_share(widened)}, of remus100 "
-        f"{_share(widened[rows['case'].str.startswith('remus100')])}.",
+        f"{_share(widened[rows['vehicle'] == 'remus100'])}.",
         "",
-        "Not sound:",
+        "Not sound, or with a fault that was not found:",
         "",
         *(
-            f"- {row.case}, seed {row.seed} ({row.faults or 'no fault'}): {row.grade}, {row.reason}"
-            for row in rows[~sound].itertuples()
+            f"- seed {row.seed}, {row.case}, {row.attitude} attitude ({row.faults}): {row.grade}"
+            + (f", {row.reason}" if row.grade != "sound" else "")
+            + (f"; not found: {row.missed}" if row.missed else "")
+            + f"; largest error {row.largest_error_sigmas:.1f} sd"
+            for row in rows[~sound | (rows["missed"] != "")].itertuples()
         ),
     ]
-    replace_section("fit", "\n".join(lines), "studies")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Keep the rows of a campaign, if named, and write the section."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("runs", type=Path, nargs="?", help="table of the runs of the campaign")
+    path = parser.parse_args().runs
+    if path is not None:
+        pd.read_csv(path).to_csv(ROWS, index=False, compression={"method": "gzip", "mtime": 0})
+    replace_section("fit", section(pd.read_csv(ROWS)), "studies")
 
 
 if __name__ == "__main__":

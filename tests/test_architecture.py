@@ -22,10 +22,10 @@ MAY_IMPORT = {
     "evaluation": {"config", "data", "filters", "identification", "inspection", "vehicle"},
     "design": {"config", "data", "identification", "simulation", "vehicle"},
     "validation": {"config", "data", "evaluation", "filters", "identification", "vehicle"},
-    "fitting": {"config", "data", "evaluation", "identification", "validation", "vehicle"},
+    "fitting": {"config", "data", "evaluation", "identification", "inspection", "validation", "vehicle"},
     "export": {"config", "data", "evaluation", "identification", "vehicle"},
     "start": {"config", "export", "simulation", "vehicle"},
-    "campaign": {"config", "data", "evaluation", "identification", "simulation", "vehicle"},
+    "campaign": {"config", "data", "evaluation", "fitting", "identification", "simulation", "vehicle"},
     "report": {
         "campaign",
         "config",

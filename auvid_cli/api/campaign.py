@@ -213,7 +213,7 @@ def _report(
     findings, paths = None, []
     if len(rows):
         with progress.stage("statistics"):
-            findings = summarize(in_planned_order(rows, labels), plan.fixed_columns)
+            findings = summarize(in_planned_order(rows, labels), plan.fixed_columns, plan.drawn_columns)
         paths = write_findings(findings, folder / "tables")
         filters = {variant.name: variant.filter.value for variant in plan.filters}
         with drawing(folder, options.figure_formats) as figures, progress.bars("figures") as (advance,):

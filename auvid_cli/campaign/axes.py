@@ -92,6 +92,8 @@ def axis_options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any
     if axis.levels is not None:
         places = {label: _at(written, ("levels", label)) for label in axis.levels}
         choices = [Option(label, changes_in(place), axis.known) for label, place in places.items()]
+        if axis.drawn_levels is not None:
+            return [lambda seed, numbers=axis.drawn_levels: _some_of(choices, numbers, _random(axis, seed))]
         return [lambda seed, option=option: option for option in choices]
     setting = setting_path(str(axis.setting))
 
@@ -101,11 +103,9 @@ def axis_options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any
 
     if axis.draw is not None:
         place, distribution = _at(written, ("draw",)), axis.draw
-        # Use the name of the column, not its index, so that further axes do not change the draws.
-        key = list(axis.column.encode())
 
         def drawn(seed: int) -> Option:
-            value = _draw(distribution, np.random.default_rng([seed, *key]))
+            value = _draw(distribution, _random(axis, seed))
             return option(value, _with_value(place, value))
 
         return [drawn]
@@ -132,6 +132,19 @@ def _with_value(place: Tree, value: float | list[float]) -> Tree:
 def _at(tree: Tree, path: KeyPath) -> Tree:
     *_, last = tree.descend(path)
     return last
+
+
+def _random(axis: CampaignAxis, seed: int) -> np.random.Generator:
+    # The name of the column, not its index, so that further axes do not change the draws.
+    return np.random.default_rng([seed, *axis.column.encode()])
+
+
+def _some_of(choices: Sequence[Option], numbers: tuple[int, int], random: np.random.Generator) -> Option:
+    """Return some of the options, `numbers` fewest and most, as one."""
+    fewest, most = numbers
+    drawn = sorted(random.choice(len(choices), random.integers(fewest, most + 1), replace=False).tolist())
+    label = "; ".join(str(choices[k].label) for k in drawn) or "none"
+    return Option(label, [change for k in drawn for change in choices[k].changes], choices[0].known)
 
 
 def _draw(distribution: Distribution, random: np.random.Generator) -> float:

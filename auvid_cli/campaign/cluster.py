@@ -29,6 +29,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import AuvidError, ClusterError, ConfigError
 from auvid_cli.evaluation.bounds import bounds_at
 from auvid_cli.evaluation.judgement import judge_one
+from auvid_cli.fitting.search import FitLimits, fit_model
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 from auvid_cli.simulation.simulate import simulate
@@ -99,18 +100,23 @@ def _perform(simulated: str, run: CampaignRun, assumed_text: str, with_estimates
         assert dataset.truth is not None
         assumed = Experiment.model_validate_json(assumed_text)
         (name,) = assumed.identification.filters
-        reference = _reference(simulated, _judging(assumed))
-        if reference is not None and name is JUDGE:
+        data, additions = _as_assumed(dataset, assumed), None
+        reference = None if run.is_fit else _reference(simulated, _judging(assumed))
+        if run.is_fit:
+            fit = fit_model(replace(data, truth=None), FitLimits())
+            estimate = replace(fit.estimate, cpu_time=sum(step.cpu_time for step in fit.steps))
+            assumed, additions = fit.experiment, "; ".join(fit.added)
+        elif reference is not None and name is JUDGE:
             estimate = reference
         else:
-            estimate = identify(_as_assumed(dataset, assumed), name)
+            estimate = identify(data, name)
         estimated = assumed.identification.estimated(assumed.vehicle)
         settings = assumed.identification.model_copy(update={"coefficients": estimated})
         identification = settings.model_dump_json(include=_BOUND_SETTINGS, exclude_none=True)
         vehicle = assumed.vehicle.model_dump_json(include={"terms", "actuators"}, exclude_none=True)
         bounds = _bounds(simulated, identification, vehicle)
         judgement = judge_one(estimate, reference)
-        rows = measures(run.identity, run.filter, run.seed, estimate, dataset.truth, bounds, judgement)
+        rows = measures(run.identity, run.filter, run.seed, estimate, dataset.truth, bounds, judgement, additions)
     except AuvidError as error:
         return RunResult(run, [], str(error), None)
     except Exception as error:

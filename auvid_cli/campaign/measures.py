@@ -1,6 +1,6 @@
 """Results of a run of a campaign: a row for the run, and for each coefficient, motion state and sensor."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +48,8 @@ class Measure(NamedTuple):
     # Corrected standard deviation of a coefficient, by a batch estimator
     corrected_standard_deviation: float | None = None
     total_standard_deviation: float | None = None
+    largest_error_sigmas: float | None = None  # of a run: largest error of a coefficient, in total standard deviations
+    additions: str | None = None  # what `auvid fit` added to the model; None for a filter
 
 
 # Fields that a measure of a coefficient takes from its result.
@@ -62,6 +64,7 @@ def measures(
     truth: TruthRecord,
     bounds: Mapping[str, float],
     judgement: Judgement,
+    additions: str | None = None,
 ) -> list[Measure]:
     """Return all rows of a run; `bounds` has the known Cramer-Rao bounds by symbol, SI."""
     status = status_of(estimate)
@@ -78,6 +81,8 @@ def measures(
             components=len(results),
             processor_time=estimate.cpu_time,
             wall_time=estimate.wall_time,
+            largest_error_sigmas=_largest_error(results),
+            additions=additions,
         )
     ]
     rows += [
@@ -93,6 +98,15 @@ def measures(
         squares, components = float(sums.squares.sum()), int(sums.components.sum())
         rows.append(row("sensor", sensor)._replace(squares=squares, components=components))
     return rows
+
+
+def _largest_error(results: Sequence[CoefficientResult]) -> float | None:
+    errors = [
+        abs(result.estimate - result.true) / result.total_standard_deviation
+        for result in results
+        if result.true is not None and result.estimate is not None and result.total_standard_deviation
+    ]
+    return max(errors, default=None)
 
 
 def _rmse(estimate: Estimate, truth: TruthRecord, state: int, symbol: str) -> float | None:

@@ -42,6 +42,7 @@ class CampaignRun(NamedTuple):
     labels: dict[str, Label]  # values of the axes of the campaign, by column
     filter: str  # name of the variant
     seed: int
+    is_fit: bool = False  # whether a model is searched for
 
     def settings(self) -> str:
         """Return the values of the axes as text."""
@@ -128,7 +129,12 @@ class CampaignPlan:
     @property
     def fixed_columns(self) -> list[str]:
         """Return the columns of the axes that are not drawn for each seed."""
-        return [axis.column for axis in self.campaign.vary if axis.draw is None]
+        return [axis.column for axis in self.campaign.vary if not axis.is_drawn]
+
+    @property
+    def drawn_columns(self) -> list[str]:
+        """Return the columns of the axes that are drawn for each seed."""
+        return [axis.column for axis in self.campaign.vary if axis.is_drawn]
 
     @property
     def n_runs(self) -> int:
@@ -178,7 +184,7 @@ class CampaignPlan:
             raise ConfigError(mistakes_text([Mistake(self._tree.at, (), message)]))
 
     def _of_seed(self, seed: int) -> Iterator[_Triple]:
-        if any(axis.draw for axis in self.campaign.vary):
+        if any(axis.is_drawn for axis in self.campaign.vary):
             return self._runs((self._resolve(cell, seed) for cell in self._cells), seed)
         # Without draws a combination is the same for all seeds.
         self._fixed = self._fixed or _all_or_errors(self._resolve, self._cells)
@@ -188,8 +194,8 @@ class CampaignPlan:
         for cell in cells:
             for variant, (assumed, key) in zip(self.filters, cell.assumed, strict=True):
                 # Without the name of the variant: equal settings are the same run under any name.
-                identity = _hash(__version__, cell.data, key, seed)
-                yield cell, assumed, CampaignRun(identity, cell.labels, variant.name, seed)
+                identity = _hash(__version__, cell.data, key, seed, *(["fit"] if variant.fit else []))
+                yield cell, assumed, CampaignRun(identity, cell.labels, variant.name, seed, variant.fit)
 
     def _resolve(self, cell: tuple[_SeededOption, ...], seed: int | None = None) -> _Resolved:
         options = [option(self.campaign.seed_list[0] if seed is None else seed) for option in cell]

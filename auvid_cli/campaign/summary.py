@@ -244,15 +244,19 @@ class CampaignSummary(NamedTuple):
     """Statistics of a campaign."""
 
     columns: list[str]  # axes, without those that are drawn for each seed
-    runs: pd.DataFrame  # a row for each run: axes, filter, seed, status and mean steady-state error
+    # A row for each run: axes, filter, seed, status, judgement, mean steady-state error; of `auvid fit`, what it added
+    runs: pd.DataFrame
     filters: pd.DataFrame  # see `by_filter`
     coefficients: pd.DataFrame  # see `by_coefficient`
     comparisons: pd.DataFrame  # see `compare_filters`
 
 
-def summarize(rows: pd.DataFrame, columns: Sequence[str]) -> CampaignSummary:
-    """Return the statistics of a campaign; see `by_filter` for the arguments."""
-    runs = rows.loc[rows["kind"] == "run", [*columns, "filter", "seed", "status", "steady_state_error_percent"]]
+def summarize(rows: pd.DataFrame, columns: Sequence[str], drawn: Sequence[str] = ()) -> CampaignSummary:
+    """Return the statistics of a campaign; see `by_filter` for the arguments; `drawn` are the other axes."""
+    kept = [*columns, *drawn, "filter", "seed", "status", "grade", "steady_state_error_percent"]
+    if rows["additions"].notna().any():
+        kept += ["additions", "largest_error_sigmas", "reason", "processor_time"]
+    runs = rows.loc[rows["kind"] == "run", kept]
     return CampaignSummary(
         list(columns), runs, by_filter(rows, columns), by_coefficient(rows, columns), compare_filters(rows, columns)
     )

@@ -7,7 +7,7 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.enums import FilterName
+from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.loading import Override, as_yaml, assemble, open_source, validated
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.source_positions import Mistake, Tree, dotted
@@ -41,7 +41,7 @@ class Distribution(Settings):
 
 
 class CampaignAxis(Settings):
-    """One axis of a campaign: values of a setting, levels of several settings, or a draw per seed."""
+    """One axis of a campaign: values of a setting, levels of several settings, or a draw per seed of either."""
 
     setting: Annotated[str | None, Field(description="dotted key of a setting of the experiment")] = None
     values: Annotated[tuple[AnyValue, ...] | None, Field(min_length=1, description="values of the setting")] = None
@@ -51,6 +51,10 @@ class CampaignAxis(Settings):
     levels: Annotated[
         dict[str, dict[str, AnyValue]] | None,
         Field(min_length=1, description="levels by label, each with the values of its settings by dotted key"),
+    ] = None
+    drawn_levels: Annotated[
+        tuple[Annotated[int, Field(ge=0, strict=True)], Annotated[int, Field(ge=1, strict=True)]] | None,
+        Field(description="[fewest, most] levels that each seed draws at random; default: each level by itself"),
     ] = None
     known: Annotated[
         bool,
@@ -71,11 +75,17 @@ class CampaignAxis(Settings):
             raise ValueError("`levels` need a `name`, the column in the results")
         if self.levels is not None and self.relative:
             raise ValueError("`relative` is only possible with `values` or `draw`")
+        if self.drawn_levels is not None:
+            fewest, most = self.drawn_levels
+            if self.levels is None or not fewest <= most <= len(self.levels):
+                raise ValueError("`drawn_levels` needs `levels`, and [fewest, most] of them")
         for key in self.keys:
             if key in ("seed", "name", "identification.filters"):
                 raise ValueError(f"`{key}` cannot vary; set `seeds` and `filters` of the campaign instead")
-            if not self.known and not key.startswith(("vehicle.", "sensors.")):
-                raise ValueError(f"`known: false` is only possible for settings of vehicle or sensors, not for {key!r}")
+            if not self.known and not key.startswith(("vehicle.", "sensors.", "manoeuvre.")):
+                raise ValueError(
+                    f"`known: false` is only possible for settings of vehicle, sensors or manoeuvre, not for {key!r}"
+                )
         return self
 
     @property
@@ -89,9 +99,14 @@ class CampaignAxis(Settings):
         return self.name or str(self.setting)
 
     @property
+    def is_drawn(self) -> bool:
+        """Whether each seed draws its own value."""
+        return self.draw is not None or self.drawn_levels is not None
+
+    @property
     def size(self) -> int:
         """Return the number of combinations along the axis, 1 for a draw."""
-        return len(self.values or self.levels or (None,))
+        return 1 if self.is_drawn else len(self.values or self.levels or ())
 
 
 class FilterVariant(Settings):
@@ -102,6 +117,16 @@ class FilterVariant(Settings):
     settings: Annotated[
         dict[str, AnyValue], Field(description="settings of the filter by dotted key, in identification or vehicle")
     ] = Field(default_factory=dict)
+    fit: Annotated[
+        bool,
+        Field(strict=True, description="whether `auvid fit` searches for a model, beginning with these settings"),
+    ] = False
+
+    @model_validator(mode="after")
+    def _fits_with_the_smoother(self) -> "FilterVariant":
+        if self.fit and self.filter is not JUDGE:
+            raise ValueError(f"`fit: true` needs `filter: {JUDGE.value}`, which `auvid fit` uses")
+        return self
 
     @model_validator(mode="before")
     @classmethod

@@ -130,3 +130,24 @@ def test_failed_simulation_fails_all_its_runs(planned):
 
 def replace_assumed(group, assumed):
     return group._replace(assumed=assumed)
+
+
+@pytest.mark.slow
+def test_fit_is_measured_with_what_it_added(planned):
+    text = """\
+name: fit
+settings: {manoeuvre.duration: 60 s, sensors.attitude: {source: direct}, sensors.gyroscope.rate: 20 Hz}
+seeds: [3]
+filters: [{name: fit, filter: smoother, fit: true}]
+vary:
+  - {setting: sensors.gyroscope.bias, values: [0.2 deg/s], known: false}
+"""
+    (group,) = planned(text).groups()
+    (done,) = run_group(group)
+    assert done.failure == ""
+    (run,) = (row for row in done.rows if row.kind == "run")
+    assert run.additions == "bias of the gyroscope"
+    coefficients = [row for row in done.rows if row.kind == "coefficient"]
+    errors = [abs(row.estimate - row.true) / row.total_standard_deviation for row in coefficients]
+    assert run.largest_error_sigmas == pytest.approx(max(errors))
+    assert max(errors) < 5.0

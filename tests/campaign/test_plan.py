@@ -287,3 +287,49 @@ vary:
     copy = tmp_path / "copy.yaml"
     copy.write_text(dump_campaign(campaign))
     assert load_campaign(copy)[0] == campaign
+
+
+DRAWN = """\
+name: drawn
+settings: {manoeuvre.duration: 5 s}
+seeds: 40
+filters: [{name: fit, filter: smoother, fit: true}]
+vary:
+  - name: faults
+    drawn_levels: [0, 2]
+    known: false
+    levels:
+      current: {manoeuvre.current_north: 0.1 m/s}
+      delay: {sensors.gyroscope.delay: 20 ms}
+      heavy: {vehicle.parameters.m: 50 kg}
+"""
+
+
+def test_each_seed_draws_some_levels_of_which_filters_know_nothing(planned):
+    plan = planned(DRAWN)
+    assert (plan.n_runs, plan.fixed_columns, plan.drawn_columns) == (40, [], ["faults"])
+    numbers = set()
+    for group in plan.groups():
+        (run,), simulated = group.runs, json.loads(group.simulated)
+        drawn = set(str(run.labels["faults"]).split("; ")) - {"none"}
+        numbers.add(len(drawn))
+        assert run.is_fit
+        (assumed,) = map(json.loads, group.assumed)
+        assert simulated["manoeuvre"]["current_north"] == (0.1 if "current" in drawn else 0.0)
+        assert simulated["sensors"]["gyroscope"].get("delay", 0.0) == (0.02 if "delay" in drawn else 0.0)
+        assert assumed["sensors"]["gyroscope"].get("delay", 0.0) == 0.0
+        assert assumed["vehicle"]["parameters"]["m"]["value"] == pytest.approx(47.556)
+    assert numbers == {0, 1, 2}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("[0, 2]", "[2, 1]", "fewest, most"),
+        ("[0, 2]", "[0, 4]", "fewest, most"),
+        ("filter: smoother", "filter: ckf", "needs `filter: smoother`"),
+    ],
+)
+def test_invalid_draw_or_fit_is_refused(planned, before, after, said):
+    with pytest.raises(ConfigError, match=said):
+        planned(DRAWN.replace(before, after))

@@ -235,6 +235,6 @@ def test_unknown_name_lists_shipped_campaigns(tmp_path):
     result = campaign("nothing", cwd=tmp_path)
     assert result.exit_code == 2
     assert (
-        "neither a file nor a campaign that ships with auvid: biased, coloured, judgement, paper, regimes"
+        "neither a file nor a campaign that ships with auvid: biased, coloured, fit, judgement, paper, regimes"
         in result.stderr
     )
