@@ -235,7 +235,6 @@ def _report(
 
 
 def _duration(seconds: float) -> str:
-    for size, unit in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
-        if seconds >= 2.0 * size:
-            return f"{seconds / size:.2g} {unit}"
-    return f"{seconds:.2g} s"
+    units = (86400.0, "days"), (3600.0, "h"), (60.0, "min")
+    size, unit = next((each for each in units if seconds >= 2.0 * each[0]), (1.0, "s"))
+    return f"{float(f'{seconds / size:.2g}'):g} {unit}"
