@@ -121,23 +121,28 @@ class ModelMaker:
     def tuned(self, settings: RunSettings, additions: tuple[Addition, ...]) -> Model | None:
         """Return the model of some settings with the most likely noise; None if no trajectory follows the data."""
         sensors = [addition.name for addition in additions if addition.family == "noise"]
-        smoother, prepared = settings.identification.smoother, self.prepared.with_settings(settings)
-        noises, log_likelihood = (), 0.0
+        smoother, best = settings.identification.smoother, None
         for _ in range(_MAX_TUNINGS):
             try:
-                tuning = tune_coarsely(prepared, self._least, sensors, lambda progress: self._on_pass())
+                tuning = tune_coarsely(
+                    self.prepared.with_settings(settings), self._least, sensors, lambda progress: self._on_pass()
+                )
             except DataError:
-                return None
+                tuning = None
             if tuning is None:
-                return None
-            noises, log_likelihood = tuning.noises, tuning.log_likelihood
-            prepared = prepared.with_settings(tuning.experiment.with_identification(smoother=smoother))
-            if not any(map(_is_far, noises)):
                 break
+            settings = tuning.experiment.with_identification(smoother=smoother)
+            if best is None or tuning.log_likelihood > best[0].log_likelihood:
+                best = tuning, settings
+            if not any(map(_is_far, tuning.noises)):
+                break
+        if best is None:
+            return None
+        tuning, settings = best
         free = len(sensors) + sum(addition.is_time or addition.family == "prior" for addition in additions)
-        free += sum(noise.setting.startswith("identification.estimate.") for noise in noises)
-        evidence = log_likelihood - 0.5 * free * log(self.n_measured)
-        return Model(prepared.experiment, additions, evidence)
+        free += sum(noise.setting.startswith("identification.estimate.") for noise in tuning.noises)
+        evidence = tuning.log_likelihood - 0.5 * free * log(self.n_measured)
+        return Model(settings, additions, evidence)
 
     def held_out_gain(self, model: Model, other: Model) -> float:
         """Return the gain in log-likelihood of the last third by another model, given the rest; -inf without a fit."""
