@@ -8,6 +8,7 @@ import numpy as np
 
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import ProcessNoise
+from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.findings import TunedNoise
 from auvid_cli.errors import DataError
 from auvid_cli.fitting.additions import Addition, with_addition, without_addition
@@ -67,6 +68,10 @@ class ModelMaker:
         """Return the duration of the data, s."""
         return sum(end - begin for begin, end in self._spans)
 
+    def estimate(self, settings: RunSettings) -> Estimate:
+        """Return the estimate of the smoother with some settings."""
+        return smoothed(self.prepared.with_settings(settings))
+
     def with_addition(self, model: Model, addition: Addition) -> Model | None:
         """Return the model with an addition and the noise tuned again; None if it does not converge."""
         settings, replaced = self._changed(model, addition)
@@ -102,7 +107,7 @@ class ModelMaker:
 
     def _with_corrected_times(self, model: Model, keys: Collection[tuple[str, str]]) -> tuple[Model, float]:
         """Return a model with delays moved to the zero of their score tests, and the largest move in deviations."""
-        estimate = smoothed(self.prepared.with_settings(model.settings))
+        estimate = self.estimate(model.settings)
         settings, additions, largest = model.settings, model.additions, 0.0
         for addition, test in corrected_times(estimate, model.additions):
             if addition.key in keys:

@@ -152,7 +152,7 @@ class _Search:
         return [candidate for candidate in found if self._limits.allows(candidate.addition)]
 
     def _promising(self, found: Sequence[Candidate], estimate: Estimate) -> list[Candidate]:
-        """Return the candidates from which much is expected, for the number of measurements of an estimate."""
+        """Return the candidates that promise much for each measurement of an estimate."""
         measured = sum(estimate.statistics(sensor).sums.components.sum() for sensor in estimate.innovations)
         return [candidate for candidate in found if candidate.expected > _SMALL_SHARE * measured]
 
@@ -175,7 +175,7 @@ class _Search:
         """Add what the data ask for, one addition after another, until nothing is worth it."""
         assert self.model is not None, "a search starts with a model"
         for self._look in range(1, _MAX_LOOKS + 1):
-            estimate = self._estimate = smoothed(self._prepared.with_settings(self.model.settings))
+            estimate = self._estimate = self._maker.estimate(self.model.settings)
             self._judgement = judge_one(estimate, None)
             self._set_judged_after(self._judgement)
             tried = self._candidates(estimate, self.model.additions)
@@ -251,7 +251,7 @@ class _Search:
 
     def _without_one(self, model: Model, needed: Collection[Addition]) -> Model | None:
         """Return the model without the first addition that is not worth it; None if each one is."""
-        estimate = self._estimate or smoothed(self._prepared.with_settings(model.settings))
+        estimate = self._estimate or self._maker.estimate(model.settings)
         for addition in model.additions:
             if addition in needed or is_certain(estimate, addition):
                 continue
@@ -311,7 +311,7 @@ class _Search:
             self._on_step("fit of the model to all data")
             return identify(replace(self._dataset, experiment=settings), JUDGE), ""
         except KeyboardInterrupt:
-            return smoothed(self._prepared.with_settings(quick)), _INTERRUPTED_FIT
+            return self._maker.estimate(quick), _INTERRUPTED_FIT
 
     def trial(self, settings: RunSettings, stopped: str, fitted: Estimate | None = None) -> tuple[str, str]:
         """Return how well a model predicts the last third by a fit to the rest, and the reason of an early end."""

@@ -19,7 +19,7 @@ _MIN_LENGTH = 30.0  # s; shorter data are not split
 
 
 def training_part(dataset: Dataset, settings: RunSettings) -> PreparedData:
-    """Return the first two thirds of the data, or all if they are too short to be split, for a fit."""
+    """Return the first two thirds of the data for a fit; all if they are too short to be split."""
     errors = settings.identification.estimate.biases
     stated = settings.with_estimate(biases=tuple(error for error in errors if error != BiasName.DELAY))
     training, held_out = split(prepare(dataset))

@@ -31,11 +31,7 @@ from auvid_cli.filters.noise_likelihood import (
 from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.identification.problem_setup import (
-    AugmentedProblem,
-    augmented_problem,
-    shortest_interval,
-)
+from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem, shortest_interval
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import DISTURBANCE
 
@@ -123,10 +119,7 @@ def tune_noise(
 
 
 def tune_coarsely(
-    prepared: PreparedData,
-    least: ProcessNoise,
-    sensors: Collection[str],
-    on_pass: OnPass,
+    prepared: PreparedData, least: ProcessNoise, sensors: Collection[str], on_pass: OnPass
 ) -> Tuning | None:
     """Return the most likely noise levels without their intervals; None if no trajectory follows the data.
 

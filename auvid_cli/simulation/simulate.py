@@ -22,10 +22,8 @@ from auvid_cli.vehicle.kinematics import dvl_axes, earth_to_body, specific_force
 from auvid_cli.vehicle.parameters import DISTURBANCE, INPUTS, MOTION_SYMBOLS, SENSORS, Quantity
 
 _vector = types.float64[::1]
-# Samples of noise drawn at once; all samples of ten hours at 100 Hz would take 86 MB.
+# Samples of noise drawn, and of the whole motion computed, at once; those of ten hours at 100 Hz would take 86 MB.
 BLOCK = 50_000
-# Samples of the whole motion computed at once, to limit memory.
-_BLOCK = 50_000
 
 
 def stream(seed: int, *names: str) -> np.random.Generator:
@@ -144,8 +142,8 @@ def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict
         times = shared_clock(times, (truth.time, *(record.time for record in records.values())))
         measure_block = MEASUREMENT_MODELS.get(name) or partial(_motion_states, SENSORS[name])
         true = np.empty((times.size, len(SENSORS[name])))
-        for first in range(0, times.size, _BLOCK):
-            block = slice(first, first + _BLOCK)
+        for first in range(0, times.size, BLOCK):
+            block = slice(first, first + BLOCK)
             true[block] = measure_block(_Sampled(truth, times[block], current, settings))
         record = corrupt(times, true, settings, name, seed)
         records[name] = with_delay(record, settings, name, seed, truth.time[-1])

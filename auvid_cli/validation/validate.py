@@ -119,7 +119,7 @@ def validate(
 
 
 def predict(segments: Sequence[Dataset], estimate: Estimate, starts: int) -> list[Prediction]:
-    """Return predictions ahead by an estimate, beside those by the vehicle file: those of `validate`, without bands.
+    """Return the predictions ahead of `validate`, by an estimate and by the vehicle file, without bands.
 
     Without the models that are drawn for the bands, this takes a fraction of the time.
 
