@@ -125,15 +125,21 @@ def fault_signatures(
     filtered: Filtered,
     n_faults: int,
     effects: Callable[[int, Timeline, Linearised], FaultEffects],
+    initial: Sequence[Array] = (),
 ) -> Iterator[FaultSignatures]:
-    """Yield the signatures of faults in the innovations, chunk by chunk; `effects` as `Faults.effects`."""
+    """Yield the signatures of faults in the innovations, chunk by chunk; `effects` as `Faults.effects`.
+
+    `initial` holds effects on the initial moving states of each segment, shape (n_moving, n_faults), if there are any.
+    """
     n_parameters, n_moving = filtered.trajectory.parameters.size, filtered.trajectory.initial[0].size
     error, moved = np.zeros((n_parameters + n_moving, n_faults)), np.zeros((n_moving, n_faults))
     last_segment = -1
     for segment, timeline, about, forward_pass in smoothing.forward_passes(filtered):
         if segment > last_segment:
-            # The error of the initial motion depends only on that of the parameters.
+            # The error of the initial motion depends on that of the parameters.
             error[n_parameters:] = filtered.by_parameters[segment] @ error[:n_parameters]
+            if initial:
+                error[n_parameters:] += initial[segment]
             last_segment = segment
         of_chunk = effects(segment, timeline, about)
         carry_errors(timeline, about, forward_pass, of_chunk, error, moved)

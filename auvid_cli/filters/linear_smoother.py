@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from auvid_cli.arrays import Array, ArrayStore
-from auvid_cli.filters.problem import Gaussian, JointProblem, ModelData, Process, Sensors, Timeline
+from auvid_cli.filters.problem import Gaussian, JointProblem, ModelData, Process, Timeline
 from auvid_cli.filters.smoother_backward import Adjoint, backward
 from auvid_cli.filters.smoother_forward import (
     ForwardPass,
@@ -166,11 +166,12 @@ class LinearSmoothing:
         # The trajectory of all linearisations in the cache: noise changes forward passes only.
         self._linearised_trajectory: Trajectory | None = None
 
-    def change_noise(self, process: Process, sensors: Sensors) -> None:
-        """Replace process and measurement noise."""
-        if not np.array_equal(process.constants, self._process.constants):
+    def change_noise(self, problem: JointProblem) -> None:
+        """Replace process and measurement noise and the prior by those of a problem with the same data."""
+        if not np.array_equal(problem.process.constants, self._process.constants):
             self._linearised_trajectory = None
-        self._process, self._data = process, ModelData.of(process, sensors)
+        self._process, self._priors = problem.process, problem.priors
+        self._data = ModelData.of(problem.process, problem.sensors)
         self._cached_trajectory = None
 
     def filter(self, trajectory: Trajectory) -> Filtered | None:

@@ -182,7 +182,7 @@ def marginal_estimate(
     The process noise has the same memory as in `auvid tune`; `smoothing` has that noise afterwards.
     """
     with_memory = with_process_memory(problem, joint.trajectory.parameters, joint.trajectory.moving)
-    smoothing.change_noise(with_memory.process, with_memory.sensors)
+    smoothing.change_noise(with_memory)
     filtered = smoothing.filter(joint.trajectory)
     found = None if filtered is None else integrate_out_motion(with_memory, smoothing, filtered, max_steps)
     return None if found is None else MarginalEstimate(with_memory, *found)

@@ -66,7 +66,7 @@ class NoiseProgress(NamedTuple):
 
 def scaled(problem: JointProblem, groups: Sequence[NoiseGroup], factors: Array) -> JointProblem:
     """Return the problem with noise densities, standard deviations and time constants multiplied by factors."""
-    process, variance = problem.process, problem.sensors.variance.copy()
+    process, variance, root = problem.process, problem.sensors.variance.copy(), problem.prior.factor.copy()
     for group, factor in zip(groups, factors.tolist(), strict=True):
         if group.rates:
             process = with_time_constants(process, group, factor)
@@ -74,9 +74,13 @@ def scaled(problem: JointProblem, groups: Sequence[NoiseGroup], factors: Array) 
             density = process.noise_density.copy()
             density[list(group.moving)] *= factor
             process = process._replace(noise_density=density)
+        if group.is_stationary:
+            for indices in problem.indices:
+                root[indices[problem.n_parameters + np.array(group.moving)]] *= factor
         if group.sensor >= 0:
             variance[group.sensor] *= factor**2
-    return problem._replace(process=process, sensors=problem.sensors._replace(variance=variance))
+    sensors, prior = problem.sensors._replace(variance=variance), problem.prior._replace(factor=root)
+    return problem._replace(process=process, sensors=sensors, prior=prior)
 
 
 OnPass = Callable[[NoiseProgress], None]
@@ -132,7 +136,7 @@ class _Likelihood:
 
     def _scale(self, logarithms: Array) -> None:
         self._present = scaled(self._problem, self._groups, np.exp(logarithms))
-        self.smoothing.change_noise(self._present.process, self._present.sensors)
+        self.smoothing.change_noise(self._present)
 
 
 def log_likelihood(filtered: Filtered) -> float:

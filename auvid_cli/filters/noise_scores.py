@@ -3,7 +3,7 @@
 With the adjoint r of the data after an event and its covariance Lambda (`auvid_cli.filters.smoother_backward`), process
 noise of variance Q has the smoothed value ``Q r``, and the derivative of the log-likelihood by the logarithm of its
 standard deviation is ``Q (r^2 - Lambda)`` (Fisher's identity). The same holds for measurement noise with its own
-smoothed value.
+smoothed value, and for an initial value whose prior has the factor.
 
 The time constant of a correlated state also changes the transition F by dF. With the covariance P and the smoothed
 state x before the transition, its derivative adds ``<r x' - Lambda F P, dF>``.
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from auvid_cli.arrays import Array
 from auvid_cli.filters.fault_scores import FaultEffects, fault_signatures
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, noise_variance, variance_by_time_constant
-from auvid_cli.filters.problem import TIMELINE, JointProblem, ModelData, Process, Timeline
+from auvid_cli.filters.problem import TIMELINE, Gaussian, JointProblem, ModelData, Process, Timeline
 from auvid_cli.filters.smoother_backward import ADJOINT, Adjoint, adjoint_predict, adjoint_update
 from auvid_cli.filters.smoother_forward import (
     FORWARD_PASS,
@@ -50,6 +50,9 @@ class NoiseGroup(NamedTuple):
     # of the time constants, with constant stationary variance.
     rates: tuple[int, ...] = ()
     min_log_factor: float = -14.0  # logarithm of the smallest factor; such noise is negligible
+    # Whether the standard deviations of the states' initial values have the factor too. Their prior is independent of
+    # the other states.
+    is_stationary: bool = False
 
     @property
     def correlated(self) -> tuple[int, ...]:
@@ -162,7 +165,7 @@ def noise_scores(
     groups : sequence of NoiseGroup
     """
     n, n_moving = problem.n_parameters + problem.n_moving, problem.n_moving
-    slope, doubled = np.zeros(len(groups)), list[FaultEffects]()
+    slope, doubled, initial = np.zeros(len(groups)), list[FaultEffects](), list[Array]()
     rows = np.array([row for group in groups for row in group.correlated], dtype=np.int64)
     adjoint, later, last_segment = Adjoint.zeros(n, with_variance=True), np.zeros(rows.size), -1
     chunks = [len(before) for before in filtered.before]
@@ -179,15 +182,32 @@ def noise_scores(
         first = before.mean[n - n_moving : n][rows] + covariance[rows] @ adjoint.mean
         value = np.vstack([about.before[rows] + first, (about.moving[:, rows] + noise.state)[:-1]])
         doubled.append(_add_chunk(slope, timeline, noise, correlated, value, problem, groups))
+        if chunks[segment] == 0:
+            initial.append(_add_initial(slope, adjoint, problem.priors[segment], groups, n_moving))
 
     def effects(segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
         return doubled.pop()
 
     information = np.zeros((len(groups), len(groups)))
-    for chunk in fault_signatures(smoothing, filtered, len(groups), effects):
+    for chunk in fault_signatures(smoothing, filtered, len(groups), effects, initial[::-1]):
         signature, _ = chunk.normalised()
         information += 0.5 * signature.T @ signature
     return NoiseScores(slope, information)
+
+
+def _add_initial(slope: Array, adjoint: Adjoint, prior: Gaussian, groups: Sequence[NoiseGroup], n_moving: int) -> Array:
+    """Add the initial values of a segment to the slopes; return twice their deviations from the prior's mean.
+
+    The adjoint is that before the first event. The deviations have the shape (n_moving, n_groups).
+    """
+    doubled, variance = np.zeros((n_moving, len(groups))), np.square(prior.factor[-n_moving:]).sum(axis=1)
+    for g, group in enumerate(groups):
+        if group.is_stationary:
+            rows = list(group.moving)
+            mean, root = adjoint.mean[-n_moving:][rows], adjoint.root[-n_moving:][rows]
+            slope[g] += (variance[rows] * (mean**2 - np.square(root).sum(axis=1))).sum()
+            doubled[rows, g] = 2.0 * variance[rows] * mean
+    return doubled
 
 
 def with_time_constants(process: Process, group: NoiseGroup, factor: float) -> Process:

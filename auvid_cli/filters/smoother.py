@@ -229,13 +229,14 @@ def _anneal_process_noise(
     """
     process, trajectory = problem.process, start
     for factor in _ANNEALING:
-        smoothing.change_noise(process._replace(noise_density=factor * process.noise_density), problem.sensors)
+        more = process._replace(noise_density=factor * process.noise_density)
+        smoothing.change_noise(problem._replace(process=more))
         minimum = gauss_newton(smoothing, trajectory, max_passes)
         if minimum is None:
             trajectory = None
             break
         trajectory = minimum[0].trajectory
-    smoothing.change_noise(process, problem.sensors)
+    smoothing.change_noise(problem)
     return trajectory
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import ProcessNoise
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.findings import TunedNoise
 from auvid_cli.errors import DataError
 from auvid_cli.fitting.additions import Addition, with_addition, without_addition
 from auvid_cli.fitting.candidates import corrected_times
@@ -21,10 +20,6 @@ from auvid_cli.identification.terms import fit_smoother, fitted_model
 # Corrections of a delay, and the size of one that is small enough at the end, in standard deviations.
 _MAX_CORRECTIONS = 3
 _SMALL_CORRECTION = 0.5
-_SIZES = tuple(f"identification.estimate.disturbance.{name}.standard_deviation" for name in ("force", "moment"))
-_MAX_TUNINGS = 2
-# Change of the logarithm of the size of a disturbance from which it is tuned again.
-_FAR = 0.5
 
 
 @dataclass(frozen=True)
@@ -34,11 +29,6 @@ class Model:
     settings: RunSettings
     additions: tuple[Addition, ...]
     evidence: float
-
-
-def _is_far(noise: TunedNoise) -> bool:
-    """Whether the size of a disturbance is far from the stated one, which is also the prior of its first value."""
-    return noise.setting.startswith(_SIZES) and abs(log(noise.worth_stating / noise.stated)) > _FAR
 
 
 class ModelMaker:
@@ -126,24 +116,15 @@ class ModelMaker:
     def tuned(self, settings: RunSettings, additions: tuple[Addition, ...]) -> Model | None:
         """Return the model of some settings with the most likely noise; None if no trajectory follows the data."""
         sensors = [addition.name for addition in additions if addition.family == "noise"]
-        smoother, best = settings.identification.smoother, None
-        for _ in range(_MAX_TUNINGS):
-            try:
-                tuning = tune_coarsely(
-                    self.prepared.with_settings(settings), self._least, sensors, lambda progress: self._on_pass()
-                )
-            except DataError:
-                tuning = None
-            if tuning is None:
-                break
-            settings = tuning.experiment.with_identification(smoother=smoother)
-            if best is None or tuning.log_likelihood > best[0].log_likelihood:
-                best = tuning, settings
-            if not any(map(_is_far, tuning.noises)):
-                break
-        if best is None:
+        try:
+            tuning = tune_coarsely(
+                self.prepared.with_settings(settings), self._least, sensors, lambda progress: self._on_pass()
+            )
+        except DataError:
+            tuning = None
+        if tuning is None:
             return None
-        tuning, settings = best
+        settings = tuning.experiment.with_identification(smoother=settings.identification.smoother)
         free = len(sensors) + sum(addition.is_time or addition.family == "prior" for addition in additions)
         free += sum(noise.setting.startswith("identification.estimate.") for noise in tuning.noises)
         evidence = tuning.log_likelihood - 0.5 * free * log(self.n_measured)

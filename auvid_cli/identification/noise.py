@@ -278,7 +278,8 @@ def _disturbances(
     for name, quantities in (("force", DISTURBANCE[:3]), ("moment", DISTURBANCE[3:])):
         of, path = getattr(settings.estimate.disturbance, name), ("estimate", "disturbance", name)
         rows = [_rows(layout.moving_rows_of(quantity.symbol)) for quantity in quantities]
-        yield from _per_axis((*path, "standard_deviation"), of, rows)
+        for size in _per_axis((*path, "standard_deviation"), of, rows):
+            yield size._replace(group=size.group._replace(is_stationary=True))
         for constant in _per_axis((*path, "time_constant"), of, rows) if with_time_constants else ():
             rates = tuple(place[row] for row in constant.group.moving)
             least = min(log(_MARGIN * shortest / constant.stated), 0.0)

@@ -63,21 +63,41 @@ def test_the_slope_is_that_of_the_likelihood(problem):
     assert_allclose(scores.slope, differences(problem, at), rtol=1e-6, atol=1e-6)
 
 
-def test_scores_are_those_of_one_joint_gaussian(linear_problem, moments_of_measurements):
+STATIONARY = NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3), is_stationary=True), NoiseGroup(sensor=0)
+
+
+def with_independent_speeds(problem):
+    """The problem with initial speeds that are independent of all else."""
+    factor, n = problem.prior.factor.copy(), problem.n_parameters
+    for place in problem.indices:
+        factor[place[n + 2 :]] = 0.0
+        factor[place[n + 2 :], place[n + 2 :]] = [0.3, 0.5]
+    return problem._replace(prior=problem.prior._replace(factor=factor))
+
+
+@pytest.mark.parametrize("groups", [GROUPS, STATIONARY], ids=["noise", "initial values too"])
+def test_scores_are_those_of_one_joint_gaussian(linear_problem, moments_of_measurements, groups):
     p = linear_problem
     problem = JointProblem(p.process, p.sensors, [[p.timeline]], p.prior)
+    problem = with_independent_speeds(problem) if groups is STATIONARY else problem
     measured, mean, covariance = moments_of_measurements(problem)
     # A covariance is linear in squares of factors, so that this is its derivative by the logarithm of one.
     by_factor = [
-        moments_of_measurements(scaled(problem, GROUPS, 3.0 ** (0.5 * one)))[2] - covariance
-        for one in np.eye(len(GROUPS))
+        moments_of_measurements(scaled(problem, groups, 3.0 ** (0.5 * one)))[2] - covariance
+        for one in np.eye(len(groups))
     ]
     weight, inverse = np.linalg.solve(covariance, measured - mean), np.linalg.inv(covariance)
     probable = np.array([by @ weight for by in by_factor])
-    scores = noise_scores(*filtered_with(problem, np.zeros(len(GROUPS))), GROUPS)
+    scores = noise_scores(*filtered_with(problem, np.zeros(len(groups)), groups), groups)
     expected = [0.5 * (weight @ by @ weight - np.sum(inverse * by)) for by in by_factor]
     assert_allclose(scores.slope, expected, rtol=1e-7, atol=1e-7)
     assert_allclose(scores.information, 0.5 * probable @ inverse @ probable.T, rtol=1e-6, atol=1e-9)
+
+
+def test_the_slope_by_an_initial_deviation_is_that_of_the_likelihood(problem):
+    problem, at = with_independent_speeds(problem), np.array([0.3, 0.6, -0.2])
+    scores = noise_scores(*filtered_with(problem, at, STATIONARY), STATIONARY)
+    assert_allclose(scores.slope, differences(problem, at, STATIONARY), rtol=1e-6, atol=1e-6)
 
 
 @njit(TRANSITION_SIGNATURE)
