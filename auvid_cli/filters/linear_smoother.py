@@ -11,6 +11,7 @@ from auvid_cli.arrays import Array, ArrayStore
 from auvid_cli.filters.problem import Gaussian, JointProblem, ModelData, Process, Timeline
 from auvid_cli.filters.smoother_backward import Adjoint, backward
 from auvid_cli.filters.smoother_forward import (
+    AccumulatedNoise,
     ForwardPass,
     Linearised,
     SmootherWorkspace,
@@ -41,7 +42,7 @@ _MIN_FRACTION = 2.0**-10
 
 
 def noise_variance(process: Process, timeline: Timeline) -> Array:
-    """Return the variance of the process noise accumulated before each event, shape (n_events, n_moving).
+    """Return the variance of each moving state's own noise accumulated before each event, shape (n_events, n_moving).
 
     A state that decays at the rate a, over the time h, keeps ``q^2 (1 - exp(-2 a h)) / (2 a)`` of white noise of
     density q. Zero for an event without substeps.
@@ -52,6 +53,26 @@ def noise_variance(process: Process, timeline: Timeline) -> Array:
         return white
     exponent = 2.0 * np.outer(elapsed, process.decay)
     return white * np.divide(-np.expm1(-exponent), exponent, out=np.ones_like(exponent), where=exponent != 0.0)
+
+
+def accumulated_noise(process: Process, timeline: Timeline) -> AccumulatedNoise:
+    """Return the process noise accumulated before each event.
+
+    White noise of density q on a state that drives another one by the factor a gives them, over the time h, the
+    covariance ``q^2 [h, a h^2 / 2; a h^2 / 2, a^2 h^3 / 3]`` (Van Loan, IEEE Trans. Autom. Control 23(3), 1978). It is
+    that of noise in the middle of h, and of ``a^2 q^2 h^3 / 12`` on the driven state alone.
+    """
+    n_moving, elapsed = process.noise_density.size, _elapsed(timeline)
+    variance = noise_variance(process, timeline)
+    driven = process.driven if process.driven.size else np.zeros((n_moving, n_moving))
+    return AccumulatedNoise(variance + variance_on_driven(process, timeline, variance), 0.5 * elapsed, driven)
+
+
+def variance_on_driven(process: Process, timeline: Timeline, variance: Array) -> Array:
+    """Return the part ``a^2 q^2 h^3 / 12`` of `accumulated_noise`, shape (n_events, n_moving), linear in `variance`."""
+    if not process.driven.size:
+        return np.zeros_like(variance)
+    return (_elapsed(timeline)[:, None] ** 2 / 12.0) * (variance @ np.square(process.driven).T)
 
 
 def variance_by_time_constant(process: Process, timeline: Timeline) -> Array:
@@ -318,7 +339,7 @@ class LinearSmoothing:
     def _forward(
         self, timeline: Timeline, about: Linearised, state: State, forward_pass: ForwardPass
     ) -> tuple[int, float, float, float]:
-        noise = noise_variance(self._process, timeline)
+        noise = accumulated_noise(self._process, timeline)
         return forward(self._data.sensors, noise, timeline, about, state, forward_pass, self._work)
 
 
@@ -408,7 +429,7 @@ class ConditionalFilter:
             transition=about.transition[..., n:].copy(),
         )
         forward_pass, before = ForwardPass.of(motion), state.covariance()
-        noise = noise_variance(self._problem.process, timeline)
+        noise = accumulated_noise(self._problem.process, timeline)
         good, *_ = forward(self._problem.sensors, noise, timeline, motion, state, forward_pass, self._work)
         assert good == timeline.time.size, "a filter with known parameters is at least as stable"
         return ConditionalChunk(timeline, about, motion, before, forward_pass)

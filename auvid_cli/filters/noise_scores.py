@@ -21,12 +21,21 @@ from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
 from auvid_cli.filters.fault_scores import FaultEffects, fault_signatures
-from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, noise_variance, variance_by_time_constant
+from auvid_cli.filters.linear_smoother import (
+    Filtered,
+    LinearSmoothing,
+    accumulated_noise,
+    noise_variance,
+    variance_by_time_constant,
+    variance_on_driven,
+)
 from auvid_cli.filters.problem import TIMELINE, Gaussian, JointProblem, ModelData, Process, Timeline
 from auvid_cli.filters.smoother_backward import ADJOINT, Adjoint, adjoint_predict, adjoint_update
 from auvid_cli.filters.smoother_forward import (
+    ACCUMULATED_NOISE,
     FORWARD_PASS,
     LINEARISED,
+    AccumulatedNoise,
     Linearised,
     SmootherWorkspace,
     linearise_process,
@@ -125,8 +134,11 @@ def _smooth_transition(event, f, transition, forward_pass, adjoint, noise, corre
     correlated.later[f] = transition[row, n_parameters + row] * correlated.later[f] + value
 
 
-@compiled(types.void(TIMELINE, LINEARISED, FORWARD_PASS, ADJOINT, _SMOOTHED_NOISE, _CORRELATED), reassociate=True)
-def _backward_pass(timeline, about, forward_pass, adjoint, noise, correlated):
+@compiled(
+    types.void(TIMELINE, LINEARISED, FORWARD_PASS, ADJOINT, _SMOOTHED_NOISE, _CORRELATED, ACCUMULATED_NOISE),
+    reassociate=True,
+)
+def _backward_pass(timeline, about, forward_pass, adjoint, noise, correlated, accumulated):
     """Carry the adjoint back over a chunk, and fill in the smoothed noise."""
     mean, root, n_moving, n_correlated = adjoint.mean, adjoint.root, noise.process.shape[1], correlated.rows.size
     n = mean.size
@@ -141,11 +153,20 @@ def _backward_pass(timeline, about, forward_pass, adjoint, noise, correlated):
         adjoint_update(event, timeline, about, forward_pass, adjoint, noise.sensor, noise.sensor_variance)
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
             for i in range(n_moving):
-                noise.process[event, i] = mean[n_parameters + i]
+                # Noise in the middle of the interval acts on driven states too.
+                row, value = adjoint.work[0], mean[n_parameters + i]
+                for column in range(adjoint.n_columns[0]):
+                    row[column] = root[n_parameters + i, column]
+                for j in range(n_moving):
+                    share = accumulated.half_elapsed[event] * accumulated.driven[j, i]
+                    if share != 0.0:
+                        value += share * mean[n_parameters + j]
+                        for column in range(adjoint.n_columns[0]):
+                            row[column] += share * root[n_parameters + j, column]
                 square = 0.0
                 for column in range(adjoint.n_columns[0]):
-                    square += root[n_parameters + i, column] * root[n_parameters + i, column]
-                noise.process_variance[event, i] = square
+                    square += row[column] * row[column]
+                noise.process[event, i], noise.process_variance[event, i] = value, square
             for f in range(n_correlated):
                 _smooth_transition(event, f, about.transition[event], forward_pass, adjoint, noise, correlated)
             adjoint_predict(about.transition[event], n_parameters, adjoint)
@@ -178,10 +199,11 @@ def noise_scores(
         noise = _SmoothedNoise(*(np.zeros(shape) for shape in shapes))
         covariance = before.covariance()[n - n_moving :]
         correlated = _Correlated(rows, _transition_changes(problem, timeline, about, groups), later, covariance)
-        _backward_pass(timeline, about, forward_pass, adjoint, noise, correlated)
+        accumulated = accumulated_noise(problem.process, timeline)
+        _backward_pass(timeline, about, forward_pass, adjoint, noise, correlated, accumulated)
         first = before.mean[n - n_moving : n][rows] + covariance[rows] @ adjoint.mean
         value = np.vstack([about.before[rows] + first, (about.moving[:, rows] + noise.state)[:-1]])
-        doubled.append(_add_chunk(slope, timeline, noise, correlated, value, problem, groups))
+        doubled.append(_add_chunk(slope, timeline, noise, correlated, value, problem, groups, accumulated))
         if chunks[segment] == 0:
             initial.append(_add_initial(slope, adjoint, problem.priors[segment], groups, n_moving))
 
@@ -248,6 +270,7 @@ def _add_chunk(
     value: Array,
     problem: JointProblem,
     groups: Sequence[NoiseGroup],
+    accumulated: AccumulatedNoise,
 ) -> FaultEffects:
     """Add a chunk to the slopes; return twice its smoothed noise of each group.
 
@@ -255,19 +278,22 @@ def _add_chunk(
     """
     on_states, on_measurements = (np.zeros((*a.shape, len(groups))) for a in (noise.process, noise.sensor))
     process_variance = noise_variance(problem.process, timeline)
-    slope_by_variance = 0.5 * process_variance * (noise.process**2 - noise.process_variance)
+    squares = noise.process**2 - noise.process_variance
     for g, group in enumerate(groups):
-        moving = list(group.moving)
-        # Derivative of the logarithm of the variance by that of the factor.
-        by_factor = 2.0
+        moving, by_factor = list(group.moving), np.zeros_like(process_variance)
+        # Derivative of the variance by the logarithm of the factor.
+        by_factor[:, moving] = 2.0 * process_variance[:, moving]
+        added = np.zeros_like(process_variance)
         if group.rates:
-            by_factor = variance_by_time_constant(problem.process, timeline)[:, moving]
+            by_factor[:, moving] *= 0.5 * variance_by_time_constant(problem.process, timeline)[:, moving]
             own = [f for f, row in enumerate(correlated.rows) if row in moving]
             slope[g] += (noise.transition[:, own] * value[:, own] - noise.transition_variance[:, own]).sum()
             on_states[:, :, g] = np.einsum("eif,ef->ei", correlated.change[..., own], value[:, own])
-            on_states[:, moving, g] += process_variance[:, moving] * noise.later[:, own]
-        slope[g] += (by_factor * slope_by_variance[:, moving]).sum()
-        on_states[:, moving, g] += by_factor * process_variance[:, moving] * noise.process[:, moving]
+            added[:, moving] = process_variance[:, moving] * noise.later[:, own]
+        by_factor += variance_on_driven(problem.process, timeline, by_factor)
+        slope[g] += 0.5 * (by_factor * squares).sum()
+        added += by_factor * noise.process
+        on_states[:, :, g] += added + accumulated.half_elapsed[:, None] * (added @ accumulated.driven.T)
         if group.sensor >= 0:
             own = timeline.measurement_sensor == group.sensor
             variance = problem.sensors.variance[group.sensor]

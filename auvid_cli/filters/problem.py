@@ -60,6 +60,9 @@ class Process(NamedTuple):
     # Shape (n_moving,) or (0,); 1/s; rate at which each moving state forgets process noise, see
     # `auvid_cli.filters.linear_smoother`. Empty if unknown; used by smoothers only.
     decay: Array = np.zeros(0)
+    # Shape (n_moving, n_moving) or (0, 0); derivative of the rate of each moving state by each noisy state that drives
+    # it; such a state is itself not driven. Empty if none is; used by smoothers only.
+    driven: Array = np.zeros((0, 0))
 
 
 class Sensors(NamedTuple):

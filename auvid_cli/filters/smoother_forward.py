@@ -56,6 +56,17 @@ class Linearised(NamedTuple):
     transition: Array
 
 
+class AccumulatedNoise(NamedTuple):
+    """Process noise accumulated before each event of a chunk, as in `accumulated_noise`."""
+
+    variance: Array  # shape (n_events, n_moving)
+    half_elapsed: Array  # shape (n_events,); half the time since the previous event, s
+    driven: Array  # shape (n_moving, n_moving); see `auvid_cli.filters.problem.Process`
+
+
+ACCUMULATED_NOISE = types.NamedTuple((_matrix, _vector, _matrix), AccumulatedNoise)
+
+
 class ForwardPass(NamedTuple):
     """Results of the forward pass through a chunk."""
 
@@ -205,10 +216,10 @@ def _transpose_tiles(transition, mean, work):
 
 
 @compiled(reassociate=True)
-def _predict(transition, noise, state, work):
+def _predict(transition, event, noise, state, work):
     """Predict mean and factor of the deviation; False if the covariance is not positive definite."""
     n, mean, columns, spread, product = state.n, state.mean, state.columns, work.spread, work.product
-    n_moving, width, n_parts = noise.size, columns.shape[1], work.transposed.shape[0]
+    n_moving, width, n_parts = noise.variance.shape[1], columns.shape[1], work.transposed.shape[0]
     n_parameters = n - n_moving
     factor = columns.reshape(-1)
     _transpose_tiles(transition, mean, work)
@@ -216,7 +227,11 @@ def _predict(transition, noise, state, work):
         mean[n_parameters + i] = work.moved[i // _ROWS, i % _ROWS]
         for k in range(spread.shape[1]):
             spread[i, k] = 0.0
-        spread[i, n_moving + i] = np.sqrt(noise[i])
+        spread[i, n_moving + i] = np.sqrt(noise.variance[event, i])
+        for j in range(n_moving):
+            share = noise.half_elapsed[event] * noise.driven[i, j]
+            if share != 0.0:
+                spread[i, n_moving + j] = share * np.sqrt(noise.variance[event, j])
     # Four columns at a time, from the edge of a tile: entries before the diagonal are zero.
     for j in range(0, n, 4):
         edge = j // TILE * TILE
@@ -319,7 +334,7 @@ def _store_event(event, state, n_parameters, forward_pass, work):
 
 @compiled(
     types.Tuple((types.int64, types.float64, types.float64, types.float64))(
-        SENSORS_TYPE, _matrix, TIMELINE, LINEARISED, STATE, FORWARD_PASS, SMOOTHER_WORKSPACE
+        SENSORS_TYPE, ACCUMULATED_NOISE, TIMELINE, LINEARISED, STATE, FORWARD_PASS, SMOOTHER_WORKSPACE
     ),
     reassociate=True,
 )
@@ -329,8 +344,7 @@ def forward(sensors, noise, timeline, about, state, forward_pass, work):
     Parameters
     ----------
     sensors : Sensors
-    noise : ndarray, shape (n_events, n_moving)
-        Variance of the process noise accumulated before each event.
+    noise : AccumulatedNoise
     timeline : Timeline
     about : Linearised
     state : State
@@ -350,15 +364,18 @@ def forward(sensors, noise, timeline, about, state, forward_pass, work):
     log_determinant : float
         Sum of the logarithms of the innovations' variances, times their weights.
     """
-    n, n_moving = state.n, noise.shape[1]
+    n, n_moving = state.n, noise.variance.shape[1]
     n_parameters = n - n_moving
     cost, least, log_determinant = 0.0, 0.0, 0.0
     for event in range(timeline.time.size):
         first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
         if last > first:
             for i in range(n_moving):
-                cost += about.defect[event, i] * about.defect[event, i] / noise[event, i]
-            if not _predict(about.transition[event], noise[event], state, work):
+                defect = about.defect[event, i]
+                for j in range(n_moving):
+                    defect -= noise.half_elapsed[event] * noise.driven[i, j] * about.defect[event, j]
+                cost += defect * defect / noise.variance[event, i]
+            if not _predict(about.transition[event], event, noise, state, work):
                 return event, cost, least, log_determinant
             for i in range(n_moving):
                 state.mean[n_parameters + i] += about.defect[event, i]

@@ -11,6 +11,7 @@ import numpy as np
 
 from auvid_cli.arrays import Array
 from auvid_cli.identification.compiled_layout import ROW, depth_is_state, fading_rate, first_moving_row, row_of
+from auvid_cli.identification.states import StateLayout
 from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.equations import n_terms, named_constants, sine_cosine
 from auvid_cli.vehicle.jacobian import N_COLUMNS, transition_step
@@ -87,6 +88,20 @@ def _workspace(scratch, terms):
         remaining=scratch[:_REMAINING],
         motion=scratch[_REMAINING:_MOTION],
     )
+
+
+def driven_by_disturbances(vehicle: Array, layout: StateLayout) -> Array:
+    """Return `auvid_cli.filters.problem.Process.driven`: accelerations by forces and moments; empty without any."""
+    rows = [layout.row(quantity.symbol) for quantity in DISTURBANCE]
+    n_moving, first = layout.noise_density.size, layout.n_parameters
+    if all(row is None for row in rows):
+        return np.zeros((0, 0))
+    driven, motion = np.zeros((n_moving, n_moving)), layout.rows_of("motion").start - first
+    inverse = np.array(named_constants(vehicle).inverse).reshape(6, 6)
+    for axis, row in enumerate(rows):
+        if row is not None:
+            driven[motion : motion + 6, row - first] = inverse[:, axis]
+    return driven
 
 
 @compiled()

@@ -24,6 +24,7 @@ from auvid_cli.identification.disturbance import (
     begin_step,
     derive_at_once,
     disturbance_work,
+    driven_by_disturbances,
     end_step,
     fade,
     fill_in_forces,
@@ -236,6 +237,7 @@ def vehicle_process(
         selection=np.array([place[symbol] for symbol in estimated], dtype=np.int64),
         noise_density=layout.noise_density,
         scratch_size=_scratch_size(len(coefficients.terms)),
+        driven=driven_by_disturbances(vehicle, layout),
     )
 
 

@@ -311,6 +311,16 @@ def moments_of_measurements():
     return _moments_of_measurements
 
 
+def _noise_covariance(process, duration):
+    """Covariance of process noise; a driving state and the driven one as by Van Loan's integral."""
+    density = np.diag(process.noise_density**2)
+    if not process.driven.size:
+        return duration * density
+    cross = process.driven @ density
+    both = cross @ process.driven.T
+    return duration * density + duration**2 / 2.0 * (cross + cross.T) + duration**3 / 3.0 * both
+
+
 def _moments_of_measurements(problem):
     ((t,),), sensors, n = problem.segments, problem.sensors, problem.prior.mean.size
     n_moving = problem.process.noise_density.size
@@ -318,7 +328,7 @@ def _moments_of_measurements(problem):
     rows, expected, noise, measured = [], [], [], []
     for event, (origin, matrix, duration) in enumerate(_transitions(problem)):
         more = np.zeros((n, n_moving))
-        more[-n_moving:] = np.diag(problem.process.noise_density * np.sqrt(duration))
+        more[-n_moving:] = np.linalg.cholesky(_noise_covariance(problem.process, duration) + 1e-300 * np.eye(n_moving))
         mean, root = origin + matrix @ mean, np.hstack([matrix @ root, more])
         rows = [np.pad(row, (0, n_moving)) for row in rows]
         for k in range(*t.measurement_offset[event : event + 2]):

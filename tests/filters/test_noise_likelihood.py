@@ -27,9 +27,13 @@ def joint(problem):
     return JointProblem(problem.process, problem.sensors, [[problem.timeline]], problem.prior)
 
 
+@pytest.mark.parametrize("is_driven", [False, True], ids=["", "driven"])
 @pytest.mark.parametrize("factors", [(1.0, 1.0, 1.0), (0.3, 2.0, 0.7)])
-def test_likelihood_is_that_of_one_joint_gaussian(linear_problem, moments_of_measurements, factors):
+def test_likelihood_is_that_of_one_joint_gaussian(linear_problem, moments_of_measurements, factors, is_driven):
     problem = scaled(joint(linear_problem), GROUPS, np.array(factors))
+    if is_driven:
+        driven = np.kron([[0.0, 1.0], [0.0, 0.0]], np.eye(2))  # noise of the speeds moves the positions too
+        problem = problem._replace(process=problem.process._replace(driven=driven))
     n, events = linear_problem.prior.mean.size, linear_problem.timeline.time.size
     n_moving = problem.n_moving
     nowhere = Trajectory(np.zeros(n - n_moving), [np.zeros(n_moving)], [[np.zeros((events, n_moving))]])

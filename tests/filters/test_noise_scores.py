@@ -57,7 +57,9 @@ def differences(problem, at, groups=GROUPS, step=1e-3):
     return [(8.0 * difference(way) - difference(2.0 * way)) / 6.0 for way in step * np.eye(len(groups))]
 
 
-def test_the_slope_is_that_of_the_likelihood(problem):
+@pytest.mark.parametrize("is_driven", [False, True], ids=["", "driven"])
+def test_the_slope_is_that_of_the_likelihood(problem, is_driven):
+    problem = with_driven_positions(problem) if is_driven else problem
     at = np.array([0.3, -0.7, 0.2, 0.5])
     scores = noise_scores(*filtered_with(problem, at), GROUPS)
     assert_allclose(scores.slope, differences(problem, at), rtol=1e-6, atol=1e-6)
@@ -75,11 +77,13 @@ def with_independent_speeds(problem):
     return problem._replace(prior=problem.prior._replace(factor=factor))
 
 
+@pytest.mark.parametrize("is_driven", [False, True], ids=["", "driven"])
 @pytest.mark.parametrize("groups", [GROUPS, STATIONARY], ids=["noise", "initial values too"])
-def test_scores_are_those_of_one_joint_gaussian(linear_problem, moments_of_measurements, groups):
+def test_scores_are_those_of_one_joint_gaussian(linear_problem, moments_of_measurements, groups, is_driven):
     p = linear_problem
     problem = JointProblem(p.process, p.sensors, [[p.timeline]], p.prior)
     problem = with_independent_speeds(problem) if groups is STATIONARY else problem
+    problem = with_driven_positions(problem) if is_driven else problem
     measured, mean, covariance = moments_of_measurements(problem)
     # A covariance is linear in squares of factors, so that this is its derivative by the logarithm of one.
     by_factor = [
@@ -92,6 +96,13 @@ def test_scores_are_those_of_one_joint_gaussian(linear_problem, moments_of_measu
     expected = [0.5 * (weight @ by @ weight - np.sum(inverse * by)) for by in by_factor]
     assert_allclose(scores.slope, expected, rtol=1e-7, atol=1e-7)
     assert_allclose(scores.information, 0.5 * probable @ inverse @ probable.T, rtol=1e-6, atol=1e-9)
+
+
+def with_driven_positions(problem):
+    """The problem with noise of the speeds that also moves the positions until the next event."""
+    driven = np.zeros((N_MOVING, N_MOVING))
+    driven[0, 2] = driven[1, 3] = 1.0
+    return problem._replace(process=problem.process._replace(driven=driven))
 
 
 def test_the_slope_by_an_initial_deviation_is_that_of_the_likelihood(problem):
@@ -140,17 +151,21 @@ def groups_of_fading(problem):
     return NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3)), *timed, NoiseGroup(sensor=0)
 
 
+@pytest.mark.parametrize("is_driven", [False, True], ids=["", "driven"])
 @pytest.mark.parametrize("with_decay", [True, False])
-def test_the_slope_by_a_time_constant_is_that_of_the_likelihood(problem, with_decay):
-    faded, at = fading(problem, with_decay), np.array([0.3, -0.7, 0.5, -0.4, 0.2])
+def test_the_slope_by_a_time_constant_is_that_of_the_likelihood(problem, with_decay, is_driven):
+    faded = fading(with_driven_positions(problem) if is_driven else problem, with_decay)
+    at = np.array([0.3, -0.7, 0.5, -0.4, 0.2])
     groups = groups_of_fading(faded)
     scores = noise_scores(*filtered_with(faded, at, groups), groups)
     assert_allclose(scores.slope, differences(faded, at, groups), rtol=2e-4, atol=1e-4)
 
 
-def test_time_constant_scores_are_those_of_one_joint_gaussian(linear_problem, moments_of_measurements):
+@pytest.mark.parametrize("is_driven", [False, True], ids=["", "driven"])
+def test_time_constant_scores_are_those_of_one_joint_gaussian(linear_problem, moments_of_measurements, is_driven):
     p = linear_problem
     problem = fading(JointProblem(p.process, p.sensors, [[p.timeline]], p.prior), with_decay=False)
+    problem = with_driven_positions(problem) if is_driven else problem
     problem = problem._replace(prior=problem.prior._replace(mean=np.zeros_like(problem.prior.mean)))
     groups = groups_of_fading(problem)
     measured, mean, covariance = moments_of_measurements(problem)
