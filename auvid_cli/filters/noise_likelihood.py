@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
-from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, gauss_newton, with_process_memory
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, with_process_memory
+from auvid_cli.filters.marginal import integrate_out_motion
 from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores, with_time_constants
 from auvid_cli.filters.problem import JointProblem
 from auvid_cli.filters.smoother import most_probable
@@ -31,8 +32,11 @@ MAX_TRAJECTORIES = 10
 _MAX_STEPS = 40
 # Negligible information, which keeps matrices invertible.
 _MIN_INFORMATION = 1e-9
-# Smallest increase of the log-likelihood worth another step.
+# Smallest increase of the log-likelihood worth another step, and in a coarse search.
 _MIN_INCREASE = 0.01
+_COARSE_INCREASE = 0.3
+# Change of the log-likelihood between two trajectories below which a coarse search ends.
+_COARSE_CHANGE = 1.0
 # Decrease of the log-likelihood at the ends of a 95 % interval.
 _INTERVAL_DECREASE = 1.92
 # Half width of a 95 % interval, in standard deviations.
@@ -113,16 +117,8 @@ class _Likelihood:
         self._count_pass()
         return noise_scores(self.smoothing, filtered, self._present, self._groups)
 
-    def follow(self, filtered: Filtered) -> Trajectory | None:
-        """Return the most probable trajectory with the present noise; None if its cost is not finite."""
-        minimum = gauss_newton(self.smoothing, filtered.trajectory, self._max_passes)
-        return None if minimum is None else minimum[0].trajectory
-
     def closer(self, filtered: Filtered) -> Trajectory | None:
         """Return the trajectory one step closer to the marginal estimate; None if the motion diverges."""
-        # Its compiled code serves no search that stays about the most probable trajectory.
-        from auvid_cli.filters.marginal import integrate_out_motion
-
         found = integrate_out_motion(self._present, self.smoothing, filtered, max_steps=1)
         return None if found is None else found[0].trajectory
 
@@ -162,8 +158,8 @@ def most_likely_noise(
     on_pass : callable
         Receives a `NoiseProgress` before each forward or backward pass; an exception that it raises ends the search.
     is_coarse : bool
-        Whether to stay about the most probable trajectory and to leave out the intervals, which are then 0 to infinity.
-        This takes a third of the time, and serves to compare models.
+        Whether to end where the log-likelihood hardly changes, and to leave out the intervals, which are then 0 to
+        infinity. This serves to compare models.
     """
     likelihood = _Likelihood(problem, groups, on_pass, max_passes)
     minima = most_probable(problem, likelihood.smoothing, max_passes, enough=1)
@@ -172,9 +168,9 @@ def most_likely_noise(
     trajectory, x, converged = minima[0][0].trajectory, np.zeros(len(groups)), False
     likelihood.set_process_memory(trajectory)
     stated = level = likelihood.at(x, trajectory)
-    information = np.eye(x.size)
+    information, increase = np.eye(x.size), _COARSE_INCREASE if is_coarse else _MIN_INCREASE
     for number in range(1, MAX_TRAJECTORIES + 1):
-        before, x = x, _climb(likelihood, x, trajectory)
+        before, last, x = x, level, _climb(likelihood, x, trajectory, min_increase=increase)
         filtered = likelihood.filter(x, trajectory)
         if filtered is None:
             return None
@@ -185,9 +181,10 @@ def most_likely_noise(
         information = likelihood.scores(filtered).information
         # The first trajectory is not yet a marginal estimate.
         converged = number > 1 and bool((np.abs(x - before) < _MAX_CHANGE * _deviations(information)).all())
+        converged |= is_coarse and number > 1 and abs(level - last) < _COARSE_CHANGE
         if converged or number == MAX_TRAJECTORIES:
             break
-        following = likelihood.follow(filtered) if is_coarse else likelihood.closer(filtered)
+        following = likelihood.closer(filtered)
         if following is None:
             break
         trajectory = following
@@ -218,7 +215,13 @@ def noise_scores_about(
     return None if filtered is None else likelihood.scores(filtered)
 
 
-def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory, free: NDArray[np.bool_] | None = None) -> Array:
+def _climb(
+    likelihood: _Likelihood,
+    x: Array,
+    trajectory: Trajectory,
+    free: NDArray[np.bool_] | None = None,
+    min_increase: float = _MIN_INCREASE,
+) -> Array:
     """Maximise the log-likelihood about a trajectory by scoring; only the `free` log factors if given."""
     current, minimum = likelihood.filter(x, trajectory), likelihood.minimum
     for _ in range(_MAX_STEPS):
@@ -233,12 +236,12 @@ def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory, free: NDAr
         # The added diagonal limits the step, also for noise that is too small to be observable.
         limited = scores.information + np.diag(np.abs(scores.slope) / _MAX_STEP + _MIN_INFORMATION)
         step = np.clip(x + np.linalg.solve(limited, scores.slope), minimum, _MAX_LOG_FACTOR) - x
-        if scores.slope @ step < _MIN_INCREASE:
+        if scores.slope @ step < min_increase:
             break
         level, trial = log_likelihood(current), likelihood.filter(x + step, trajectory)
         while trial is None or log_likelihood(trial) < level:
             step /= 2.0
-            if scores.slope @ step < _MIN_INCREASE:
+            if scores.slope @ step < min_increase:
                 return x
             trial = likelihood.filter(x + step, trajectory)
         x, current = x + step, trial

@@ -15,7 +15,7 @@ from auvid_cli.fitting.candidates import corrected_times
 from auvid_cli.fitting.thinning import smoothed
 from auvid_cli.identification.noise import tune_coarsely
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.identification.terms import fit_smoother, fitted_model
+from auvid_cli.identification.terms import fitted_model
 
 # Corrections of a delay, and the size of one that is small enough at the end, in standard deviations.
 _MAX_CORRECTIONS = 3
@@ -81,11 +81,6 @@ class ModelMaker:
         """Return the model without an addition and the noise tuned again; None if it does not converge."""
         rest = tuple(each for each in model.additions if each.key != addition.key)
         return self.tuned(without_addition(model.settings, addition), rest)
-
-    def evidence_with_present_noise(self, model: Model, addition: Addition) -> float | None:
-        """Return the evidence with an addition if the noise does not change; None if the fit does not converge."""
-        fit = fit_smoother(self.prepared, self._changed(model, addition)[0], self._spans)
-        return None if fit is None else fit.log_evidence
 
     def settled(self, model: Model, keys: Collection[tuple[str, str]]) -> Model:
         """Return a model with delays moved to the zero of their score tests, with the present noise."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while the smoother runs
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.config.extra_states import BiasName, ProcessNoise
+from auvid_cli.config.extra_states import ProcessNoise
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.findings import MIN_HELD_OUT_GAIN
@@ -200,20 +200,15 @@ class _Search:
         before = str(self._judgement.grade) if self._judgement else ""
         models: list[tuple[Addition, Model]] = []
         rows: list[FitStep] = []
-        additions = [addition for addition, _ in trials]
-        # Tuning the noise of a disturbance takes long: the first addition that is worth it then ends the look.
-        is_slow = BiasName.DISTURBANCE in start.settings.identification.estimate.biases
-        if is_slow:
-            additions = self._ranked_with_present_noise(start, additions)
         try:
-            for number, addition in enumerate(additions, 1):
+            for number, (addition, _) in enumerate(trials, 1):
                 best = max(models, key=lambda pair: pair[1].evidence, default=None)
                 gain = 0.0 if best is None else best[1].evidence - start.evidence
                 so_far = f"{best[0]}, {gain:+.0f}" if best is not None and gain > 0.0 else "no addition"
-                self._on_step(f"look {self._look}, candidate {number} of {len(additions)}: {addition}; best: {so_far}")
+                self._on_step(f"look {self._look}, candidate {number} of {len(trials)}: {addition}; best: {so_far}")
                 other = self._maker.with_addition(start, addition)
                 gain = None if other is None else other.evidence - start.evidence
-                if other is not None and addition.family == "term":
+                if other is not None and gain is not None and gain >= WORTH and addition.family == "term":
                     # Other terms bend to the data as well. One that the vehicle has also predicts new data better.
                     held_out = self._maker.held_out_gain(start, other)
                     if held_out < MIN_HELD_OUT_GAIN:
@@ -221,8 +216,6 @@ class _Search:
                 rows.append(self._step("add", str(addition), gain, False, before))
                 if other is not None:
                     models.append((addition, other))
-                if is_slow and gain is not None and gain >= WORTH:
-                    break
         finally:
             best = max(models, key=lambda pair: pair[1].evidence, default=None)
             if best is not None and best[1].evidence - self.model.evidence >= WORTH:
@@ -230,17 +223,6 @@ class _Search:
                 rows = [row._replace(kept=row.what == str(best[0])) for row in rows]
                 self._estimate, self.model = None, best[1]
             self.steps += rows
-
-    def _ranked_with_present_noise(self, model: Model, additions: Sequence[Addition]) -> list[Addition]:
-        """Return the additions that converge with the present noise, the one with the largest evidence first."""
-        evidence: dict[Addition, float] = {}
-        for addition in additions:
-            self._check_time()
-            self._on_step(f"look {self._look}: compare {addition}")
-            level = self._maker.evidence_with_present_noise(model, addition)
-            if level is not None:
-                evidence[addition] = level
-        return sorted(evidence, key=lambda addition: -evidence[addition])
 
     def simplify(self) -> None:
         """Take away additions that the others make unnecessary, until each one is needed."""
