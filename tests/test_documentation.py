@@ -3,8 +3,10 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
+from pydantic import BaseModel, ValidationError
 
-from docs import make_conventions, make_geometry, make_timeline
+from docs import make_conventions, make_geometry, make_reference, make_timeline
 from docs.make_architecture import TARGET, architecture
 from docs.make_conventions import conventions
 from docs.make_timeline import timeline
@@ -22,6 +24,49 @@ def test_a_page_is_what_the_package_says(name):
     assert (ROOT / f"docs/{name}.md").read_text(encoding="utf-8") == getattr(module, name)(), (
         f"docs/{name}.md is out of date: python docs/make_{name}.py"
     )
+
+
+# Other keys that a key may need, such as a column for its unit.
+NEEDED_TOO = (
+    {},
+    {"column": "x"},
+    {"columns": ["x", "y", "z"]},
+    {"noise": 0.1},
+    {"mean": "vehicle"},
+    {"rudder": {"column": "x"}},
+    {"revolutions": {"column": "x"}, "a": 1},
+    {"share": {"column": "x"}, "full": 1},
+    {"depth": {"rate": 1, "noise": 1}},
+)
+
+
+def errors_of(model: type[BaseModel], key: str, tree: dict[str, object]) -> list[str]:
+    """Return the errors of a key, and those of the section that are not missing keys."""
+    try:
+        model.model_validate(tree)
+    except ValidationError as error:
+        return [e["msg"] for e in error.errors() if e["type"] != "missing" and e["loc"][:1] in ((), (key,))]
+    return []
+
+
+def test_each_key_of_the_reference_has_a_meaning_and_a_valid_example():
+    checked = 0
+    for model, path in make_reference.all_sections().items():
+        kind = make_reference.type_of(model)
+        for name, field in model.model_fields.items():
+            key, where = field.alias or name, f"{path}.{field.alias or name}"
+            if name == "type":
+                continue
+            assert make_reference.meaning(field), where
+            text = make_reference.example(path, kind, model, name, field).strip("`")
+            if make_reference.classes(field.annotation):
+                continue  # a section of its own
+            own = {key: yaml.safe_load(text)} | ({"type": kind} if kind else {})
+            errors = [errors_of(model, key, needed | own) for needed in NEEDED_TOO]
+            assert text, where
+            assert [] in errors, f"{where}: {text}: {errors[0]}"
+            checked += 1
+    assert checked > 500
 
 
 def test_the_table_of_shapes_is_what_the_formulas_give():
