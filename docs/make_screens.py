@@ -53,8 +53,8 @@ class Screen(NamedTuple):
 
 
 SCREENS = (
-    Screen("quick-start", "verdicts", "run", (_VERDICTS, "EKF.*sound", "CKF", "TUKF", "smoother")),
-    Screen("explanation/verdicts", "sound", "run", (_VERDICTS, "CKF.*sound")),
+    Screen("quick-start", "verdicts", "run", (_VERDICTS, "EKF", "CKF", "TUKF", "smoother")),
+    Screen("explanation/verdicts", "sound", "run", (_VERDICTS, "CKF")),
     Screen("paper", "RMSE", "run", ("coefficient", r"X_u\|u\|", r"Y_v\|v\|", "below paper")),
     Screen("paper", "steady state", "run", ("average +[0-9.]+ +6.064", "below paper")),
     Screen(
@@ -127,7 +127,11 @@ def sample(printed: str, kept: tuple[str, ...]) -> str:
         if shown and any(lines[begin:first]):
             shown.append(" ..." if lines[first].startswith(" ") else "...")
         for line in lines[first : last + 1]:
-            shown += [line] if len(line) <= _WIDTH else textwrap.wrap(line, _WIDTH, break_on_hyphens=False)
+            shown += (
+                [line]
+                if len(line) <= _WIDTH or line.startswith("next: ")
+                else textwrap.wrap(line, _WIDTH, break_on_hyphens=False)
+            )
         begin = last + 1
     return "\n".join(shown)
 

@@ -27,7 +27,7 @@ def test_a_page_is_what_the_package_says(name):
 
 
 # Other keys that a key may need, such as a column for its unit.
-NEEDED_TOO = (
+NEEDED_TOO: tuple[dict[str, object], ...] = (
     {},
     {"column": "x"},
     {"columns": ["x", "y", "z"]},
@@ -61,7 +61,7 @@ def test_each_key_of_the_reference_has_a_meaning_and_a_valid_example():
             text = make_reference.example(path, kind, model, name, field).strip("`")
             if make_reference.classes(field.annotation):
                 continue  # a section of its own
-            own = {key: yaml.safe_load(text)} | ({"type": kind} if kind else {})
+            own: dict[str, object] = {key: yaml.safe_load(text)} | ({"type": kind} if kind else {})
             errors = [errors_of(model, key, needed | own) for needed in NEEDED_TOO]
             assert text, where
             assert [] in errors, f"{where}: {text}: {errors[0]}"
