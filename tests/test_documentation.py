@@ -61,7 +61,9 @@ def test_each_key_of_the_reference_has_a_meaning_and_a_valid_example():
             text = make_reference.example(path, kind, model, name, field).strip("`")
             if make_reference.classes(field.annotation):
                 continue  # a section of its own
-            own: dict[str, object] = {key: yaml.safe_load(text)} | ({"type": kind} if kind else {})
+            own: dict[str, object] = {key: yaml.safe_load(text)}
+            if kind:
+                own["type"] = kind
             errors = [errors_of(model, key, needed | own) for needed in NEEDED_TOO]
             assert text, where
             assert [] in errors, f"{where}: {text}: {errors[0]}"
@@ -119,9 +121,10 @@ def test_modules_and_equations_of_the_theory_exist():
     modules = {path.name for folder in ("auvid_cli", "tests") for path in (ROOT / folder).rglob("*.py")}
     assert {name.split("/")[-1] for name in re.findall(r"`([\w/]+\.py)`", theory)} <= modules
     blocks = re.findall(r"(?ms)^```math\n(.*?)^```", theory)
-    assert [int(n) for block in blocks for n in re.findall(r"\\qquad \((\d+)\)", block)] == list(
-        range(1, len(blocks) + 1)
-    )
+    every = list(range(1, len(blocks) + 1))
+    assert [int(n) for block in blocks for n in re.findall(r"\\qquad \((\d+)\)", block)] == every
+    sources = re.findall(r"(?m)^\| ([\d, ]+) \|", theory.partition("## Sources of the equations")[2])
+    assert [int(n) for row in sources for n in row.split(",")] == every
 
 
 def test_pictures_are_what_their_commands_draw():
