@@ -107,7 +107,12 @@ SCREENS = (
         "how-to/fit", "fit", _FIT, ("look 1, candidate 2", "Prediction", "Judgement", "Added", "trim", "Held", "next: ")
     ),
     Screen("own-log", "by hand", _BY_HAND, ("Yaw rate in turns", "Sway in turns")),
-    Screen("how-to/validate", "first lines", _BY_HAND, ("Yaw rate in turns", "Sway in turns", "Yaw rate on straight")),
+    Screen(
+        "how-to/validate",
+        "first lines",
+        _BY_HAND,
+        ("Yaw rate in turns", "Sway in turns", r"Yaw rate on straight(?s:.*?)\.$"),
+    ),
 )
 
 
