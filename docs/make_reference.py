@@ -7,12 +7,14 @@ import json
 import types
 import typing
 from collections.abc import Iterator
+from enum import Enum
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from auvid_cli.config.campaign import Campaign
@@ -43,6 +45,7 @@ WRITTEN = {
     "vehicle.terms.standard_deviation": "2.5",
     "vehicle.terms.source": "tank test of 2024",
     "identification.delays": "{dvl: 0.1 s, inputs: 50 ms}",
+    "identification.prior.mean": "vehicle",
     "identification.prior.standard_deviation": "{N_uudr: 2}",
     "inputs.rudder.column": "rudder_angle",
     "inputs.rudder.unit": "deg",
@@ -52,11 +55,14 @@ WRITTEN = {
     "inputs.surge_force.unit": "kgf",
     "inputs.surge_force.scale": "0.1 N",
     "inputs.surge_force.constant": "10.9 N",
+    "inputs.thrust.b": "-0.01 N*s^2/m",
+    "inputs.thrust.revolutions.constant": "900 rpm",
+    "inputs.thrust.share.constant": "60 %",
     "inputs.thrust.revolutions.column": "rpm",
     "inputs.thrust.revolutions.unit": "rpm",
     "inputs.thrust.revolutions.scale": "1 rpm",
     "inputs.thrust.share.column": "throttle",
-    "inputs.thrust.share.unit": "%",
+    "inputs.thrust.share.unit": "'%'",
     "inputs.thrust.share.scale": "1 %",
     "inputs.roll_moment.column": "roll_moment",
     "inputs.roll_moment.unit": "N*m",
@@ -79,6 +85,7 @@ WRITTEN = {
     "sensors.magnetic_field.dip": "60 deg",
     "sensors.dvl.arm": "[0.3, 0, 0.1]",
     "sensors.dvl.scale_error": "0.01",
+    "sensors.accelerometer.position": "[0.3, 0, 0.1]",
     "sensors.dvl.position": "[0.3, 0, 0.1]",
     "sensors.depth.position": "[-0.5, 0, 0]",
     "manoeuvre.file": "inputs.csv",
@@ -111,8 +118,13 @@ WRITTEN = {
     "delimiter": ";",
     "header_row": "3",
     "names": "[time, p, q, r]",
-    "decimal": ",",
-    "missing": "[NaN, -9999]",
+    "decimal": "','",
+    "logs.missing": "[n/a, '-9999']",
+    "missing": "[-9999]",
+    "messages": "[DVL.msg]",
+    "time.nanoseconds": "nanosec",
+    "time.format": "'%d/%m/%Y %H:%M:%S.%f'",
+    "time.run": "2",
     "table": "/imu",
     "log": "navigation",
     "coloured_share": "0.5",
@@ -173,6 +185,14 @@ def reference() -> str:
     campaign: dict[type[BaseModel], str] = {}
     collect("", Campaign, campaign)
     return page + "".join(section(path, model) for model, path in campaign.items())
+
+
+def all_sections() -> dict[type[BaseModel], str]:
+    """Return all settings classes of experiments, maps, outlines and campaigns, with the first key of each."""
+    found: dict[type[BaseModel], str] = {}
+    for whole in (Experiment, LogMap, Outline, Campaign):
+        collect("", whole, found)
+    return found
 
 
 def setting_keys() -> str:
@@ -259,7 +279,7 @@ def section(path: str, model: type[BaseModel]) -> str:
     """Write the section of one settings class."""
     wholes = {LogMap: "A map", Outline: "An outline", Campaign: "A campaign", Experiment: "An experiment"}
     heading = f"\n### `{path}`" if path else f"\n### {wholes[model]}"
-    kind = typing.get_args(model.model_fields["type"].annotation)[0] if "type" in model.model_fields else ""
+    kind = type_of(model)
     heading += f" with `type: {kind}`" if kind else ""
     rows = [
         (
@@ -275,6 +295,11 @@ def section(path: str, model: type[BaseModel]) -> str:
     ]
     header = "key", "unit or choices", "from ... to", "default", "example", "meaning"
     return f"{heading}\n\n{summary(model)}\n\n" + table(header, rows)
+
+
+def type_of(model: type[BaseModel]) -> str:
+    """Return the `type` that selects a settings class, or an empty text."""
+    return typing.get_args(model.model_fields["type"].annotation)[0] if "type" in model.model_fields else ""
 
 
 def summary(model: type[BaseModel]) -> str:
@@ -317,6 +342,8 @@ def example(path: str, kind: str, model: type[BaseModel], name: str, field) -> s
         return f"`{typing.get_args(field.annotation)[-1]}`"
     if field.annotation is bool:
         return f"`{str(not field.default).lower()}`"
+    if isinstance(field.default, tuple) and given:
+        return f"`[{given}]`"
     return f"`{given}`" if given not in ("", "required") else ""
 
 
@@ -351,27 +378,46 @@ def unit(model: type[BaseModel], name: str, field) -> str:
         if isinstance(item, Unit):
             return item.unit
     if issubclass(model, SensorSettings) and typing.get_origin(field.annotation) is tuple:
-        if name == "arm":
+        if name in ("arm", "position"):
             return "m"
         own = SENSORS[model.sensor][0].unit if model is not SensorSettings else ""
         return f"{own}/s^0.5" if name == "drift" else own
-    if typing.get_origin(field.annotation) is typing.Literal:
-        return ", ".join(f"`{choice}`" for choice in typing.get_args(field.annotation))
-    if isinstance(field.annotation, type) and field.annotation in (int, float, str, bool):
-        return {int: "integer", float: "number", str: "text", bool: "true or false"}[field.annotation]
     if classes(field.annotation):
         return "see below"
-    return "list" if "tuple" in str(field.annotation) and typing.get_origin(field.annotation) is not dict else ""
+    return kind_of(field.annotation)
+
+
+def kind_of(annotation) -> str:
+    """Return the unit of an annotation, its choices, or the kind of its values."""
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is typing.Literal:
+        return ", ".join(f"`{choice}`" for choice in arguments)
+    if origin is typing.Annotated:
+        return next((item.unit for item in arguments[1:] if isinstance(item, Unit)), "") or kind_of(arguments[0])
+    if origin is dict:
+        return f"{kind_of(arguments[1])}, by name"
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(dict.fromkeys(kind for kind in map(kind_of, arguments) if kind))
+    if origin is tuple:
+        return "list"
+    if isinstance(annotation, type) and issubclass(annotation, Enum):
+        return ", ".join(f"`{choice.value}`" for choice in annotation)
+    return {int: "integer", float: "number", str: "text", bool: "true or false"}.get(annotation, "")
 
 
 def limits(field) -> str:
     """Return the range of a number; an amount may also be 0 if that means none."""
     low, high = "", ""
-    for item in field.metadata:
+    metadata = [*field.metadata]
+    for argument in typing.get_args(field.annotation):
+        if typing.get_origin(argument) is typing.Annotated:
+            for item in typing.get_args(argument)[1:]:
+                metadata += item.metadata if isinstance(item, FieldInfo) else [item]
+    for item in metadata:
         if isinstance(item, Unit):
             size = magnitude_of(item.unit)
             low, high = plain(size.smallest if isinstance(item, Amount) else -size.largest), plain(size.largest)
-    for item in field.metadata:
+    for item in metadata:
         least = next(
             (limit for limit in (getattr(item, "ge", None), getattr(item, "gt", None)) if limit is not None), None
         )

@@ -3,8 +3,10 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
+from pydantic import BaseModel, ValidationError
 
-from docs import make_conventions, make_geometry, make_timeline
+from docs import make_conventions, make_geometry, make_reference, make_timeline
 from docs.make_architecture import TARGET, architecture
 from docs.make_conventions import conventions
 from docs.make_timeline import timeline
@@ -22,6 +24,51 @@ def test_a_page_is_what_the_package_says(name):
     assert (ROOT / f"docs/{name}.md").read_text(encoding="utf-8") == getattr(module, name)(), (
         f"docs/{name}.md is out of date: python docs/make_{name}.py"
     )
+
+
+# Other keys that a key may need, such as a column for its unit.
+NEEDED_TOO: tuple[dict[str, object], ...] = (
+    {},
+    {"column": "x"},
+    {"columns": ["x", "y", "z"]},
+    {"noise": 0.1},
+    {"mean": "vehicle"},
+    {"rudder": {"column": "x"}},
+    {"revolutions": {"column": "x"}, "a": 1},
+    {"share": {"column": "x"}, "full": 1},
+    {"depth": {"rate": 1, "noise": 1}},
+)
+
+
+def errors_of(model: type[BaseModel], key: str, tree: dict[str, object]) -> list[str]:
+    """Return the errors of a key, and those of the section that are not missing keys."""
+    try:
+        model.model_validate(tree)
+    except ValidationError as error:
+        return [e["msg"] for e in error.errors() if e["type"] != "missing" and e["loc"][:1] in ((), (key,))]
+    return []
+
+
+def test_each_key_of_the_reference_has_a_meaning_and_a_valid_example():
+    checked = 0
+    for model, path in make_reference.all_sections().items():
+        kind = make_reference.type_of(model)
+        for name, field in model.model_fields.items():
+            key, where = field.alias or name, f"{path}.{field.alias or name}"
+            if name == "type":
+                continue
+            assert make_reference.meaning(field), where
+            text = make_reference.example(path, kind, model, name, field).strip("`")
+            if make_reference.classes(field.annotation):
+                continue  # a section of its own
+            own: dict[str, object] = {key: yaml.safe_load(text)}
+            if kind:
+                own["type"] = kind
+            errors = [errors_of(model, key, needed | own) for needed in NEEDED_TOO]
+            assert text, where
+            assert [] in errors, f"{where}: {text}: {errors[0]}"
+            checked += 1
+    assert checked > 500
 
 
 def test_the_table_of_shapes_is_what_the_formulas_give():
@@ -54,18 +101,19 @@ def numbers(text: str) -> set[str]:
     return set(re.findall(r"(?<![\w.,])-?\d+(?:\.\d+)?", re.sub(r"(?<=\d),(?=\d{3})", "", text)))
 
 
-def test_small_tables_of_the_studies_repeat_measured_numbers():
-    """Each study begins with a few numbers of its folded part, which a command writes."""
+def test_studies_begin_with_an_answer_and_a_small_table_of_measured_numbers():
+    """The numbers of the small table are in the folded part, which a command writes."""
     studies = (ROOT / "docs/studies.md").read_text(encoding="utf-8")
-    checked = 0
     for section in studies.split("\n## ")[1:]:
         title, (beginning, _, details) = section.partition("\n")[0], section.partition("<details")
-        for row in re.findall(r"(?m)(?<!\A)^\|.*", beginning)[2:]:
+        parts = re.findall(r"(?m)^\*\*(\w+)\.\*\* ", beginning)
+        assert parts == ["Question", "Answer", "Size"], title
+        rows = re.findall(r"(?m)^\|.*", beginning)[2:]
+        assert 2 <= len(rows) <= 6 or title == "What `auvid fit` finds", f"{title}: {len(rows)} rows"
+        for row in rows:
             first, *cells = row.strip("|").split("|")
             missing = numbers(" ".join(cells)) - numbers(details)
             assert not missing, f"{title}: {first.strip()}: {missing} is not in the folded part"
-            checked += 1
-    assert checked >= 25
 
 
 def test_modules_and_equations_of_the_theory_exist():
@@ -73,9 +121,10 @@ def test_modules_and_equations_of_the_theory_exist():
     modules = {path.name for folder in ("auvid_cli", "tests") for path in (ROOT / folder).rglob("*.py")}
     assert {name.split("/")[-1] for name in re.findall(r"`([\w/]+\.py)`", theory)} <= modules
     blocks = re.findall(r"(?ms)^```math\n(.*?)^```", theory)
-    assert [int(n) for block in blocks for n in re.findall(r"\\qquad \((\d+)\)", block)] == list(
-        range(1, len(blocks) + 1)
-    )
+    every = list(range(1, len(blocks) + 1))
+    assert [int(n) for block in blocks for n in re.findall(r"\\qquad \((\d+)\)", block)] == every
+    sources = re.findall(r"(?m)^\| ([\d, ]+) \|", theory.partition("## Sources of the equations")[2])
+    assert [int(n) for row in sources for n in row.split(",")] == every
 
 
 def test_pictures_are_what_their_commands_draw():

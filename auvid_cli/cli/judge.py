@@ -95,8 +95,8 @@ def validate(
     """Test how well an identified model predicts another run; exit code 1 if it fails.
 
     The model is simulated with the recorded inputs only: once over the whole run (free run), and from many starting
-    times over horizons of 0.5 to 50 s. The errors are compared with the uncertainty of the estimate, with the errors
-    of the prior, and with the errors if the motion did not change. Several datasets are judged together; --use applies
+    times over horizons of 0.5 to 50 s. The errors are compared with those of the vehicle file, of the prior and of an
+    unchanged motion, and with the uncertainty of the estimate. Several datasets are judged together; --use applies
     to all of them. The results are written next to the first dataset.
     """
     dataset_files = [options.dataset_file(path) for path in dataset_files]

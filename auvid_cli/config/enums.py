@@ -32,7 +32,7 @@ class FilterName(StrEnum):
             case FilterName.CKF:
                 return "Cubature Kalman filter: third-degree spherical rule, in square-root form."
             case FilterName.TUKF:
-                return "Transformed unscented Kalman filter: cubature points, turned so that none goes far in a state."
+                return "Transformed unscented Kalman filter: cubature points, rotated to stay close in each state."
             case FilterName.UKF:
                 return "Unscented Kalman filter with the scaled transformation."
             case FilterName.SMOOTHER:

@@ -212,6 +212,9 @@ def describe(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:56]} ..."
 
 
+_SIZES_OF_PERCENT = {"1": 0.01, "percent": 1.0}  # by the unit that is expected, because % is no part of other units
+
+
 @cache
 def _registry() -> "UnitRegistry":
     from pint import UnitRegistry
@@ -222,8 +225,8 @@ def _registry() -> "UnitRegistry":
 @cache
 def _factor(text: str, unit: str) -> float:
     """Return the size of the unit `text` in `unit`; ValueError if it is unknown or of another dimension."""
-    if (text, unit) == ("%", "1"):
-        return 0.01
+    if text == "%" and unit in _SIZES_OF_PERCENT:
+        return _SIZES_OF_PERCENT[unit]
     scale, dimension, angle = _base(unit)
     if dimension.get("meter") and not dimension.get("kilogram") and dimension.get("second", 0.0) < -1.0:
         text = with_standard_gravity(text)

@@ -148,7 +148,7 @@ class FaultKind(Enum):
     HELD_COEFFICIENT = (
         "held {}",
         "identification.coefficients",
-        "it is held at a value that these data contradict: estimate it ({setting}), or correct it",
+        "these data contradict the held value: estimate the coefficient ({setting}), or correct its value",
     )
     ANOTHER_MINIMUM = (
         "another minimum (cost {} higher)",

@@ -356,8 +356,8 @@ def _is_significant(test: FaultTest) -> bool:
 
 
 def _ahrs_or(reference: Estimate) -> str:
-    doubted = "errors of the AHRS, correlated in time, or " if is_from_ahrs(reference) else "a fault: "
-    return f"the data look like {doubted}"
+    doubted = "errors of the AHRS that are correlated in time, or like " if is_from_ahrs(reference) else ""
+    return f"the data look like {doubted}a fault: "
 
 
 def _doubt_of_distance(estimate: Estimate, reference: Estimate) -> Judgement | None:

@@ -62,7 +62,7 @@ class TuningProgress(NamedTuple):
         """Return how far it is, in words."""
         passes, trajectories, _, _, gain = self.search
         where = f"trajectory {trajectories + 1} of at most {MAX_TRAJECTORIES}"
-        return f"{passes} passes through the data, {where}, log-likelihood {gain:+.4g}"
+        return f"{passes} pass{'' if passes == 1 else 'es'} through the data, {where}, log-likelihood {gain:+.4g}"
 
 
 OnProgress = Callable[[TuningProgress], None]

@@ -63,6 +63,7 @@ def print_findings(console: Console, findings: CampaignSummary, files: Sequence[
         if not any(findings.filters["failed"]):
             table = table.without("failed %")
         console.print(narrowed(console, table, _DROPPED_COLUMNS, _SCREEN_DIGITS))
+        print_texts(console, table.notes)
     else:
         console.print(Text(f"{len(findings.filters)} combinations of settings and filter: see the tables"))
     print_texts(console, comparison_sentences(findings))
@@ -101,10 +102,10 @@ def filters_table(findings: CampaignSummary) -> Table:
         "Sound: share of the runs whose estimate may be used. Error: mean steady-state error of the coefficients, "
         "median over the runs; 90 % of the runs are within 5 - 95 %. In 2 sd: share of coefficients whose true value "
         "is within two standard deviations (corrected ones of batch estimates); 95.4 if these are right.",
-        "sd / bound: median of the stated standard deviations in terms of Cramer-Rao's bound, of the data alone. "
-        "Error / bound: root mean square of the errors in terms of it.",
-        "NEES: per coefficient, 1 if the covariance is right, and then within the last interval in 95 % of all cases. "
-        "Runs that failed or diverged count only as such; those that are inconsistent count.",
+        "sd / bound: median ratio of the standard deviation, from the data alone, to the Cramer-Rao bound. "
+        "Error / bound: root mean square of the errors divided by the bound.",
+        "NEES: squared error / covariance for each coefficient; 1 if the covariance is right. By chance: range of NEES "
+        "in 95 % of such cases. Errors of runs that failed or diverged are left out.",
     )
     return tabulated("campaign", "Filters", findings.filters.to_dict("records"), cells, notes)
 

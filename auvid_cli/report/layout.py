@@ -47,7 +47,7 @@ NIS_MEANS = (
 )
 _TOTAL = (
     "± total: standard deviation that also allows for errors of known quantities (identification.tolerances), such as "
-    "inertia and thrust. ± data: by the noise alone, correlated in time or not."
+    "inertia and thrust. ± data: from noise alone, also if it is correlated in time."
 )
 _FROM = "Mostly from: the known quantities that cause most of ± total, with their part of it in percent of the value."
 

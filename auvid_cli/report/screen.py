@@ -57,8 +57,8 @@ _VALIDATION_DIGITS = 3
 _DROPPED_OF_MODELS = "vehicle file", "prior", "unchanged"
 _ERRORS = (
     "Free run: the model is driven by the inputs alone. Noise: stated noise of the sensor. RMSE: error of the model. "
-    "Unchanged: error if the motion stayed as at the start. Prior: error with these coefficients. Vehicle file: error "
-    "of the vehicle as stated, without estimated trims and thrust."
+    "Unchanged: error if the motion stayed as at the start. Prior: error with the coefficients of the prior. Vehicle "
+    "file: error of the vehicle as stated, without estimated trims and thrust."
 )
 _BAND = "Band: two standard deviations, from coefficients, start, measurements and known defects of the model together."
 

@@ -29,6 +29,7 @@ _DIFFERENCE_DIGITS = 2
 _MARK = ""
 # Columns left out on a narrow terminal, in this order.
 _DROPPED_OF_COMPARISON = "table", "allowed"
+_DROPPED_OF_TERMS = "imitated %", "step", "predicted"
 _DESIGN_DIGITS = 3
 _TERM_DIGITS = 3
 _TUNING_DIGITS = 3
@@ -127,20 +128,21 @@ def print_terms(console: Console, findings: TermFindings) -> None:
         text_column("term"): lambda term: term.term,
         Column("size"): lambda term: term.size,
         Column("+-"): lambda term: term.standard_deviation,
-        Column("predicted gain"): lambda term: term.gain,
+        Column("predicted"): lambda term: term.gain,
         Column("imitated %"): lambda term: 100.0 * term.made_up_share,
-        Column("held-out gain"): lambda term: term.held_out_gain,
-        Column("gain on all data"): lambda term: term.evidence_gain,
+        Column("held out"): lambda term: term.held_out_gain,
+        Column("all data"): lambda term: term.evidence_gain,
         text_column("verdict"): _verdict,
     }
     table = tabulated("terms", "Terms", findings.scored, cells)
-    console.print(screen_table(console, table, _TERM_DIGITS, unbroken=["term", "size", "+-", "verdict"]))
+    console.print(narrowed(console, table, _DROPPED_OF_TERMS, _TERM_DIGITS))
     console.print(
         Text(
             f"{findings.n_candidates} candidates, fitted to {_of(findings.fitted)}, held out {_of(findings.held_out)}. "
-            "Gain: increase of the log-likelihood, predicted before the fit or found after it. Imitated: share of the "
-            "effect of the term that the coefficients of the model can imitate. Not kept: another term fits better or "
-            "replaces it. Not confirmed: the term does not improve the fit of the held-out data."
+            "Predicted: gain in log-likelihood, computed before the fit. Held out, all data: gain after the "
+            "fit. Imitated: share of the effect of the term that the coefficients of the model can imitate. Not "
+            "kept: another term fits better or replaces it. Not confirmed: the term does not improve the fit of the "
+            "held-out data."
         )
     )
     alike = [f"These data cannot separate {term.term} from {term.like}." for term in findings.found if term.like]
