@@ -36,7 +36,7 @@ _MAX_ERROR = 1e3  # %, larger errors are drawn at the edge
 
 
 def write_findings(findings: CampaignSummary, folder: Path) -> list[Path]:
-    """Write ``filters.csv``, ``coefficients.csv``, ``comparisons.csv`` and ``campaign.md``.
+    """Write ``runs.csv``, ``filters.csv``, ``coefficients.csv``, ``comparisons.csv`` and ``campaign.md``.
 
     Raises
     ------
@@ -44,6 +44,7 @@ def write_findings(findings: CampaignSummary, folder: Path) -> list[Path]:
         If a file cannot be written; an existing file then stays as it was.
     """
     tables = {
+        "runs": findings.runs,
         "filters": findings.filters,
         "coefficients": findings.coefficients,
         "comparisons": findings.comparisons.rename(columns={"conclusion": "verdict"}),

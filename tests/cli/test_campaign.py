@@ -76,7 +76,7 @@ def test_campaign_writes_results_tables_and_figures(finished):
     home = folder / "results/campaigns/small"
     assert len(runs(folder)) == 24
     assert {"ckf", "tukf"} <= set(result.stdout.split())
-    for name in ("filters.csv", "coefficients.csv", "comparisons.csv", "campaign.md"):
+    for name in ("runs.csv", "filters.csv", "coefficients.csv", "comparisons.csv", "campaign.md"):
         assert (home / "tables" / name).stat().st_size > 100
     assert (home / "figures/spread.png").stat().st_size > 1000
     assert "ckf and tukf, steady-state error" in (home / "report.html").read_text(encoding="utf-8")
