@@ -70,7 +70,7 @@ def fit_of_run(source: "RecordedData", output: options.OutputOptions, terminal: 
 
 def print_fit(result: "FitResult", terminal: Terminal) -> int:
     """Print what a search found, and the next command; returns the exit code."""
-    from auvid_cli.report.fit_steps import fit_sentences
+    from auvid_cli.report.sentences import fit_sentences
 
     for sentence in fit_sentences(result.fit):
         terminal.print_wrapped(sentence)

@@ -35,10 +35,9 @@ from auvid_cli.data.considered import ConsideredErrors, Contributor
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.innovations import Innovations, InnovationStatistics
 from auvid_cli.errors import InvalidDataError
-from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.matrices import Ballast
-from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, Quantity
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, ActuatorErrors, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,7 +7,6 @@ import numpy as np
 
 from auvid_cli.arrays import Array
 from auvid_cli.numerics import LANES, compiled, types
-from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SIGNALS
 from auvid_cli.vehicle.equations import (
     N_BLOCK,
@@ -22,7 +21,7 @@ from auvid_cli.vehicle.equations import (
     term_place,
 )
 from auvid_cli.vehicle.matrices import N_BALLAST
-from auvid_cli.vehicle.parameters import N_MOTION
+from auvid_cli.vehicle.parameters import N_MOTION, ActuatorErrors
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]

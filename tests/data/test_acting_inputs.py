@@ -14,7 +14,7 @@ from auvid_cli.data.acting_inputs import as_acting, with_actuator_dynamics
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.errors import ConfigError
 from auvid_cli.identification.run import identify
-from auvid_cli.vehicle.actuators import Actuator, Actuators
+from auvid_cli.vehicle.parameters import Actuator, Actuators
 
 TIMES = np.array([0.0, 0.13, 0.5, 0.52, 2.0])
 COMMANDS = np.array([0.1, -0.2, 0.3, 0.0, 0.2])

@@ -13,14 +13,13 @@ from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.fitting.results import Fit
 from auvid_cli.inspection.inspection import Inspection
-from auvid_cli.report.fit_steps import fit_sentences, measure_next_time, steps_tables
 from auvid_cli.report.layout import lay_out
 from auvid_cli.report.page import curves, parts, sections
 from auvid_cli.report.page.coefficients import coefficient_list, convergence, estimate_plots, forest
 from auvid_cli.report.page.render import symbol_parts
 from auvid_cli.report.plot_data import HorizonPlot, horizon_plots
 from auvid_cli.report.screen import assessment_sentences, bounds_table, holding_sentence
-from auvid_cli.report.shared_checks import score_sentences
+from auvid_cli.report.sentences import fit_sentences, measure_next_time, score_sentences, steps_tables
 from auvid_cli.report.table import by_kind, filter_label, number
 from auvid_cli.validation.results import Validation
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from auvid_cli.angles import wrap
+from auvid_cli.arrays import wrap
 from auvid_cli.config.log_map import load_map
 from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.logs.convert import convert
