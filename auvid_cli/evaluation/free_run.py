@@ -94,7 +94,7 @@ def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
     Returns
     -------
     ndarray, shape (..., 9) or (..., 10)
-        With the velocity over ground, as the DVL measures it.
+        With the velocity over ground, which the DVL measures.
     """
     read = motion + errors.offset[: motion.shape[-1]]
     with np.errstate(invalid="ignore", over="ignore"):

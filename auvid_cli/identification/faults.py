@@ -297,7 +297,7 @@ def _biases(kind: FaultKind, sensor: str) -> Iterator[FaultModel]:
     return _components(kind, symbols, SENSORS[sensor][0].unit, "bias_{}", sensor, _constant)
 
 
-# Parameters that have a usual tolerance, besides mass and buoyancy; those without effect on the equations are left out.
+# Parameters with a usual tolerance, except mass and buoyancy; those without effect on the equations are left out.
 _TOLERANCES = {
     **dict.fromkeys(("Ixx", "Iyy", "Izz"), "inertia"),
     **dict.fromkeys((q.symbol for q in PARAMETERS if q.symbol.endswith("dot")), "added_mass"),

@@ -68,7 +68,8 @@ class InitialStates:
 def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Dataset:
     """Return the data with the estimate's vehicle, coefficients, ballast, fins, thrust and settings, without truth.
 
-    Ballast, fins and thrust that walk, or with `anew` all, are left to the filter that finds the initial states.
+    Ballast, fins and thrust that walk (with `anew` also constant ones) are estimated by the filter that finds the
+    initial states.
     """
     earlier, identification = estimate.experiment, estimate.experiment.identification
     own = own_of_each_run(identification, anew)

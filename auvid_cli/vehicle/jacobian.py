@@ -283,7 +283,7 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
     transition : ndarray, shape (9, N_COLUMNS + terms)
         Derivative of the motion by initial motion and coefficients; initially [I 0].
     scratch : ndarray
-        Of length `transition_work`; overwritten.
+        Memory of length `transition_work`; overwritten.
     """
     work = _transition_workspace(scratch, n_terms(constants))
     columns = N_COLUMNS + n_terms(constants)

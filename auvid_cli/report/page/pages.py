@@ -203,8 +203,8 @@ def _horizons(validation: Validation) -> list[parts.Part]:
     """Plot the error of each signal over the horizon, on logarithmic scales."""
     plots = [_horizon(validation.filter, plot) for plot in horizon_plots(validation.predictions) if plot.horizons.size]
     words = (
-        "Root mean square error of predictions from many starts, over the time that they look ahead, for the model and "
-        "for what was known before. Errors below the noise of the sensor mean that its stated noise is too large, "
+        "Root mean square error of predictions from many starts, by the time that they look ahead: of the model, and "
+        "of what was known before. Errors below the noise of the sensor mean that its stated noise is too large, "
         "which is intended for an AHRS."
     )
     return [parts.Words([words]), parts.Plots(plots)] if plots else []
