@@ -138,8 +138,8 @@ def with_settings():
 
 @pytest.fixture(scope="session")
 def short_run(simulated_with) -> Dataset:
-    """The first 60 s of the default spiral; do not change its arrays."""
-    return simulated_with("manoeuvre.duration=60 s")
+    """The first 60 s of the default spiral, with fewer samples; do not change its arrays."""
+    return simulated_with("manoeuvre.duration=60 s", "sensors.gyroscope.rate=25 Hz", "sensors.attitude.rate=25 Hz")
 
 
 @pytest.fixture(scope="session")

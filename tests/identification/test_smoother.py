@@ -16,7 +16,8 @@ ZIGZAG = (
     "manoeuvre=manoeuvres/zigzag_20_20.yaml",
     "manoeuvre.speed=2 m/s",
     "manoeuvre.duration=60 s",
-    "sensors.attitude.source=direct",
+    "sensors.attitude={source: direct, rate: 25 Hz}",
+    "sensors.gyroscope.rate=25 Hz",
 )
 
 
@@ -68,7 +69,8 @@ def test_smoother_agrees_with_a_consistent_filter(short_run, short_estimates):
 def test_without_process_noise_it_is_the_output_error_fit(simulated_with):
     dataset = simulated_with(
         "manoeuvre.duration=30 s",
-        "sensors.attitude.source=direct",
+        "sensors.attitude={source: direct, rate: 20 Hz}",
+        "sensors.gyroscope.rate=20 Hz",
         "identification.output_error.use_prior=true",
         "identification.process_noise={velocity: 1e-9, rate: 1e-9, attitude: 1e-9}",
     )
