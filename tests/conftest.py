@@ -31,10 +31,9 @@ if not is_compiled(COMPILED_FILTERS[0]):
     _partner.wait()
 
 from auvid_cli.api import evaluation, results
-from auvid_cli.config.enums import FilterName
+from auvid_cli.config.enums import FilterName, shipped_configs
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import dump_experiment, find_experiment, load_experiment, parse_experiment
-from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.data import hdf5
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate

@@ -255,7 +255,7 @@ def test_an_autopilot_that_steers_by_more_than_is_logged_is_named(simulated_with
     """Depth and heading are held under disturbances; the log has neither gyroscope nor the true pitch."""
     pushes = "{moment: {standard_deviation: [0.005 N*m, 0.1 N*m, 0.1 N*m], time_constant: 3 s}}"
     dataset = simulated_with(
-        "manoeuvre={type: lawnmower, duration: 120 s, speed: 1.5 m/s, leg: 40 s, turn_rate: 6 deg/s, "
+        "manoeuvre={type: lawnmower, duration: 80 s, speed: 1.5 m/s, leg: 25 s, turn_rate: 6 deg/s, "
         f"autopilot: {{speed: false}}, input_rate: 10 Hz, disturbance: {pushes}}}",
         "sensors={attitude: {source: direct, rate: 10 Hz, noise: 0.15 deg}, dvl: {rate: 5 Hz, noise: 1 cm/s}}",
         "identification.coefficients=[M_uude, M_uwl, M_uql, N_uudr]",

@@ -140,7 +140,7 @@ def test_the_motion_is_integrated_out_where_noise_drives_it(overrides, marginal,
 def test_marginal_smoother_agrees_with_a_filter(simulated_with, with_settings):
     """The filter does not know the motion either."""
     slow = "sensors.attitude={source: direct, rate: 10 Hz}", "sensors.gyroscope.rate=10 Hz"
-    dataset = simulated_with("manoeuvre.duration=40 s", *slow, f"manoeuvre.disturbance={PUSHES}", DISTURBED)
+    dataset = simulated_with("manoeuvre.duration=25 s", *slow, f"manoeuvre.disturbance={PUSHES}", DISTURBED)
     joint = with_settings(dataset, "identification.smoother.answer=joint")
     (mean, deviation), *others = (
         coefficients(identify(data, name))
