@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 from auvid_cli._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from auvid_cli.api.analysis import find_terms, tune
+    from auvid_cli.api.analysis import find_terms, fit, tune
     from auvid_cli.api.data import import_logs, inspect
     from auvid_cli.api.evaluation import check, evaluate, identifiability, validate
     from auvid_cli.api.export import export_model, export_run
     from auvid_cli.api.files import load_experiment, read_dataset, read_estimate, write_dataset
-    from auvid_cli.api.fit import fit
     from auvid_cli.api.identification import identify
     from auvid_cli.api.results import run
     from auvid_cli.api.simulation import simulate, vehicle_from_geometry
@@ -53,7 +52,7 @@ _MODULES = {
     "export_model": "auvid_cli.api.export",
     "export_run": "auvid_cli.api.export",
     "find_terms": "auvid_cli.api.analysis",
-    "fit": "auvid_cli.api.fit",
+    "fit": "auvid_cli.api.analysis",
     "identifiability": "auvid_cli.api.evaluation",
     "identify": "auvid_cli.api.identification",
     "import_logs": "auvid_cli.api.data",

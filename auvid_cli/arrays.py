@@ -1,10 +1,10 @@
-"""Arrays of doubles: their type, and a sequence that is kept in memory up to a limit, and beyond it in a file."""
+"""Arrays of doubles: their type, angles modulo one turn, and a sequence that is kept in memory or in a file."""
 
 import tempfile
 import weakref
 from collections.abc import Iterator, Sequence
 from math import prod
-from typing import IO, NamedTuple, overload
+from typing import IO, Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,15 @@ from numpy.typing import NDArray
 from auvid_cli.errors import FileError
 
 Array = NDArray[np.float64]
+
+
+@overload
+def wrap(angle: float) -> float: ...
+@overload
+def wrap(angle: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def wrap(angle: Any) -> Any:
+    """Return angles or differences of angles, rad, in [-pi, pi); also used in compiled code."""
+    return angle - 2.0 * np.pi * np.floor(angle / (2.0 * np.pi) + 0.5)
 
 
 # Size of the arrays of one store in memory: some 40 minutes of a trajectory at 100 Hz.

@@ -57,7 +57,7 @@ CORE = (
     "design",
     "config/extra_states.py",
     "data/faults.py",
-    "angles.py",
+    "arrays.py",
     "numerics.py",
 )
 """Folders and modules of the package with compiled functions, or with constants that these use."""

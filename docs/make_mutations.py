@@ -18,11 +18,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 import auvid_cli as auvid
-from auvid_cli.angles import wrap
 from auvid_cli.api.data import suggest_map
 from auvid_cli.api.evaluation import judge
+from auvid_cli.arrays import wrap
+from auvid_cli.config.enums import shipped_configs
 from auvid_cli.config.loading import dump_experiment, parse_run
-from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.data.checks import csv_text
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import AuvidError

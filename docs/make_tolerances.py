@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from auvid_cli.config.enums import FilterName
+from auvid_cli.config.identification import Tolerances
 from auvid_cli.config.loading import find_experiment, load_experiment
-from auvid_cli.config.tolerances import Tolerances
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.judgement import judge

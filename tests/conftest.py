@@ -31,10 +31,9 @@ if not is_compiled(COMPILED_FILTERS[0]):
     _partner.wait()
 
 from auvid_cli.api import evaluation, results
-from auvid_cli.config.enums import FilterName
+from auvid_cli.config.enums import FilterName, shipped_configs
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import dump_experiment, find_experiment, load_experiment, parse_experiment
-from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.data import hdf5
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
@@ -138,8 +137,8 @@ def with_settings():
 
 @pytest.fixture(scope="session")
 def short_run(simulated_with) -> Dataset:
-    """The first 60 s of the default spiral; do not change its arrays."""
-    return simulated_with("manoeuvre.duration=60 s")
+    """The first 60 s of the default spiral, with fewer samples; do not change its arrays."""
+    return simulated_with("manoeuvre.duration=60 s", "sensors.gyroscope.rate=25 Hz", "sensors.attitude.rate=25 Hz")
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.angles import wrap
+from auvid_cli.arrays import wrap
 
 
 @pytest.mark.parametrize(("angle", "wrapped"), [(0, 0), (4, 4 - 2 * np.pi), (-4, 2 * np.pi - 4), (7, 7 - 2 * np.pi)])

@@ -14,8 +14,7 @@ import pytest
 import xarray
 
 import auvid_cli as auvid
-from auvid_cli.config.enums import FilterName
-from auvid_cli.config.shipped import shipped_configs
+from auvid_cli.config.enums import FilterName, shipped_configs
 from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.errors import AuvidError, ConfigError, DataError, FileError
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS

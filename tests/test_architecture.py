@@ -24,7 +24,7 @@ MAY_IMPORT = {
     "validation": {"config", "data", "evaluation", "filters", "identification", "vehicle"},
     "fitting": {"config", "data", "evaluation", "identification", "inspection", "validation", "vehicle"},
     "export": {"config", "data", "evaluation", "identification", "vehicle"},
-    "start": {"config", "export", "simulation", "vehicle"},
+    "start": {"config", "simulation", "vehicle"},
     "campaign": {"config", "data", "evaluation", "fitting", "identification", "simulation", "vehicle"},
     "report": {
         "campaign",

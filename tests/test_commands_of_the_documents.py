@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from auvid_cli.api import campaign
 from auvid_cli.cli.app import app
 from auvid_cli.cli.options import Group
-from auvid_cli.config import loading, shipped
+from auvid_cli.config import enums, loading
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.start import first_folder
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
@@ -46,14 +46,15 @@ def commands(block: str) -> Iterator[list[str]]:
 
 @pytest.fixture
 def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
-    """Shipped settings without the slowest filters and the judge, for 120 s; a trial run of a campaign; no figures."""
-    configs = shutil.copytree(shipped.shipped_configs(), tmp_path / "package/configs")
-    for path in (*configs.glob("*.yaml"), *configs.glob("manoeuvres/*.yaml")):
+    """Settings for 120 s at 25 Hz without the slowest filters and the judge; a trial run of a campaign; no figures."""
+    configs = shutil.copytree(enums.shipped_configs(), tmp_path / "package/configs")
+    for path in (*configs.glob("*.yaml"), *configs.glob("manoeuvres/*.yaml"), *configs.glob("sensors/*.yaml")):
         text = path.read_text(encoding="utf-8").replace("[ekf, ckf, tukf", "[ckf, tukf")
         # Of so short a run the errors of an AHRS, which last, are doubted with reason.
         text = re.sub("(, smoother)?, output_error]", "]", text).replace("  filters: [", "  judge: false\n  filters: [")
-        path.write_text(text.replace("duration: 300 s", "duration: 120 s"), encoding="utf-8")
-    monkeypatch.setattr(shipped, "PACKAGE", configs.parent)
+        text = text.replace("rate: 100 Hz", "rate: 25 Hz").replace("duration: 300 s", "duration: 120 s")
+        path.write_text(text, encoding="utf-8")
+    monkeypatch.setattr(enums, "PACKAGE", configs.parent)
     monkeypatch.setattr(campaign, "N_PROBES", 1)
     monkeypatch.setattr(first_folder, "MIN_DURATION", 120.0)
 
@@ -62,7 +63,8 @@ def write_log(path: Path) -> None:
     """A CSV file as a vehicle might log it, with all sensors in each row."""
     run = simulate(
         loading.load_experiment(
-            loading.find_experiment(None), ("seed=5", "sensors.dvl.rate=100 Hz", "sensors.attitude.source=direct")
+            loading.find_experiment(None),
+            ("seed=5", "sensors.dvl.rate=25 Hz", "sensors.attitude.source=direct", "manoeuvre.input_rate=25 Hz"),
         )
     )
     columns = {"time": run.inputs.time}
@@ -75,7 +77,7 @@ def write_log(path: Path) -> None:
 def fill_in(path: Path) -> None:
     """What only the user knows of a suggested map."""
     text = path.read_text(encoding="utf-8")
-    vehicle = f"vehicle: {shipped.shipped_configs()}/vehicles/vt690.yaml\nlogs:"
+    vehicle = f"vehicle: {enums.shipped_configs()}/vehicles/vt690.yaml\nlogs:"
     text = re.sub(r"(?s)vehicle: #.*?logs:", vehicle, text)
     text = re.sub(r"unit: null # required: m/s.*", "unit: m/s", text)
     path.write_text(text.replace("standard_deviation: null", "standard_deviation: 0.01"), encoding="utf-8")

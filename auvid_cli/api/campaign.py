@@ -8,12 +8,11 @@ from time import perf_counter
 from typing import NamedTuple
 
 from auvid_cli.api import Progress
-from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.cluster import dask_cluster, local_cluster, run_group, run_groups, shortened_group
 from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store
 from auvid_cli.campaign.summary import CampaignSummary, in_planned_order, summarize
-from auvid_cli.config.campaign import load_campaign
+from auvid_cli.config.campaign import Label, load_campaign
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.config.loading import find_campaign
 from auvid_cli.data.estimate_file import write_estimate

@@ -7,14 +7,13 @@ from pathlib import Path
 
 from auvid_cli.api import Destination, Progress, write_and_draw
 from auvid_cli.api.files import RecordedData, checked, read_dataset, results_folder
+from auvid_cli.config.enums import shipped_files, shipped_part
 from auvid_cli.config.log_map import load_map
-from auvid_cli.config.shipped import shipped_files, shipped_part
-from auvid_cli.data.checks import read_result_tables
+from auvid_cli.data.checks import DEVIATIONS, Comparison, Tolerance, compare_tables, read_result_tables
 from auvid_cli.data.dataset import Dataset, cut
 from auvid_cli.data.files import check_no_overlap, dataset_in, folder_of_run, locked, write_text
 from auvid_cli.data.results import other_run, put_dataset
 from auvid_cli.errors import ConfigError, FileError
-from auvid_cli.evaluation.differences import DEVIATIONS, Comparison, Tolerance, compare_tables
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.inspection import Inspection
 from auvid_cli.logs.convert import Conversion, dataset_from_logs, recorded_files

@@ -9,7 +9,7 @@ from auvid_cli.api.files import SimulatedData, checked
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import parse_drawing
-from auvid_cli.config.outline import outline_of_options
+from auvid_cli.config.outline import derived_vehicle_yaml, outline_of_options
 from auvid_cli.config.units import parse_quantity
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
@@ -18,7 +18,6 @@ from auvid_cli.data.hdf5 import begin_scan
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.results import other_estimates, other_run, put_dataset, refuse_unless
 from auvid_cli.errors import ConfigError
-from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
 from auvid_cli.simulation import simulate as simulation
 from auvid_cli.simulation.field_log import field_log
 from auvid_cli.start.first_folder import (

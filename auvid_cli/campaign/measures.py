@@ -1,11 +1,11 @@
-"""Results of a run of a campaign: a row for the run, and for each coefficient, motion state and sensor."""
+"""Results of runs of a campaign: rows for the run, each coefficient, motion state and sensor; outcomes and errors."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from auvid_cli.angles import wrap
+from auvid_cli.arrays import Array, wrap
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import (
@@ -17,6 +17,9 @@ from auvid_cli.evaluation.accuracy import (
 from auvid_cli.evaluation.innovations import status_of
 from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.vehicle.parameters import MOTION
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _ANGLES = ("phi", "theta", "psi")
 
@@ -118,3 +121,51 @@ def _rmse(estimate: Estimate, truth: TruthRecord, state: int, symbol: str) -> fl
     if symbol in _ANGLES:
         error = wrap(error)
     return float(np.sqrt(np.mean(error**2)))
+
+
+def ended(rows: "pd.DataFrame") -> "pd.Series":
+    """Whether the run of each row reached the end of its data."""
+    return rows["status"].str.startswith(("completed", "inconsistent"))
+
+
+def failed(rows: "pd.DataFrame") -> "pd.Series":
+    """Whether the run of each row ended with an error."""
+    return rows["status"].str.startswith("failed")
+
+
+def diverged(rows: "pd.DataFrame") -> "pd.Series":
+    """Whether the filter of each row did not reach the end of its data."""
+    return ~ended(rows) & ~failed(rows)
+
+
+class CellErrors(NamedTuple):
+    """Errors of the runs of a campaign with the same settings and filter."""
+
+    key: tuple[Any, ...]  # value of each axis
+    filter: str  # name of the filter variant
+    errors: Array  # mean steady-state error of each run that ended and has one, shape (n,), %
+    ended: int  # number of runs that reached the end of their data
+    runs: int  # number of all runs
+
+    @property
+    def lost(self) -> float:
+        """Return the share of runs that failed or diverged."""
+        return 1.0 - self.ended / self.runs
+
+
+def errors_by_cell(runs: "pd.DataFrame", columns: Sequence[str]) -> list[CellErrors]:
+    """Return the errors of each combination of settings and filter, in the order of the runs.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        A row for each run: axes, filter, status, steady_state_error_percent.
+    columns : sequence of str
+        Axes.
+    """
+    cells = []
+    for key, rows in runs.groupby([*columns, "filter"], sort=False):
+        *settings, name = key if isinstance(key, tuple) else (key,)
+        errors = rows["steady_state_error_percent"].dropna().to_numpy(np.float64)
+        cells.append(CellErrors(tuple(settings), str(name), errors, int(ended(rows).sum()), len(rows)))
+    return cells

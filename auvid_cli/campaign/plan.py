@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from auvid_cli._version import __version__
-from auvid_cli.campaign.axes import Label, Option, axis_options, changes_in
 from auvid_cli.campaign.measures import Measure
-from auvid_cli.config.campaign import Campaign, FilterVariant
+from auvid_cli.config.campaign import Campaign, FilterVariant, Label, Option, axis_options, changes_in
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.loading import (
     Change,

@@ -14,9 +14,9 @@ import pyarrow as pa
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
-from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.cluster import RunResult
 from auvid_cli.campaign.measures import Measure
+from auvid_cli.config.campaign import Label
 from auvid_cli.data.checks import csv_text, csv_value
 from auvid_cli.data.files import damage_as_file_error, replacing, write_text
 from auvid_cli.errors import FileError

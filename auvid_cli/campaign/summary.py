@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import binom, binomtest, chi2, false_discovery_control, wilcoxon
 
 from auvid_cli.arrays import Array
-from auvid_cli.campaign.axes import diverged, ended, failed
+from auvid_cli.campaign.measures import diverged, ended, failed
 
 # Quantiles of a 90 % interval.
 LOW = 0.05

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from auvid_cli._version import __version__
-from auvid_cli.cli import data, design, experiment, fit, judge, start
+from auvid_cli.cli import data, design, experiment, judge, start
 from auvid_cli.cli.options import BOTH_HELPS, Command, Group, examples_text, paragraphs
 
 
@@ -79,7 +79,7 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "fit",
-            fit.fit,
+            data.fit,
             "auvid fit results/dive/dataset.h5",
             "auvid fit results/dive/dataset.h5 --not current,dvl --max-time '5 min'",
         ),

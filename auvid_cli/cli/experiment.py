@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from auvid_cli.cli import options
-from auvid_cli.cli.fit import fit_of_run
+from auvid_cli.cli.data import fit_of_run
 from auvid_cli.cli.streams import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.errors import ConfigError
@@ -131,7 +131,7 @@ def identify(
     with terminal.compiling():
         from auvid_cli.api.identification import identify_data_into
         from auvid_cli.report.screen import print_estimate
-        from auvid_cli.report.shared_checks import contradiction_sentences, judgement_sentences
+        from auvid_cli.report.sentences import contradiction_sentences, judgement_sentences
 
     result = identify_data_into(output.destination(terminal), source, filters)
     print_estimate(terminal.out, result.estimates[0], result.judgements[result.estimates[0].filter])
@@ -241,8 +241,8 @@ def _print_settings(experiment: "RunSettings") -> int:
 def _print_result(result: "RunResult", terminal: Terminal, show: bool) -> int:
     """Print the summary of a results folder; return 1 if an estimate is inconsistent or diverged."""
     from auvid_cli.report.screen import print_files, print_summary
-    from auvid_cli.report.screen_table import print_texts
-    from auvid_cli.report.shared_checks import counts_in_words
+    from auvid_cli.report.sentences import counts_in_words
+    from auvid_cli.report.text_tables import print_texts
 
     print_summary(terminal.out, result.evaluation)
     print_texts(terminal.out, counts_in_words(result.checks))

@@ -14,8 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from auvid_cli.api import Destination
 from auvid_cli.cli.streams import DONE
 from auvid_cli.cli.terminal import Terminal, reporting_errors
-from auvid_cli.config.enums import FigureFormat, FilterName
-from auvid_cli.config.shipped import shipped_configs
+from auvid_cli.config.enums import FigureFormat, FilterName, shipped_configs
 from auvid_cli.errors import ConfigError
 
 if TYPE_CHECKING:

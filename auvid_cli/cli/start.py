@@ -185,8 +185,7 @@ def list_shipped(
     ] = None,
 ) -> None:
     """List the shipped experiments, vehicles, sensors, manoeuvres and campaigns, and the filters."""
-    from auvid_cli.config.enums import FilterName
-    from auvid_cli.config.shipped import shipped_files
+    from auvid_cli.config.enums import FilterName, shipped_files
 
     for kind in kinds or Listed:
         rows = (

@@ -119,7 +119,7 @@ class Terminal(Progress):
     """Prints the messages and progress of a command."""
 
     def __init__(self, quiet: bool, verbose: bool) -> None:
-        from auvid_cli.report.screen_table import PlainConsole
+        from auvid_cli.report.text_tables import PlainConsole
 
         self.quiet = quiet
         self.verbose = verbose and not quiet

@@ -1,19 +1,23 @@
-"""Settings of a campaign: an experiment repeated over seeds, filters and any settings."""
+"""Settings of a campaign: an experiment repeated over seeds, filters and axes, and the choices on each axis."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from math import prod
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from auvid_cli.config.enums import JUDGE, FilterName
-from auvid_cli.config.loading import Override, as_yaml, assemble, open_source, validated
+from auvid_cli.config.loading import Change, Override, as_yaml, assemble, open_source, validated
 from auvid_cli.config.settings import Settings
-from auvid_cli.config.source_positions import Mistake, Tree, dotted
+from auvid_cli.config.source_positions import KeyPath, Mistake, Tree, dotted, mistakes_text
+from auvid_cli.errors import ConfigError
 
 # Value of any setting, from YAML; it is validated as part of the experiment.
 AnyValue: TypeAlias = Any
+Label: TypeAlias = str | float | int | bool  # of a choice, in the results
 _Finite = Annotated[float, Field(ge=-1e20, le=1e20)]
 _NAME = r"^[A-Za-z][A-Za-z0-9_.-]*$"
 
@@ -222,3 +226,113 @@ def load_campaign(path: Path, overrides: Sequence[str] = ()) -> tuple[Campaign, 
             except ValueError as error:
                 mistakes.append(Mistake(value.at, key, str(error)))
     return validated(Campaign, tree, mistakes), tree
+
+
+class Option(NamedTuple):
+    """Choice on one axis for a run: its label in the results, its settings, and whether filters know them."""
+
+    label: Label
+    changes: list[Change]
+    known: bool
+
+
+def axis_options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any]) -> list[Callable[[int], Option]]:
+    """Return the options of an axis, each as a function of the seed.
+
+    Parameters
+    ----------
+    written : Tree
+        The axis in the campaign file, with positions.
+    experiment : mapping
+        Resolved settings; a relative axis multiplies their numbers.
+
+    Raises
+    ------
+    ConfigError
+        If a relative axis has no number to multiply.
+    """
+    if axis.levels is not None:
+        places = {label: _at(written, ("levels", label)) for label in axis.levels}
+        choices = [Option(label, changes_in(place), axis.known) for label, place in places.items()]
+        if axis.drawn_levels is not None:
+            return [lambda seed, numbers=axis.drawn_levels: _some_of(choices, numbers, _random(axis, seed))]
+        return [lambda seed, option=option: option for option in choices]
+    setting = setting_path(str(axis.setting))
+
+    def option(label: Any, place: Tree) -> Option:
+        value = _with_value(place, _scaled(label, setting, experiment, place)) if axis.relative else place
+        return Option(label if isinstance(label, Label) else json.dumps(label), [(setting, value)], axis.known)
+
+    if axis.draw is not None:
+        place, distribution = _at(written, ("draw",)), axis.draw
+
+        def drawn(seed: int) -> Option:
+            value = _draw(distribution, _random(axis, seed))
+            return option(value, _with_value(place, value))
+
+        return [drawn]
+    choices = [option(value, _at(written, ("values", k))) for k, value in enumerate(axis.values or ())]
+    return [lambda seed, option=option: option for option in choices]
+
+
+def changes_in(mapping: Tree | None) -> list[Change]:
+    """Return the entries of a mapping with dotted keys as changes of settings."""
+    return [(setting_path(key), value) for key, value in (mapping.content or {}).items()] if mapping else []
+
+
+def setting_path(key: str) -> KeyPath:
+    """Split a dotted key into a path."""
+    return tuple(part.strip() for part in key.split("."))
+
+
+def _with_value(place: Tree, value: float | list[float]) -> Tree:
+    """Return a tree with the positions of `place` and a computed value."""
+    content = [_with_value(place, item) for item in value] if isinstance(value, list) else value
+    return Tree(content, place.at, place.key_at)
+
+
+def _at(tree: Tree, path: KeyPath) -> Tree:
+    *_, last = tree.descend(path)
+    return last
+
+
+def _random(axis: CampaignAxis, seed: int) -> np.random.Generator:
+    # The name of the column, not its index, so that further axes do not change the draws.
+    return np.random.default_rng([seed, *axis.column.encode()])
+
+
+def _some_of(choices: Sequence[Option], numbers: tuple[int, int], random: np.random.Generator) -> Option:
+    """Return some of the options, `numbers` fewest and most, as one."""
+    fewest, most = numbers
+    drawn = sorted(random.choice(len(choices), random.integers(fewest, most + 1), replace=False).tolist())
+    label = "; ".join(str(choices[k].label) for k in drawn) or "none"
+    return Option(label, [change for k in drawn for change in choices[k].changes], choices[0].known)
+
+
+def _draw(distribution: Distribution, random: np.random.Generator) -> float:
+    if distribution.normal is not None:
+        return float(random.normal(*distribution.normal))
+    if distribution.log_uniform is not None:
+        low, high = np.log(distribution.log_uniform)
+        return float(np.exp(random.uniform(low, high)))
+    low, high = distribution.uniform or (0.0, 1.0)
+    return float(random.uniform(low, high))
+
+
+def _scaled(factor: Any, setting: KeyPath, experiment: Mapping[str, Any], place: Tree) -> float | list[float]:
+    """Return a number or list of the experiment times a factor."""
+    value: Any = experiment
+    for part in setting:
+        value = value.get(part) if isinstance(value, dict) else None
+    if isinstance(value, dict):
+        # An entry of a vehicle is a mapping with its value, status and source.
+        value = value.get("value")
+    numbers = value if isinstance(value, list) else [value]
+    if isinstance(factor, bool) or not isinstance(factor, int | float):
+        message = f"`relative` multiplies by numbers, got {factor!r}"
+        raise ConfigError(mistakes_text([Mistake(place.at, setting, message)]))
+    if not numbers or not all(isinstance(number, int | float) for number in numbers):
+        message = "`relative` multiplies a number, but the experiment has no number there"
+        raise ConfigError(mistakes_text([Mistake(place.at, setting, message)]))
+    scaled = [factor * float(number) for number in numbers]
+    return scaled if isinstance(value, list) else scaled[0]

@@ -1,11 +1,25 @@
-"""Names of filters, export formats and figure formats, without the code behind them, so that `--help` is fast."""
+"""Names of filters, formats and shipped files, without the code behind them, so that `--help` is fast."""
 
 from enum import StrEnum
-from typing import TypeVar, assert_never
+from pathlib import Path, PurePath
+from typing import NamedTuple, TypeVar, assert_never
 
 from auvid_cli.errors import ConfigError
 
 Member = TypeVar("Member", bound=StrEnum)
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+# Folder of each kind, within the folder of all settings.
+KINDS = {
+    "experiments": "",
+    "vehicles": "vehicles",
+    "sensors": "sensors",
+    "manoeuvres": "manoeuvres",
+    "campaigns": "campaigns",
+}
+# Kinds whose names in commands have no folder and no suffix.
+_BY_STEM = ("experiments", "campaigns")
 
 
 class FilterName(StrEnum):
@@ -87,3 +101,33 @@ def named(kind: type[Member], name: str, noun: str) -> Member:
         return kind(name)
     except ValueError:
         raise ConfigError(f"unknown {noun} {name!r}; auvid knows {', '.join(kind)}") from None
+
+
+class ShippedFile(NamedTuple):
+    """A settings file that ships with auvid: its name in commands and experiments, and a description of one line."""
+
+    name: str
+    description: str
+
+
+def shipped_configs() -> Path:
+    """Return the folder of the shipped settings: inside the package, or next to it in a checkout."""
+    inside = PACKAGE / "configs"
+    return inside if inside.is_dir() else PACKAGE.parent / "configs"
+
+
+def shipped_files(kind: str) -> list[ShippedFile]:
+    """Return the files of a kind, each with the comment in its first line as description."""
+    files = []
+    for path in sorted((shipped_configs() / KINDS[kind]).glob("*.yaml")):
+        first, *_ = path.read_text(encoding="utf-8").splitlines()
+        name = path.stem if kind in _BY_STEM else f"{KINDS[kind]}/{path.name}"
+        files.append(ShippedFile(name, first.removeprefix("#").strip()))
+    return files
+
+
+def shipped_part(name: str) -> Path | None:
+    """Return the path of a part such as ``sensors/table_iii.yaml``; None if no such file ships."""
+    path = shipped_configs() / name
+    is_within = not PurePath(name).is_absolute() and ".." not in PurePath(name).parts
+    return path if is_within and path.is_file() else None

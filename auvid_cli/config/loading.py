@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import ValidationError
 
+from auvid_cli.config.enums import shipped_configs, shipped_files, shipped_part
 from auvid_cli.config.experiment import Experiment, ImportedRun, RunSettings
 from auvid_cli.config.locate import locate
 from auvid_cli.config.settings import Settings
-from auvid_cli.config.shipped import shipped_configs, shipped_files, shipped_part
 from auvid_cli.config.source_positions import (
     MAX_DEPTH,
     OVERRIDE,

@@ -22,7 +22,7 @@ _Settings = TypeVar("_Settings", bound=Settings)
 
 
 def make_settings(name: str, module: str, base: type[_Settings], meaning: str | None, **fields: Any) -> type[_Settings]:
-    """Return a new settings class that can be pickled: pickle finds it by its name, a new one, in the module."""
+    """Return a new settings class; `name` must be new in the module, because pickle finds the class there."""
     made = create_model(name, __base__=base, __module__=module, __doc__=meaning, **fields)
     setattr(sys.modules[module], name, made)
     return made

@@ -11,11 +11,10 @@ from auvid_cli.config.geometry import GeometrySettings
 from auvid_cli.config.settings import Settings, make_settings
 from auvid_cli.config.units import Amount, Unit
 from auvid_cli.errors import ConfigError
-from auvid_cli.vehicle.actuators import Actuator, Actuators
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet
 from auvid_cli.vehicle.geometry import DerivedValue, coefficients_from_geometry
 from auvid_cli.vehicle.hull import Geometry
-from auvid_cli.vehicle.parameters import PARAMETERS
+from auvid_cli.vehicle.parameters import PARAMETERS, Actuator, Actuators
 
 _TimeConstant = Annotated[float | None, Amount("s"), Field(gt=0, le=1e3, description="time constant of the lag")]
 # Added mass can hide an invalid mass in the mass matrix, so each of these is checked by itself.

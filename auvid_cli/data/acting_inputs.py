@@ -7,7 +7,7 @@ from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.identification import INPUTS_DELAY
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.vehicle.actuator_motion import follow_commands
-from auvid_cli.vehicle.actuators import IDEAL, N_ACTUATORS, Actuators
+from auvid_cli.vehicle.parameters import IDEAL, N_ACTUATORS, Actuators
 
 # Steps of constant actuator position per time constant; the mean over each is exact.
 _SUBSTEPS = 4

@@ -37,7 +37,7 @@ class ConsideredErrors(NamedTuple):
     inflation: Array  # shape (n,); factor of the standard deviations by autocorrelated residuals
 
     def check(self, n_states: int) -> None:
-        """Raise an InvalidDataError if shapes or values are impossible for an estimate with so many states."""
+        """Raise an InvalidDataError if shapes or values are impossible for an estimate with `n_states` states."""
         k, n = len(self.faults), self.inflation.size
         check_shapes("/considered", (self.covariance, (k, k)), (self.effect, (n, k)))
         check_finite("/considered", self.covariance, self.effect, self.inflation)

@@ -35,10 +35,9 @@ from auvid_cli.data.considered import ConsideredErrors, Contributor
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.innovations import Innovations, InnovationStatistics
 from auvid_cli.errors import InvalidDataError
-from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.matrices import Ballast
-from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, Quantity
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, ActuatorErrors, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -162,16 +161,16 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
     steps : int
         Number of events without an error.
     cpu_time, wall_time : float
-        Of the filter alone, s.
+        Time that the filter alone took, s.
     faults : tuple of FaultTest
-        Of an estimator that tests for faults.
+        Tests for faults; empty if the estimator has none.
     considered : ConsideredErrors or None
         Errors of known quantities that are not estimated; those of the smoother for other estimators.
     explained : dict of InnovationStatistics
-        By sensor, of the innovations less the effects of the most likely errors of known quantities, within their
-        tolerances; empty if these explain hardly anything, or an estimator does not know them.
+        Statistics, by sensor, of the innovations without the effects of the most likely errors of known quantities
+        within their tolerances; empty if these explain hardly anything, or the estimator does not know them.
     dataset_sha256 : str
-        Of the file of its dataset; empty if the dataset was in memory.
+        Digest of the file of its dataset; empty if the dataset was in memory.
     """
 
     def __post_init__(self) -> None:

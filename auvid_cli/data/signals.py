@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.angles import wrap
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, wrap
 from auvid_cli.data.dataset import SensorRecord
 
 # Standard deviation of a normal variable divided by the median of its absolute value.

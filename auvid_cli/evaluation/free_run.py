@@ -15,11 +15,19 @@ from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.process import N_PREDICTED, move_freely
 from auvid_cli.numerics import LANES
-from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet
 from auvid_cli.vehicle.equations import N_WORK, factors, vehicle_constants
 from auvid_cli.vehicle.kinematics import current_in_body_axes, dvl_axes
-from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, MOTION_SYMBOLS, N_MOTION, SENSORS, state_of
+from auvid_cli.vehicle.parameters import (
+    AS_STATED,
+    MOTION,
+    MOTION_AND_DEPTH_SYMBOLS,
+    MOTION_SYMBOLS,
+    N_MOTION,
+    SENSORS,
+    ActuatorErrors,
+    state_of,
+)
 
 # Motion state whose measurements an additive error shifts, by symbol of the error.
 _ADDED = {
@@ -86,7 +94,7 @@ def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
     Returns
     -------
     ndarray, shape (..., 9) or (..., 10)
-        With the velocity over ground, as the DVL measures it.
+        With the velocity over ground, which the DVL measures.
     """
     read = motion + errors.offset[: motion.shape[-1]]
     with np.errstate(invalid="ignore", over="ignore"):

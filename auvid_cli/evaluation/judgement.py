@@ -49,7 +49,7 @@ FARTHEST_SEGMENT = 4.0  # largest difference of a coefficient in one of several 
 _LIMITS = {FaultKind.ANOTHER_MINIMUM: FARTHEST_MINIMUM, FaultKind.SEGMENT: FARTHEST_SEGMENT}
 _MOVES_NONE = "; it moves no coefficient by more than its total standard deviation"
 _SIGNIFICANT = 5.0  # distance of a coefficient from 0
-_MIN_MEASUREMENTS = 200  # of a component, for its autocorrelation
+_MIN_MEASUREMENTS = 200  # of a component; fewer give no autocorrelation
 # Errors of an AHRS are correlated in time and can imitate many faults.
 _WITHOUT_AHRS = (
     "first replace the AHRS by recorded accelerometer and magnetometer (identification.attitude_from=inertial) "

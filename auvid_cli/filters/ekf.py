@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgWarning
 from scipy.linalg.lapack import dpotrf  # pyright: ignore[reportAttributeAccessIssue]
 
-from auvid_cli.angles import wrap
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, wrap
 from auvid_cli.filters.problem import (
     OK,
     PREDICTION,

@@ -75,7 +75,7 @@ def carry_errors(timeline, about, forward_pass, effects, error, moved):
     Parameters
     ----------
     timeline, about, forward_pass
-        Of the chunk.
+        Events of the chunk, its trajectory, and its forward pass.
     effects : FaultEffects
         `on_measurements` is replaced by the effects on innovations; zero if missing.
     error : ndarray, shape (n, n_faults)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from auvid_cli.angles import wrap
+from auvid_cli.arrays import wrap
 from auvid_cli.filters.factor import carlson_update, triangularise
 from auvid_cli.filters.workspace import FEWER, PAIRS, lanes_of, n_blocks
 from auvid_cli.numerics import LANES, compiled

@@ -152,7 +152,7 @@ class FaultModel(NamedTuple):
     effect: Effect
     regressor: Regressor | None = None  # regressor of a missing term
     is_drift: bool = False  # whether it is a drift of `state`; tested only if `state` is estimated as a constant
-    # Field of `auvid_cli.config.tolerances.Tolerances` with its standard deviation; empty if it has none
+    # Field of `auvid_cli.config.identification.Tolerances` with its standard deviation; empty if it has none
     tolerance: str = ""
     parameter: str = ""  # symbol of the known parameter that is wrong, if it is one
     # Symbol of the disturbance to which a fin reacts before a sensor shows it; tested only if that is estimated,
@@ -297,7 +297,7 @@ def _biases(kind: FaultKind, sensor: str) -> Iterator[FaultModel]:
     return _components(kind, symbols, SENSORS[sensor][0].unit, "bias_{}", sensor, _constant)
 
 
-# Parameters that have a usual tolerance, besides mass and buoyancy; those without effect on the equations are left out.
+# Parameters with a usual tolerance, except mass and buoyancy; those without effect on the equations are left out.
 _TOLERANCES = {
     **dict.fromkeys(("Ixx", "Iyy", "Izz"), "inertia"),
     **dict.fromkeys((q.symbol for q in PARAMETERS if q.symbol.endswith("dot")), "added_mass"),

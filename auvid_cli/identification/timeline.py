@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.angles import wrap
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, wrap
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, shared_clock
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline

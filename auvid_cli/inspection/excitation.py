@@ -11,9 +11,8 @@ from auvid_cli.data.dataset import Dataset, InputRecord
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.kinematic_relations import Signals, derivative
 from auvid_cli.inspection.timing import new_measurement_rate
-from auvid_cli.vehicle.actuators import IDEAL, Actuator, Actuators
 from auvid_cli.vehicle.coefficients import CoefficientSet
-from auvid_cli.vehicle.parameters import INPUTS, MOTION, SENSORS, Quantity
+from auvid_cli.vehicle.parameters import IDEAL, INPUTS, MOTION, SENSORS, Actuator, Actuators, Quantity
 
 _MIN_FIN = np.deg2rad(1.0)  # rad, RMS
 _ROUNDING = 1e-9  # ratio of a deviation to the peak below which it is rounding

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
 
-from auvid_cli.angles import wrap
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, wrap
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import gap_limit, gaps, quantisation_step, stuck_times

@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from auvid_cli.campaign.axes import CellErrors, errors_by_cell
+from auvid_cli.campaign.measures import CellErrors, errors_by_cell
 from auvid_cli.campaign.summary import CampaignSummary
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.data.checks import csv_cell
@@ -17,9 +17,8 @@ from auvid_cli.data.files import write_text
 from auvid_cli.report.page import parts
 from auvid_cli.report.page.sections import campaign_provenance
 from auvid_cli.report.screen import print_files
-from auvid_cli.report.screen_table import narrowed, print_texts
 from auvid_cli.report.table import Cell, Column, Table, number, setting_text, tabulated, text_column
-from auvid_cli.report.text_tables import render_markdown
+from auvid_cli.report.text_tables import narrowed, print_texts, render_markdown
 
 _MAX_ROWS = 40  # on the screen; the files have all
 _SCREEN_DIGITS = 3

@@ -10,7 +10,7 @@ from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.files import write_text
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
-from auvid_cli.report.shared_checks import judgement_sentences
+from auvid_cli.report.sentences import judgement_sentences
 from auvid_cli.report.table import (
     DEVIATION_DIGITS,
     Cell,

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.angles import wrap
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, wrap
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import EstimateHistory, Innovations
 from auvid_cli.evaluation.results import FreeRun

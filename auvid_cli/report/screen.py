@@ -17,8 +17,7 @@ from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FixSuggestion, Identifiability
 from auvid_cli.report.layout import NIS_MEANS, consistency, estimates, rejections, runs, unobserved
-from auvid_cli.report.screen_table import encodable, fits, narrowed, print_texts, printed, screen_table
-from auvid_cli.report.shared_checks import (
+from auvid_cli.report.sentences import (
     SharedCheck,
     advices,
     counts_in_words,
@@ -39,6 +38,7 @@ from auvid_cli.report.table import (
     text_column,
 )
 from auvid_cli.report.table_iv import PAPER, accuracy, mark_explained
+from auvid_cli.report.text_tables import encodable, fits, narrowed, print_texts, printed, screen_table
 from auvid_cli.text import sentence
 from auvid_cli.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
 

@@ -10,13 +10,13 @@ from rich.console import Console
 from rich.text import Text
 
 from auvid_cli.config.settings import Spans
+from auvid_cli.data.checks import ComparedValue, Comparison
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.findings import DisturbanceChoice, ScoredTerm, TermFindings, TunedNoise, Tuning
-from auvid_cli.evaluation.differences import ComparedValue, Comparison
 from auvid_cli.evaluation.judgement import Grade, Judgement, whiteness
 from auvid_cli.logs.measurements import ImportSummary
-from auvid_cli.report.screen_table import MISSING, narrowed, print_texts, printed, screen_table
 from auvid_cli.report.table import Cell, Column, Table, UnitCell, tabulated, text_column
+from auvid_cli.report.text_tables import MISSING, narrowed, print_texts, printed, screen_table
 
 if TYPE_CHECKING:
     from auvid_cli.design.search import Design

@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.angles import wrap
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, wrap
 from auvid_cli.config.sensors import AhrsSensors
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import SimulationError

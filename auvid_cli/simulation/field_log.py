@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from auvid_cli.angles import wrap
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, wrap
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.checks import csv_text
 from auvid_cli.data.dataset import Dataset

@@ -9,10 +9,16 @@ from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.numerics import LANES, compiled, types
-from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, autopilot_controls, limited, steer
-from auvid_cli.simulation.manoeuvres import SETPOINTS, ManoeuvrePlan
+from auvid_cli.simulation.manoeuvres import (
+    CONTROLS,
+    INITIAL_MEMORY,
+    SETPOINTS,
+    ManoeuvrePlan,
+    autopilot_controls,
+    limited,
+    steer,
+)
 from auvid_cli.vehicle.actuator_motion import ACTUATOR, demanded, effective, moved
-from auvid_cli.vehicle.actuators import IDEAL, N_ACTUATORS
 from auvid_cli.vehicle.equations import (
     N_BLOCK,
     N_SLOPE,
@@ -24,7 +30,7 @@ from auvid_cli.vehicle.equations import (
     vehicle_constants,
 )
 from auvid_cli.vehicle.matrices import mass_matrix
-from auvid_cli.vehicle.parameters import N_MOTION
+from auvid_cli.vehicle.parameters import IDEAL, N_ACTUATORS, N_MOTION
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]

@@ -7,8 +7,7 @@ from zlib import crc32
 
 import numpy as np
 
-from auvid_cli.angles import wrap
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, wrap
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.extra_states import Disturbance
 from auvid_cli.config.manoeuvre import FinTrim, ManoeuvreSettings

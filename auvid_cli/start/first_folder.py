@@ -9,14 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import yaml
 
+from auvid_cli.config.enums import shipped_files, shipped_part
 from auvid_cli.config.loading import parse_vehicle
 from auvid_cli.config.manoeuvre import Spiral
-from auvid_cli.config.outline import Outline
+from auvid_cli.config.outline import Outline, derived_vehicle_yaml
 from auvid_cli.config.sanity import MAX_SLENDERNESS, MIN_SLENDERNESS, SanityWarning, full_cylinder, sanity_warnings
-from auvid_cli.config.shipped import shipped_files, shipped_part
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, SimulationError
-from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
 from auvid_cli.simulation.manoeuvres import make_plan
 from auvid_cli.simulation.motion import Truth, simulate_motion
 from auvid_cli.text import printable

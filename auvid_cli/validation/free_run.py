@@ -14,9 +14,8 @@ from auvid_cli.identification.timeline import Timelines
 from auvid_cli.validation.initial_states import InitialStates, Models
 from auvid_cli.validation.motion_prediction import SAME, MeasuredSignal, SignalSize, is_angle, unchanged_motion
 from auvid_cli.validation.results import FREE_RUN, Prediction, PredictionFit
-from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.matrices import Ballast
-from auvid_cli.vehicle.parameters import DEPTH, MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS, N_MOTION
+from auvid_cli.vehicle.parameters import DEPTH, MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS, N_MOTION, ActuatorErrors
 
 # Times of events, s, and predicted measurements, shape (events, 10), chunk by chunk.
 _Run: TypeAlias = Iterator[tuple[Array, Array]]

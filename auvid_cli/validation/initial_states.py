@@ -24,10 +24,9 @@ from auvid_cli.identification.prepared_data import PreparedData, corrected_recor
 from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.states import coefficient_priors
 from auvid_cli.validation.results import MAX_NIS
-from auvid_cli.vehicle.actuators import AS_STATED
 from auvid_cli.vehicle.equations import NO_ERRORS
 from auvid_cli.vehicle.matrices import NO_BALLAST
-from auvid_cli.vehicle.parameters import DISTURBANCE, MOTION_AND_DEPTH, Quantity
+from auvid_cli.vehicle.parameters import AS_STATED, DISTURBANCE, MOTION_AND_DEPTH, Quantity
 
 _NOISE_FACTORS = (10.0, 100.0, 1000.0)  # of the process noise, tried if innovations contradict the settings
 # A constant of these blocks is part of the model; one that walks differs in each run.
@@ -69,7 +68,8 @@ class InitialStates:
 def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Dataset:
     """Return the data with the estimate's vehicle, coefficients, ballast, fins, thrust and settings, without truth.
 
-    Ballast, fins and thrust that walk, or with `anew` all, are left to the filter that finds the initial states.
+    Ballast, fins and thrust that walk (with `anew` also constant ones) are estimated by the filter that finds the
+    initial states.
     """
     earlier, identification = estimate.experiment, estimate.experiment.identification
     own = own_of_each_run(identification, anew)

@@ -17,13 +17,12 @@ from auvid_cli.identification.prepared_data import PreparedData, prepare, used_s
 from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.validation import horizons, initial_states
 from auvid_cli.validation.data_leakage import other_vehicle
-from auvid_cli.validation.error_growth import ErrorGrowth, error_growth
 from auvid_cli.validation.free_run import FreeRunFit, fit_free_runs, free_run_rows
 from auvid_cli.validation.horizons import Bundle, Collected, Sample
 from auvid_cli.validation.initial_states import Draws, InitialStates, Models
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.validation.motion_prediction import MeasuredSignal, measured_signals, signal_sizes
-from auvid_cli.validation.prediction_checks import prediction_checks
+from auvid_cli.validation.prediction_errors import ErrorGrowth, error_growth, prediction_checks
 from auvid_cli.validation.results import ManoeuvreNumber, Prediction, Validation
 from auvid_cli.vehicle.equations import NO_ERRORS
 

@@ -6,7 +6,7 @@ The response depends on the commands alone, not on the state of the vehicle, so 
 import numpy as np
 
 from auvid_cli.numerics import compiled, types
-from auvid_cli.vehicle.actuators import Actuator
+from auvid_cli.vehicle.parameters import Actuator
 
 ACTUATOR = types.NamedUniTuple(types.float64, len(Actuator._fields), Actuator)
 _vector = types.float64[::1]

@@ -14,10 +14,9 @@ import numpy as np
 
 from auvid_cli.arrays import Array
 from auvid_cli.numerics import LANES, compiled, types
-from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, MAX_FACTORS, SIGNALS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast, mass_matrix
-from auvid_cli.vehicle.parameters import N_MOTION
+from auvid_cli.vehicle.parameters import AS_STATED, N_MOTION, ActuatorErrors
 
 # Offsets in the vector of constants.
 _COUPLING = 36 + 36 + 4

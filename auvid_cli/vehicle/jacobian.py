@@ -7,7 +7,6 @@ import numpy as np
 
 from auvid_cli.arrays import Array
 from auvid_cli.numerics import LANES, compiled, types
-from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SIGNALS
 from auvid_cli.vehicle.equations import (
     N_BLOCK,
@@ -22,7 +21,7 @@ from auvid_cli.vehicle.equations import (
     term_place,
 )
 from auvid_cli.vehicle.matrices import N_BALLAST
-from auvid_cli.vehicle.parameters import N_MOTION
+from auvid_cli.vehicle.parameters import N_MOTION, ActuatorErrors
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
@@ -284,7 +283,7 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
     transition : ndarray, shape (9, N_COLUMNS + terms)
         Derivative of the motion by initial motion and coefficients; initially [I 0].
     scratch : ndarray
-        Of length `transition_work`; overwritten.
+        Memory of length `transition_work`; overwritten.
     """
     work = _transition_workspace(scratch, n_terms(constants))
     columns = N_COLUMNS + n_terms(constants)

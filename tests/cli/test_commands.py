@@ -300,8 +300,11 @@ def test_file_as_results_folder_is_one_error(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-@pytest.mark.parametrize("first", ["dataset.h5", "estimates/.*"], ids=["loading", "filtering"])
+@pytest.mark.parametrize(
+    ("first", "number", "code"),
+    [("dataset.h5", signal.SIGINT, 130), ("estimates/.*", signal.SIGINT, 130), ("estimates/.*", signal.SIGTERM, 143)],
+    ids=["loading", "filtering", "termination"],
+)
 def test_interrupting_leaves_no_half_written_file(tmp_path, number, code, first):
     """Whatever it is at; an interrupt at the terminal reaches those who draw figures as well."""
     command = [sys.executable, "-m", "auvid_cli", "run", "--filter", "ekf"]

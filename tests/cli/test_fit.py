@@ -8,7 +8,7 @@ import typer
 from typer.testing import CliRunner
 
 from auvid_cli.cli.app import app
-from auvid_cli.cli.fit import fit
+from auvid_cli.cli.data import fit
 from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import write_dataset
 from auvid_cli.data.estimate_file import read_estimate
@@ -38,8 +38,8 @@ def test_invalid_option_is_refused_in_one_line(simulated_with, tmp_path, run, op
 
 def test_results_folder_stands_for_its_dataset(simulated_with, tmp_path, run, monkeypatch):
     received = []
-    monkeypatch.setattr("auvid_cli.api.fit.fit_into", lambda place, source, *rest: received.append(source))
-    monkeypatch.setattr("auvid_cli.cli.fit.print_fit", lambda result, terminal: 0)
+    monkeypatch.setattr("auvid_cli.api.analysis.fit_into", lambda place, source, *rest: received.append(source))
+    monkeypatch.setattr("auvid_cli.cli.data.print_fit", lambda result, terminal: 0)
     write_dataset(tmp_path / "dataset.h5", simulated_with("manoeuvre.duration=2 s"))
     assert run(tmp_path).exit_code == 0
     assert [source.path for source in received] == [tmp_path / "dataset.h5"]
@@ -61,8 +61,8 @@ def survey(tmp_path, monkeypatch):
 
 def test_logs_are_imported_in_any_order_with_the_map_next_to_them(survey, run, monkeypatch):
     received = []
-    monkeypatch.setattr("auvid_cli.api.fit.fit_into", lambda place, source, *rest: received.append(source))
-    monkeypatch.setattr("auvid_cli.cli.fit.print_fit", lambda result, terminal: 0)
+    monkeypatch.setattr("auvid_cli.api.analysis.fit_into", lambda place, source, *rest: received.append(source))
+    monkeypatch.setattr("auvid_cli.cli.data.print_fit", lambda result, terminal: 0)
     result = run(*sorted(survey.glob("*.csv")), "--set", "identification.prior.relative=20 %")
     assert result.exit_code == 0, result.output
     (source,) = received
@@ -83,8 +83,8 @@ def test_dataset_among_logs_is_refused(survey, run):
 
 def test_run_with_fit_simulates_and_searches(tmp_path, monkeypatch):
     received = []
-    monkeypatch.setattr("auvid_cli.api.fit.fit_into", lambda place, source, *rest: received.append(source))
-    monkeypatch.setattr("auvid_cli.cli.fit.print_fit", lambda result, terminal: 1)
+    monkeypatch.setattr("auvid_cli.api.analysis.fit_into", lambda place, source, *rest: received.append(source))
+    monkeypatch.setattr("auvid_cli.cli.data.print_fit", lambda result, terminal: 1)
     arguments = ["run", "--fit", "--set", "manoeuvre.duration=5 s", "-o", str(tmp_path)]
     assert CliRunner().invoke(app, arguments).exit_code == 1
     (source,) = received

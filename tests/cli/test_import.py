@@ -9,7 +9,7 @@ import typer
 from typer.testing import CliRunner
 
 from auvid_cli.cli.data import import_log
-from auvid_cli.config.shipped import shipped_configs
+from auvid_cli.config.enums import shipped_configs
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 

@@ -3,8 +3,7 @@
 import pytest
 
 from auvid_cli.cli.start import Listed
-from auvid_cli.config.enums import FilterName
-from auvid_cli.config.shipped import shipped_files
+from auvid_cli.config.enums import FilterName, shipped_files
 
 from .conftest import auvid
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import auvid_cli.data.results
-from auvid_cli.config.shipped import shipped_configs
+from auvid_cli.config.enums import shipped_configs
 from auvid_cli.data.files import dataset_in, products
 from auvid_cli.errors import SimulationError
 

@@ -21,7 +21,7 @@ def run(monkeypatch):
 @pytest.mark.slow
 def test_found_term_is_written_for_identify(multisine_with, tmp_path, run):
     file = tmp_path / "dataset.h5"
-    write_dataset(file, multisine_with(PLANTED))
+    write_dataset(file, multisine_with(PLANTED, "manoeuvre.duration=20 s"))
     result = run(file, "--set", "vehicle.terms=[]", "--most", "1")
     assert result.exit_code == 0, result.output
     assert "Found: N_|v|r." in result.output
@@ -39,7 +39,7 @@ def test_found_term_is_written_for_identify(multisine_with, tmp_path, run):
 @pytest.mark.slow
 def test_complete_model_gives_no_term_and_no_file(multisine_with, tmp_path, run):
     file = tmp_path / "dataset.h5"
-    write_dataset(file, multisine_with())
+    write_dataset(file, multisine_with("manoeuvre.duration=20 s"))
     result = run(file)
     assert result.exit_code == 0, result.output
     assert "No term is proposed" in result.output

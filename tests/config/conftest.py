@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import pytest
 
-from auvid_cli.config.shipped import shipped_configs
+from auvid_cli.config.enums import shipped_configs
 
 SENSORS = """\
 sensors:

@@ -5,7 +5,7 @@ import pytest
 
 from auvid_cli.config.loading import dump_experiment, parse_experiment
 from auvid_cli.errors import ConfigError
-from auvid_cli.vehicle.actuators import IDEAL, Actuator
+from auvid_cli.vehicle.parameters import IDEAL, Actuator
 
 FINS = (
     "{dead_band: 0.5 deg, saturation: 20 deg, rate_limit: 60 deg/s, time_constant: 80 ms, "

@@ -5,11 +5,10 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.config import shipped
-from auvid_cli.config.enums import FilterName
+from auvid_cli.config import enums
+from auvid_cli.config.enums import FilterName, shipped_configs
 from auvid_cli.config.loading import dump_experiment, find_experiment, load_experiment, parse_experiment
 from auvid_cli.config.manoeuvre import Recorded, Spiral
-from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.matrices import mass_matrix
@@ -141,7 +140,7 @@ def test_find_experiment_finds_files_folders_and_shipped(tmp_path, monkeypatch):
     configs.mkdir()
     (configs / "spiral.yaml").touch()
     (configs / "zigzag.yaml").touch()
-    monkeypatch.setattr(shipped, "PACKAGE", tmp_path / "package")
+    monkeypatch.setattr(enums, "PACKAGE", tmp_path / "package")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "zigzag").mkdir()
     (tmp_path / "mine.yaml").touch()

@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
+from auvid_cli.config.enums import shipped_configs
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.config.log_map import load_map, plain_map
-from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.errors import ConfigError
 
 HEAD = f"""\

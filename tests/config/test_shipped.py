@@ -2,13 +2,13 @@
 
 import pytest
 
-from auvid_cli.config import shipped
+from auvid_cli.config import enums
+from auvid_cli.config.enums import KINDS, shipped_configs, shipped_files, shipped_part
 from auvid_cli.config.loading import load_experiment
-from auvid_cli.config.shipped import KINDS, shipped_configs, shipped_files, shipped_part
 
 
 def test_configs_inside_the_package_come_first(tmp_path, monkeypatch):
-    monkeypatch.setattr(shipped, "PACKAGE", tmp_path / "package")
+    monkeypatch.setattr(enums, "PACKAGE", tmp_path / "package")
     assert shipped_configs() == tmp_path / "configs"
     (tmp_path / "package" / "configs").mkdir(parents=True)
     assert shipped_configs() == tmp_path / "package" / "configs"
@@ -23,7 +23,7 @@ def test_every_shipped_file_has_kind_and_description():
 
 
 def test_description_is_comment_in_first_line(tmp_path, monkeypatch):
-    monkeypatch.setattr(shipped, "PACKAGE", tmp_path)
+    monkeypatch.setattr(enums, "PACKAGE", tmp_path)
     for file in ("configs/a.yaml", "configs/vehicles/b.yaml"):
         (tmp_path / file).parent.mkdir(exist_ok=True)
         (tmp_path / file).write_text("# A thing.\n# More of it.\nname: b\n")

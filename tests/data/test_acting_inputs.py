@@ -14,7 +14,7 @@ from auvid_cli.data.acting_inputs import as_acting, with_actuator_dynamics
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.errors import ConfigError
 from auvid_cli.identification.run import identify
-from auvid_cli.vehicle.actuators import Actuator, Actuators
+from auvid_cli.vehicle.parameters import Actuator, Actuators
 
 TIMES = np.array([0.0, 0.13, 0.5, 0.52, 2.0])
 COMMANDS = np.array([0.1, -0.2, 0.3, 0.0, 0.2])
@@ -145,8 +145,8 @@ def test_delay_of_unknown_sensor_is_refused(experiment_with):
 @pytest.mark.slow
 def test_stated_delays_are_compensated(simulated_with, with_settings):
     """Delays of the gyroscope and the inputs; the fault tests of the smoother find nothing else."""
-    white = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
-    run = simulated_with("manoeuvre.duration=60 s", white)
+    white = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=25 Hz"
+    run = simulated_with("manoeuvre.duration=60 s", *white)
     gyroscope, time = run.sensors["gyroscope"], run.inputs.time
     early = np.transpose([np.interp(time + 0.02, time, column) for column in run.inputs.values.T])
     late = replace(

@@ -80,7 +80,8 @@ def test_without_process_noise_the_bound_with_it_is_that_of_the_free_motion(simu
     """From another algorithm: a smoother's posterior less its prior, against sensitivities of the free motion."""
     dataset = simulated_with(
         "manoeuvre.duration=30 s",
-        "sensors.attitude.source=direct",
+        "sensors.attitude={source: direct, rate: 20 Hz}",
+        "sensors.gyroscope.rate=20 Hz",
         "identification.process_noise={velocity: 1e-9, rate: 1e-9, attitude: 1e-9}",
     )
     prepared, smoother = prepare(dataset), identify(dataset, FilterName.SMOOTHER)
@@ -108,7 +109,8 @@ def test_beside_a_current_that_is_sought_it_is_promised_what_an_estimate_then_ha
         "manoeuvre=manoeuvres/zigzag_20_20.yaml",
         "manoeuvre.duration=60 s",
         *("manoeuvre.current_north=0.15 m/s", "manoeuvre.current_east=-0.2 m/s"),
-        *("sensors.attitude.source=direct", "sensors.dvl.noise=1 cm/s", "identification.integration_step=0.05 s"),
+        *("sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz"),
+        *("sensors.dvl.noise=1 cm/s", "identification.integration_step=0.05 s"),
         "identification.coefficients=[X_u|u|, Y_url, Y_uvl, N_url, N_uvl, Y_uudr, N_uudr]",
         "identification.estimate={biases: [current, thrust, fin_trim], current: {walk: 0 m/s/s^0.5}}",
         "identification.process_noise={velocity: 1e-3, rate: 1e-3}",
@@ -187,7 +189,8 @@ def test_coefficients_whose_model_diverges_have_no_bound_and_that_is_said(short_
 @pytest.fixture(scope="module")
 def unstable_run():
     """300 s of a vehicle that is unstable in open loop."""
-    return simulate(load_experiment(find_experiment("dive")))
+    slow = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz"
+    return simulate(load_experiment(find_experiment("dive"), slow))
 
 
 @pytest.fixture(scope="module")

@@ -101,7 +101,7 @@ def test_a_fault_that_explains_most_of_what_lasts_stands_before_it(size, first, 
 
 @pytest.mark.slow
 def test_errors_of_a_gyroscope_that_last_are_named_and_nobody_says_to_lower_the_process_noise(simulated_with, rng):
-    dataset = simulated_with("manoeuvre.duration=60 s", "sensors.attitude.source=direct")
+    dataset = simulated_with("manoeuvre.duration=40 s", "sensors.attitude={source: direct, rate: 20 Hz}")
     gyroscope = dataset.sensors["gyroscope"]
     last = autoregressive(rng, 0.99, len(gyroscope.time)) * gyroscope.standard_deviation
     sensors = dataset.sensors | {"gyroscope": replace(gyroscope, values=gyroscope.values + last)}

@@ -69,7 +69,7 @@ def test_divergence_is_the_status_whatever_the_innovations(hand_made, innovation
 @pytest.mark.slow
 def test_the_wrong_vehicle_is_called_inconsistent(simulated_with, filter_name, with_settings):
     """Roll inertia and righting moment far from what they are: no coefficient makes up for that."""
-    run = simulated_with("manoeuvre.duration=8 s")
+    run = simulated_with("manoeuvre.duration=8 s", "sensors.attitude.rate=25 Hz", "sensors.gyroscope.rate=25 Hz")
     wrong = with_settings(run, "vehicle.parameters.Ixx=4 kg*m^2", "vehicle.parameters.zG=3 cm")
     assert status_of(identify(wrong, filter_name)).startswith(("inconsistent", "diverged", "unconverged"))
 

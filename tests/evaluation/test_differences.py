@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.evaluation.differences import Tolerance, compare_tables
+from auvid_cli.data.checks import Tolerance, compare_tables
 
 KEY = ("ckf", "X_u|u|")
 

@@ -3,9 +3,9 @@ import yaml
 
 from auvid_cli.config.coefficients import Prior
 from auvid_cli.config.loading import find_experiment, load_experiment, parse_drawing, parse_vehicle
+from auvid_cli.config.outline import derived_vehicle_yaml
 from auvid_cli.config.sanity import sanity_warnings
 from auvid_cli.errors import ConfigError
-from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
 from auvid_cli.identification.states import coefficient_priors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS

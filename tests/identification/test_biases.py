@@ -20,8 +20,8 @@ ATTITUDE = np.array([0.003, -0.004, 0.03])
 SCALE, YAW = 0.02, 0.03
 BIASED = (
     "manoeuvre.duration=60 s",
-    "sensors.gyroscope.bias=[0.004, -0.003, 0.005]",
-    "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg, bias: [0.003, -0.004, 0.03]}",
+    "sensors.gyroscope={rate: 25 Hz, range: 0.2 deg/s, bias: [0.004, -0.003, 0.005]}",
+    "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg, bias: [0.003, -0.004, 0.03]}",
 )
 ALL = "identification.estimate.biases=[gyro, attitude]"
 
@@ -34,9 +34,9 @@ def biased(simulated_with):
 @pytest.fixture(scope="module")
 def mounted_badly(simulated_with):
     """A DVL that reads 2 % too much and is turned by 0.03 rad; everything else without bias."""
-    direct = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
+    direct = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=25 Hz"
     return simulated_with(
-        "manoeuvre.duration=60 s", direct, f"sensors.dvl.scale_error={SCALE}", f"sensors.dvl.mounting_yaw={YAW}"
+        "manoeuvre.duration=60 s", *direct, f"sensors.dvl.scale_error={SCALE}", f"sensors.dvl.mounting_yaw={YAW}"
     )
 
 
@@ -96,7 +96,7 @@ def test_scale_and_mounting_of_the_dvl_are_found(mounted_badly, with_settings, f
 
 @pytest.mark.slow
 def test_a_bias_that_walks_is_followed(simulated_with, with_settings, kalman_filter):
-    drifting = simulated_with(*BIASED, "sensors.gyroscope.drift=5e-4 rad/s/s^0.5")
+    drifting = simulated_with(*BIASED, "sensors.gyroscope.rate=100 Hz", "sensors.gyroscope.drift=5e-4 rad/s/s^0.5")
     constant = identify(with_settings(drifting, ALL), kalman_filter)
     walking = identify(
         with_settings(drifting, ALL, "identification.estimate.gyro.walk=5e-4 rad/s/s^0.5"), kalman_filter
@@ -180,8 +180,8 @@ def ballasted(simulated_with, with_settings, experiment_with):
     """A vehicle whose file states another buoyancy, at another place, than it has."""
     stated = experiment_with().vehicle.known_parameters()
 
-    direct = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
-    dataset = simulated_with("manoeuvre.duration=60 s", direct, *buoyancy(BALLAST.added_to(stated)))
+    direct = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=25 Hz"
+    dataset = simulated_with("manoeuvre.duration=60 s", *direct, *buoyancy(BALLAST.added_to(stated)))
     return with_settings(dataset, *buoyancy(stated))
 
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.enums import FilterName
-from auvid_cli.config.tolerances import Tolerances
+from auvid_cli.config.identification import Tolerances
 from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.data.estimate_file import read_estimate, write_estimate
 from auvid_cli.data.faults import Fault

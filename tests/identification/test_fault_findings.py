@@ -26,7 +26,8 @@ DEGREE = np.pi / 180.0
 @pytest.fixture(scope="module")
 def clean(simulated_with):
     """With all turns that a fault may show in, and white noise only."""
-    return simulated_with("manoeuvre.duration=60 s", "sensors.attitude.source=direct")
+    slow = "sensors.attitude={source: direct, rate: 25 Hz}", "sensors.gyroscope.rate=25 Hz"
+    return simulated_with("manoeuvre.duration=60 s", *slow)
 
 
 def biased(data):
@@ -146,7 +147,8 @@ def test_clean_data_have_no_fault(clean):
 @pytest.mark.slow
 def test_autocorrelated_errors_of_an_ahrs_are_no_fault_and_hide_none(simulated_with):
     """On a zigzag white tests find a lever arm of the DVL by 6 of their standard deviations."""
-    honest = simulated_with("manoeuvre=manoeuvres/zigzag_20_20.yaml", "manoeuvre.speed=3.9 m/s", "seed=202")
+    slow = "sensors.attitude.rate=25 Hz", "sensors.gyroscope.rate=25 Hz"
+    honest = simulated_with("manoeuvre=manoeuvres/zigzag_20_20.yaml", "manoeuvre.speed=3.9 m/s", "seed=202", *slow)
     sound, doubtful = (identify(data.without_truth(), FilterName.SMOOTHER) for data in (honest, biased(honest)))
     assert judge([sound])["smoother"].grade == "sound"
     assert max(test.excess for test in sound.faults) < LARGEST_FAULT
@@ -253,7 +255,7 @@ def test_an_autopilot_that_steers_by_more_than_is_logged_is_named(simulated_with
     """Depth and heading are held under disturbances; the log has neither gyroscope nor the true pitch."""
     pushes = "{moment: {standard_deviation: [0.005 N*m, 0.1 N*m, 0.1 N*m], time_constant: 3 s}}"
     dataset = simulated_with(
-        "manoeuvre={type: lawnmower, duration: 120 s, speed: 1.5 m/s, leg: 40 s, turn_rate: 6 deg/s, "
+        "manoeuvre={type: lawnmower, duration: 80 s, speed: 1.5 m/s, leg: 25 s, turn_rate: 6 deg/s, "
         f"autopilot: {{speed: false}}, input_rate: 10 Hz, disturbance: {pushes}}}",
         "sensors={attitude: {source: direct, rate: 10 Hz, noise: 0.15 deg}, dvl: {rate: 5 Hz, noise: 1 cm/s}}",
         "identification.coefficients=[M_uude, M_uwl, M_uql, N_uudr]",

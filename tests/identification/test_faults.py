@@ -14,12 +14,11 @@ from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, FaultedVehicle
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.process import vehicle_process
-from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.equations import factors, vehicle_constants
 from auvid_cli.vehicle.kinematics import GRAVITY, dvl_axes, rotation_matrix
 from auvid_cli.vehicle.matrices import mass_matrix
-from auvid_cli.vehicle.parameters import INERTIAL
+from auvid_cli.vehicle.parameters import INERTIAL, ActuatorErrors
 
 BY_NAME = {str(fault.fault): fault for fault in FAULTS}
 N = 20

@@ -212,7 +212,8 @@ def test_without_a_gyroscope_the_rates_follow_from_the_attitude(short_run, filte
 
 @pytest.mark.slow
 def test_heading_that_wraps_does_no_harm(simulated_with, filter_name):
-    dataset = simulated_with("manoeuvre.duration=80 s")
+    slow = "sensors.gyroscope.rate=25 Hz", "sensors.attitude.rate=25 Hz"
+    dataset = simulated_with("manoeuvre.duration=80 s", *slow)
     heading = dataset.sensors["attitude"].values[:, 2]
     assert (np.abs(np.diff(heading[np.isfinite(heading)])) > np.pi).any(), "the test should cross south"
     estimate = identify(dataset, filter_name)
@@ -250,7 +251,7 @@ def test_innovations_have_the_times_of_their_sensor(short_run, short_estimates, 
 def test_chunks_of_any_length_follow_each_other_and_make_the_whole(
     short_run, short_estimates, kalman_filter, monkeypatch
 ):
-    monkeypatch.setattr("auvid_cli.identification.prepared_data.Timelines", in_chunks_of(333))
+    monkeypatch.setattr("auvid_cli.identification.prepared_data.Timelines", in_chunks_of(111))
     (run,), chunks = set_up_filters(prepare(short_run), [kalman_filter]), []
     outcome = run.run(chunks.append)
     assert len(chunks) > 15
@@ -261,7 +262,7 @@ def test_chunks_of_any_length_follow_each_other_and_make_the_whole(
 
 def test_a_filter_can_be_stopped_whenever_it_asks_for_data(short_run, filter_name, monkeypatch):
     """A fit hands over nothing until its end; it asks for the data again and again."""
-    monkeypatch.setattr("auvid_cli.identification.prepared_data.Timelines", in_chunks_of(2000))
+    monkeypatch.setattr("auvid_cli.identification.prepared_data.Timelines", in_chunks_of(500))
     asked = []
 
     def stop():

@@ -17,6 +17,7 @@ WHITE = (
     "manoeuvre.initial_speed=2 m/s",
     "manoeuvre.excitation.fade_in=2 s",
     "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}",
+    "sensors.gyroscope.rate=50 Hz",
 )
 BATCH = tuple(name for name in FilterName if name.in_one_batch)
 

@@ -16,7 +16,8 @@ ZIGZAG = (
     "manoeuvre=manoeuvres/zigzag_20_20.yaml",
     "manoeuvre.speed=2 m/s",
     "manoeuvre.duration=60 s",
-    "sensors.attitude.source=direct",
+    "sensors.attitude={source: direct, rate: 25 Hz}",
+    "sensors.gyroscope.rate=25 Hz",
 )
 
 
@@ -68,7 +69,8 @@ def test_smoother_agrees_with_a_consistent_filter(short_run, short_estimates):
 def test_without_process_noise_it_is_the_output_error_fit(simulated_with):
     dataset = simulated_with(
         "manoeuvre.duration=30 s",
-        "sensors.attitude.source=direct",
+        "sensors.attitude={source: direct, rate: 20 Hz}",
+        "sensors.gyroscope.rate=20 Hz",
         "identification.output_error.use_prior=true",
         "identification.process_noise={velocity: 1e-9, rate: 1e-9, attitude: 1e-9}",
     )
@@ -138,7 +140,7 @@ def test_the_motion_is_integrated_out_where_noise_drives_it(overrides, marginal,
 def test_marginal_smoother_agrees_with_a_filter(simulated_with, with_settings):
     """The filter does not know the motion either."""
     slow = "sensors.attitude={source: direct, rate: 10 Hz}", "sensors.gyroscope.rate=10 Hz"
-    dataset = simulated_with("manoeuvre.duration=40 s", *slow, f"manoeuvre.disturbance={PUSHES}", DISTURBED)
+    dataset = simulated_with("manoeuvre.duration=25 s", *slow, f"manoeuvre.disturbance={PUSHES}", DISTURBED)
     joint = with_settings(dataset, "identification.smoother.answer=joint")
     (mean, deviation), *others = (
         coefficients(identify(data, name))

@@ -16,7 +16,7 @@ PLANTED = f'vehicle.terms=[{{name: "N_|v|r", row: N, factors: ["|v|", r], value:
 @pytest.fixture(scope="module")
 def planted(multisine_with):
     """Data of a vehicle with the term, and the model without."""
-    return _without_terms(multisine_with(PLANTED))
+    return _without_terms(multisine_with(PLANTED, "manoeuvre.duration=30 s"))
 
 
 def _without_terms(dataset):
@@ -64,7 +64,7 @@ def test_search_ends_without_further_terms(findings):
 
 @pytest.mark.slow
 def test_complete_model_has_no_missing_term(multisine_with):
-    findings = search_terms(prepare(multisine_with()), max_terms=1)
+    findings = search_terms(prepare(multisine_with("manoeuvre.duration=30 s")), max_terms=1)
     assert findings.found == ()
     assert findings.experiment.vehicle.terms == ()
     assert max(term.gain for term in findings.scored) == findings.scored[0].gain

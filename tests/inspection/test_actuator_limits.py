@@ -4,7 +4,7 @@ import pytest
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.inspection.excitation import actuator_checks
 from auvid_cli.inspection.inspect import inspect_dataset
-from auvid_cli.vehicle.actuators import Actuator, Actuators
+from auvid_cli.vehicle.parameters import Actuator, Actuators
 
 TIME = np.arange(100.0)
 

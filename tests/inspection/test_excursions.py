@@ -27,7 +27,7 @@ def fails_of(dataset):
 @pytest.mark.slow
 @pytest.mark.parametrize(("sensor", "column", "symbol"), [("attitude", 2, "psi"), ("magnetometer", 0, "heading")])
 def test_excursion_from_gyroscope_fails(sensor, column, symbol, sound_run, changed):
-    fails = fails_of(changed(sound_run(), sensor, swing(column)))
+    fails = fails_of(changed(sound_run("long_spiral"), sensor, swing(column)))
     assert list(fails) == [(sensor, f"excursions of {symbol} from integrated r")]
     # At 50, 70, ..., 290 s, each beyond 4 degrees for about a second.
     assert fails[sensor, f"excursions of {symbol} from integrated r"].startswith("13, largest 1")
@@ -36,7 +36,7 @@ def test_excursion_from_gyroscope_fails(sensor, column, symbol, sound_run, chang
 
 @pytest.mark.slow
 def test_excursion_from_other_heading_fails_without_gyroscope(sound_run, changed):
-    dataset = sound_run()
+    dataset = sound_run("long_spiral")
     sensors = {name: record for name, record in dataset.sensors.items() if name != "gyroscope"}
     bare = replace(dataset, sensors=sensors)
     assert fails_of(bare) == {}

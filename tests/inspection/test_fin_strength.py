@@ -27,7 +27,7 @@ def with_fins(dataset, factor):
 @pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, -0.5, 2.0])
 def test_wrong_fin_scale_fails_against_vehicle_file(factor, sound_run):
-    dataset = sound_run()
+    dataset = sound_run("long_spiral")
     sound, changed = verdicts(dataset), verdicts(with_fins(dataset, factor))
     for key in (RUDDER, ELEVATOR):
         assert sound[key].passed is True

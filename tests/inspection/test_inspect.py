@@ -151,7 +151,7 @@ def test_heading_excursions_fail_with_times(source, sound_run, changed):
     def jump(time, values):
         values[time % 4.0 >= 3.0, 2] += np.deg2rad(13.0)
 
-    inspection, fails = verdicts(changed(sound_run("spiral", source), "attitude", jump))
+    inspection, fails = verdicts(changed(sound_run("long_spiral", source), "attitude", jump))
     assert fails == {("attitude", "steps of psi")}
     statistic = advice_of(inspection, "attitude", "steps of psi").statistic
     assert statistic.startswith("75 times away by 13 deg and back after 1 s: t = 2.99, 6.99, 10.99")
@@ -160,10 +160,10 @@ def test_heading_excursions_fail_with_times(source, sound_run, changed):
 @pytest.mark.slow
 def test_clock_jump_differs_from_gap(sound_run, changed):
     def leap(time, values):
-        time[time > 150.0] += 2.0
+        time[time > 60.0] += 2.0
 
     def silence(time, values):
-        values[(time > 150.0) & (time < 152.0)] = np.nan
+        values[(time > 60.0) & (time < 62.0)] = np.nan
 
     for sensor in ("gyroscope", "dvl", "attitude"):
         inspection, fails = verdicts(changed(sound_run(), sensor, leap))
@@ -199,7 +199,7 @@ def test_pitch_offset_by_accelerometer_fails_with_its_size(sound_run, changed):
 
 
 def test_slow_sensor_is_not_fast_enough(sound_run):
-    dataset = sound_run()
+    dataset = sound_run("long_spiral")
     record = dataset.sensors["dvl"]
     slow = replace(record, time=record.time[::7], values=record.values[::7])
     inspection, fails = verdicts(replace(dataset, sensors=dataset.sensors | {"dvl": slow}))

@@ -7,11 +7,10 @@ from scipy.integrate import solve_ivp
 
 import auvid_cli as auvid
 from auvid_cli.inspection.fins import LinearMotion, linear_motion
-from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.equations import N_FACTORS, vehicle_constants
 from auvid_cli.vehicle.jacobian import N_COLUMNS, N_JACOBIAN_WORK, motion_jacobian
-from auvid_cli.vehicle.parameters import N_MOTION
+from auvid_cli.vehicle.parameters import N_MOTION, ActuatorErrors
 
 SPEED = 1.8
 PLACES = {

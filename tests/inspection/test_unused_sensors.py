@@ -3,7 +3,7 @@
 import pytest
 
 from auvid_cli.inspection.inspect import contradictions_of_unused
-from auvid_cli.report.shared_checks import contradiction_sentences
+from auvid_cli.report.sentences import contradiction_sentences
 
 
 @pytest.fixture

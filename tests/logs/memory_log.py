@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.config.shipped import shipped_configs
+from auvid_cli.config.enums import shipped_configs
 from auvid_cli.logs.formats.log import Log, LogColumn
 
 TIME = np.arange(40) * 0.05

@@ -15,9 +15,9 @@ import pytest
 import yaml
 
 import auvid_cli as auvid
-from auvid_cli.angles import wrap
 from auvid_cli.api.data import suggest_map
-from auvid_cli.config.shipped import shipped_configs
+from auvid_cli.arrays import wrap
+from auvid_cli.config.enums import shipped_configs
 from auvid_cli.errors import AuvidError
 from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import SENSORS

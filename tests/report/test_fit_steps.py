@@ -5,9 +5,9 @@ import pytest
 
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.fitting.results import Fit, FitStep
-from auvid_cli.report.fit_steps import fit_sentences, measure_next_time, steps_tables
 from auvid_cli.report.page.pages import fit_page
 from auvid_cli.report.page.render import write_page
+from auvid_cli.report.sentences import fit_sentences, measure_next_time, steps_tables
 
 STEPS = (
     FitStep(0, "hold", "coefficients of the vertical plane", "", None, True, "", "", 0.1),

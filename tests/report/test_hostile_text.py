@@ -16,9 +16,8 @@ from auvid_cli.config.enums import FigureFormat
 from auvid_cli.data.checks import csv_text, csv_value
 from auvid_cli.report.figures.kinds import save
 from auvid_cli.report.figures.style import head, new_figure, plain
-from auvid_cli.report.screen_table import PlainConsole
 from auvid_cli.report.table import Column, Table
-from auvid_cli.report.text_tables import render_latex, render_markdown
+from auvid_cli.report.text_tables import PlainConsole, render_latex, render_markdown
 from auvid_cli.text import printable
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=40)

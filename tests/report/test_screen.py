@@ -8,7 +8,7 @@ from rich.console import Console
 from auvid_cli.data.checks import Check
 from auvid_cli.evaluation.results import CoefficientBound, Identifiability
 from auvid_cli.report.screen import print_checks, print_files, print_identifiability, print_summary
-from auvid_cli.report.screen_table import printed as printed_number
+from auvid_cli.report.text_tables import printed as printed_number
 
 
 def printed(evaluation, width):

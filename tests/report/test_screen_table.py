@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from auvid_cli.report.screen_table import fits, narrowed, screen_table
 from auvid_cli.report.table import Column, Table
+from auvid_cli.report.text_tables import fits, narrowed, screen_table
 
 
 def console_of(width):

@@ -3,7 +3,7 @@
 import pytest
 
 from auvid_cli.data.checks import Check
-from auvid_cli.report.shared_checks import advices, counts_in_words, joined_words, shared_checks
+from auvid_cli.report.sentences import advices, counts_in_words, joined_words, shared_checks
 
 FILTERS = ("ekf", "ckf", "smoother")
 

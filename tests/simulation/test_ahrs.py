@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.angles import wrap
+from auvid_cli.arrays import wrap
 from auvid_cli.errors import SimulationError
 from auvid_cli.simulation.ahrs import attitude_reference
 from auvid_cli.simulation.simulate import measure, simulate

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 import yaml
 
+from auvid_cli.config.enums import shipped_configs
 from auvid_cli.config.loading import parse_vehicle
 from auvid_cli.config.manoeuvre import Spiral
-from auvid_cli.config.outline import outline_of_options
-from auvid_cli.config.shipped import shipped_configs
+from auvid_cli.config.outline import derived_vehicle_yaml, outline_of_options
 from auvid_cli.errors import ConfigError
-from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
 from auvid_cli.start.first_folder import cruising_speed, first_spiral, spiral_lines
 
 

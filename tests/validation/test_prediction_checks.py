@@ -2,7 +2,7 @@
 
 import pytest
 
-from auvid_cli.validation.prediction_checks import prediction_checks
+from auvid_cli.validation.prediction_errors import prediction_checks
 from auvid_cli.validation.results import AHEAD, Prediction
 
 

@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from auvid_cli.vehicle.actuators import AS_STATED
 from auvid_cli.vehicle.equations import vehicle_constants
 from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
+from auvid_cli.vehicle.parameters import AS_STATED
 
 
 @given(seed=st.integers(0, 2**32 - 1))

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from auvid_cli.numerics import LANES
-from auvid_cli.vehicle.actuators import AS_STATED
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.equations import (
     N_FACTORS,
@@ -22,7 +21,7 @@ from auvid_cli.vehicle.equations import (
     vehicle_constants,
 )
 from auvid_cli.vehicle.matrices import Ballast
-from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS, N_MOTION, PARAMETER_SYMBOLS
+from auvid_cli.vehicle.parameters import AS_STATED, INPUT_SYMBOLS, MOTION_SYMBOLS, N_MOTION, PARAMETER_SYMBOLS
 
 seeds = st.integers(0, 2**32 - 1)
 

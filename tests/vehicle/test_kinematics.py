@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.angles import wrap
+from auvid_cli.arrays import wrap
 from auvid_cli.vehicle.kinematics import (
     body_rates,
     body_to_earth,

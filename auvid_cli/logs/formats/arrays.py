@@ -232,7 +232,7 @@ def _if_usable(path: _Path, array: NDArray[Any]) -> Iterator[tuple[_Path, NDArra
 def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
     vectors = {shape.shape[0] for shape in shapes.values() if len(shape.shape) == 1}
     groups: dict[tuple[_Path, int], list[_Path]] = {}
-    # Time may run along the rows, as the lengths of vectors show, or as so many columns do.
+    # Time may run along the rows: then a vector has the length of a row, or there are more columns than signals.
     across = {
         path: len(shape) == 2 and shape[0] not in vectors and (shape[1] in vectors or shape[1] > _MAX_COLUMNS)
         for path, (shape, _) in shapes.items()

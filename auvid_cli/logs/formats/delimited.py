@@ -146,7 +146,7 @@ def _may_be_filler(first: NDArray[np.uint8], delimiter: str) -> NDArray[np.bool_
 class DelimitedLog(FileLog):
     """A log of delimited text, whose rows are all checked; `layout` states what its header does not show.
 
-    Of a log of more than `max_bytes` only the beginning is read, and `is_cut` is true.
+    If a log has more than `max_bytes`, only its beginning is read, and `is_cut` is true.
     """
 
     def __init__(self, path: Path, layout: TextLayout, max_bytes: int | None = None) -> None:

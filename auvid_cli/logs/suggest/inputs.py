@@ -14,7 +14,7 @@ from auvid_cli.logs.suggest.names import INPUT_NAMES, SIDES, find_columns, find_
 from auvid_cli.logs.suggest.numbered import FinRole, fin_channels, fin_roles
 from auvid_cli.logs.suggest.relations import PITCH_FINS, YAW_FINS, Track
 from auvid_cli.logs.suggest.rows import place_of, row_entries, tracks_of
-from auvid_cli.logs.suggest.yaml_lines import Comment, Flow, Line, Phrase, YamlEntry
+from auvid_cli.text import Comment, Flow, Line, Phrase, YamlEntry
 
 _MAX_FIN_DEGREES = 90.0
 _MAX_PERCENT = 110.0

@@ -15,7 +15,7 @@ from auvid_cli.logs.suggest.known_formats import KnownMessage, Role, known_messa
 from auvid_cli.logs.suggest.names import Match, distinct_tables
 from auvid_cli.logs.suggest.relations import RelationFit, Track, fit_relations
 from auvid_cli.logs.suggest.rows import found_in, tracks_of
-from auvid_cli.logs.suggest.yaml_lines import Flow
+from auvid_cli.text import Flow
 
 _FIN = re.compile(
     r"(?i)(.*\.)?(fin|servo|rudder|plane|surface|delta)s?_?\[?(?P<number>[0-9])\]?(_(deg|rad|angle|pwm|us))?"

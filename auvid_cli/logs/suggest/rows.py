@@ -15,7 +15,7 @@ from auvid_cli.logs.frames import euler_of_quaternion, in_forward_axes, quaterni
 from auvid_cli.logs.suggest.names import QUATERNION_NAMES, Match, named_unit, standard_message
 from auvid_cli.logs.suggest.relations import Track
 from auvid_cli.logs.suggest.times import is_unit_of, one_sender, rows_of_sender, seconds_of, time_of
-from auvid_cli.logs.suggest.yaml_lines import Flow, Phrase, YamlEntry
+from auvid_cli.text import Flow, Phrase, YamlEntry
 from auvid_cli.vehicle.parameters import SENSORS
 
 _ANGLES: tuple[str, ...] = ("phi", "theta", "psi")

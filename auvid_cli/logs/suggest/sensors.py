@@ -25,7 +25,7 @@ from auvid_cli.logs.suggest.numbered import in_usual_order, numbered_attitude
 from auvid_cli.logs.suggest.rows import Found, found_in, place_of, row_entries
 from auvid_cli.logs.suggest.times import time_of
 from auvid_cli.logs.suggest.units import Columns, possible_units
-from auvid_cli.logs.suggest.yaml_lines import Comment, Flow, Line, Phrase, YamlEntry
+from auvid_cli.text import Comment, Flow, Line, Phrase, YamlEntry
 from auvid_cli.vehicle.parameters import SENSORS
 
 _EARTH_AXES = {"FRD": "NED", "FLU": "ENU"}

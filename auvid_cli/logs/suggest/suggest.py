@@ -17,7 +17,7 @@ from auvid_cli.logs.suggest.inputs import FoundInputs, find_inputs, input_lines,
 from auvid_cli.logs.suggest.known_formats import Role, known_message
 from auvid_cli.logs.suggest.sensors import expected_of, find_sensors, sensor_lines
 from auvid_cli.logs.suggest.times import align_clocks, one_sender, time_of
-from auvid_cli.logs.suggest.yaml_lines import Comment, Flow, Line, Phrase, YamlEntry, commented_text
+from auvid_cli.text import Comment, Flow, Line, Phrase, YamlEntry, commented_text
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 MAX_TEXT = 64_000_000  # bytes that are read from a text log to recognise its columns

@@ -12,7 +12,7 @@ from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.logs.clock import FARTHEST, find_restarts, slashed_date_formats, to_seconds
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log
 from auvid_cli.logs.suggest.names import TimeColumn, distinct_tables, time_columns
-from auvid_cli.logs.suggest.yaml_lines import Flow, Phrase
+from auvid_cli.text import Flow, Phrase
 
 _HOUR = 3600.0  # s
 _DAY = 86400.0  # s

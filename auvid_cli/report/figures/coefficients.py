@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 
 from auvid_cli.arrays import Array
-from auvid_cli.campaign.axes import CellErrors, errors_by_cell
+from auvid_cli.campaign.measures import CellErrors, errors_by_cell
 from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.evaluation.results import CLASSES, Identifiability
 from auvid_cli.report import plot_data

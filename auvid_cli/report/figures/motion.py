@@ -11,8 +11,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from auvid_cli.angles import wrap
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, wrap
 from auvid_cli.data.dataset import SensorRecord, TruthRecord
 from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.evaluation.results import FreeRun

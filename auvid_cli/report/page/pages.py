@@ -13,14 +13,13 @@ from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.fitting.results import Fit
 from auvid_cli.inspection.inspection import Inspection
-from auvid_cli.report.fit_steps import fit_sentences, measure_next_time, steps_tables
 from auvid_cli.report.layout import lay_out
 from auvid_cli.report.page import curves, parts, sections
 from auvid_cli.report.page.coefficients import coefficient_list, convergence, estimate_plots, forest
 from auvid_cli.report.page.render import symbol_parts
 from auvid_cli.report.plot_data import HorizonPlot, horizon_plots
 from auvid_cli.report.screen import assessment_sentences, bounds_table, holding_sentence
-from auvid_cli.report.shared_checks import score_sentences
+from auvid_cli.report.sentences import fit_sentences, measure_next_time, score_sentences, steps_tables
 from auvid_cli.report.table import by_kind, filter_label, number
 from auvid_cli.validation.results import Validation
 
@@ -204,8 +203,8 @@ def _horizons(validation: Validation) -> list[parts.Part]:
     """Plot the error of each signal over the horizon, on logarithmic scales."""
     plots = [_horizon(validation.filter, plot) for plot in horizon_plots(validation.predictions) if plot.horizons.size]
     words = (
-        "Root mean square error of predictions from many starts, over the time that they look ahead, for the model and "
-        "for what was known before. Errors below the noise of the sensor mean that its stated noise is too large, "
+        "Root mean square error of predictions from many starts, by the time that they look ahead: of the model, and "
+        "of what was known before. Errors below the noise of the sensor mean that its stated noise is too large, "
         "which is intended for an AHRS."
     )
     return [parts.Words([words]), parts.Plots(plots)] if plots else []

@@ -22,7 +22,7 @@ from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.report.layout import NIS_MEANS
 from auvid_cli.report.page.parts import Card, Cards, Listing, Matrix, Part, Section, TablePart, Words
-from auvid_cli.report.shared_checks import Advice, advices, counts_in_words, shared_checks, whose
+from auvid_cli.report.sentences import Advice, advices, counts_in_words, shared_checks, whose
 from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Symbol, Table, UnitCell, filter_label, number
 from auvid_cli.text import sentence
 from auvid_cli.vehicle.coefficients import SYMBOLS

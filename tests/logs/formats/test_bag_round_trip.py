@@ -7,8 +7,8 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
+from auvid_cli.config.enums import shipped_configs
 from auvid_cli.config.log_map import load_map
-from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.logs.convert import convert
 from auvid_cli.logs.formats.open_log import open_log
 

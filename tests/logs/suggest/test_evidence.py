@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import yaml
 
-from auvid_cli.angles import wrap
+from auvid_cli.arrays import wrap
+from auvid_cli.config.enums import shipped_configs
 from auvid_cli.config.log_map import load_map
-from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.logs.convert import convert
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest.suggest import suggest

@@ -14,7 +14,7 @@ from auvid_cli.errors import ConfigError
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.formats.open_log import open_log
 from auvid_cli.logs.suggest.suggest import suggest
-from auvid_cli.logs.suggest.yaml_lines import quoted
+from auvid_cli.text import quoted
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 TIME = np.arange(200) * 0.1

@@ -8,7 +8,7 @@ import yaml
 
 import auvid_cli as auvid
 from auvid_cli.api.data import suggest_map
-from auvid_cli.config.shipped import shipped_configs
+from auvid_cli.config.enums import shipped_configs
 from auvid_cli.errors import AuvidError
 from tests.logs.suggest.test_evidence import TIME, TRUTH
 

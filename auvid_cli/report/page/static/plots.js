@@ -1,15 +1,15 @@
 "use strict";
-// Plots that can be zoomed, those over time together. Drawn when they come into view, or before printing.
+// Plots with zoom; plots over time zoom together. Each is drawn when it comes into view, or before printing.
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const dashes = {
     ckf: [7, 3], tukf: [2, 2], ukf: [9, 3, 2, 3], smoother: [4, 3], output_error: [10, 4],
     component1: [7, 3], component2: [2, 2], prior: [4, 4], file: [6, 4], still: [10, 4], expected: [2, 3],
   };
-  // Lines whose values are read out together; of more, the one nearest to the pointer is.
+  // Values of at most this number of lines are read out together; otherwise only of the line nearest to the pointer.
   const MOST_READ = 8;
   const drawn = [];
-  // Of each word that links plots: the whole range of them all, and what is shown of it.
+  // By word that links plots: their whole range, and the part that is shown.
   const ranges = new Map();
   let colours = new Map();
 
@@ -129,7 +129,7 @@
     chart.ctx.restore();
   }
 
-  // Of the ordinate: what is in view, within the limits; no limits where the scale is logarithmic.
+  // Range of the ordinate: the values in view, within the limits; a logarithmic scale has no limits.
   function rangeOfValues(plot) {
     if (plot.logY) return (chart, low, high) => (low > 0 ? [low / 1.3, high * 1.3] : [0.1, 10]);
     return (chart, low, high) => {
@@ -250,7 +250,7 @@
     });
   }
 
-  // A piece of a line as it is drawn, so that its dashes tell it where colours do not.
+  // A sample of a line with its dashes, for readers who do not see its colour.
   function sample(line) {
     const space = "http://www.w3.org/2000/svg";
     const swatch = document.createElementNS(space, "svg");

@@ -3,7 +3,7 @@
 (() => {
   const { data, numbers, colour } = window.auvid;
   const first = { azimuth: -0.9, elevation: 0.5, zoom: 1 };
-  // Of the width of the box, its height.
+  // Height of the box divided by its width.
   const TALL = 0.66;
 
   // Without a minus before a zero.
