@@ -23,7 +23,8 @@ _N_AXES = len(DISTURBANCE)
 _ROWS = tuple(getattr(ROW, quantity.symbol) for quantity in DISTURBANCE)
 # Ends of the vectors in the scratch.
 _REMAINING = _N_AXES
-_MOTION = _REMAINING + N_MOTION
+_BY_FORCE = _REMAINING + N_MOTION * _N_AXES
+_SINKING = _BY_FORCE + _N_AXES + 1
 
 
 @compiled()
@@ -64,29 +65,30 @@ def sink_rate(motion, sensitivity, duration, sinking):
 class _Workspace(NamedTuple):
     """Derivatives by the initial disturbances, accumulated over the substeps of one state."""
 
-    # Shape (9, N_COLUMNS + terms); derivative of the motion by the initial force or moment of each axis. Columns after
-    # the first six are not used; `transition_step` fills them.
-    by_force: Array
-    sinking: Array  # shape (N_COLUMNS + terms + 1,); derivative of the depth, in the same columns
+    by_force: Array  # shape (9, 6); derivative of the motion by the initial force or moment of each axis
+    sinking: Array  # shape (7,); derivative of the depth by these, then the change of depth
     remaining: Array  # shape (6,); share of each initial force or moment that has not decayed
-    motion: Array  # shape (9,); scratch
+    # Shape (9, N_COLUMNS + terms); derivative of the motion after one substep by that before it, and by the factors
+    step: Array
+    copy: Array  # as `step`; scratch
 
 
 @compiled(types.int64(types.int64))
 def disturbance_work(terms):
     """Return the length of the scratch for disturbances."""
-    return _MOTION + (N_MOTION + 1) * (N_COLUMNS + terms) + 1
+    return _SINKING + 2 * N_MOTION * (N_COLUMNS + terms)
 
 
 @compiled(inline=True)
 def _workspace(scratch, terms):
     columns = N_COLUMNS + terms
-    by_force = _MOTION + N_MOTION * columns
+    step = _SINKING + N_MOTION * columns
     return _Workspace(
-        by_force=scratch[_MOTION:by_force].reshape(N_MOTION, columns),
-        sinking=scratch[by_force : by_force + columns + 1],
+        by_force=scratch[_REMAINING:_BY_FORCE].reshape(N_MOTION, _N_AXES),
+        sinking=scratch[_BY_FORCE:_SINKING],
         remaining=scratch[:_REMAINING],
-        motion=scratch[_REMAINING:_MOTION],
+        step=scratch[_SINKING:step].reshape(N_MOTION, columns),
+        copy=scratch[step : step + N_MOTION * columns].reshape(N_MOTION, columns),
     )
 
 
@@ -153,43 +155,67 @@ def reset_disturbance(constants, scratch):
     """Reset the derivatives at the start of an interval."""
     work = _workspace(scratch, n_terms(constants))
     for i in range(N_MOTION):
-        for j in range(work.by_force.shape[1]):
-            work.by_force[i, j] = 0.0
+        for axis in range(_N_AXES):
+            work.by_force[i, axis] = 0.0
     for j in range(work.sinking.size):
         work.sinking[j] = 0.0
     for axis in range(_N_AXES):
         work.remaining[axis] = 1.0
 
 
+@compiled(reassociate=True, inline=True)
+def _multiply(step, product, copy):
+    """Replace `product`, shape (9, n), by ``step[:, :9] @ product``; `copy` is scratch of its shape."""
+    for i in range(N_MOTION):
+        for j in range(product.shape[1]):
+            copy[i, j], product[i, j] = product[i, j], 0.0
+    for i in range(N_MOTION):
+        for k in range(N_MOTION):
+            factor = step[i, k]
+            for j in range(product.shape[1]):
+                product[i, j] += factor * copy[k, j]
+
+
 @compiled()
-def begin_step(mean, coefficients, inputs, constants, duration, scratch, for_step):
-    """Push one state for the first half of a substep, and propagate the derivatives by the disturbances through it.
+def disturbed_step(mean, coefficients, inputs, constants, duration, sensitivity, scratch, for_step):
+    """Advance one disturbed state by a substep, with all its derivatives.
 
-    The motion and its other derivatives are propagated between this and `end_step`.
+    The derivative of one substep multiplies those by the disturbances and those of earlier substeps.
 
-    `scratch`, of length `disturbance_work`, comes from the previous substep or from `reset_disturbance`; `for_step`, of
-    length `transition_work`, is overwritten.
+    Parameters
+    ----------
+    mean : ndarray, shape (n,)
+        Augmented state.
+    coefficients, inputs, constants, duration
+        See `auvid_cli.vehicle.jacobian.transition_step`.
+    sensitivity : ndarray, shape (9, N_COLUMNS + terms)
+        Derivative of the motion by the initial motion and by the factors.
+    scratch : ndarray
+        Of length `disturbance_work`, from the previous substep or `reset_disturbance`.
+    for_step : ndarray
+        Of length `transition_work`; overwritten.
     """
     work, moving = _workspace(scratch, n_terms(constants)), mean[first_moving_row(constants) :]
+    motion, step = moving[:N_MOTION], work.step
     if depth_is_state(constants):
-        sink_rate(moving[:N_MOTION], work.by_force, 0.5 * duration, work.sinking)
+        sink_rate(motion, work.by_force, 0.5 * duration, work.sinking)
     push(moving, 1, constants, 1, 0.5 * duration, moving, 1)
     _push_derivative(constants, 0.5 * duration, work.remaining, work.by_force)
     for i in range(N_MOTION):
-        work.motion[i] = moving[i]
-    transition_step(work.motion, coefficients, inputs, constants, duration, work.by_force, for_step)
-
-
-@compiled()
-def end_step(mean, constants, duration, scratch):
-    """Let the disturbances decay, and push for the second half of the substep; parameters are those of `begin_step`."""
-    work, moving = _workspace(scratch, n_terms(constants)), mean[first_moving_row(constants) :]
+        for j in range(step.shape[1]):
+            step[i, j] = 1.0 if i == j else 0.0
+    transition_step(motion, coefficients, inputs, constants, duration, step, for_step)
+    _multiply(step, work.by_force, work.copy)
+    _multiply(step, sensitivity, work.copy)
+    for i in range(N_MOTION):
+        for j in range(N_MOTION, step.shape[1]):
+            sensitivity[i, j] += step[i, j]
     fade(moving, 1, constants, 1, duration)
     _fade_derivative(constants, duration, work.remaining)
     push(moving, 1, constants, 1, 0.5 * duration, moving, 1)
     _push_derivative(constants, 0.5 * duration, work.remaining, work.by_force)
     if depth_is_state(constants):
-        sink_rate(moving[:N_MOTION], work.by_force, 0.5 * duration, work.sinking)
+        sink_rate(motion, work.by_force, 0.5 * duration, work.sinking)
 
 
 @compiled()

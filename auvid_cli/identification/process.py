@@ -21,11 +21,10 @@ from auvid_cli.identification.compiled_layout import (
     row_of,
 )
 from auvid_cli.identification.disturbance import (
-    begin_step,
     derive_at_once,
     disturbance_work,
+    disturbed_step,
     driven_by_disturbances,
-    end_step,
     fade,
     fill_in_forces,
     push,
@@ -139,11 +138,11 @@ def _exact_transition(mean, inputs, substep_input, substep_duration, constants, 
         held, duration = inputs[substep_input[substep]], substep_duration[substep]
         if depth_is_state(constants):
             sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
+        step = work.coefficients, held, constants, duration, work.sensitivity
         if is_disturbed(constants):
-            begin_step(mean, work.coefficients, held, constants, duration, work.disturbance, work.step)
-        transition_step(motion, work.coefficients, held, constants, duration, work.sensitivity, work.step)
-        if is_disturbed(constants):
-            end_step(mean, constants, duration, work.disturbance)
+            disturbed_step(mean, *step, work.disturbance, work.step)
+        else:
+            transition_step(motion, *step, work.step)
         if depth_is_state(constants):
             sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
     _fill_in(work.sensitivity, constants, selection, matrix)

@@ -45,7 +45,8 @@ def findings():
 @pytest.mark.slow
 def test_files_hold_every_combination(findings, tmp_path):
     paths = write_findings(findings, tmp_path)
-    assert {path.name for path in paths} == {"runs.csv", "filters.csv", "coefficients.csv", "comparisons.csv", "campaign.md"}
+    tables = {f"{name}.csv" for name in ("runs", "filters", "coefficients", "comparisons")}
+    assert {path.name for path in paths} == tables | {"campaign.md"}
     pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "filters.csv"), findings.filters, check_dtype=False)
     text = (tmp_path / "campaign.md").read_text()
     assert "| fast | 10 | ekf | 20 | 0 | 50.00 |" in text
