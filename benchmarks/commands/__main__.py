@@ -117,12 +117,15 @@ def _start_up(folder: Path) -> list[str]:
 
 
 def _growth(folder: Path, durations: list[int]) -> list[str]:
-    """Time each command on data of each duration: a simulated run, and a log with the sensors of a field survey."""
-    rows = ["| command | data (s) | wall (s) | processor (s) | memory (MB) |", "| --- | ---: | ---: | ---: | ---: |"]
+    """Measure each command on data of each duration: a simulated run, and a log with the sensors of a field survey.
+
+    Processor time and memory, which hardly depend on other processes.
+    """
+    rows = ["| command | data (s) | processor (s) | memory (MB) |", "| --- | ---: | ---: | ---: |"]
 
     def add(label: str, *arguments: str) -> None:
         cost = cost_of(*arguments, "--quiet", watched=True, sound=False)
-        rows.append(f"| {label} | {duration} | {cost.wall:.1f} | {cost.processor:.1f} | {cost.memory:.0f} |")
+        rows.append(f"| {label} | {duration} | {cost.processor:.1f} | {cost.memory:.0f} |")
         print(rows[-1], flush=True)
 
     for duration in durations:
