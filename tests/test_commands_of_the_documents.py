@@ -77,8 +77,8 @@ def write_log(path: Path) -> None:
 def fill_in(path: Path) -> None:
     """What only the user knows of a suggested map."""
     text = path.read_text(encoding="utf-8")
-    vehicle = f"vehicle: {enums.shipped_configs()}/vehicles/vt690.yaml\nlogs:"
-    text = re.sub(r"(?s)vehicle: #.*?logs:", vehicle, text)
+    vehicle = f"\nvehicle: {enums.shipped_configs()}/vehicles/vt690.yaml\nlogs:"
+    text = re.sub(r"(?s)\nvehicle: .*?\nlogs:", vehicle, text, count=1)
     text = re.sub(r"unit: null # required: m/s.*", "unit: m/s", text)
     path.write_text(text.replace("standard_deviation: null", "standard_deviation: 0.01"), encoding="utf-8")
 
@@ -95,6 +95,7 @@ def test_commands_of_the_readme_and_the_pages_run_in_order_in_one_empty_folder(q
         Path(f"fragment{k}.yaml").write_text(written, encoding="utf-8")
         assert loading.load_experiment(loading.find_experiment(None), [f"fragment{k}.yaml"])
     done = []
+    init = shlex.split(next(line for line in text.splitlines() if line.startswith("    auvid init mine")))[1:]
     for block in indented(text):
         if block.startswith("import "):
             exec(block, {})
@@ -105,6 +106,10 @@ def test_commands_of_the_readme_and_the_pages_run_in_order_in_one_empty_folder(q
                 continue  # Said again where it belongs.
             if arguments[:2] == ["import", "--suggest"]:
                 write_log(Path(arguments[2]))
+                if "--vehicle" in arguments and not Path("mine").exists():
+                    # The README links to the page with this command.
+                    assert CliRunner().invoke(app, init).exit_code == 0
+                    done.append(init)
             if arguments[0] == "compare":
                 # The reader has these: of an earlier run, or of a clone.
                 shutil.copytree("results/spiral/tables", Path(arguments[2]) / "spiral", dirs_exist_ok=True)

@@ -26,7 +26,6 @@ SHORTER = {
 def fill_in(text: str) -> str:
     """Fill in what only the user knows of the tutorial's suggested map."""
     text = re.sub(r"(?m)^name: .*", "name: survey", text)
-    text = re.sub(r"(?s)vehicle: #.*?\nlogs:", "vehicle: vehicle.yaml\nlogs:", text)
     for deviation in ("1 cm/s", "0.2 deg", "1 cm"):
         text = re.sub(r"standard_deviation: (?:null|estimate).*", f"standard_deviation: {deviation}", text, count=1)
     return re.sub(r"# check: no column looks like thrust.*", "surge_force: {constant: 10 N}", text)

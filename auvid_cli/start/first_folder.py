@@ -240,7 +240,7 @@ identification:
 
 _MAP = """\
 # A template of a map for your log: enter the log's columns and units, and the standard deviation of each sensor.
-# `auvid import --suggest dive.csv -o suggested.yaml` reads the log and writes most of such a map.
+# `auvid import --suggest dive.csv --vehicle vehicle.yaml -o suggested.yaml` writes most of such a map from the log.
 name: %(name)s_dive
 vehicle: vehicle.yaml
 identification:

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 import typer
+import yaml
 from typer.testing import CliRunner
 
 from auvid_cli.cli.data import import_log
@@ -307,6 +308,16 @@ def test_vehicle_of_suggested_map_is_named(exported, tmp_path):
     result = auvid_import("--suggest", log, "--vehicle", own, "-o", tmp_path / "own.yaml")
     assert result.exit_code == 0
     assert "\nvehicle: mine.yaml\n" in (tmp_path / "own.yaml").read_text()
+
+
+def test_prior_of_suggested_map_is_at_values_of_named_vehicle(exported, tmp_path):
+    log, own = exported / "dvl.csv", tmp_path / "own.yaml"
+    own.write_text((shipped_configs() / "vehicles" / "vt690.yaml").read_text())
+    assert auvid_import("--suggest", log, "--vehicle", own, "-o", tmp_path / "map.yaml").exit_code == 0
+    identification = yaml.safe_load((tmp_path / "map.yaml").read_text())["identification"]
+    assert identification == {"prior": {"mean": "vehicle"}, "tolerances": "usual"}
+    assert auvid_import("--suggest", log, "-o", tmp_path / "asking.yaml").exit_code == 0
+    assert yaml.safe_load((tmp_path / "asking.yaml").read_text())["identification"] == {"tolerances": "usual"}
 
 
 @pytest.mark.parametrize(

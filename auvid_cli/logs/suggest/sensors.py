@@ -29,6 +29,7 @@ from auvid_cli.text import Comment, Flow, Line, Phrase, YamlEntry
 from auvid_cli.vehicle.parameters import SENSORS
 
 _EARTH_AXES = {"FRD": "NED", "FLU": "ENU"}
+_HEADINGS = {"NED": "clockwise from north", "ENU": "anticlockwise from east"}
 _MIN_GRAVITY = 5.0  # m/s^2, mean specific force that shows the direction of gravity
 _MANY_REPEATS = 0.5  # share of rows that repeat the one before
 # Log likelihoods by conventions and names.
@@ -229,11 +230,8 @@ def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: 
                 unit: Flow = part.unit if len(part.units) == 1 else None
                 place = (place_of(logs, part.log, part.match.table) or {}) | {"unit": unit}
                 comment = part.unit_entry().comment
-            axis = TRIPLES.get(name, (component,)).index(component)
-            usual = USUAL_AXES.get(frame, (1, 1, 1))[axis]
-            is_reversed = evidence.verdict.signs.get(component, usual) != usual
             more: dict[str, Flow] = {}
-            if is_reversed and not part.is_right_forward_up and not (name == "dvl" and evidence.over_ground):
+            if _is_reversed(part, component, frame, evidence):
                 more = {"sign": -1, "offset": Phrase("90 deg")} if component == "psi" else {"sign": -1}
                 sign = f"check: opposite sign; {evidence.words([component])}"
                 comment = "; ".join(filter(None, (comment, sign)))
@@ -242,6 +240,22 @@ def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: 
     missing = [quantity.symbol for quantity in SENSORS[name] if quantity.symbol not in present]
     if missing:
         yield Comment(f"check: no column found for {', '.join(missing)}")
+
+
+def _is_reversed(part: Found, component: str, frame: str, evidence: Evidence) -> bool:
+    """Whether the evidence contradicts the sign of a component in the axes of its sensor."""
+    if part.is_right_forward_up or (part.sensor == "dvl" and evidence.over_ground):
+        return False
+    axis = TRIPLES.get(part.sensor, (component,)).index(component)
+    usual = USUAL_AXES.get(frame, (1, 1, 1))[axis]
+    return evidence.verdict.signs.get(component, usual) != usual
+
+
+def _is_heading_turned(found: FoundSensor, frame: str, evidence: Evidence) -> bool:
+    """Whether the map states sign and offset of the heading, so that it has the reference of the axes."""
+    is_asked = "psi" in dict(found.questions)
+    parts = [part for part in found.parts if "psi" in part.match.columns and not is_asked]
+    return any(_is_reversed(part, "psi", frame, evidence) for part in parts)
 
 
 def _axes(log: Log, found: FoundSensor, frame: str, evidence: Evidence) -> Iterator[Line]:
@@ -269,8 +283,12 @@ def _axes(log: Log, found: FoundSensor, frame: str, evidence: Evidence) -> Itera
         return
     yield YamlEntry("frame", frame, f"check: {words or 'no evidence for the axes'}")
     if name == "attitude":
-        meaning = "NED (psi clockwise from north) or ENU (anticlockwise from east)?"
-        yield YamlEntry("reference", _EARTH_AXES[frame], f"check: {meaning}")
+        reference = _EARTH_AXES[frame]
+        if _is_heading_turned(found, frame, evidence):
+            meaning = f"psi is {_HEADINGS[reference]} with its sign and offset"
+        else:
+            meaning = "check: NED (psi clockwise from north) or ENU (anticlockwise from east)?"
+        yield YamlEntry("reference", reference, meaning)
         angles = found.main.si()
         if "phi" in angles and is_upside_down(angles["phi"]):
             yield YamlEntry("mount", Phrase("upside down"), "check: roll is about 180 deg")

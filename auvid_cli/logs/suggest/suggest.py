@@ -37,7 +37,8 @@ def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> st
     folder : pathlib.Path
         Folder of the map; its paths are relative to it.
     vehicle : str, optional
-        Vehicle file as the map names it. Default: the map asks for size and parameters.
+        Vehicle file as the map names it; its coefficients are the mean of the prior. Default: the map asks for size and
+        parameters, and the mean is zero.
 
     Returns
     -------
@@ -76,10 +77,7 @@ def suggest(logs: Sequence[Log], folder: Path, vehicle: str | None = None) -> st
             YamlEntry("logs", files),
             YamlEntry("sensors", list(sensor_lines(by_name, sensors, evidence))),
             YamlEntry("inputs", list(input_lines(by_name, inputs, evidence))),
-            YamlEntry(
-                "identification",
-                [YamlEntry("tolerances", "usual", "or what you measured, such as {inertia: 2 %, delay: 1 ms}")],
-            ),
+            YamlEntry("identification", list(_identification(vehicle is not None))),
             *unused_lines(by_name, sensors, inputs),
         ]
     )
@@ -111,6 +109,12 @@ def _vehicle() -> list[Line]:
     ]
     name = YamlEntry("name", Phrase("my vehicle"), "check: name of your vehicle")
     return [name, YamlEntry("size", size), YamlEntry("parameters", parameters)]
+
+
+def _identification(has_values: bool) -> Iterator[Line]:
+    if has_values:
+        yield YamlEntry("prior", {"mean": "vehicle"}, "coefficients that the log does not determine keep these values")
+    yield YamlEntry("tolerances", "usual", "or what you measured, such as {inertia: 2 %, delay: 1 ms}")
 
 
 def unused_lines(

@@ -174,6 +174,15 @@ def suggested(columns):
     return text, yaml.safe_load(text)
 
 
+def test_reference_is_not_asked_if_heading_is_turned():
+    text, found = suggested(TRUTH | {"psi": 0.5 * np.pi - TRUTH["psi"]})
+    attitude = found["sensors"]["attitude"]
+    assert attitude["columns"]["psi"] == {"column": "psi", "sign": -1, "offset": "90 deg"}
+    assert attitude["reference"] == "NED"
+    assert "reference: NED # psi is clockwise from north" in text
+    assert "reference: NED # check" in suggested(TRUTH)[0]
+
+
 def test_velocity_in_cm_keeps_depth_in_m():
     """Velocities above 200 are first assumed to be in mm/s."""
     _, found = suggested(TRUTH | {name: 150.0 * TRUTH[name] for name in "uvw"} | {"down": 1.5 * TRUTH["down"]})
