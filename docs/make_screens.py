@@ -1,6 +1,6 @@
 """Write the screen samples of the pages from what the commands print: `python -m docs.make_screens`.
 
-Takes two minutes of processor time. `--slow` also fits the log of the tutorial, which takes ten more.
+Takes two minutes of processor time. `--slow` also fits the log of the tutorial, which takes up to twenty more.
 """
 
 import argparse
