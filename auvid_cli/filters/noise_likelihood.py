@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, with_process_memory
-from auvid_cli.filters.marginal import integrate_out_motion
 from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores, with_time_constants
 from auvid_cli.filters.problem import JointProblem
 from auvid_cli.filters.smoother import most_probable
@@ -119,6 +118,9 @@ class _Likelihood:
 
     def closer(self, filtered: Filtered) -> Trajectory | None:
         """Return the trajectory one step closer to the marginal estimate; None if the motion diverges."""
+        # Scores of noise about a known trajectory need no compiled code of the marginal estimate.
+        from auvid_cli.filters.marginal import integrate_out_motion
+
         found = integrate_out_motion(self._present, self.smoothing, filtered, max_steps=1)
         return None if found is None else found[0].trajectory
 

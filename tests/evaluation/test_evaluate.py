@@ -13,5 +13,5 @@ def test_estimates_of_different_parts_of_the_data_are_told_apart(short_run, shor
     part = identify(with_settings(short_run, "identification.use.spans=[[0, 30]]"), FilterName.UKF)
     (remark,) = evaluate(prepare(short_run), [*whole, part], BoundsOf(prepare(short_run))).remarks
     assert remark.startswith("estimates from different parts of the data")
-    assert "ukf 0.01 to 30 s" in remark
-    assert "tukf 0.01 to 60 s" in remark
+    assert "ukf 0.04 to 30 s" in remark
+    assert "tukf 0.04 to 60 s" in remark
