@@ -62,10 +62,9 @@ def accumulated_noise(process: Process, timeline: Timeline) -> AccumulatedNoise:
     covariance ``q^2 [h, a h^2 / 2; a h^2 / 2, a^2 h^3 / 3]`` (Van Loan, IEEE Trans. Autom. Control 23(3), 1978). It is
     that of noise in the middle of h, and of ``a^2 q^2 h^3 / 12`` on the driven state alone.
     """
-    n_moving, elapsed = process.noise_density.size, _elapsed(timeline)
     variance = noise_variance(process, timeline)
-    driven = process.driven if process.driven.size else np.zeros((n_moving, n_moving))
-    return AccumulatedNoise(variance + variance_on_driven(process, timeline, variance), 0.5 * elapsed, driven)
+    total = variance + variance_on_driven(process, timeline, variance)
+    return AccumulatedNoise(total, 0.5 * _elapsed(timeline), process.driven)
 
 
 def variance_on_driven(process: Process, timeline: Timeline, variance: Array) -> Array:

@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array, ArrayStore
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
@@ -40,6 +39,7 @@ from auvid_cli.filters.smoother_forward import (
     linearise_measurements,
     linearise_process,
 )
+from auvid_cli.filters.transition_sample import TransitionSample
 from auvid_cli.numerics import compiled, types
 
 _vector = types.float64[::1]
@@ -49,8 +49,6 @@ _stack = types.float64[:, :, ::1]
 _STATE_STEP = 1e-4  # SI
 # Interval of the transitions whose derivatives represent all, s. The motion changes slowly.
 _TRANSITION_INTERVAL = 0.2
-# Decimals of durations, s, that are different.
-_DURATION_DECIMALS = 4
 # Largest last step of the parameters, in standard deviations.
 _MAX_LAST_STEP = 0.05
 # Number of previous steps by which an iteration is accelerated.
@@ -312,7 +310,7 @@ def _gradients(
             measured_at = 1 + np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
             by_states = np.zeros((1 + timeline.time.size, n_moving))
             by_states[-1] = by_last
-            sample = _TransitionSample.of(timeline, _TRANSITION_INTERVAL if faults is None else 0.0)
+            sample = TransitionSample.of(timeline, _TRANSITION_INTERVAL if faults is None else 0.0)
             by_sample, shifted = sample.sums(by_transition), _empty_like(about)
             for state in range(n_moving):
                 _linearise_shifted(problem, data, timeline, sample.timeline, about, state, shifted, work)
@@ -330,57 +328,6 @@ def _gradients(
         initial.append(scale * by_last)
     total *= scale
     return Trajectory(total[:n], initial, moving), total[n_states:]
-
-
-class _TransitionSample(NamedTuple):
-    """Events whose transitions represent those of a chunk, one for each interval."""
-
-    events: NDArray[np.int64]  # shape (k,)
-    timeline: Timeline  # of the chunk, with the substeps of these events only
-    driven: NDArray[np.int64]  # shape (m,); all events with substeps
-    first: NDArray[np.int64]  # shape (k,); first of `driven` in each interval
-    elapsed: Array  # shape (m,); s; duration of the substeps of each of `driven`
-    of_events: Array  # shape (k,); s; that of the substeps of `events`
-
-    @classmethod
-    def of(cls, timeline: Timeline, interval: float) -> "_TransitionSample":
-        """Choose an event of each interval, s; all events if it is 0."""
-        offset, duration = timeline.substep_offset, timeline.substep_duration
-        driven = np.flatnonzero(np.diff(offset))
-        elapsed = np.add.reduceat(duration, offset[driven]) if driven.size else np.zeros(0)
-        number = np.floor(np.cumsum(elapsed) / interval) if interval else np.arange(driven.size)
-        first = np.flatnonzero(np.diff(number, prepend=-1.0))
-        chosen = _typical(elapsed, first) if first.size else first
-        events = driven[chosen]
-        counts = np.zeros(timeline.time.size, dtype=np.int64)
-        counts[events] = np.diff(offset)[events]
-        of_events = np.repeat(counts > 0, np.diff(offset))
-        substeps = timeline._replace(
-            substep_offset=np.concatenate([[0], np.cumsum(counts)]),
-            substep_duration=duration[of_events],
-            substep_input=timeline.substep_input[of_events],
-        )
-        return cls(events, substeps, driven, first, elapsed, elapsed[chosen])
-
-    def sums(self, by_transition: Array) -> Array:
-        """Return the sums of the gradients by transitions over intervals, shape (k, n, n).
-
-        The derivative of a transition is proportional to its duration.
-        """
-        if not self.events.size:
-            return by_transition[:0]
-        weighted = by_transition[self.driven] * self.elapsed[:, None, None]
-        return np.add.reduceat(weighted, self.first, axis=0) / self.of_events[:, None, None]
-
-
-def _typical(elapsed: Array, first: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the event of typical duration in each group, near its middle, shape (k,)."""
-    ends = np.append(first[1:], elapsed.size)
-    group = np.repeat(np.arange(first.size), ends - first)
-    typical = np.add.reduceat(elapsed**2, first) / np.add.reduceat(elapsed, first)
-    untypical = np.round(np.abs(elapsed - typical[group]), _DURATION_DECIMALS)
-    off_middle = np.abs(np.arange(elapsed.size) - (0.5 * (first + ends - 1))[group])
-    return np.lexsort((off_middle, untypical, group))[first]
 
 
 def _empty_like(about: Linearised) -> Linearised:

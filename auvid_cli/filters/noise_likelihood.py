@@ -92,10 +92,8 @@ OnPass = Callable[[NoiseProgress], None]
 class _Likelihood:
     """Log-likelihood as a function of log factors, about a trajectory."""
 
-    def __init__(
-        self, problem: JointProblem, groups: Sequence[NoiseGroup], on_pass: OnPass, max_passes: int = 1
-    ) -> None:
-        self._problem, self._groups, self._max_passes, self._on_pass = problem, groups, max_passes, on_pass
+    def __init__(self, problem: JointProblem, groups: Sequence[NoiseGroup], on_pass: OnPass) -> None:
+        self._problem, self._groups, self._on_pass = problem, groups, on_pass
         self._present, self.smoothing = problem, LinearSmoothing(problem)
         self.minimum = np.array([group.min_log_factor for group in groups])
         self.progress = NoiseProgress(0, 0, np.zeros(len(groups)), -np.inf, 0.0)
@@ -156,14 +154,14 @@ def most_likely_noise(
     problem : JointProblem
     groups : sequence of NoiseGroup
     max_passes : int
-        Maximum number of forward passes for each trajectory.
+        Maximum number of forward passes for the first trajectory.
     on_pass : callable
         Receives a `NoiseProgress` before each forward or backward pass; an exception that it raises ends the search.
     is_coarse : bool
         Whether to end where the log-likelihood hardly changes, and to leave out the intervals, which are then 0 to
         infinity. This serves to compare models.
     """
-    likelihood = _Likelihood(problem, groups, on_pass, max_passes)
+    likelihood = _Likelihood(problem, groups, on_pass)
     minima = most_probable(problem, likelihood.smoothing, max_passes, enough=1)
     if not minima:
         return None

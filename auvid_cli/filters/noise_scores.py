@@ -157,7 +157,7 @@ def _backward_pass(timeline, about, forward_pass, adjoint, noise, correlated, ac
                 row, value = adjoint.work[0], mean[n_parameters + i]
                 for column in range(adjoint.n_columns[0]):
                     row[column] = root[n_parameters + i, column]
-                for j in range(n_moving):
+                for j in range(accumulated.driven.shape[0]):
                     share = accumulated.half_elapsed[event] * accumulated.driven[j, i]
                     if share != 0.0:
                         value += share * mean[n_parameters + j]
@@ -280,12 +280,13 @@ def _add_chunk(
     process_variance = noise_variance(problem.process, timeline)
     squares = noise.process**2 - noise.process_variance
     for g, group in enumerate(groups):
-        moving, by_factor = list(group.moving), np.zeros_like(process_variance)
+        moving, added = list(group.moving), np.zeros_like(process_variance)
         # Derivative of the variance by the logarithm of the factor.
+        by_factor = np.zeros_like(process_variance)
         by_factor[:, moving] = 2.0 * process_variance[:, moving]
-        added = np.zeros_like(process_variance)
         if group.rates:
-            by_factor[:, moving] *= 0.5 * variance_by_time_constant(problem.process, timeline)[:, moving]
+            by_time_constant = variance_by_time_constant(problem.process, timeline)
+            by_factor[:, moving] = process_variance[:, moving] * by_time_constant[:, moving]
             own = [f for f, row in enumerate(correlated.rows) if row in moving]
             slope[g] += (noise.transition[:, own] * value[:, own] - noise.transition_variance[:, own]).sum()
             on_states[:, :, g] = np.einsum("eif,ef->ei", correlated.change[..., own], value[:, own])
@@ -293,7 +294,9 @@ def _add_chunk(
         by_factor += variance_on_driven(problem.process, timeline, by_factor)
         slope[g] += 0.5 * (by_factor * squares).sum()
         added += by_factor * noise.process
-        on_states[:, :, g] += added + accumulated.half_elapsed[:, None] * (added @ accumulated.driven.T)
+        on_states[:, :, g] += added
+        if accumulated.driven.size:
+            on_states[:, :, g] += accumulated.half_elapsed[:, None] * (added @ accumulated.driven.T)
         if group.sensor >= 0:
             own = timeline.measurement_sensor == group.sensor
             variance = problem.sensors.variance[group.sensor]

@@ -61,7 +61,7 @@ class AccumulatedNoise(NamedTuple):
 
     variance: Array  # shape (n_events, n_moving)
     half_elapsed: Array  # shape (n_events,); half the time since the previous event, s
-    driven: Array  # shape (n_moving, n_moving); see `auvid_cli.filters.problem.Process`
+    driven: Array  # shape (n_moving, n_moving) or (0, 0); see `auvid_cli.filters.problem.Process`
 
 
 ACCUMULATED_NOISE = types.NamedTuple((_matrix, _vector, _matrix), AccumulatedNoise)
@@ -228,7 +228,7 @@ def _predict(transition, event, noise, state, work):
         for k in range(spread.shape[1]):
             spread[i, k] = 0.0
         spread[i, n_moving + i] = np.sqrt(noise.variance[event, i])
-        for j in range(n_moving):
+        for j in range(noise.driven.shape[1]):
             share = noise.half_elapsed[event] * noise.driven[i, j]
             if share != 0.0:
                 spread[i, n_moving + j] = share * np.sqrt(noise.variance[event, j])
@@ -372,7 +372,7 @@ def forward(sensors, noise, timeline, about, state, forward_pass, work):
         if last > first:
             for i in range(n_moving):
                 defect = about.defect[event, i]
-                for j in range(n_moving):
+                for j in range(noise.driven.shape[1]):
                     defect -= noise.half_elapsed[event] * noise.driven[i, j] * about.defect[event, j]
                 cost += defect * defect / noise.variance[event, i]
             if not _predict(about.transition[event], event, noise, state, work):

@@ -46,17 +46,13 @@ class ModelMaker:
 
     def __init__(self, prepared: PreparedData, least: ProcessNoise, on_pass: Callable[[], None]) -> None:
         self.prepared, self._least, self._on_pass = prepared, least, on_pass
-        self._spans = tuple(segment.timelines.span for segment in prepared.segments)
+        spans = (segment.timelines.span for segment in prepared.segments)
+        self.duration = sum(end - begin for begin, end in spans)  # s; of the data
         self.n_measured = sum(
             int(np.isfinite(timeline.measurement).sum())
             for segment in prepared.segments
             for timeline in segment.timelines
         )
-
-    @property
-    def duration(self) -> float:
-        """Return the duration of the data, s."""
-        return sum(end - begin for begin, end in self._spans)
 
     def estimate(self, settings: RunSettings) -> Estimate:
         """Return the estimate of the smoother with some settings."""

@@ -208,7 +208,7 @@ class _Search:
                 self._on_step(f"look {self._look}, candidate {number} of {len(trials)}: {addition}; best: {so_far}")
                 other = self._maker.with_addition(start, addition)
                 gain = None if other is None else other.evidence - start.evidence
-                if other is not None and gain is not None and gain >= WORTH and addition.family == "term":
+                if other is not None and addition.family == "term" and other.evidence - start.evidence >= WORTH:
                     # Other terms bend to the data as well. One that the vehicle has also predicts new data better.
                     held_out = self._maker.held_out_gain(start, other)
                     if held_out < MIN_HELD_OUT_GAIN:

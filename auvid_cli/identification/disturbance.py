@@ -99,6 +99,7 @@ def driven_by_disturbances(vehicle: Array, layout: StateLayout) -> Array:
     if all(row is None for row in rows):
         return np.zeros((0, 0))
     driven, motion = np.zeros((n_moving, n_moving)), layout.rows_of("motion").start - first
+    # Not compiled, because the compiled function returns views that do not keep `vehicle` in memory.
     inverse = named_constants.py_func(vehicle).inverse.reshape(6, 6)
     for axis, row in enumerate(rows):
         if row is not None:
