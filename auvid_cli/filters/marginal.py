@@ -56,7 +56,9 @@ _MEMORY = 3
 # Factor on the prior's standard deviations, so small that parameters remain constant.
 _FIXING_FACTOR = 1e-8
 # Maximum number of passes in which the motion adapts to new parameters.
-_MOTION_PASSES = 10
+_MOTION_PASSES = 5
+# Largest number of halvings of a step that raises the objective.
+_MAX_HALVINGS = 8
 
 
 class GradientResponse(NamedTuple):
@@ -188,13 +190,22 @@ def marginal_estimate(
     smoothing.change_noise(with_memory)
     filtered = smoothing.filter(joint.trajectory)
     found = None if filtered is None else integrate_out_motion(with_memory, smoothing, filtered, max_steps)
-    return None if found is None else MarginalEstimate(with_memory, *found)
+    return None if found is None else MarginalEstimate(with_memory, *found[:2])
 
 
 def integrate_out_motion(
-    problem: JointProblem, smoothing: LinearSmoothing, joint: Filtered, max_steps: int
-) -> tuple[Filtered, ConvergenceStatus | None] | None:
-    """Maximise the marginal posterior from the joint minimum; None if the motion diverges for the parameters.
+    problem: JointProblem, smoothing: LinearSmoothing, start: Filtered, max_steps: int
+) -> tuple[Filtered, ConvergenceStatus | None, float] | None:
+    """Maximise the marginal posterior of the parameters; None if the motion diverges for them.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    smoothing : LinearSmoothing
+        Of the problem.
+    start : Filtered
+        About the first parameters, for example those of the joint minimum, and a motion.
+    max_steps : int
 
     Returns
     -------
@@ -202,22 +213,55 @@ def integrate_out_motion(
         Its trajectory is the estimate.
     convergence : ConvergenceStatus or None
         None if it converged within `max_steps`.
+    gain : float
+        Increase of the log of the marginal posterior.
     """
-    n, filtered, convergence = problem.n_parameters, joint, None
-    covariance = joint.final.covariance()[:n, :n]
+    n, filtered, convergence = problem.n_parameters, start, None
+    covariance = start.final.covariance()[:n, :n]
     deviation, moves, steps = np.sqrt(np.diagonal(covariance)), list[Array](), list[Array]()
+    first = at = _given_parameters(problem, filtered, filtered.trajectory, filtered.trajectory.parameters)
+    if first is None or at is None or (filtered := smoothing.filter(at.trajectory)) is None:
+        return None
     for _ in range(max_steps):
         # To the joint minimum of the linear problem, and from there to the marginal one.
         step = filtered.final.mean[:n] + marginal_step(problem, smoothing, filtered)
         steps.append(step / deviation)
-        moves.append(_accelerated(moves, steps))
-        motion = _most_probable_motion(problem, filtered, filtered.trajectory.parameters + deviation * moves[-1])
-        if motion is None or (filtered := smoothing.filter(motion[0])) is None:
+        convergence = ConvergenceStatus(float(step @ np.linalg.solve(covariance, step)), steps[-1])
+        is_small = bool((np.abs(steps[-1]) <= _MAX_LAST_STEP).all())
+        # A small step changes the objective by less than its rounding.
+        limit = np.inf if is_small else at.objective
+        found = _line_search(problem, filtered, at, deviation, (_accelerated(moves, steps), steps[-1]), limit)
+        if found is None:
+            break
+        at, move = found
+        moves.append(move)
+        if (filtered := smoothing.filter(at.trajectory)) is None:
             return None
-        if motion[1] and (np.abs(step) <= _MAX_LAST_STEP * deviation).all():
-            return filtered, None
-        convergence = ConvergenceStatus(float(step @ np.linalg.solve(covariance, step)), step / deviation)
-    return filtered, convergence
+        if is_small and at.converged:
+            convergence = None
+            break
+    return filtered, convergence, 0.5 * (first.objective - at.objective)
+
+
+def _line_search(
+    problem: JointProblem,
+    filtered: Filtered,
+    at: "_GivenParameters",
+    deviation: Array,
+    moves: tuple[Array, Array],
+    limit: float,
+) -> "tuple[_GivenParameters, Array] | None":
+    """Return the motion after the first move with an objective below a limit, and this move; None if none has one.
+
+    The moves are the accelerated one, then the plain step and parts of it, in units of the deviation. Where the data
+    hardly tell the parameters, the plain step can be ten times too long.
+    """
+    accelerated, step = moves
+    for move in (accelerated, *(0.5**halvings * step for halvings in range(_MAX_HALVINGS))):
+        after = _given_parameters(problem, filtered, at.trajectory, at.trajectory.parameters + deviation * move)
+        if after is not None and after.objective < limit:
+            return after, move
+    return None
 
 
 def _accelerated(moves: list[Array], steps: list[Array]) -> Array:
@@ -238,22 +282,34 @@ def _accelerated(moves: list[Array], steps: list[Array]) -> Array:
     return steps[-1] - (np.stack(moves[first:], axis=1) + changes) @ share
 
 
-def _most_probable_motion(
-    problem: JointProblem, filtered: Filtered, parameters: Array
-) -> tuple[Trajectory, bool] | None:
-    """Return the motion given the parameters, and whether it converged; None if its cost is not finite."""
+class _GivenParameters(NamedTuple):
+    """Most probable motion given the parameters."""
+
+    trajectory: Trajectory
+    objective: float  # minus twice the log of the marginal posterior of the parameters, up to a constant
+    converged: bool
+
+
+def _given_parameters(
+    problem: JointProblem, filtered: Filtered, start: Trajectory, parameters: Array
+) -> _GivenParameters | None:
+    """Return the most probable motion given the parameters, from a start; None if its cost is not finite."""
     n, mean, factor = problem.n_parameters, problem.prior.mean.copy(), problem.prior.factor.copy()
+    from_prior = np.linalg.solve(factor[:n, :n], parameters - mean[:n])
     for indices, by_parameters in zip(problem.indices, filtered.by_parameters, strict=True):
         mean[indices[n:]] += by_parameters @ (parameters - mean[:n])
     mean[:n] = parameters
     factor[:, :n] *= _FIXING_FACTOR
     smoothing = LinearSmoothing(problem._replace(prior=Gaussian(mean, factor)))
-    found = gauss_newton(smoothing, replace(filtered.trajectory, parameters=parameters), _MOTION_PASSES)
+    found = gauss_newton(smoothing, replace(start, parameters=parameters), _MOTION_PASSES)
     if found is None:
         return None
     minimum, converged = found
-    moved = minimum.trajectory.stepped(smoothing.step(minimum), 1.0)
-    return replace(moved, parameters=parameters), converged
+    # A full step could raise the cost again before it has converged.
+    moved = minimum.trajectory.stepped(smoothing.step(minimum), 1.0) if converged else minimum.trajectory
+    # The factor of fixed parameters is part of the determinant, but the same for all.
+    objective = minimum.cost + minimum.log_determinant + float(from_prior @ from_prior)
+    return _GivenParameters(replace(moved, parameters=parameters), objective, converged)
 
 
 def marginal_step(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> Array:

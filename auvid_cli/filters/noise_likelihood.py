@@ -34,8 +34,9 @@ _MIN_INFORMATION = 1e-9
 # Smallest increase of the log-likelihood worth another step, and in a coarse search.
 _MIN_INCREASE = 0.01
 _COARSE_INCREASE = 0.3
-# Change of the log-likelihood between two trajectories below which a coarse search ends.
-_COARSE_CHANGE = 1.0
+# Largest gain in the log of the marginal posterior by the last step of the trajectory at convergence, and largest last
+# change of the log-likelihood of a coarse search.
+_MAX_GAIN = 1.0
 # Decrease of the log-likelihood at the ends of a 95 % interval.
 _INTERVAL_DECREASE = 1.92
 # Half width of a 95 % interval, in standard deviations.
@@ -55,6 +56,7 @@ class NoiseFactors(NamedTuple):
     log_likelihood: float  # up to a constant of the data
     gain: float  # increase of the log-likelihood over that of factors of 1
     converged: bool
+    trajectory: Trajectory | None = None  # about which the likelihood is that of the factors
 
 
 class NoiseProgress(NamedTuple):
@@ -114,13 +116,13 @@ class _Likelihood:
         self._count_pass()
         return noise_scores(self.smoothing, filtered, self._present, self._groups)
 
-    def closer(self, filtered: Filtered) -> Trajectory | None:
-        """Return the trajectory one step closer to the marginal estimate; None if the motion diverges."""
+    def closer(self, filtered: Filtered) -> tuple[Trajectory, float] | None:
+        """Return the trajectory one step closer to the marginal estimate, and the gain; None if the motion diverges."""
         # Scores of noise about a known trajectory need no compiled code of the marginal estimate.
         from auvid_cli.filters.marginal import integrate_out_motion
 
         found = integrate_out_motion(self._present, self.smoothing, filtered, max_steps=1)
-        return None if found is None else found[0].trajectory
+        return None if found is None else (found[0].trajectory, found[2])
 
     def set_process_memory(self, trajectory: Trajectory) -> None:
         """Set the memory of the process noise from the motion along a trajectory."""
@@ -146,6 +148,7 @@ def most_likely_noise(
     max_passes: int,
     on_pass: OnPass = lambda progress: None,
     is_coarse: bool = False,
+    start: Trajectory | None = None,
 ) -> NoiseFactors | None:
     """Estimate the factors of groups of noise; None if no trajectory has a finite cost.
 
@@ -160,12 +163,17 @@ def most_likely_noise(
     is_coarse : bool
         Whether to end where the log-likelihood hardly changes, and to leave out the intervals, which are then 0 to
         infinity. This serves to compare models.
+    start : Trajectory, optional
+        First trajectory, near that of the marginal estimate; by default the most probable one.
     """
     likelihood = _Likelihood(problem, groups, on_pass)
-    minima = most_probable(problem, likelihood.smoothing, max_passes, enough=1)
-    if not minima:
-        return None
-    trajectory, x, converged = minima[0][0].trajectory, np.zeros(len(groups)), False
+    trajectory = start
+    if trajectory is None or likelihood.smoothing.filter(trajectory) is None:
+        minima = most_probable(problem, likelihood.smoothing, max_passes, enough=1)
+        if not minima:
+            return None
+        trajectory = minima[0][0].trajectory
+    x, gain, converged = np.zeros(len(groups)), np.inf, False
     likelihood.set_process_memory(trajectory)
     stated = level = likelihood.at(x, trajectory)
     information, increase = np.eye(x.size), _COARSE_INCREASE if is_coarse else _MIN_INCREASE
@@ -179,18 +187,19 @@ def most_likely_noise(
             trajectories=number, log_factor=x, log_likelihood=level, gain=level - stated
         )
         information = likelihood.scores(filtered).information
+        is_same = bool((np.abs(x - before) < _MAX_CHANGE * _deviations(information)).all())
         # The first trajectory is not yet a marginal estimate.
-        converged = number > 1 and bool((np.abs(x - before) < _MAX_CHANGE * _deviations(information)).all())
-        converged |= is_coarse and number > 1 and abs(level - last) < _COARSE_CHANGE
+        converged = gain < _MAX_GAIN and (is_same or (is_coarse and abs(level - last) < _MAX_GAIN))
         if converged or number == MAX_TRAJECTORIES:
             break
         following = likelihood.closer(filtered)
         if following is None:
             break
-        trajectory = following
+        trajectory, gain = following
         likelihood.set_process_memory(trajectory)
     if is_coarse:
-        return NoiseFactors(np.exp(x), np.zeros(x.size), np.full(x.size, np.inf), level, level - stated, converged)
+        none, infinite = np.zeros(x.size), np.full(x.size, np.inf)
+        return NoiseFactors(np.exp(x), none, infinite, level, level - stated, converged, trajectory)
 
     def decrease(logarithms: Array) -> float:
         return level - likelihood.at(logarithms, trajectory)

@@ -94,7 +94,7 @@ def run_smoother(
     marginal : bool
         Whether to maximise the posterior of the parameters with the motion integrated out.
     start : Trajectory, optional
-        If the search converges from here, there is no search for other minima.
+        If the search converges from here, there is no search for other minima. The `marginal` search begins here.
 
     Returns
     -------
@@ -103,8 +103,9 @@ def run_smoother(
         parameters, or if a smoothed variance is lost in rounding.
     """
     smoothing = LinearSmoothing(problem)
-    enough = _N_MINIMA if start is None else 1
-    minima = most_probable(problem, smoothing, max_passes, enough, start)
+    # The marginal estimate can be far from the most probable trajectory.
+    near = smoothing.filter(start) if marginal and start is not None else None
+    minima = [(near, True)] if near is not None else most_probable(problem, smoothing, max_passes, first=start)
     if not minima:
         return _failed(problem)
     (best, converged), *others = minima
@@ -144,13 +145,14 @@ def most_probable(
     problem: JointProblem,
     smoothing: LinearSmoothing,
     max_passes: int,
-    enough: int = _N_MINIMA,
+    enough: int | None = None,
     first: Trajectory | None = None,
 ) -> list[tuple[Filtered, bool]]:
     """Return the last iterate from each start until `enough` converged, and whether it did; the most probable first.
 
-    The `first` start, if there is one, precedes the others.
+    The `first` start, if there is one, precedes the others, and one minimum is enough then.
     """
+    enough = enough or (_N_MINIMA if first is None else 1)
     minima = list[tuple[Filtered, bool]]()
 
     def passes() -> int:

@@ -15,6 +15,7 @@ from auvid_cli.fitting.candidates import corrected_times
 from auvid_cli.fitting.thinning import smoothed
 from auvid_cli.identification.noise import tune_coarsely
 from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.problem_setup import Motion
 from auvid_cli.identification.terms import fitted_model
 
 # Corrections of a delay, and the size of one that is small enough at the end, in standard deviations.
@@ -24,11 +25,12 @@ _SMALL_CORRECTION = 0.5
 
 @dataclass(frozen=True)
 class Model:
-    """Settings with tuned noise, the additions that they have, and their evidence."""
+    """Settings with tuned noise, the additions that they have, their evidence, and the motion."""
 
     settings: RunSettings
     additions: tuple[Addition, ...]
     evidence: float
+    motion: Motion
 
 
 class ModelMaker:
@@ -54,9 +56,16 @@ class ModelMaker:
             for timeline in segment.timelines
         )
 
-    def estimate(self, settings: RunSettings) -> Estimate:
-        """Return the estimate of the smoother with some settings."""
-        return smoothed(self.prepared.with_settings(settings))
+    def estimate(self, model: Model) -> Estimate:
+        """Return the marginal estimate of a model."""
+        smoother = model.settings.identification.smoother.model_copy(update={"answer": "marginal"})
+        settings = model.settings.with_identification(smoother=smoother)
+        return smoothed(self.prepared.with_settings(settings), model.motion)
+
+    def estimated(self, model: Model) -> tuple[Model, Estimate]:
+        """Return a model with the motion of its estimate, and the estimate."""
+        estimate = self.estimate(model)
+        return replace(model, motion=Motion.of_estimate(estimate)), estimate
 
     def with_addition(self, model: Model, addition: Addition) -> Model | None:
         """Return the model with an addition and the noise tuned again; None if it does not converge."""
@@ -64,19 +73,19 @@ class ModelMaker:
         others = tuple(each for each in model.additions if each.key not in (addition.key, replaced))
         additions = (*others, addition)
         if not addition.is_time:
-            return self.tuned(settings, additions)
+            return self.tuned(settings, additions, model.motion)
         # A score test is exact for small delays only. Corrections with the present noise are quick, so they come first.
-        settled = self.settled(Model(settings, additions, model.evidence), {addition.key})
-        tuned = self.tuned(settled.settings, settled.additions)
+        settled = self.settled(Model(settings, additions, model.evidence, model.motion), {addition.key})
+        tuned = self.tuned(settled.settings, settled.additions, settled.motion)
         if tuned is None:
             return None
         corrected, distance = self._with_corrected_times(tuned, {addition.key})
-        return tuned if distance < 1.0 else self.tuned(corrected.settings, corrected.additions)
+        return tuned if distance < 1.0 else self.tuned(corrected.settings, corrected.additions, corrected.motion)
 
     def without_addition(self, model: Model, addition: Addition) -> Model | None:
         """Return the model without an addition and the noise tuned again; None if it does not converge."""
         rest = tuple(each for each in model.additions if each.key != addition.key)
-        return self.tuned(without_addition(model.settings, addition), rest)
+        return self.tuned(without_addition(model.settings, addition), rest, model.motion)
 
     def settled(self, model: Model, keys: Collection[tuple[str, str]]) -> Model:
         """Return a model with delays moved to the zero of their score tests, with the present noise."""
@@ -88,7 +97,7 @@ class ModelMaker:
 
     def _with_corrected_times(self, model: Model, keys: Collection[tuple[str, str]]) -> tuple[Model, float]:
         """Return a model with delays moved to the zero of their score tests, and the largest move in deviations."""
-        estimate = self.estimate(model.settings)
+        estimate = self.estimate(model)
         settings, additions, largest = model.settings, model.additions, 0.0
         for addition, test in corrected_times(estimate, model.additions):
             if addition.key in keys:
@@ -104,24 +113,27 @@ class ModelMaker:
             return with_addition(model.settings, addition), None
         return with_addition(without_addition(model.settings, other), addition), other.key
 
-    def tuned(self, settings: RunSettings, additions: tuple[Addition, ...]) -> Model | None:
+    def tuned(
+        self, settings: RunSettings, additions: tuple[Addition, ...], start: Motion | None = None
+    ) -> Model | None:
         """Return the model of some settings with the most likely noise; None if no trajectory follows the data."""
         sensors = [addition.name for addition in additions if addition.family == "noise"]
         try:
-            tuning = tune_coarsely(
-                self.prepared.with_settings(settings), self._least, sensors, lambda progress: self._on_pass()
+            found = tune_coarsely(
+                self.prepared.with_settings(settings), self._least, sensors, lambda progress: self._on_pass(), start
             )
         except DataError:
-            tuning = None
-        if tuning is None:
+            found = None
+        if found is None:
             return None
+        tuning, motion = found
         settings = tuning.experiment.with_identification(smoother=settings.identification.smoother)
         free = len(sensors) + sum(addition.is_time or addition.family == "prior" for addition in additions)
         free += sum(noise.setting.startswith("identification.estimate.") for noise in tuning.noises)
         evidence = tuning.log_likelihood - 0.5 * free * log(self.n_measured)
-        return Model(settings, additions, evidence)
+        return Model(settings, additions, evidence, motion)
 
     def held_out_gain(self, model: Model, other: Model) -> float:
         """Return the gain in log-likelihood of the last third by another model, given the rest; -inf without a fit."""
-        before, after = (fitted_model(self.prepared, each.settings) for each in (model, other))
+        before, after = (fitted_model(self.prepared, each.settings, each.motion) for each in (model, other))
         return -inf if before is None or after is None else after.gains(before)[0]

@@ -175,7 +175,8 @@ class _Search:
         """Add what the data ask for, one addition after another, until nothing is worth it."""
         assert self.model is not None, "a search starts with a model"
         for self._look in range(1, _MAX_LOOKS + 1):
-            estimate = self._estimate = self._maker.estimate(self.model.settings)
+            self.model, estimate = self._maker.estimated(self.model)
+            self._estimate = estimate
             self._judgement = judge_one(estimate, None)
             self._set_judged_after(self._judgement)
             tried = self._candidates(estimate, self.model.additions)
@@ -233,7 +234,7 @@ class _Search:
 
     def _without_one(self, model: Model, needed: Collection[Addition]) -> Model | None:
         """Return the model without the first addition that is not worth it; None if each one is."""
-        estimate = self._estimate or self._maker.estimate(model.settings)
+        estimate = self._estimate or self._maker.estimate(model)
         for addition in model.additions:
             if addition in needed or is_certain(estimate, addition):
                 continue
@@ -288,12 +289,12 @@ class _Search:
 
     def fit_to_all_data(self, settings: RunSettings) -> tuple[Estimate, str]:
         """Return the estimate from all data, or if interrupted from thinned data, and the reason of an early end."""
-        quick = self.model.settings if self.model else self._prepared.experiment
         try:
             self._on_step("fit of the model to all data")
             return identify(replace(self._dataset, experiment=settings), JUDGE), ""
         except KeyboardInterrupt:
-            return self._maker.estimate(quick), _INTERRUPTED_FIT
+            quick = smoothed(self._prepared) if self.model is None else self._maker.estimate(self.model)
+            return quick, _INTERRUPTED_FIT
 
     def trial(self, settings: RunSettings, stopped: str, fitted: Estimate | None = None) -> tuple[str, str]:
         """Return how well a model predicts the last third by a fit to the rest, and the reason of an early end."""
@@ -302,7 +303,8 @@ class _Search:
         try:
             self._on_step("predict the last third by a fit to the rest")
             data = thinned(self._dataset)
-            fitted = fitted or smoothed(training_part(data, settings))
+            motion = None if self.model is None else self.model.motion
+            fitted = fitted or smoothed(training_part(data, settings), motion)
             return trial_text(try_on_held_out(data, fitted)), stopped
         except KeyboardInterrupt:
             return "", stopped or _INTERRUPTED

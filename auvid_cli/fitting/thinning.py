@@ -8,6 +8,7 @@ from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.problem_setup import Motion
 from auvid_cli.identification.run import set_up_filters
 
 # Samples of a sensor closer than this are left out during the search, s.
@@ -36,8 +37,8 @@ def joint_answer(dataset: Dataset) -> Dataset:
     return replace(dataset, experiment=dataset.experiment.with_identification(**changes))
 
 
-def smoothed(prepared: PreparedData) -> Estimate:
-    """Return the estimate of the smoother with settings as stated."""
-    (run,), chunks = set_up_filters(prepared, [JUDGE]), []
+def smoothed(prepared: PreparedData, start: Motion | None = None) -> Estimate:
+    """Return the estimate of the smoother with settings as stated; `start` is the motion of a similar model."""
+    (run,), chunks = set_up_filters(prepared, [JUDGE], start=start), []
     outcome = run.run(chunks.append)
     return Estimate.of(run.header, chunks, outcome)

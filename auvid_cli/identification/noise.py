@@ -31,7 +31,7 @@ from auvid_cli.filters.noise_likelihood import (
 from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem, shortest_interval
+from auvid_cli.identification.problem_setup import AugmentedProblem, Motion, augmented_problem, shortest_interval
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import DISTURBANCE
 
@@ -119,9 +119,13 @@ def tune_noise(
 
 
 def tune_coarsely(
-    prepared: PreparedData, least: ProcessNoise, sensors: Collection[str], on_pass: OnPass
-) -> Tuning | None:
-    """Return the most likely noise levels without their intervals; None if no trajectory follows the data.
+    prepared: PreparedData,
+    least: ProcessNoise,
+    sensors: Collection[str],
+    on_pass: OnPass,
+    start: Motion | None = None,
+) -> tuple[Tuning, Motion] | None:
+    """Return the most likely noise levels without their intervals, and the motion; None if none follows the data.
 
     Parameters
     ----------
@@ -132,6 +136,8 @@ def tune_coarsely(
         Sensors whose noise is tuned too.
     on_pass : callable
         Receives a `NoiseProgress` before each pass through the data; an exception from it ends the search.
+    start : Motion, optional
+        Of a similar model; the search starts there.
 
     Raises
     ------
@@ -147,8 +153,11 @@ def tune_coarsely(
         if noise.path[-1] in sensors
     ]
     groups, max_passes = _groups(noises), settings.smoother.max_passes
-    likeliest = most_likely_noise(augmented.joint, groups, max_passes, on_pass, is_coarse=True)
-    return None if likeliest is None else _tuning(experiment, noises, likeliest)
+    trajectory = None if start is None else start.trajectory(augmented)
+    likeliest = most_likely_noise(augmented.joint, groups, max_passes, on_pass, is_coarse=True, start=trajectory)
+    if likeliest is None or likeliest.trajectory is None:
+        return None
+    return _tuning(experiment, noises, likeliest), Motion.of_trajectory(augmented, likeliest.trajectory)
 
 
 def _groups(noises: Sequence[AdjustableNoise]) -> list[NoiseGroup]:

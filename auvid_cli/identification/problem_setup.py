@@ -1,12 +1,13 @@
-"""The estimation problem of a dataset: prior, process and sensors of the augmented state, and an earlier trajectory."""
+"""The estimation problem of a dataset: prior, process and sensors of the augmented state; motions as starts."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.arrays import ArrayStore
+from auvid_cli.arrays import Array, ArrayStore
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.identification import STEPS_PER_TIME_CONSTANT
 from auvid_cli.data.dataset import SensorRecord
@@ -197,23 +198,44 @@ def held_coefficients(experiment: RunSettings) -> dict[str, float]:
     return {symbol: given[symbol] for symbol in held}
 
 
-def trajectory_of(augmented: AugmentedProblem, estimate: Estimate) -> Trajectory | None:
-    """Return the trajectory of an estimate, in scaled units.
+class Motion(NamedTuple):
+    """States of an estimate at some times: a start for the estimate of a similar model."""
 
-    None if the estimate has another state, or not one state for each event (`identification.keep_every`).
-    """
-    layout, n = augmented.layout, augmented.layout.n_parameters
-    if estimate.state[: layout.scale.size] != layout.symbols or not np.isfinite(estimate.mean[-1]).all():
-        return None
-    parameters = estimate.mean[-1, :n] / layout.scale[:n]
-    initial, moving, begin = [], [ArrayStore() for _ in augmented.segments], 0
-    for segment, chunks in zip(augmented.segments, moving, strict=True):
-        for timeline in segment.timelines:
-            rows = slice(begin, begin + timeline.time.size)
-            if not np.array_equal(estimate.time[rows], timeline.time):
-                return None
-            chunks.append(estimate.mean[rows, n : layout.scale.size] / layout.scale[n:])
-            begin = rows.stop
-        # Nothing leads to the first event of a segment.
-        initial.append(chunks[0][0])
-    return Trajectory(parameters, initial, moving) if begin == estimate.time.size else None
+    state: Sequence[str]  # symbols
+    time: Array  # shape (n_events,); s
+    mean: Array  # shape (n_events, n); SI
+
+    @classmethod
+    def of_estimate(cls, estimate: Estimate) -> "Motion":
+        """Return the states of an estimate."""
+        return cls(estimate.state, estimate.time, estimate.mean)
+
+    @classmethod
+    def of_trajectory(cls, augmented: AugmentedProblem, trajectory: Trajectory) -> "Motion":
+        """Return the states of a trajectory."""
+        layout = augmented.layout
+        moving = np.vstack([chunk for chunks in trajectory.moving for chunk in chunks])
+        mean = np.hstack([np.tile(trajectory.parameters, (len(moving), 1)), moving]) * layout.scale
+        time = np.concatenate([timeline.time for segment in augmented.segments for timeline in segment.timelines])
+        return cls(layout.symbols, time, mean)
+
+    def trajectory(self, augmented: AugmentedProblem) -> Trajectory:
+        """Return the trajectory of a problem; unknown states are at the mean of its prior, others interpolated."""
+        layout, n, prior = augmented.layout, augmented.layout.n_parameters, augmented.prior.mean
+        known = [(row, self.state.index(symbol)) for row, symbol in enumerate(layout.symbols) if symbol in self.state]
+        parameters, initial, moving = prior[:n].copy(), list[Array](), list[ArrayStore]()
+        for row, column in known:
+            if row < n:
+                parameters[row] = self.mean[-1, column] / layout.scale[row]
+        for segment, place in zip(augmented.segments, augmented.places, strict=True):
+            moving.append(ArrayStore())
+            for timeline in segment.timelines:
+                states = np.tile(prior[place[n:]], (timeline.time.size, 1))
+                for row, column in known:
+                    if row >= n:
+                        states[:, row - n] = np.interp(timeline.time, self.time, self.mean[:, column])
+                        states[:, row - n] /= layout.scale[row]
+                if not moving[-1]:
+                    initial.append(states[0])
+                moving[-1].append(states)
+        return Trajectory(parameters, initial, moving)

@@ -25,7 +25,7 @@ from auvid_cli.filters.square_root import (
 )
 from auvid_cli.filters.workspace import cubature, transformed, unscented
 from auvid_cli.identification.prepared_data import FoundDelays, PreparedData, prepare
-from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem, trajectory_of
+from auvid_cli.identification.problem_setup import AugmentedProblem, Motion, augmented_problem
 from auvid_cli.identification.process import first_order_transition
 from auvid_cli.vehicle.parameters import SENSORS
 
@@ -36,9 +36,9 @@ _MIN_STEP = 0.1
 
 
 def chosen_estimator(
-    name: FilterName, augmented: AugmentedProblem, settings: Identification, start: Estimate | None = None
+    name: FilterName, augmented: AugmentedProblem, settings: Identification, start: Motion | None = None
 ) -> Estimator:
-    """Return an estimator for a problem; the smoother starts from an earlier estimate if one is given."""
+    """Return an estimator for a problem; the smoother starts from a motion if one is given."""
     n, process, sensors = len(augmented.layout.symbols), augmented.process, augmented.sensors
     match name:
         case FilterName.EKF:
@@ -60,7 +60,7 @@ def chosen_estimator(
                 import auvid_cli.filters.marginal  # noqa: F401  # Compiled here, and not while filters run.
             delays = [block.name for block in settings.estimate.blocks() if block.is_delay]
             faults, max_passes = VehicleFaults(augmented, delays), settings.smoother.max_passes
-            trajectory = None if start is None else trajectory_of(augmented, start)
+            trajectory = None if start is None else start.trajectory(augmented)
             return IteratedSmoother(name.value, process, sensors, max_passes, faults, settings.is_marginal, trajectory)
         case FilterName.OUTPUT_ERROR:
             method, layout = settings.output_error, augmented.layout
@@ -321,7 +321,7 @@ def set_up_filters(
     prepared: PreparedData,
     filter_names: Sequence[FilterName],
     before_each: Callable[[], None] = lambda: None,
-    start: Estimate | None = None,
+    start: Motion | None = None,
 ) -> list[FilterRun]:
     """Return estimators that share a dataset's augmented state, prior and timeline; its truth is not used.
 
@@ -331,8 +331,8 @@ def set_up_filters(
     filter_names : sequence of FilterName
     before_each : callable
         Called before each chunk of the data in each pass. An exception from it ends the estimator.
-    start : Estimate, optional
-        Earlier estimate of the smoother from these data, with which it starts.
+    start : Motion, optional
+        Of a similar model, with which the smoother starts.
 
     Raises
     ------
@@ -396,7 +396,7 @@ def _with_tuned_noise(prepared: PreparedData) -> PreparedData:
     return prepared.with_settings(tune_noise(prepared).experiment)
 
 
-def identify(dataset: Dataset, filter_name: FilterName, start: Estimate | None = None) -> Estimate:
+def identify(dataset: Dataset, filter_name: FilterName, start: Motion | None = None) -> Estimate:
     """Estimate coefficients and motion from a dataset in memory; see `set_up_filters` and `FilterRun`."""
     (run,), chunks = set_up_filters(resolve_settings(prepare(dataset)), [filter_name], start=start), []
     outcome = run.run(chunks.append)

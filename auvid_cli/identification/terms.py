@@ -23,7 +23,7 @@ from auvid_cli.filters.smoother import most_probable
 from auvid_cli.identification.fault_effects import VehicleFaults
 from auvid_cli.identification.faults import missing_term
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.identification.problem_setup import AugmentedProblem, augmented_problem
+from auvid_cli.identification.problem_setup import AugmentedProblem, Motion, augmented_problem
 from auvid_cli.vehicle.coefficients import Coefficient, admissible_terms, regressor_ahead
 
 # Share of the data that is held out, at their end.
@@ -89,16 +89,19 @@ class Model(NamedTuple):
         return self.held_out - before.held_out, self.whole - before.whole
 
 
-def fitted_model(prepared: PreparedData, settings: RunSettings) -> Model | None:
-    """Fit the model of some settings; None if the smoother does not converge."""
+def fitted_model(prepared: PreparedData, settings: RunSettings, start: Motion | None = None) -> Model | None:
+    """Fit the model of some settings; None if the smoother does not converge.
+
+    With a `start`, the motion of a similar model, there is no search for other minima.
+    """
     training_spans, held_out_spans = split(prepared)
-    fit = fit_smoother(prepared, settings, training_spans)
+    fit = fit_smoother(prepared, settings, training_spans, start)
     if fit is None:
         return None
     training = fit.log_evidence
     # A fit is large: keep one at a time.
     del fit
-    whole = fit_smoother(prepared, settings, (*training_spans, *held_out_spans))
+    whole = fit_smoother(prepared, settings, (*training_spans, *held_out_spans), start)
     if whole is None:
         return None
     own = {term.symbol for term in settings.vehicle.coefficient_set.terms}
@@ -148,12 +151,15 @@ def split(prepared: PreparedData) -> tuple[Spans, Spans]:
     return tuple(training), tuple(held_out)
 
 
-def fit_smoother(prepared: PreparedData, settings: RunSettings, spans: Spans) -> Fit | None:
-    """Run the smoother on spans of the data; None if it does not converge."""
+def fit_smoother(
+    prepared: PreparedData, settings: RunSettings, spans: Spans, start: Motion | None = None
+) -> Fit | None:
+    """Run the smoother on spans of the data, first from a `start`; None if it does not converge."""
     augmented = augmented_problem(prepared.with_settings(settings.with_identification(use=Use(spans=spans))))
     problem = augmented.joint
     smoothing = LinearSmoothing(problem)
-    optima = most_probable(problem, smoothing, settings.identification.smoother.max_passes)
+    first = None if start is None else start.trajectory(augmented)
+    optima = most_probable(problem, smoothing, settings.identification.smoother.max_passes, first=first)
     if not optima or not optima[0][1]:
         return None
     return Fit(augmented, smoothing, optima[0][0])

@@ -113,7 +113,7 @@ def test_motion_dependent_damping_matches_exact_likelihood(cut, rng):
     (joint, _), *_ = most_probable(problem, smoothing, 50)
     found = integrate_out_motion(problem, smoothing, joint, 50)
     assert found is not None
-    answer, _ = found
+    answer, *_ = found
     scores = marginal_scores(problem, smoothing, answer, Scale())
 
     def exact(scale):

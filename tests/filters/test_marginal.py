@@ -1,5 +1,7 @@
 """Parameters whatever the motion was, against the likelihood of a model that is linear once they are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numba import njit
@@ -156,10 +158,32 @@ def test_too_few_steps_report_convergence_status(rng):
     found, few = integrate_out_motion(problem, smoothing, joint, 50), integrate_out_motion(problem, smoothing, joint, 1)
     assert found is not None
     assert few is not None
-    (late, settled), (early, convergence) = found, few
+    (late, settled, _), (early, convergence, _) = found, few
     assert settled is None
     assert convergence is not None
     deviation = np.sqrt(np.diagonal(joint.final.covariance())[:2])
     to_go = late.trajectory.parameters - early.trajectory.parameters
     # The remaining distance is less than the last step, because steps become shorter.
     assert (np.abs(to_go) < np.abs(convergence.step * deviation)).all()
+
+
+@pytest.mark.parametrize("start", [(0.01, 0.0), (1.5, -0.5), (0.3, 2.0), (3.0, 1.0)])
+def test_no_step_lowers_the_likelihood_far_from_the_estimate(start, rng):
+    measured = simulated(rng)
+    problem = problem_of(measured, ())
+    smoothing = LinearSmoothing(problem)
+    (joint, _), *_ = most_probable(problem, smoothing, 50)
+    at = smoothing.filter(replace(joint.trajectory, parameters=np.array(start)))
+    assert at is not None
+    objective = minus_twice_log_posterior(np.array(start), measured, ())
+    for _ in range(20):
+        found = integrate_out_motion(problem, smoothing, at, 1)
+        assert found is not None
+        at, convergence, gain = found
+        before, objective = objective, minus_twice_log_posterior(at.trajectory.parameters, measured, ())
+        # Once the parameters are known the model is linear, and the approximation is exact.
+        assert gain == pytest.approx(0.5 * (before - objective), abs=0.01)
+        assert gain > -0.01
+        if convergence is None:
+            break
+    assert convergence is None

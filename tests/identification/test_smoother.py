@@ -8,7 +8,7 @@ import pytest
 from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import ConfigError
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.identification.problem_setup import augmented_problem, trajectory_of
+from auvid_cli.identification.problem_setup import Motion, augmented_problem
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
@@ -45,12 +45,37 @@ def test_smoother_converges_from_wide_priors(seed, simulated_with):
 @pytest.mark.slow
 def test_start_from_an_estimate_gives_the_same_one(short_run, short_estimates):
     earlier = short_estimates[FilterName.SMOOTHER]
-    (again, _), (mean, deviation) = map(coefficients, (identify(short_run, FilterName.SMOOTHER, earlier), earlier))
+    again = identify(short_run, FilterName.SMOOTHER, Motion.of_estimate(earlier))
+    (again, _), (mean, deviation) = map(coefficients, (again, earlier))
     assert np.abs((again - mean) / deviation).max() < 0.1
-    # Only an estimate with one state for each event is a trajectory.
+
+
+def test_motion_and_trajectory_are_the_same_states(short_run, short_estimates):
+    motion = Motion.of_estimate(short_estimates[FilterName.SMOOTHER])
     augmented = augmented_problem(prepare(short_run))
-    assert trajectory_of(augmented, earlier) is not None
-    assert trajectory_of(augmented, replace(earlier, time=earlier.time[::2], mean=earlier.mean[::2])) is None
+    again = Motion.of_trajectory(augmented, motion.trajectory(augmented))
+    assert again.state == motion.state
+    np.testing.assert_array_equal(again.time, motion.time)
+    np.testing.assert_allclose(again.mean, motion.mean, rtol=1e-12)
+
+
+def test_motion_of_another_model_is_completed(short_run, short_estimates):
+    motion = Motion.of_estimate(short_estimates[FilterName.SMOOTHER])
+    augmented = augmented_problem(prepare(short_run))
+    kept = [column for column, symbol in enumerate(motion.state) if symbol not in ("w", "X_u|u|")]
+    part = Motion([motion.state[column] for column in kept], motion.time[::2], motion.mean[::2, kept])
+    trajectory = part.trajectory(augmented)
+    symbols, n = list(augmented.layout.symbols), augmented.layout.n_parameters
+    unknown = symbols.index("X_u|u|")
+    assert trajectory.parameters[unknown] == augmented.prior.mean[unknown]
+    moving = np.vstack(trajectory.moving[0]) * augmented.layout.scale[n:]
+    w, q = (symbols.index(symbol) for symbol in ("w", "q"))
+    assert np.ptp(moving[:, w - n]) == 0.0
+    # Between two times of the motion its states are on a straight line.
+    halfway = 0.5 * (motion.mean[0:-2:2, q] + motion.mean[2::2, q])
+    share = (motion.time[1:-1:2] - motion.time[0:-2:2]) / (motion.time[2::2] - motion.time[0:-2:2])
+    line = motion.mean[0:-2:2, q] + share * 2.0 * (halfway - motion.mean[0:-2:2, q])
+    np.testing.assert_allclose(moving[1:-1:2, q - n], line, rtol=1e-9, atol=1e-12)
 
 
 def test_smoother_agrees_with_a_consistent_filter(short_run, short_estimates):
