@@ -11,7 +11,6 @@ linearises once, where it happens to be; the smoother linearises again about eac
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
 
 import numpy as np
 
@@ -79,7 +78,7 @@ def run_smoother(
     The first start is the trajectory of a CKF. If the minimum is far from it, or there is none, the second start keeps
     the prior's parameters and follows the measurements. If these two do not both end in a minimum, the third start is
     the minimum with more process noise. The most probable minimum is the estimate. It is compared with the second one,
-    and with the estimate from each segment alone. A given `start` precedes the others.
+    and with the estimate from each segment alone. A given `start` with a finite cost is the only one.
 
     Parameters
     ----------
@@ -94,7 +93,7 @@ def run_smoother(
     marginal : bool
         Whether to maximise the posterior of the parameters with the motion integrated out.
     start : Trajectory, optional
-        If the search converges from here, there is no search for other minima. The `marginal` search begins here.
+        Of a similar model. The `marginal` search begins here, and not at the most probable trajectory.
 
     Returns
     -------
@@ -145,20 +144,21 @@ def most_probable(
     problem: JointProblem,
     smoothing: LinearSmoothing,
     max_passes: int,
-    enough: int | None = None,
+    enough: int = _N_MINIMA,
     first: Trajectory | None = None,
 ) -> list[tuple[Filtered, bool]]:
     """Return the last iterate from each start until `enough` converged, and whether it did; the most probable first.
 
-    The `first` start, if there is one, precedes the others, and one minimum is enough then.
+    If the `first` start has a finite cost, it is the only one.
     """
-    enough = enough or (_N_MINIMA if first is None else 1)
     minima = list[tuple[Filtered, bool]]()
 
     def passes() -> int:
         return min(max_passes, _PATIENCE) if any(converged for _, converged in minima) else max_passes
 
-    for start in chain([] if first is None else [first], _starts(problem, smoothing, passes)):
+    if first is not None and (minimum := gauss_newton(smoothing, first, max_passes)) is not None:
+        return [minimum]
+    for start in _starts(problem, smoothing, passes):
         limit = passes()
         minimum = gauss_newton(smoothing, start, limit)
         if minimum is None:

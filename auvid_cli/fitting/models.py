@@ -21,6 +21,8 @@ from auvid_cli.identification.terms import fitted_model
 # Corrections of a delay, and the size of one that is small enough at the end, in standard deviations.
 _MAX_CORRECTIONS = 3
 _SMALL_CORRECTION = 0.5
+# Passes in which the joint estimate is found if it is near.
+_PASSES_NEARBY = 8
 
 
 @dataclass(frozen=True)
@@ -57,10 +59,16 @@ class ModelMaker:
         )
 
     def estimate(self, model: Model) -> Estimate:
-        """Return the marginal estimate of a model."""
-        smoother = model.settings.identification.smoother.model_copy(update={"answer": "marginal"})
-        settings = model.settings.with_identification(smoother=smoother)
-        return smoothed(self.prepared.with_settings(settings), model.motion)
+        """Return the joint estimate of a model if it is near its motion, else the marginal one, which takes longer."""
+        smoother = model.settings.identification.smoother
+        joint = smoother.model_copy(update={"answer": "joint", "max_passes": min(smoother.max_passes, _PASSES_NEARBY)})
+        marginal = smoother.model_copy(update={"answer": "marginal"})
+        for answer in (joint, marginal):
+            settings = model.settings.with_identification(smoother=answer)
+            estimate = smoothed(self.prepared.with_settings(settings), model.motion)
+            if estimate.completed:
+                break
+        return estimate
 
     def estimated(self, model: Model) -> tuple[Model, Estimate]:
         """Return a model with the motion of its estimate, and the estimate."""

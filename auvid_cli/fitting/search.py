@@ -6,8 +6,9 @@ measurements for each number that has no prior (Schwarz, Ann. Stat. 6(2), 1978).
 """
 
 from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from time import process_time
+from time import process_time, thread_time
 from typing import NamedTuple
 
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while the smoother runs
@@ -36,6 +37,7 @@ _FIRST_PASSES = 8
 # Factor on the stated process noise at the start, so that the smoother converges with a wrong model.
 _LOOSE = 100.0
 _MAX_LOOKS = 8
+_N_THREADS = 2  # that try additions
 # Gain for each measurement below which a cause explains little, so that noise and a disturbance are tried too.
 _SMALL_SHARE = 0.02
 # Factor on the stated process noise from which noise and a disturbance are tried first.
@@ -126,7 +128,7 @@ class _Search:
         self._begin = self._last = process_time()
         self.steps: list[FitStep] = []
         self.model: Model | None = None
-        self._look = 0
+        self._look, self._is_stopped = 0, False
         self._judgement: Judgement | None = None
         self._estimate: Estimate | None = None  # of the present model from the thinned data
 
@@ -201,29 +203,39 @@ class _Search:
         before = str(self._judgement.grade) if self._judgement else ""
         models: list[tuple[Addition, Model]] = []
         rows: list[FitStep] = []
+        threads = ThreadPoolExecutor(_N_THREADS)
+        running = [threads.submit(self._tried, start, candidate.addition) for candidate in trials]
         try:
-            for number, (addition, _) in enumerate(trials, 1):
+            for number, ((addition, _), trial) in enumerate(zip(trials, running, strict=True), 1):
                 best = max(models, key=lambda pair: pair[1].evidence, default=None)
                 gain = 0.0 if best is None else best[1].evidence - start.evidence
                 so_far = f"{best[0]}, {gain:+.0f}" if best is not None and gain > 0.0 else "no addition"
                 self._on_step(f"look {self._look}, candidate {number} of {len(trials)}: {addition}; best: {so_far}")
-                other = self._maker.with_addition(start, addition)
-                gain = None if other is None else other.evidence - start.evidence
-                if other is not None and addition.family == "term" and other.evidence - start.evidence >= WORTH:
-                    # Other terms bend to the data as well. One that the vehicle has also predicts new data better.
-                    held_out = self._maker.held_out_gain(start, other)
-                    if held_out < MIN_HELD_OUT_GAIN:
-                        other, gain = None, min(held_out, 0.0)
-                rows.append(self._step("add", str(addition), gain, False, before))
+                other, gain, time = trial.result()
+                rows.append(self._step("add", str(addition), gain, False, before)._replace(cpu_time=time))
                 if other is not None:
                     models.append((addition, other))
         finally:
+            self._is_stopped = True
+            threads.shutdown(cancel_futures=True)
+            self._is_stopped = False
             best = max(models, key=lambda pair: pair[1].evidence, default=None)
             if best is not None and best[1].evidence - self.model.evidence >= WORTH:
                 self.steps = [step._replace(kept=step.kept and step.look < self._look) for step in self.steps]
                 rows = [row._replace(kept=row.what == str(best[0])) for row in rows]
                 self._estimate, self.model = None, best[1]
             self.steps += rows
+
+    def _tried(self, start: Model, addition: Addition) -> tuple[Model | None, float | None, float]:
+        """Return the model with an addition if it is admissible, its gain in evidence, and the processor time, s."""
+        begin, other = thread_time(), self._maker.with_addition(start, addition)
+        gain = None if other is None else other.evidence - start.evidence
+        if other is not None and addition.family == "term" and other.evidence - start.evidence >= WORTH:
+            # Other terms bend to the data as well. One that the vehicle has also predicts new data better.
+            held_out = self._maker.held_out_gain(start, other)
+            if held_out < MIN_HELD_OUT_GAIN:
+                other, gain = None, min(held_out, 0.0)
+        return other, gain, thread_time() - begin
 
     def simplify(self) -> None:
         """Take away additions that the others make unnecessary, until each one is needed."""
@@ -337,5 +349,5 @@ class _Search:
         return process_time() - self._begin > self._limits.max_time
 
     def _check_time(self) -> None:
-        if self._is_out_of_time():
+        if self._is_stopped or self._is_out_of_time():
             raise _OutOfTimeError
