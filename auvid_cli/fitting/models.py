@@ -12,7 +12,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.fitting.additions import Addition, with_addition, without_addition
 from auvid_cli.fitting.candidates import corrected_times
-from auvid_cli.fitting.thinning import smoothed
+from auvid_cli.fitting.quick_fits import smoothed
 from auvid_cli.identification.noise import tune_coarsely
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.problem_setup import Motion

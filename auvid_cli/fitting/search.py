@@ -21,14 +21,12 @@ from auvid_cli.data.findings import MIN_HELD_OUT_GAIN
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.innovations import causes_text, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
-from auvid_cli.fitting.additions import Addition
+from auvid_cli.fitting.additions import Addition, is_certain, size_text
 from auvid_cli.fitting.candidates import WORTH, Candidate, by_kind, candidates, noise_excess
 from auvid_cli.fitting.look import refuse_contradictions, with_still_planes_held
 from auvid_cli.fitting.models import Model, ModelMaker
+from auvid_cli.fitting.quick_fits import joint_answer, smoothed, thinned, training_part, trial_text, try_on_held_out
 from auvid_cli.fitting.results import Fit, FitStep
-from auvid_cli.fitting.sizes import is_certain, size_text
-from auvid_cli.fitting.thinning import joint_answer, smoothed, thinned
-from auvid_cli.fitting.trial import training_part, trial_text, try_on_held_out
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 

@@ -6,9 +6,8 @@ from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.loading import dump_experiment, parse_experiment
 from auvid_cli.data.faults import Fault, FaultKind, FaultTest
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.fitting.additions import FAMILIES, Addition, addition_for, with_addition, without_addition
+from auvid_cli.fitting.additions import FAMILIES, Addition, addition_for, size_text, with_addition, without_addition
 from auvid_cli.fitting.results import Fit
-from auvid_cli.fitting.sizes import size_text
 
 LAG = Addition("lag", "", 0.1)
 _ADDITIONS = (

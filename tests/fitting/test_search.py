@@ -9,8 +9,8 @@ import auvid_cli as auvid
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.judgement import Grade
+from auvid_cli.fitting.quick_fits import thinned
 from auvid_cli.fitting.search import FitLimits, fit_model
-from auvid_cli.fitting.thinning import thinned
 from auvid_cli.identification.run import identify
 
 TRIM = 0.02  # rad
