@@ -57,6 +57,8 @@ _MEMORY = 3
 _FIXING_FACTOR = 1e-8
 # Maximum number of passes in which the motion adapts to new parameters.
 _MOTION_PASSES = 5
+# Predicted decrease of the objective below which it is at its minimum if no step lowers it.
+_NEGLIGIBLE_DECREASE = 0.1
 # Largest number of halvings of a step that raises the objective.
 _MAX_HALVINGS = 8
 
@@ -232,6 +234,8 @@ def integrate_out_motion(
         limit = np.inf if is_small else at.objective
         found = _line_search(problem, filtered, at, deviation, (_accelerated(moves, steps), steps[-1]), limit)
         if found is None:
+            # Where the motion hardly converges, the objective is rounded too.
+            convergence = None if convergence.cost_decrease < _NEGLIGIBLE_DECREASE else convergence
             break
         at, move = found
         moves.append(move)

@@ -32,8 +32,9 @@ from auvid_cli.identification.run import identify
 
 # Passes of the first fit, with the noise as stated: a model that holds converges in a few.
 _FIRST_PASSES = 8
-# Factor on the stated process noise at the start, so that the smoother converges with a wrong model.
-_LOOSE = 100.0
+# Factors on the stated process noise at the start, so that the smoother converges with a wrong model; the next one is
+# tried if no trajectory follows the data.
+_LOOSE = 100.0, 10.0, 1.0
 _MAX_LOOKS = 8
 _N_THREADS = 2  # that try additions
 # Gain for each measurement below which a cause explains little, so that noise and a disturbance are tried too.
@@ -164,10 +165,12 @@ class _Search:
             for name in ("velocity", "rate", "attitude", "depth")
             if name != "depth" or name in self._prepared.measuring
         ]
-        noise = self._least.times(_LOOSE, names)
-        loose = self._prepared.experiment.with_identification(process_noise=noise)
-        self.model = self._maker.tuned(loose, ())
-        if self.model is None:
+        for factor in _LOOSE:
+            noise = self._least.times(factor, names)
+            self.model = self._maker.tuned(self._prepared.experiment.with_identification(process_noise=noise), ())
+            if self.model is not None:
+                break
+        else:
             raise DataError("no trajectory follows these data, even with much process noise; see auvid inspect")
         self.note("start", "process noise from the data", None, True, "")
 
