@@ -212,6 +212,10 @@ class Fault(NamedTuple):
         return cls(FaultKind.UNKNOWN, text)
 
 
+# Ratio of the significance of a fault beside others to that alone from which both are stated.
+_MUCH_MORE = 1.5
+
+
 class FaultTest(NamedTuple):
     """Score test of a fault in the data of an estimate, or its difference from an alternative estimate.
 
@@ -267,7 +271,9 @@ class FaultTest(NamedTuple):
         if self.alternatives:
             name = f"{', '.join((name, *self.alternatives.split('; ')[:-1]))} or {self.alternatives.split('; ')[-1]}"
         unit = "" if self.unit == "1" else f" {self.unit}"
-        return f"{name} ({self.size:.3g} +- {self.standard_deviation:.2g}{unit}, {abs(self.z):.1f} sigma)"
+        # Alone it may look small, and be needed all the same if the other faults are in the data too.
+        beside = f" alone, {self.excess:.1f} beside the others" if self.excess > _MUCH_MORE * abs(self.z) else ""
+        return f"{name} ({self.size:.3g} +- {self.standard_deviation:.2g}{unit}, {abs(self.z):.1f} sigma{beside})"
 
 
 class Cause(NamedTuple):

@@ -25,6 +25,7 @@ from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.states import coefficient_priors
 from auvid_cli.validation.results import MAX_NIS
 from auvid_cli.vehicle.equations import NO_ERRORS
+from auvid_cli.vehicle.kinematics import dvl_axes
 from auvid_cli.vehicle.matrices import NO_BALLAST
 from auvid_cli.vehicle.parameters import AS_STATED, DISTURBANCE, MOTION_AND_DEPTH, Quantity
 
@@ -69,7 +70,7 @@ def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Data
     """Return the data with the estimate's vehicle, coefficients, ballast, fins, thrust and settings, without truth.
 
     Ballast, fins and thrust that walk (with `anew` also constant ones) are estimated by the filter that finds the
-    initial states.
+    initial states. A constant scale and yaw of the DVL are removed from its velocities.
     """
     earlier, identification = estimate.experiment, estimate.experiment.identification
     own = own_of_each_run(identification, anew)
@@ -85,10 +86,24 @@ def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Data
     ballasted = ballast.added_to(earlier.vehicle.known_parameters())
     entries = {symbol: VehicleEntry(value=value) for symbol, value in ballasted.items()}
     parameters = earlier.vehicle.parameters.model_copy(update=entries)
-    kept = tuple(block for block in identification.estimate.biases if block not in _MODEL_BLOCKS or block in own)
+    kept = [block for block in identification.estimate.biases if block not in _MODEL_BLOCKS or block in own]
     vehicle = vehicle.model_copy(update={"parameters": parameters})
     acting = replace(dataset, inputs=replace(inputs, values=values))
+    if BiasName.DVL in kept and all(block.walk == 0.0 for block in identification.estimate.blocks_of(BiasName.DVL)):
+        # Short data hardly tell the mounting of a DVL from sideslip, and it does not change.
+        kept.remove(BiasName.DVL)
+        acting = _with_mounted_dvl(acting, estimate)
     return _with_fixed_model(acting, earlier.model_copy(update={"vehicle": vehicle}), kept)
+
+
+def _with_mounted_dvl(dataset: Dataset, estimate: Estimate) -> Dataset:
+    """Return the data with the velocities of the DVL in the axes of the vehicle, by its estimated scale and yaw."""
+    if "dvl" not in dataset.sensors:
+        return dataset
+    scale, yaw, *_ = estimated_errors(estimate.state, estimate.mean[-1]).dvl
+    record = dataset.sensors["dvl"]
+    corrected = replace(record, values=record.values @ np.linalg.inv(dvl_axes(scale, yaw)).T)
+    return replace(dataset, sensors={**dataset.sensors, "dvl": corrected})
 
 
 def with_vehicle_file(dataset: Dataset) -> Dataset | None:

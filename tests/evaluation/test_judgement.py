@@ -126,6 +126,13 @@ def test_a_fault_without_a_unit_is_told_without(smoother):
     assert "scale of the DVL (0.02 +- 0.001, 20.0 sigma)" in judge_one(scaled, None).reason
 
 
+def test_fault_that_only_others_show_states_both_sizes():
+    alone = FaultTest(Fault.parse("bias of r"), "rad/s", 0.002, 1e-3, "N_url", 2.5)
+    assert str(alone) == "bias of r (0.002 +- 0.001 rad/s, 2.0 sigma)"
+    assert str(alone._replace(significance=2.5)) == str(alone)
+    assert str(alone._replace(significance=4.2)).endswith("2.0 sigma alone, 4.2 beside the others)")
+
+
 def test_innovations_of_the_smoother_that_are_too_large_are_told_with_their_sensor(ckf, smoother, rng):
     large = replace(smoother, innovations=smoother.innovations | {"gyroscope": white(rng, 1.1)})
     for judgement in judge([ckf, large]).values():

@@ -115,6 +115,28 @@ def test_walking_trim_is_estimated_in_each_run(simulated_with, with_coefficients
     assert_allclose(blind.vehicle, np.tile([1.0, 0.0, 0.0, 0.0, 0.0], (2, 1)))
 
 
+def test_mounting_of_the_dvl_is_that_of_the_estimate(zigzag, with_coefficients, experiment_with):
+    """A DVL turned to starboard by 3 deg sees forward motion as motion to port."""
+    estimate = with_coefficients(zigzag.truth.coefficients)
+    mean = np.hstack([estimate.mean, np.tile([0.02, np.deg2rad(3.0)], (len(estimate.mean), 1))])
+    state = (*estimate.state, "dvl_scale", "dvl_yaw")
+    constant, walking = (
+        with_model(zigzag, replace(estimate, state=state, mean=mean, experiment=experiment_with(asked)))
+        for asked in (
+            "identification.estimate.biases=[dvl]",
+            "identification.estimate={biases: [dvl], dvl: {yaw_walk: 1e-4}}",
+        )
+    )
+    assert constant.experiment.identification.estimate.biases == ()
+    read, true = zigzag.sensors["dvl"].values, constant.sensors["dvl"].values
+    speed, angle = (np.hypot(values[:, 0], values[:, 1]) for values in (read, true)), np.arctan2(read[:, 1], read[:, 0])
+    assert_allclose(next(speed), 1.02 * next(speed))
+    assert_allclose(np.arctan2(true[:, 1], true[:, 0]) - angle, np.deg2rad(3.0), atol=1e-12)
+    assert_allclose(read[:, 2], 1.02 * true[:, 2])
+    assert walking.experiment.identification.estimate.biases == ("dvl",)
+    assert_allclose(walking.sensors["dvl"].values, read)
+
+
 def test_walking_blocks_differ_in_each_run(experiment_with):
     asked = "{biases: [fin_trim, ballast, gyro, delay], ballast: {buoyancy_walk: 1e-3}}"
     settings = experiment_with(f"identification.estimate={asked}").identification
