@@ -37,6 +37,8 @@ _COARSE_INCREASE = 0.3
 # Largest gain in the log of the marginal posterior by the last step of the trajectory at convergence, and largest last
 # change of the log-likelihood of a coarse search.
 _MAX_GAIN = 1.0
+# Number of trajectories without a larger likelihood after which a coarse search ends.
+_PATIENCE = 2
 # Decrease of the log-likelihood at the ends of a 95 % interval.
 _INTERVAL_DECREASE = 1.92
 # Half width of a 95 % interval, in standard deviations.
@@ -176,6 +178,7 @@ def most_likely_noise(
     x, gain, converged = np.zeros(len(groups)), np.inf, False
     likelihood.set_process_memory(trajectory)
     stated = level = likelihood.at(x, trajectory)
+    best, latest = -np.inf, 0
     information, increase = np.eye(x.size), _COARSE_INCREASE if is_coarse else _MIN_INCREASE
     for number in range(1, MAX_TRAJECTORIES + 1):
         before, last, x = x, level, _climb(likelihood, x, trajectory, min_increase=increase)
@@ -190,7 +193,9 @@ def most_likely_noise(
         is_same = bool((np.abs(x - before) < _MAX_CHANGE * _deviations(information)).all())
         # The first trajectory is not yet a marginal estimate.
         converged = gain < _MAX_GAIN and (is_same or (is_coarse and abs(level - last) < _MAX_GAIN))
-        if converged or number == MAX_TRAJECTORIES:
+        best, latest = (level, number) if level > best + _MAX_GAIN else (best, latest)
+        # With a wrong model, noise and trajectory may go round in a circle.
+        if converged or number == MAX_TRAJECTORIES or (is_coarse and number - latest == _PATIENCE):
             break
         following = likelihood.closer(filtered)
         if following is None:

@@ -199,7 +199,8 @@ def test_settings_accept_a_level_that_is_tuned_to_nothing(simulated_with):
     walk = "identification.estimate={biases: [gyro], gyro: {walk: 2e-12 rad/s/s^0.5}}"
     dataset = simulated_with("manoeuvre.duration=8 s", *SLOW, FEW, walk)
     least = dataset.experiment.identification.process_noise
-    tuning = tune_coarsely(prepare(dataset), least, (), lambda progress: None)
-    assert tuning is not None
+    found = tune_coarsely(prepare(dataset), least, (), lambda progress: None)
+    assert found is not None
+    tuning, _ = found
     read = parse_run(dump_experiment(tuning.experiment), "tuned", ())
     assert read.identification.estimate.gyro.walk >= 1e-12

@@ -21,6 +21,7 @@ from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.innovations import status_of
 from auvid_cli.evaluation.judgement import judge_one
+from auvid_cli.fitting.search import FitLimits, fit_model
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 from auvid_cli.inspection.inspect import inspect_dataset
@@ -204,6 +205,16 @@ def test_with_tuned_noise_and_a_second_look_its_bands_are_those_of_its_errors(re
     assert min(map(min, held.values())) > 0.78
     assert max(np.mean(shares) for shares in held.values()) < 0.98
     assert "uncertainty not too large" not in {check.check for check in found.checks if check.passed is False}
+
+
+@pytest.mark.slow
+def test_search_for_a_model_predicts_the_zigzag_as_settings_by_hand_do(recorded):
+    fit = fit_model(recorded("E_combined_multisine", 1), FitLimits())
+    assert {"term N_|v|r", "term M_q", "term N_r", "term K_up"} <= set(fit.added)
+    found = validate([recorded("B_zigzag_10_10", 2)], fit.estimate, recorded("E_combined_multisine", 1))
+    fits = {row.signal: row.fit_percent for row in found.predictions if row.kind == "free_run"}
+    assert min(fits[signal] for signal in ("v", "r", "psi")) > 95.0
+    assert fits["p"] > 85.0
 
 
 def test_run_e_is_refused_as_validation_of_itself(loosely_identified, training):
