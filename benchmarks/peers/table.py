@@ -112,7 +112,8 @@ def markdown(rows: Sequence[Row], environment: dict[str, str], remarks: Sequence
     """Write the table, what it was measured on, and what is to be said of it."""
     notes = list(dict.fromkeys(row.note for row in rows if row.note))
     compilations = [
-        f"{row.library} {row.filter}: compilation takes {row.compilation:.1f} s more, again for each other number of events"
+        f"{row.library} {row.filter}: compilation takes {row.compilation:.1f} s more, again for each other number of "
+        "events"
         for row in rows
         if row.compiles
     ]
