@@ -10,8 +10,8 @@ import auvid_cli
 TARGET = Path(__file__).with_name("api.md")
 OPENING = """# Python API
 
-Made by `python docs/make_api.py` from the docstrings of the package; do not edit. The [tutorial](tutorial.md) uses all
-functions.
+You want to use auvid from Python. Here is each function with its parameters, results and an example. The
+[tutorial](tutorial.md) uses all of them. `python docs/make_api.py` makes this page from the docstrings; do not edit.
 
     import auvid_cli as auvid
 

@@ -148,7 +148,8 @@ SIGNALS = {
 }
 OPENING = """# Reference
 
-Made by `python docs/make_reference.py` from the tables and settings classes in the package; do not edit.
+You want to change a setting, or to know its unit. Here is every setting with its meaning, unit, default and an example.
+It is made by `python docs/make_reference.py` from the tables and settings classes in the package; do not edit.
 
 """
 

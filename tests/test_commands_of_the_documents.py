@@ -28,6 +28,8 @@ OTHERS = ("python3 -m venv", ". .venv/bin/activate", "pip install", "pytest")
 FENCE = re.compile(r"```yaml\n(name: (\w+).*?)```\n", re.DOTALL)
 FRAGMENT = re.compile(r"```yaml\n(.*?)```\n", re.DOTALL)
 SHELL = re.compile(r"^```(?:sh|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+# Fenced commands that take seconds on short data. The others search or repeat; those of the survey are the tutorial's.
+RUN_HERE = re.compile(r"auvid (identify results/spiral|terms results/spiral|fit |run remus100)(?!.*survey)")
 
 
 def indented(text: str) -> list[str]:
@@ -122,8 +124,42 @@ def test_commands_of_the_readme_and_the_pages_run_in_order_in_one_empty_folder(q
     assert commands_done >= {"run", "identify", "validate", "export", "import", "inspect", "campaign", "compare"}
 
 
+@pytest.fixture
+def datasets_of_the_pages(quick, tmp_path, monkeypatch):
+    """Folder with the files that fenced commands name: short runs, one of them also as logs with a map."""
+    configs = enums.shipped_configs()
+    for path in configs.glob("manoeuvres/spiral*.yaml"):
+        path.write_text(path.read_text(encoding="utf-8").replace("duration: 120 s", "duration: 20 s"), encoding="utf-8")
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    for arguments in (["-o", "results/spiral"], ["--as-log", "-o", "dive"], ["-o", "results/dive"]):
+        assert CliRunner().invoke(app, ["simulate", *arguments]).exit_code == 0
+
+
+@pytest.mark.slow
+def test_fenced_commands_of_the_pages_run_in_order(datasets_of_the_pages):
+    done = []
+    for page in (*FIRST[:2], *sorted(DOCS.glob("how-to/*.md"))):
+        for block in SHELL.findall(page.read_text(encoding="utf-8")):
+            for command in filter(RUN_HERE.match, block.splitlines()):
+                arguments = [
+                    name
+                    for word in shlex.split(command, comments=True)[1:]
+                    for name in (sorted(map(str, Path().glob(word))) if "*" in word else [word])
+                ]
+                result = CliRunner().invoke(app, arguments)
+                if command.endswith("terms.yaml") and "No term is proposed" in done[-1][1]:
+                    assert result.exit_code == 2, command  # The page says that there is no such file then.
+                    continue
+                # As the page of `fit` says: 1 if the model is not sound.
+                assert result.exit_code in ((0, 1) if "fit" in command else (0,)), f"{command}:\n{result.output}"
+                done.append((command, result.output))
+    assert len(done) >= 9, done
+
+
 def test_fenced_commands_have_known_options():
-    """Commands in fences take long, so they are parsed and not run."""
+    """Some commands in fences take long, so all are parsed and not run."""
     group = get_command(app)
     assert isinstance(group, Group)
     parsed = 0

@@ -68,7 +68,7 @@ def forecast(plan: CampaignPlan, folder: Path, options: CampaignOptions, progres
     store = Store(folder, plan.columns)
     done, failed = _done_and_failed(store, plan.labels()) if store.finished() or store.failures else (set(), set())
     progress.message(
-        f"{plan.campaign.name}: {plan.n_runs} runs: {plan.campaign.n_cells} combinations of settings, "
+        f"{plan.campaign.name}: {plan.n_runs} runs: {_settings(plan)}, "
         f"{len(plan.filters)} filters, {plan.campaign.n_seeds} seeds; {len(done)} finished, {len(failed)} failed"
     )
     remaining = plan.n_runs - len(_skipped(done, failed, options))
@@ -87,9 +87,15 @@ def forecast(plan: CampaignPlan, folder: Path, options: CampaignOptions, progres
         )
         return
     progress.message(
-        f"{remaining} runs take about {_duration(seconds * remaining / threads)} on {threads} workers of this "
-        f"machine's speed, and some seconds to start (measured with a few runs of {PROBE_DURATION:g} s)"
+        f"{remaining} runs take about {_duration(seconds * remaining / threads)} on {threads} workers as fast as "
+        f"this machine, and some seconds to start (estimated from a few runs of {PROBE_DURATION:g} s)"
     )
+
+
+def _settings(plan: CampaignPlan) -> str:
+    """Return the number of combinations of settings, in words."""
+    count = plan.campaign.n_cells
+    return "1 combination of settings" if count == 1 else f"{count} combinations of settings"
 
 
 def _seconds_of_a_run(plan: CampaignPlan) -> tuple[float | None, str]:

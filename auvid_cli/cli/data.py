@@ -188,10 +188,10 @@ def fit(
     """Find a model that explains a dataset, and show every decision; exit code 1 if the model is not sound.
 
     The data are inspected first; a wrong sign, unit, axis or clock ends the command. The settings of the dataset are
-    the first model. If it does not hold, the process noise is found from the data, and
-    errors, delays, noise, a disturbance or terms are added one at a time, each only if the data support it. Ctrl-C
-    ends the search and keeps the best model. The settings are written to fit.yaml; `auvid identify --set fit.yaml`
-    repeats the estimate. Logs are imported first, with the map that lies next to them.
+    the first model. If it is not sound, the process noise is estimated from the data. Then errors, delays, noise, a
+    disturbance or terms are added one at a time, each only if the data support it. Ctrl-C ends the search and keeps the
+    best model. The settings are written to fit.yaml; `auvid identify --set fit.yaml` repeats the estimate. Logs are
+    imported first, with the map next to them.
     """
     changes, terminal = settings.overrides(), console.terminal()
     limit = float("inf") if max_time is None else _seconds(max_time)

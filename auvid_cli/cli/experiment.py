@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from auvid_cli.config.experiment import RunSettings
 
 
-_AS_LOG = "Write CSV logs and a map like those of a real vehicle instead of a dataset, and a vehicle file 30 % off."
-_WITH_FIT = "Instead of the filters, find a model that holds, as auvid fit does."
+_AS_LOG = "Instead of a dataset, write CSV logs and a map like those of a real vehicle, and a vehicle file 30 % off."
+_WITH_FIT = "Search for a model as auvid fit does, instead of running the filters."
 
 
 @options.command

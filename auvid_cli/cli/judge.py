@@ -54,7 +54,7 @@ def identifiability(
 ) -> None:
     """Compute the best possible accuracy of each coefficient (Cramér-Rao bound), before any filter runs.
 
-    Takes a dataset file, or an experiment, which is simulated first. Without --at, the bounds hold at the true
+    Takes a dataset file, or an experiment, which is simulated first. Without --at, the bounds are computed at the true
     coefficients of a simulation, or at those of the vehicle file.
     """
     source = options.data_source(data, options.overrides(settings.settings, seed, settings.use))

@@ -190,7 +190,7 @@ class Terminal(Progress):
         with _signals_go_to(self._interrupt), self.stage("loading the compiled core") as change:
 
             def print_compiling() -> None:
-                label = "compiling the numerical core (only once after an installation; 20 to 40 s)"
+                label = "compiling the code that this command needs (once after an installation; 20 to 40 s)"
                 change(label)
                 if not self._err.is_terminal and not self.quiet and not self._printed:
                     print_error(label)

@@ -63,7 +63,7 @@ class FaultKind(Enum):
     ACCELEROMETER_POSITION = (
         "position of the accelerometer, {}",
         "position",
-        "state where it sits (`{setting}` in the sensor's settings or map)",
+        "state its position (`{setting}` in the sensor's settings or map)",
         ("x", "y", "z"),
     )
     ATTITUDE_BIAS = ("bias of {}", _BIASES.format("attitude"), _ESTIMATE, _symbols("attitude"))
@@ -86,7 +86,7 @@ class FaultKind(Enum):
     DVL_LEVER_ARM = (
         "lever arm of the DVL, {}",
         _BIASES.format("dvl_arm"),
-        "move what the DVL measured to the origin, or estimate its arm ({setting})",
+        "correct the DVL's velocities to the origin, or estimate its arm ({setting})",
         ("x", "y", "z"),
     )
     CURRENT = ("current, {}", _BIASES.format("current"), "estimate the current ({setting})", ("north", "east"))
@@ -142,7 +142,7 @@ class FaultKind(Enum):
     MISSING_TERM = (
         "{}",
         "vehicle.terms",
-        "the model lacks this term, and others make up for it: add it ({setting})",
+        "the model lacks this term, and others compensate for it: add it ({setting})",
         tuple(term(row, factors).symbol for row, factors in TESTED_TERMS),
     )
     HELD_COEFFICIENT = (

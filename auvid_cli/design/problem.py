@@ -102,7 +102,7 @@ def distribution_from_vehicle(vehicle: VehicleSettings, spread: float | None) ->
         else:
             share = _DEFAULT_SPREAD if spread is None else spread
             deviation[k] = share * abs(mean[k])
-            origins[f"{share:.0%} of the vehicle file's values"] = None
+            origins[f"the vehicle file's values (standard deviation {100.0 * share:.0f} %)"] = None
     share = np.divide(deviation, np.abs(mean), out=np.full(mean.size, np.inf), where=mean != 0.0)
     damping = np.array([symbol in DRAG_SYMBOLS for symbol in symbols])
     logarithmic = (mean != 0.0) & (damping | (share < 1.0))

@@ -78,7 +78,11 @@ def comparison_sentences(findings: CampaignSummary) -> list[str]:
     for (first, second, measure), rows in findings.comparisons.groupby(["first", "second", "measure"], sort=False):
         counts = rows["conclusion"].value_counts()
         conclusions = ", ".join(f"{conclusion} in {count}" for conclusion, count in counts.items())
-        sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {conclusions} (of {len(rows)})")
+        if len(rows) == 1:
+            conclusions = str(counts.index[0])
+        else:
+            conclusions += f" (of {len(rows)} settings)"
+        sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {conclusions}")
     return sentences
 
 
@@ -100,8 +104,8 @@ def filters_table(findings: CampaignSummary) -> Table:
     }
     notes = (
         "Sound: share of the runs whose estimate may be used. Error: mean steady-state error of the coefficients, "
-        "median over the runs; 90 % of the runs are within 5 - 95 %. In 2 sd: share of coefficients whose true value "
-        "is within two standard deviations (corrected ones of batch estimates); 95.4 if these are right.",
+        "median over the runs; column 5 - 95 %: nine of ten runs are within it. In 2 sd: share of coefficients whose "
+        "true value is within two standard deviations (corrected ones of batch estimates); 95.4 if these are right.",
         "sd / bound: median ratio of the standard deviation, from the data alone, to the Cramer-Rao bound. "
         "Error / bound: root mean square of the errors divided by the bound.",
         "NEES: squared error / covariance for each coefficient; 1 if the covariance is right. By chance: range of NEES "

@@ -49,7 +49,7 @@ _TOTAL = (
     "± total: standard deviation that also allows for errors of known quantities (identification.tolerances), such as "
     "inertia and thrust. ± data: from noise alone, also if it is correlated in time."
 )
-_FROM = "Mostly from: the known quantities that cause most of ± total, with their part of it in percent of the value."
+_FROM = "Mostly from: the known quantities whose errors cause most of ± total; each part in percent of the value."
 
 
 def lay_out(evaluation: Evaluation) -> list[Table]:

@@ -60,7 +60,10 @@ _ERRORS = (
     "Unchanged: error if the motion stayed as at the start. Prior: error with the coefficients of the prior. Vehicle "
     "file: error of the vehicle as stated, without estimated trims and thrust."
 )
-_BAND = "Band: two standard deviations, from coefficients, start, measurements and known defects of the model together."
+_BAND = (
+    "Band: two standard deviations. They allow for errors of the coefficients, the initial motion and the "
+    "measurements, and for known defects of the model."
+)
 
 
 def assessment_sentences(identifiability: Identifiability) -> list[str]:

@@ -13,7 +13,7 @@ from auvid_cli.config.settings import Spans
 from auvid_cli.data.checks import ComparedValue, Comparison
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.findings import DisturbanceChoice, ScoredTerm, TermFindings, TunedNoise, Tuning
-from auvid_cli.evaluation.judgement import Grade, Judgement, whiteness
+from auvid_cli.evaluation.judgement import LARGEST_PORTMANTEAU, Grade, Judgement, whiteness
 from auvid_cli.logs.measurements import ImportSummary
 from auvid_cli.report.table import Cell, Column, Table, UnitCell, tabulated, text_column
 from auvid_cli.report.text_tables import MISSING, narrowed, print_texts, printed, screen_table
@@ -177,6 +177,7 @@ def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged
         if names := [noise.setting.removeprefix(_PREFIX) for noise in tuning.noises if applies(noise)]:
             console.print(Text(f"The data {finding} {', '.join(names)}: {consequence}."))
     console.print(screen_table(console, _estimates(before, after), _TUNING_DIGITS))
+    print_texts(console, (_BEFORE_AND_AFTER,))
     if not tuning.converged:
         console.print(Text("The search has not converged: start `auvid tune` again from these values."))
 
@@ -247,6 +248,12 @@ _NOISE_CELLS: dict[Column, Callable[[TunedNoise], Cell]] = {
 }
 
 
+_BEFORE_AND_AFTER = (
+    "NIS: squared prediction error / expected variance; 1 is right. Correlated in time: successive prediction "
+    f"errors are similar (Ljung-Box); above {LARGEST_PORTMANTEAU:g} sigma it is more than chance."
+)
+
+
 def _estimates(before: Judged, after: Judged) -> Table:
     """Return mean NIS and autocorrelation of the innovations of each sensor, and the judgement."""
     rows: list[list[Cell]] = []
@@ -254,7 +261,7 @@ def _estimates(before: Judged, after: Judged) -> Table:
         nis: list[Cell] = [estimate.innovations[sensor].sums().mean_nis for estimate, _ in (before, after)]
         rows.append([f"mean NIS of {sensor}", *nis])
         memory: list[Cell] = [whiteness(estimate.statistics(sensor)).portmanteau for estimate, _ in (before, after)]
-        rows.append([f"errors of {sensor} correlated in time (Ljung-Box)", *memory])
+        rows.append([f"errors of {sensor} correlated in time, sigma", *memory])
     grades: list[Cell] = [judgement.grade for _, judgement in (before, after)]
     columns = Column("smoother", numeric=False), Column("as stated"), Column("tuned")
     return Table("tuned", "Before and after", columns, [*rows, ["judgement", *grades]])

@@ -177,9 +177,7 @@ def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[Sanit
     yield SanityRow("length", f"{size.length:.4g} m", f"{slenderness:.3g} diameters; {usual}")
     if (shape := vehicle.shape()) is not None:
         span, chord = shape.fins.span, shape.fins.area / shape.fins.span
-        relative = (
-            f"{span / size.diameter:.2g} diameters by {chord / size.length:.2g} lengths, {shape.fins.number} fins"
-        )
+        relative = f"{span / size.diameter:.2g} diameters, {chord / size.length:.2g} lengths; {shape.fins.number} fins"
         yield SanityRow("fin: span, mean chord", f"{span:.3g}, {chord:.3g} m", relative)
     if displaced := _displaced(vehicle):
         share = f"{parameters['m'] / displaced:.3g} times as much"
@@ -198,7 +196,7 @@ def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[Sanit
     slowest, fastest = spiral.speed
     yield SanityRow("spiral: speed", f"{slowest:.3g} to {fastest:.3g} m/s", f"drag {drag * fastest**2:.3g} N at most")
     roll, pitch, slip = np.rad2deg([spiral.roll, spiral.pitch, spiral.slip])
-    yield SanityRow("spiral: largest roll, pitch", f"{roll:.0f}, {pitch:.0f} deg", f"slip {slip:.0f} deg at most")
+    yield SanityRow("spiral: largest roll, pitch", f"{roll:.0f}, {pitch:.0f} deg", f"sideslip at most {slip:.0f} deg")
 
 
 def sanity_notes(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[str]:

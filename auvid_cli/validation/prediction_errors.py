@@ -177,8 +177,8 @@ def _too_large(name: str, rows: Sequence[Prediction]) -> Check:
         limit=100.0 * _MAX_BAND_SHARE,
         unit="%",
         meaning="of the errors within two sigma",
-        advice="The model is better than its uncertainty: its own data were harder to predict, or process noise is set "
-        "too large (run `auvid tune`).",
+        advice="The predictions are better than stated: the data of the estimate were harder to predict, or process "
+        "noise is set too large (run `auvid tune`).",
     )
 
 

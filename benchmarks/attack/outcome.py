@@ -15,8 +15,8 @@ COLUMNS = {
     "hang": "hangs",
     "exit": "wrong exit codes",
     "raw": "raw warnings",
-    "file": "files lost or half written",
-    "number": "numbers that are none",
+    "file": "files lost or incomplete",
+    "number": "invalid numbers",
     "process": "processes left",
 }
 _MESSAGES = "auvid: ", "Usage: "
@@ -111,7 +111,7 @@ def opens(path: Path) -> bool:
 
 
 def unsound_numbers(paths: Iterable[Path]) -> str | None:
-    """Find an estimate that says it is completed and holds numbers that are none."""
+    """Find an estimate that is stated as completed and holds invalid numbers."""
     for path in paths:
         if path.parent.name != "estimates" or path.suffix != ".h5":
             continue

@@ -11,7 +11,8 @@ from benchmarks.attack.outcome import COLUMNS, Outcome
 def markdown(outcomes: Sequence[Outcome], seed: int, limit: float) -> str:
     """Write how many cases of each kind there were, and how many failed in which way."""
     lines = [
-        f"Seed {seed}. A command hangs if it does not end within {limit:g} s; one that works, by Ctrl-C then.",
+        f"Seed {seed}. A command hangs if it does not end within {limit:g} s; a command that still works then is sent "
+        "Ctrl-C.",
         "",
         f"| cases | number | {' | '.join(COLUMNS.values())} |",
         f"| --- {'| ---: ' * (1 + len(COLUMNS))}|",

@@ -127,7 +127,8 @@ def main() -> None:
     walls = list(zip(*rounds, strict=True))
     notes = (
         "",
-        f"{spread([own.one_worker / own.alone for own in rounds], 3)} of that: handing out, bringing back, writing",
+        f"{spread([own.one_worker / own.alone for own in rounds], 3)} times the time above: with distribution, "
+        "collection and writing",
         f"{spread([own.one_worker / own.two_workers for own in rounds], 2)} times as fast as 1 worker",
         f"{spread([own.alone / own.two_processes for own in rounds], 2)} times as fast as one after the other",
     )

@@ -103,10 +103,12 @@ def _extended(problem: Problem) -> Callable[[], Answer]:
 
 _BASE = "The class that auvid's EKF is built on, with the same transition, but without auvid's records and checks."
 _STALE = (
-    "filterpy's CKF updates with the points that the process has moved, which lack the process noise, instead of "
-    "points drawn from the predicted covariance: its answer is another one, how much so depends on that noise."
+    "filterpy's CKF updates with the propagated points, which lack the process noise, instead of new points from the "
+    "predicted covariance. So its result is different; the difference grows with the process noise."
 )
-_REDRAWN = "One line of ours between filterpy's `predict` and `update` draws the points from the predicted covariance."
+_REDRAWN = (
+    "One line, added here between filterpy's `predict` and `update`, draws the points from the predicted covariance."
+)
 
 PEERS = (
     Peer("EKF", "filterpy", "compiled", "ekf", _extended, note=_BASE),

@@ -71,10 +71,9 @@ def _filter(problem: Problem, *, unscented: bool) -> Callable[[], Answer]:
 
 
 _ABSENT = (
-    "dynamax has one measurement of a fixed size: nine components, of which those that an event lacks have a row of "
-    "zeros. Inputs and durations are its per-step inputs (of the step itself from 1.0.3 on). Measurements are divided "
-    "by their standard deviation, since it adds 1e-9 to the variance of every innovation. Compilation is left out: see "
-    "above."
+    "dynamax has measurements of one fixed size. Here it has nine components, with a row of zeros for each component "
+    "that an event lacks. Measurements are divided by their standard deviation, because dynamax adds 1e-9 to the "
+    "variance of every innovation. Compilation is not included: see above."
 )
 
 PEERS = (

@@ -23,18 +23,18 @@ _HEADER = (
     "sd / auvid's",
 )
 _INTRODUCTION = """\
-One problem, one core: the beginning of the default experiment, 31 states, every filter from the same prior.
-Processor time per event (a prediction, and the measurements of then), median of the rounds; all filters take turns
-in each round. Made by `python -m benchmarks.peers`.
+One problem on one core: the beginning of the default experiment, with 31 states. All filters start from the same prior.
+The numbers are processor times per event, median of the rounds. An event is one prediction and the measurements at its
+time. In each round all filters take turns. Made by `python -m benchmarks.peers`.
 """
 _EXPLANATION = """\
-`largest difference`: of the 22 final coefficients from those of auvid's filter of the same kind after the same events,
-in posterior standard deviations of the latter. `sd / auvid's`: ratio of the posterior standard deviations, smallest and
-largest. Ratios of times are medians of the ratios within a round.
+`largest difference`: between the 22 final coefficients and those of auvid's filter of the same kind, in standard
+deviations of the latter. `sd / auvid's`: smallest and largest ratio of the standard deviations. Ratios of times are
+medians of the ratios within a round.
 
-What does not depend on the state (Q, R, H, measurements by event) is prepared before the clock starts. auvid also
-writes down mean, standard deviations, innovations and NIS of every event, and its sigma-point filters update with one
-measurement after the other; the others keep their last state, and update with all measurements of an event at once.
+Quantities that do not depend on the state (Q, R, H, measurements by event) are prepared before the clock starts. auvid
+also records mean, standard deviations, innovations and NIS of every event. Its sigma-point filters update with one
+measurement after the other. The others keep only their last state, and use all measurements of an event at once.
 """
 
 
@@ -112,7 +112,8 @@ def markdown(rows: Sequence[Row], environment: dict[str, str], remarks: Sequence
     """Write the table, what it was measured on, and what is to be said of it."""
     notes = list(dict.fromkeys(row.note for row in rows if row.note))
     compilations = [
-        f"{row.library} {row.filter}: compilation takes {row.compilation:.1f} s more, anew for another number of events"
+        f"{row.library} {row.filter}: compilation takes {row.compilation:.1f} s more, again for each other number of "
+        "events"
         for row in rows
         if row.compiles
     ]

@@ -26,7 +26,7 @@ def quick(without_figures):
 def test_design_writes_mission_files_and_gain(tmp_path):
     result = auvid("design", *QUICK, "--spread", "10 %", cwd=tmp_path)
     assert result.exit_code == 0, result.output
-    assert "REMUS 100: 1 trial vehicles drawn from 10% of the vehicle file's values" in result.stdout
+    assert "REMUS 100: 1 trial vehicles drawn from the vehicle file's values (standard deviation 10 %)" in result.stdout
     assert all(name in result.stdout for name in ("designed", "spiral", "doublets", "zigzag"))
     assert {path.name for path in (tmp_path / "mission").glob("[!.]*.*")} == FILES
     assert "next: auvid run remus100 --set" in result.stdout

@@ -1,6 +1,7 @@
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -312,6 +313,26 @@ def test_heading_of_a_compass_is_no_missing_measurement(dataset, estimates):
     compass = {"magnetometer": SensorRecord(TIME, np.full((TIME.size, 1), 0.1), np.array([0.01]))}
     figure = motion_figure(MOTION[8:], compass, evaluation_of(dataset, estimates).free_runs)
     assert not [text for text in figure.axes[0].texts if text.get_text() == "not measured"]
+
+
+def test_yaw_rate_of_a_validation_without_gyroscope_is_that_of_the_attitude(dataset, estimates, tmp_path):
+    time = np.arange(0.0, TIME[-1], 0.1)
+    angles = np.column_stack([np.zeros((time.size, 2)), 0.05 * time])  # a turn of 0.05 rad/s
+    attitude = SensorRecord(time, angles, np.full(3, 0.01))
+    run = evaluation_of(dataset, estimates).free_runs["ekf"]
+    shown = replace(dataset, sensors={"attitude": attitude})
+    validation = SimpleNamespace(shown=shown, run=run, filter="ekf", predictions=[])
+    requests = []
+
+    def submit(work, request, *rest):
+        requests.append(request)
+        return Future()
+
+    FigureQueue(tmp_path, submit, EVERY_FORMAT).add_validation(validation)
+    velocities = requests[0]
+    rates = velocities.sensors["gyroscope"].values
+    np.testing.assert_allclose(rates[:, 2], 0.05, atol=1e-9)
+    assert np.isnan(rates[:, :2]).all()
 
 
 def test_without_a_measurement_the_sound_free_run_sets_the_scale(dataset, estimates):

@@ -109,7 +109,7 @@ def test_sanity_rows_have_values_and_comparison(mine):
     assert rows["water displaced by the hull"].comparison.startswith("mass 60 kg, ")
     assert rows["length"].comparison.startswith("10 diameters")
     # Fins with a span of 0.1 m and an area of 0.012 m^2.
-    assert rows["fin: span, mean chord"][1:] == ("0.1, 0.12 m", "0.5 diameters by 0.06 lengths, 4 fins")
+    assert rows["fin: span, mean chord"][1:] == ("0.1, 0.12 m", "0.5 diameters, 0.06 lengths; 4 fins")
     # m d^2 / 8 of a full cylinder.
     assert rows["inertia about x"].comparison == "full cylinder: 0.3 kg m^2"
     assert [*sanity_notes(mine.vehicle, mine.spiral)] == []

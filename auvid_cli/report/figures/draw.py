@@ -205,8 +205,9 @@ class FigureQueue:
 
     def add_validation(self, validation: "Validation") -> None:
         """Draw the predictions of a model on other data: the free run of the longest segment, and errors by horizon."""
+        records = _with_yaw_rate(validation.shown.sensors)
         for name, quantities in (("velocities", MOTION[:6]), ("attitude", validation.run.quantities[6:])):
-            sensors = _records_of(quantities, validation.shown.sensors)
+            sensors = _records_of(quantities, records)
             self._add(f"validation_{name}", MotionRequest(quantities, sensors, {validation.filter: validation.run}))
         self._add("validation_horizons", HorizonRequest(validation.filter, validation.predictions))
 
@@ -263,6 +264,18 @@ def _records_of(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord]
         for name, record in sensors.items()
         if symbols & {state_of(component) for component in SENSORS[name]}
     }
+
+
+def _with_yaw_rate(sensors: dict[str, SensorRecord]) -> dict[str, SensorRecord]:
+    """Return the sensors; without a gyroscope also the yaw rate from the attitude, which the tables judge as well."""
+    # This module loads the compiled core.
+    from auvid_cli.validation.motion_prediction import measured_signals
+
+    rate = measured_signals(sensors).get("r")
+    if "gyroscope" in sensors or rate is None:
+        return sensors
+    values = np.column_stack([np.full((rate.time.size, 2), np.nan), rate.values])
+    return sensors | {"gyroscope": SensorRecord(rate.time, values, np.full(3, rate.deviation))}
 
 
 def _thinned(record: SensorRecord) -> SensorRecord:
