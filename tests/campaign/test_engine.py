@@ -121,7 +121,9 @@ def test_group_that_kills_workers_fails_and_others_go_on(planned):
     groups[1] = groups[1]._replace(simulated=Deadly())
     with Workers(1, "spawn") as executor:
         results = [done for group in run_groups(Cluster(executor, lambda: 1), iter(groups), False) for done in group]
-    assert sorted(done.run.identity for done in results) == sorted(run.identity for group in groups for run in group.runs)
+    assert sorted(done.run.identity for done in results) == sorted(
+        run.identity for group in groups for run in group.runs
+    )
     failed = {done.run.identity: done.failure for done in results if done.failure}
     assert failed.keys() == {run.identity for run in groups[1].runs}
     assert all("WorkerDied" in failure for failure in failed.values())
