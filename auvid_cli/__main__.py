@@ -4,7 +4,7 @@ import gc
 import os
 import sys
 
-from auvid_cli.cli.streams import INTERRUPTED, WRONG_INPUT, finish, prepare_streams, print_os_error
+from auvid_cli.cli import INTERRUPTED, WRONG_INPUT, finish, prepare_streams, print_os_error
 
 # Use one thread for linear algebra, because filters and figures already run in parallel: this saves a tenth of the
 # processor time. NumPy reads these variables when it is loaded, and child processes inherit them.

@@ -36,9 +36,9 @@ try:
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "Environment variable", RuntimeWarning)
         import numba
+        from numba import config
         from numba import types as types
-        from numba.core import config
-        from numba.core import event as compiler_event
+        from numba.core import event as compiler_event  # documented as "Event API"
 except Exception as _error:
     # Invalid values raise exceptions of any class in numba.
     if _names := sorted(name for name in os.environ if name.startswith("NUMBA_")):

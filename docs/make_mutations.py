@@ -26,8 +26,8 @@ from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.data.checks import csv_text
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import AuvidError
-from auvid_cli.vehicle.kinematics import GRAVITY, body_to_earth
 from auvid_cli.vehicle.parameters import SENSORS
+from auvid_cli.vehicle.rigid_body import GRAVITY, body_to_earth
 from docs.resumable import WIDE_PRIOR, all_rows, asked
 from docs.section import replace_section
 

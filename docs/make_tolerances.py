@@ -18,7 +18,7 @@ from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.judgement import judge
 from auvid_cli.identification.run import identify
 from auvid_cli.simulation.simulate import simulate
-from auvid_cli.vehicle.kinematics import dvl_axes
+from auvid_cli.vehicle.rigid_body import dvl_axes
 from docs.resumable import all_rows, asked
 from docs.section import replace_section
 

@@ -81,7 +81,7 @@ def test_import_loads_nothing_heavy_and_lists_public_names():
 @pytest.mark.slow
 def test_reading_files_and_drawing_load_no_compiled_code():
     names = "load_experiment, read_dataset, read_estimate, Dataset, Estimate"
-    drawing = "import sys, auvid_cli.report.figures.kinds"
+    drawing = "import sys, auvid_cli.report.figures.server"
     assert run_python(f"{drawing}; from auvid_cli import {names}; print('numba' in sys.modules)") == ["False"]
 
 

@@ -24,7 +24,6 @@ MAY_IMPORT = {
     "validation": {"config", "data", "evaluation", "filters", "identification", "vehicle"},
     "fitting": {"config", "data", "evaluation", "identification", "inspection", "validation", "vehicle"},
     "export": {"config", "data", "evaluation", "identification", "vehicle"},
-    "start": {"config", "simulation", "vehicle"},
     "campaign": {"config", "data", "evaluation", "fitting", "identification", "simulation", "vehicle"},
     "report": {
         "campaign",
@@ -63,9 +62,14 @@ def statements(tree: ast.AST, everywhere: bool) -> Iterator[ast.AST]:
 
 
 @cache
+def syntax_tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
 def imported(path: Path, everywhere: bool = True) -> frozenset[str]:
     names = set()
-    for node in statements(ast.parse(path.read_text(encoding="utf-8")), everywhere):
+    for node in statements(syntax_tree(path), everywhere):
         if isinstance(node, ast.ImportFrom) and node.module:
             names.update({f"{node.module}.{alias.name}" for alias in node.names} & PATHS.keys() or {node.module})
         elif isinstance(node, ast.Import):
@@ -121,6 +125,5 @@ def test_filters_import_nothing_of_vehicles():
 
 def test_identification_never_reads_the_truth():
     for path in [*(PACKAGE / "identification").glob("*.py"), *(PACKAGE / "filters").glob("*.py")]:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        attributes = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        attributes = {node.attr for node in ast.walk(syntax_tree(path)) if isinstance(node, ast.Attribute)}
         assert not attributes & {"truth", "true", "all_coefficients"}, path.name

@@ -15,8 +15,8 @@ from auvid_cli.api import campaign
 from auvid_cli.cli.app import app
 from auvid_cli.cli.options import Group
 from auvid_cli.config import enums, loading
+from auvid_cli.simulation import first_folder
 from auvid_cli.simulation.simulate import simulate
-from auvid_cli.start import first_folder
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
 ROOT = Path(__file__).parents[1]

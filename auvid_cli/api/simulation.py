@@ -20,7 +20,7 @@ from auvid_cli.data.results import other_estimates, other_run, put_dataset, refu
 from auvid_cli.errors import ConfigError
 from auvid_cli.simulation import simulate as simulation
 from auvid_cli.simulation.field_log import field_log
-from auvid_cli.start.first_folder import (
+from auvid_cli.simulation.first_folder import (
     FirstFolder,
     SanityRow,
     folder_like,

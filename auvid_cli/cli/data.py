@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from auvid_cli.cli import options
-from auvid_cli.cli.streams import DONE, VERDICT_FAILED
+from auvid_cli.cli import DONE, VERDICT_FAILED, options
 from auvid_cli.cli.terminal import Terminal, interrupts_deferred
 from auvid_cli.config.enums import FormatName
 from auvid_cli.errors import ConfigError

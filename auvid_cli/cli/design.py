@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from auvid_cli.api import Destination
-from auvid_cli.cli import options
-from auvid_cli.cli.streams import DONE, VERDICT_FAILED
+from auvid_cli.cli import DONE, VERDICT_FAILED, options
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.errors import ConfigError
 

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from auvid_cli.cli import options
+from auvid_cli.cli import DONE, VERDICT_FAILED, options
 from auvid_cli.cli.data import fit_of_run
-from auvid_cli.cli.streams import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.errors import ConfigError
 

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from auvid_cli.cli import options
-from auvid_cli.cli.streams import DONE, VERDICT_FAILED
+from auvid_cli.cli import DONE, VERDICT_FAILED, options
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.errors import ConfigError
 

@@ -12,7 +12,7 @@ from rich.markup import escape
 from typer.core import TyperCommand, TyperGroup
 
 from auvid_cli.api import Destination
-from auvid_cli.cli.streams import DONE
+from auvid_cli.cli import DONE
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.config.enums import FigureFormat, FilterName, shipped_configs
 from auvid_cli.errors import ConfigError

@@ -10,8 +10,8 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from auvid_cli.cli import hanging
 from auvid_cli.cli.options import Command, QuietOption, command, optional
-from auvid_cli.cli.streams import hanging
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.errors import ConfigError
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from auvid_cli.api import COMPILED_FILTERS, Advance, Progress, load_vehicles
-from auvid_cli.cli.streams import INTERRUPTED, WRONG_INPUT, hanging, print_error, print_os_error
+from auvid_cli.cli import INTERRUPTED, WRONG_INPUT, hanging, print_error, print_os_error
 
 if TYPE_CHECKING:
     from auvid_cli.config.vehicle import VehicleSettings

@@ -15,8 +15,8 @@ from auvid_cli.config.units import Amount, Unit
 from auvid_cli.config.vehicle import Drawing, Size
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, Coefficient
 from auvid_cli.vehicle.geometry import DERIVED_TERMS, DerivedValue, coefficients_from_geometry
-from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import PARAMETERS
+from auvid_cli.vehicle.rigid_body import GRAVITY
 
 # A mass outside these limits has a wrong unit.
 MIN_MASS_SHARE = 0.5  # share of the mass of water that the hull displaces

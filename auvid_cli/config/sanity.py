@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.vehicle.kinematics import GRAVITY
-from auvid_cli.vehicle.matrices import central_inertia
+from auvid_cli.vehicle.rigid_body import GRAVITY, central_inertia
 
 _ADDED_MASS = ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")
 _UNITS = {"K_pdot": "kg m^2/rad", "M_qdot": "kg m^2/rad", "N_rdot": "kg m^2/rad"}

@@ -31,13 +31,12 @@ from auvid_cli.data.array_checks import (
     put_arrays,
     real_array,
 )
-from auvid_cli.data.considered import ConsideredErrors, Contributor
-from auvid_cli.data.faults import FaultTest
+from auvid_cli.data.faults import ConsideredErrors, Contributor, FaultTest
 from auvid_cli.data.innovations import Innovations, InnovationStatistics
 from auvid_cli.errors import InvalidDataError
 from auvid_cli.vehicle.coefficients import CoefficientSet
-from auvid_cli.vehicle.matrices import Ballast
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, ActuatorErrors, Quantity
+from auvid_cli.vehicle.rigid_body import Ballast
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,9 +17,8 @@ from auvid_cli.config.enums import JUDGE, FilterName
 from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.data import netcdf
 from auvid_cli.data.array_checks import check_finite, check_sensor, check_shapes
-from auvid_cli.data.considered import ConsideredErrors
 from auvid_cli.data.estimate import Array, Estimate, EstimateChunk, EstimateHeader, Outcome
-from auvid_cli.data.faults import Fault, FaultTest
+from auvid_cli.data.faults import ConsideredErrors, Fault, FaultTest
 from auvid_cli.data.files import replacing
 from auvid_cli.data.hdf5 import READ_ERRORS, trust
 from auvid_cli.data.innovations import (

@@ -9,9 +9,8 @@ import numpy as np
 from auvid_cli.arrays import Array
 from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.design.posterior import Posterior, predict_posterior
-from auvid_cli.design.problem import DesignProblem
+from auvid_cli.design.problem import DesignProblem, SearchSpace
 from auvid_cli.design.trials import Trial, TrialSet, options_to_relax, simulate_trial, sizes_of, with_margin
-from auvid_cli.design.variables import SearchSpace
 from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.simulation.motion import Truth
 

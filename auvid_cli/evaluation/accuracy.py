@@ -103,7 +103,7 @@ class CoefficientResult(NamedTuple):
     bound_with_process_noise: float | None = None
     # Accounts for the autocorrelation of the residuals; None except for batch estimators
     corrected_standard_deviation: float | None = None
-    # Accounts also for errors of known quantities, see `auvid_cli.data.considered`; None without an estimate of the
+    # Accounts also for errors of known quantities, see `auvid_cli.data.faults`; None without an estimate of the
     # smoother
     total_standard_deviation: float | None = None
     # The known quantities that make the coefficient most uncertain, with their part in percent of the estimate

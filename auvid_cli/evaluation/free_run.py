@@ -17,7 +17,6 @@ from auvid_cli.identification.process import N_PREDICTED, move_freely
 from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet
 from auvid_cli.vehicle.equations import N_WORK, factors, vehicle_constants
-from auvid_cli.vehicle.kinematics import current_in_body_axes, dvl_axes
 from auvid_cli.vehicle.parameters import (
     AS_STATED,
     MOTION,
@@ -28,6 +27,7 @@ from auvid_cli.vehicle.parameters import (
     ActuatorErrors,
     state_of,
 )
+from auvid_cli.vehicle.rigid_body import current_in_body_axes, dvl_axes
 
 # Motion state whose measurements an additive error shifts, by symbol of the error.
 _ADDED = {

@@ -6,8 +6,8 @@ from typing import NamedTuple
 from auvid_cli.export.losses import UnsupportedFeatures, certainty, heading_lines, line_comments
 from auvid_cli.export.model import FACTOR_INPUTS, IdentifiedModel
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient, CoefficientSet
-from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUTS, MOTION_SYMBOLS, PARAMETERS, Quantity
+from auvid_cli.vehicle.rigid_body import mass_matrix
 
 _RESTORING = ("W", "B", "xG", "yG", "zG", "xB", "yB", "zB")
 # Coriolis forces as cross products of momentum (Kirchhoff), weight and buoyancy, propulsion.

@@ -8,8 +8,8 @@ from auvid_cli.evaluation.accuracy import LARGEST_SHARE_OF_VALUE
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, TermSize
 from auvid_cli.text import one_line
-from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
 from auvid_cli.vehicle.parameters import PARAMETERS
+from auvid_cli.vehicle.rigid_body import NO_BALLAST, Ballast
 
 _COVARIANCES = "The covariances are lost; standard deviations are next to the values."
 

@@ -18,8 +18,8 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.files import replacing
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError, FileError
-from auvid_cli.vehicle.kinematics import dead_reckoned
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS
+from auvid_cli.vehicle.rigid_body import dead_reckoned
 
 _LATEST = 2.0**31  # s; seconds of a ROS time have 31 bits
 _NANOSECONDS = 10**9

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from auvid_cli.arrays import Array
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import CURRENT, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
-from auvid_cli.data.considered import ConsideredErrors
 from auvid_cli.data.estimate import EstimateHeader
-from auvid_cli.data.faults import LARGEST_FAULT, Fault, FaultKind, FaultTest
+from auvid_cli.data.faults import LARGEST_FAULT, ConsideredErrors, Fault, FaultKind, FaultTest
 from auvid_cli.filters.fault_scores import (
     FaultEffects,
     most_likely_sizes,

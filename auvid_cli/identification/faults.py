@@ -11,9 +11,15 @@ from auvid_cli.data.faults import TESTED_TERMS, Fault, FaultKind
 from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.coefficients import SIGNALS, Coefficient, Regressor, term
 from auvid_cli.vehicle.equations import N_BLOCK, N_FACTORS, N_SLOPE, motion_derivative, vehicle_constants
-from auvid_cli.vehicle.kinematics import body_to_earth, current_in_body_axes, earth_to_body, specific_force
-from auvid_cli.vehicle.matrices import N_BALLAST, mass_matrix
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, N_MOTION, PARAMETERS, SENSORS
+from auvid_cli.vehicle.rigid_body import (
+    N_BALLAST,
+    body_to_earth,
+    current_in_body_axes,
+    earth_to_body,
+    mass_matrix,
+    specific_force,
+)
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]

@@ -32,8 +32,8 @@ from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.problem_setup import AugmentedProblem, Motion, augmented_problem, shortest_interval
-from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import DISTURBANCE
+from auvid_cli.vehicle.rigid_body import mass_matrix
 
 SettingsClass = TypeVar("SettingsClass", bound=Settings)
 

@@ -23,7 +23,7 @@ from auvid_cli.identification.states import StateLayout, earlier_gaussian, refus
 from auvid_cli.identification.timeline import measurement_model
 from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.equations import vehicle_constants
-from auvid_cli.vehicle.kinematics import rotation_matrix
+from auvid_cli.vehicle.rigid_body import rotation_matrix
 
 
 def initial_gaussian(layout: StateLayout, parameters: Gaussian, measured: Mapping[str, float]) -> Gaussian:

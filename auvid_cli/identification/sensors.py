@@ -36,8 +36,8 @@ from auvid_cli.vehicle.equations import (
     sine_cosine,
 )
 from auvid_cli.vehicle.jacobian import N_COLUMNS, N_JACOBIAN_WORK, motion_jacobian
-from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import N_MOTION
+from auvid_cli.vehicle.rigid_body import GRAVITY
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]

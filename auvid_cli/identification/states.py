@@ -17,8 +17,8 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.errors import DataError
 from auvid_cli.vehicle.coefficients import Coefficient
-from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import MOTION, Quantity
+from auvid_cli.vehicle.rigid_body import GRAVITY
 
 # Per radian; lift-curve slope of a short fin: about 3 at the aspect ratios of AUV fins (Hoerner, Fluid-Dynamic Lift,
 # 1985, ch. 3), on a fin area of about the hull diameter squared.

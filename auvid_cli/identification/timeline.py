@@ -14,8 +14,8 @@ from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, shared_cl
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
 from auvid_cli.identification.states import StateLayout
-from auvid_cli.vehicle.kinematics import GRAVITY, body_to_earth
 from auvid_cli.vehicle.parameters import COMPASSES, MOTION_SYMBOLS, SENSORS, state_of
+from auvid_cli.vehicle.rigid_body import GRAVITY, body_to_earth
 
 # Times in whole nanoseconds.
 Ticks = NDArray[np.int64]

@@ -21,7 +21,7 @@ from auvid_cli.inspection.kinematic_relations import (
     without_mean,
 )
 from auvid_cli.inspection.responses import known_sign
-from auvid_cli.vehicle.kinematics import GRAVITY
+from auvid_cli.vehicle.rigid_body import GRAVITY
 
 MIN_SPREAD = 0.02  # m/s, and m/s^2 against the accelerometer
 _GAIN_TOLERANCE = 0.2

@@ -17,8 +17,8 @@ from auvid_cli.inspection.kinematic_relations import Signals, attitude_window, c
 from auvid_cli.inspection.responses import AXES, RotationAxis, moment, response_window
 from auvid_cli.inspection.velocity import mean_speed
 from auvid_cli.vehicle.coefficients import Coefficient
-from auvid_cli.vehicle.matrices import coriolis_matrix, mass_matrix, restoring_vector
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+from auvid_cli.vehicle.rigid_body import coriolis_matrix, mass_matrix, restoring_vector
 
 _ACROSS = ("v", "w", "p", "q", "r")
 _LINEAR_STATES = ("u", *_ACROSS, "phi", "theta")

@@ -12,8 +12,8 @@ from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check, Checks, NamedRows
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.data.signals import MAX_REPEAT, gap_limit, repeats, rounded_repeats, rounding_steps
-from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import SENSORS
+from auvid_cli.vehicle.rigid_body import GRAVITY
 
 if TYPE_CHECKING:
     import pandas as pd

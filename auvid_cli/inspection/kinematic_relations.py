@@ -10,8 +10,8 @@ from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.data.signals import TURN_RATE_WINDOW, rate_of_change
 from auvid_cli.errors import DataError
 from auvid_cli.inspection.single_sensor import continuous
-from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
+from auvid_cli.vehicle.rigid_body import GRAVITY
 
 _STEP = 0.1  # s, cell of the grid
 _MAX_SPAN = 14 * 86400.0  # s

@@ -26,8 +26,8 @@ from auvid_cli.inspection.kinematic_relations import (
 )
 from auvid_cli.inspection.responses import AXES, RotationAxis
 from auvid_cli.inspection.single_sensor import MIN_NOISE_SAMPLES, bias_instability, continuous, noise_floor
-from auvid_cli.vehicle.kinematics import euler_rates
 from auvid_cli.vehicle.parameters import INERTIAL, SENSORS, Quantity
+from auvid_cli.vehicle.rigid_body import euler_rates
 
 _GAIN_TOLERANCE = 0.2
 _GAIN_SIGMAS = 3.0

@@ -14,8 +14,8 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import gap_limit, gaps, quantisation_step, stuck_times
 from auvid_cli.inspection.inspection import Mark, judged
 from auvid_cli.inspection.timing import clock_jumps
-from auvid_cli.vehicle.kinematics import MAX_SPEED, MAX_TURN_RATE, euler_rates
 from auvid_cli.vehicle.parameters import SENSORS, Quantity
+from auvid_cli.vehicle.rigid_body import MAX_SPEED, MAX_TURN_RATE, euler_rates
 
 _MAX_AVERAGING_SHARE = 0.1  # longest averaging time as a share of the record; longer averages are too few
 _MIN_INSTABILITY_SAMPLES = 100

@@ -11,8 +11,8 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import gap_limit
 from auvid_cli.logs.measurements import MeasuredRows
 from auvid_cli.logs.requests import MapMismatchError
-from auvid_cli.vehicle.kinematics import body_rates, body_to_earth, earth_to_body
 from auvid_cli.vehicle.parameters import SENSORS
+from auvid_cli.vehicle.rigid_body import body_rates, body_to_earth, earth_to_body
 
 # Quaternions of half turns: about x, and about the line between east and north.
 FLU_TO_FRD = np.array([0.0, 1.0, 0.0, 0.0])

@@ -13,7 +13,7 @@ from auvid_cli.logs.clock import ClockDrift, Order, find_clock_drift, find_resta
 from auvid_cli.logs.formats.log import ColumnValues, Overlap, find_overlaps, is_code, rows_of_zeros
 from auvid_cli.logs.requests import ColumnReader, MapMismatchError, Request
 from auvid_cli.text import one_line
-from auvid_cli.vehicle.kinematics import MAX_SPEED, MAX_TURN_RATE
+from auvid_cli.vehicle.rigid_body import MAX_SPEED, MAX_TURN_RATE
 
 # An underwater vehicle does not exceed these; larger numbers have another unit.
 _MAX_PLAUSIBLE = {"rad": 2.0 * np.pi, "rad/s": MAX_TURN_RATE, "m/s": MAX_SPEED, "m/s^2": 500.0}

@@ -19,7 +19,7 @@ from auvid_cli.config.sensors import AhrsSensors
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import SimulationError
 from auvid_cli.numerics import compiled, types
-from auvid_cli.vehicle.kinematics import GRAVITY
+from auvid_cli.vehicle.rigid_body import GRAVITY
 
 # Order at equal times: the gyroscope first, which propagates the attitude, and the output last.
 _GYROSCOPE, _DVL, _ACCELEROMETER, _MAGNETOMETER, _OUTPUT = range(5)

@@ -25,8 +25,8 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError
 from auvid_cli.numerics import compiled, types
 from auvid_cli.regular_files import check_regular_file
-from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+from auvid_cli.vehicle.rigid_body import mass_matrix
 
 _vector = types.float64[::1]
 _BISECTIONS = 50  # until the interval has the width of a rounding error

@@ -29,8 +29,8 @@ from auvid_cli.vehicle.equations import (
     sine_cosine,
     vehicle_constants,
 )
-from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import IDEAL, N_ACTUATORS, N_MOTION
+from auvid_cli.vehicle.rigid_body import mass_matrix
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]

@@ -17,8 +17,8 @@ from auvid_cli.numerics import compiled, types
 from auvid_cli.simulation.ahrs import attitude_reference
 from auvid_cli.simulation.manoeuvres import make_plan
 from auvid_cli.simulation.motion import Truth, sample_motion, simulate_motion
-from auvid_cli.vehicle.kinematics import dvl_axes, earth_to_body, specific_force
 from auvid_cli.vehicle.parameters import DISTURBANCE, INPUTS, MOTION_SYMBOLS, SENSORS, Quantity
+from auvid_cli.vehicle.rigid_body import dvl_axes, earth_to_body, specific_force
 
 _vector = types.float64[::1]
 # Samples of noise drawn, and of the whole motion computed, at once; those of ten hours at 100 Hz would take 86 MB.

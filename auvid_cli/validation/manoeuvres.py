@@ -12,8 +12,8 @@ from auvid_cli.data.dataset import InputRecord
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.validation.motion_prediction import MeasuredSignal
 from auvid_cli.validation.results import ManoeuvreNumber
-from auvid_cli.vehicle.kinematics import body_to_earth
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
+from auvid_cli.vehicle.rigid_body import body_to_earth
 
 _RUDDER = INPUT_SYMBOLS.index("rudder")
 _MIN_RUDDER = np.deg2rad(2.0)  # rad, smallest maximum of the rudder in a manoeuvre

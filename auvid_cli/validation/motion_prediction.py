@@ -15,8 +15,8 @@ from auvid_cli.identification.process import N_PREDICTED, move_through
 from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.coefficients import Coefficient
 from auvid_cli.vehicle.equations import N_WORK, NO_ERRORS, vehicle_constants, with_errors
-from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, MOTION_SYMBOLS, SENSORS, state_of
+from auvid_cli.vehicle.rigid_body import euler_angles, rotation_matrix
 
 _ANGLES = MOTION_SYMBOLS[6:]
 SAME = 0.75e-9  # s; smaller differences are rounding: events are at whole nanoseconds, at most half of one off

@@ -7,8 +7,8 @@ import numpy as np
 
 from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
-from auvid_cli.validation.horizons import HORIZONS, MAX_FINITE, Sample
 from auvid_cli.validation.motion_prediction import SignalSize
+from auvid_cli.validation.predictions import HORIZONS, MAX_FINITE, Sample
 from auvid_cli.validation.results import (
     AHEAD,
     COMPLETED,

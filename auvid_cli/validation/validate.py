@@ -15,14 +15,23 @@ from auvid_cli.errors import DataError
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.prepared_data import PreparedData, prepare, used_segments
 from auvid_cli.identification.timeline import measuring_sensors
-from auvid_cli.validation import horizons, initial_states
+from auvid_cli.validation import initial_states
 from auvid_cli.validation.data_leakage import other_vehicle
-from auvid_cli.validation.free_run import FreeRunFit, fit_free_runs, free_run_rows
-from auvid_cli.validation.horizons import Bundle, Collected, Sample
 from auvid_cli.validation.initial_states import Draws, InitialStates, Models
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.validation.motion_prediction import MeasuredSignal, measured_signals, signal_sizes
 from auvid_cli.validation.prediction_errors import ErrorGrowth, error_growth, prediction_checks
+from auvid_cli.validation.predictions import (
+    Bundle,
+    Collected,
+    FreeRunFit,
+    Sample,
+    evenly_spaced,
+    fit_free_runs,
+    free_run_rows,
+    predict_ahead,
+    rows_ahead,
+)
 from auvid_cli.validation.results import ManoeuvreNumber, Prediction, Validation
 from auvid_cli.vehicle.equations import NO_ERRORS
 
@@ -91,7 +100,7 @@ def validate(
     free_by_file, ahead_by_file = _by_vehicle_file(segments, starts)
     rows = [
         *free_run_rows(free, sizes, free_by_file),
-        *horizons.rows_ahead(collected, bundle.names, sizes, growth, ahead_by_file),
+        *rows_ahead(collected, bundle.names, sizes, growth, ahead_by_file),
     ]
     numbers = [
         number
@@ -134,7 +143,7 @@ def predict(segments: Sequence[Dataset], estimate: Estimate, starts: int) -> lis
     sizes = signal_sizes([segment.signals for segment in filtered])
     bundle = _bundle(models, None, estimate.coefficient_set.symbols)
     collected = _predict(filtered, bundle, np.random.default_rng(estimate.experiment.seed), with_process_noise=False)
-    return [*horizons.rows_ahead(collected, bundle.names, sizes, {}, _by_vehicle_file(segments, starts)[1])]
+    return [*rows_ahead(collected, bundle.names, sizes, {}, _by_vehicle_file(segments, starts)[1])]
 
 
 def _by_vehicle_file(segments: Sequence[Dataset], starts: int) -> tuple[list[FreeRunFit], list[Sample]]:
@@ -167,7 +176,7 @@ def _filter(prepared: Sequence[PreparedData], starts: int) -> tuple[list[_Filter
     total, filtered, too_short = sum(end - begin for begin, end in spans), list[_Filtered](), list[str]()
     for data, measured, (begin, end) in zip(prepared, signals, spans, strict=True):
         share = ceil(starts * (end - begin) / total) if end > begin else 0
-        states = initial_states.filtered_initial_states(data, horizons.evenly_spaced(begin, end, share))
+        states = initial_states.filtered_initial_states(data, evenly_spaced(begin, end, share))
         if states.time.size:
             filtered.append(_Filtered(data, measured, states))
         else:
@@ -188,7 +197,7 @@ def _predict(
 ) -> Collected:
     collected = Collected([], np.zeros(len(bundle.coefficients) - len(bundle.names), dtype=np.bool_))
     for prepared, signals, states in filtered:
-        collected = collected.plus(horizons.predict_ahead(prepared, signals, states, bundle, rng, with_process_noise))
+        collected = collected.plus(predict_ahead(prepared, signals, states, bundle, rng, with_process_noise))
     return collected
 
 

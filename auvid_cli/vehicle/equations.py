@@ -15,8 +15,8 @@ import numpy as np
 from auvid_cli.arrays import Array
 from auvid_cli.numerics import LANES, compiled, types
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, MAX_FACTORS, SIGNALS, Coefficient, CoefficientSet
-from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast, mass_matrix
 from auvid_cli.vehicle.parameters import AS_STATED, N_MOTION, ActuatorErrors
+from auvid_cli.vehicle.rigid_body import NO_BALLAST, Ballast, mass_matrix
 
 # Offsets in the vector of constants.
 _COUPLING = 36 + 36 + 4

@@ -20,8 +20,8 @@ from auvid_cli.vehicle.equations import (
     sine_cosine,
     term_place,
 )
-from auvid_cli.vehicle.matrices import N_BALLAST
 from auvid_cli.vehicle.parameters import N_MOTION, ActuatorErrors
+from auvid_cli.vehicle.rigid_body import N_BALLAST
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]

@@ -15,8 +15,8 @@ import psutil
 import pytest
 from distributed import LocalCluster
 
-from auvid_cli.campaign.cluster import dask_cluster, local_cluster, run_group, run_groups
-from auvid_cli.campaign.plan import RunGroup
+from auvid_cli.campaign.cluster import Cluster, dask_cluster, local_cluster, run_group, run_groups
+from auvid_cli.child_processes import Workers
 from auvid_cli.errors import ClusterError
 
 MANY = """\
@@ -108,18 +108,25 @@ def test_workers_with_own_folders_killed_in_turn_give_the_same_runs(planned, tmp
     assert measured(performed) == measured(expected)
 
 
+class Deadly:
+    """Ends the process that unpickles it."""
+
+    def __reduce__(self):
+        return os._exit, (1,)
+
+
+@pytest.mark.slow
 def test_group_that_kills_workers_fails_and_others_go_on(planned):
-    plan = planned(MANY, "seeds=3")
-    groups = list(plan.groups())
-    # Text that no worker can read: it fails in the worker's own code, not in a run.
-    broken = [groups[0], RunGroup(7, groups[1].runs, groups[1].assumed), groups[2]]
-    with (
-        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as dask,
-        dask_cluster(dask.scheduler_address) as cluster,
-    ):
-        runs = [done for group in run_groups(cluster, iter(broken), False) for done in group]
-    assert len(runs) == 6
-    assert sum(bool(done.failure) for done in runs) == 2
+    groups = list(planned(MANY, "seeds=3").groups())
+    groups[1] = groups[1]._replace(simulated=Deadly())
+    with Workers(1, "spawn") as executor:
+        results = [done for group in run_groups(Cluster(executor, lambda: 1), iter(groups), False) for done in group]
+    assert sorted(done.run.identity for done in results) == sorted(
+        run.identity for group in groups for run in group.runs
+    )
+    failed = {done.run.identity: done.failure for done in results if done.failure}
+    assert failed.keys() == {run.identity for run in groups[1].runs}
+    assert all("WorkerDied" in failure for failure in failed.values())
 
 
 @pytest.mark.slow

@@ -50,7 +50,7 @@ def test_unsupported_characters_are_escaped():
 
 
 def test_undecodable_name_is_printed_escaped():
-    line = "from auvid_cli.cli.streams import prepare_streams; prepare_streams(); print('\\udcff é')"
+    line = "from auvid_cli.cli import prepare_streams; prepare_streams(); print('\\udcff é')"
     command = [sys.executable, "-c", line]
     result = subprocess.run(command, capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, timeout=60)
     assert result.stdout == b"\\udcff \\xe9\n"
@@ -106,7 +106,7 @@ def test_ignored_signal_stays_ignored():
 def test_reader_that_ends_does_not_end_the_command():
     code = """
 import sys
-from auvid_cli.cli.streams import finish, prepare_streams
+from auvid_cli.cli import finish, prepare_streams
 prepare_streams()
 print("first", flush=True)
 sys.stdin.readline()

@@ -11,8 +11,8 @@ from auvid_cli.config.loading import dump_experiment, find_experiment, load_expe
 from auvid_cli.config.manoeuvre import Recorded, Spiral
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import PARAMETERS
+from auvid_cli.vehicle.rigid_body import mass_matrix
 
 VEHICLES = ("vt690", "remus100", "lauv", "lrauv", "dive")
 

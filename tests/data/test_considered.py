@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.data.considered import ConsideredErrors
-from auvid_cli.data.faults import Fault
+from auvid_cli.data.faults import ConsideredErrors, Fault
 from auvid_cli.errors import InvalidDataError
 
 FAULTS = tuple(Fault.parse(text) for text in ("Iyy", "scale of the DVL", "delay of the DVL"))

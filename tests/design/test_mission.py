@@ -19,8 +19,8 @@ from auvid_cli.design.mission import (
     timeline_markdown,
     track_geojson,
 )
+from auvid_cli.design.problem import baseline_spiral, search_space, standard_manoeuvres
 from auvid_cli.design.trials import simulate_trial
-from auvid_cli.design.variables import baseline_spiral, search_space, standard_manoeuvres
 from auvid_cli.errors import DataError
 
 

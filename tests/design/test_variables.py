@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvid_cli.config.manoeuvre import Envelope, Spiral
-from auvid_cli.design.variables import baseline_spiral, search_space, standard_manoeuvres
+from auvid_cli.design.problem import baseline_spiral, search_space, standard_manoeuvres
 from auvid_cli.errors import ConfigError
 from auvid_cli.simulation.manoeuvres import make_plan
 

@@ -12,7 +12,7 @@ from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.evaluation.free_run import free_run
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.vehicle.coefficients import SYMBOLS
-from auvid_cli.vehicle.matrices import Ballast
+from auvid_cli.vehicle.rigid_body import Ballast
 
 NOISELESS = (
     *(f"sensors.{name}.noise=1e-12" for name in ("dvl",)),

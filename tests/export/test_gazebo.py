@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
 from auvid_cli.export.model import surface_changes
-from auvid_cli.vehicle.kinematics import rotation_matrix
+from auvid_cli.vehicle.rigid_body import rotation_matrix
 
 HALF_TURN = np.diag([1.0, -1.0, -1.0])
 OTHERS = ("X_udrdr", "K_T")

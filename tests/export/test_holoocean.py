@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from auvid_cli.config.enums import FormatName
 from auvid_cli.export.formats import FORMATS, holoocean_text
-from auvid_cli.vehicle.kinematics import rotation_matrix
+from auvid_cli.vehicle.rigid_body import rotation_matrix
 
 HALF_TURN = np.diag([1.0, -1.0, -1.0])
 

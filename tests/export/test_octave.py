@@ -11,7 +11,7 @@ from auvid_cli.config.enums import FormatName
 from auvid_cli.export.formats import FORMATS
 from auvid_cli.export.functions import matlab_text, mss_text
 from auvid_cli.export.losses import unsupported_features
-from auvid_cli.vehicle.kinematics import euler_rates, rotation_matrix
+from auvid_cli.vehicle.rigid_body import euler_rates, rotation_matrix
 
 OCTAVE = shutil.which("octave-cli")
 pytestmark = pytest.mark.skipif(OCTAVE is None, reason="needs GNU Octave")

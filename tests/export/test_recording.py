@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
 from auvid_cli.export.recording import TopicKind, field_names, ros_pose, topics_of
-from auvid_cli.vehicle.kinematics import body_to_earth
+from auvid_cli.vehicle.rigid_body import body_to_earth
 
 # North, east, down to east, north, up; and forward, starboard, down to forward, port, up.
 ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

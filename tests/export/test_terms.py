@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.export.model import held_inputs, term_histories, term_sizes
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.matrices import mass_matrix
+from auvid_cli.vehicle.rigid_body import mass_matrix
 
 
 def test_terms_add_up_to_the_core(skewed, derivative_of, draw):

@@ -12,7 +12,7 @@ from auvid_cli.config.enums import FormatName
 from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.export.formats import FORMATS, simulator_text
 from auvid_cli.export.model import Actuation
-from auvid_cli.vehicle.kinematics import current_in_body_axes, euler_rates
+from auvid_cli.vehicle.rigid_body import current_in_body_axes, euler_rates
 
 STEP = 0.02
 ACTUATORS = ActuatorSettings.model_validate(

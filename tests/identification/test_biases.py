@@ -11,7 +11,7 @@ from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficien
 from auvid_cli.evaluation.innovations import status_of
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.identification.run import identify
-from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
+from auvid_cli.vehicle.rigid_body import NO_BALLAST, Ballast
 
 SOUND = Judgement(Grade.SOUND)
 

@@ -20,8 +20,8 @@ from auvid_cli.identification.states import state_layout
 from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.equations import factors, motion_derivative, vehicle_constants
-from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import DISTURBANCE, PARAMETER_SYMBOLS
+from auvid_cli.vehicle.rigid_body import mass_matrix
 
 INPUTS = np.array([[0.1, -0.05, 30.0, 1.0], [-0.1, 0.07, 35.0, -1.0]])
 MOTION = np.array([2.0, 0.1, -0.1, 0.02, 0.03, -0.05, 0.1, -0.2, 0.3])

@@ -1,6 +1,7 @@
 """Score tests of faults in simulated data: found with their size, and removed by the advice."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -76,6 +77,12 @@ def results_of(dataset):
     return {str(fault.fault): fault for fault in estimate.faults}
 
 
+@pytest.fixture(scope="module")
+def faults_of(clean):
+    """Return a function: findings in the clean data with a planted fault; made once."""
+    return cache(lambda plant: results_of(plant(clean)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "name", "size"),
@@ -88,8 +95,8 @@ def results_of(dataset):
         (bow_heavy, "xG", 1e-4),
     ],
 )
-def test_a_fault_in_the_data_is_found_with_its_size_and_named_as_the_worst(plant, name, size, clean):
-    found = results_of(plant(clean))
+def test_a_fault_in_the_data_is_found_with_its_size_and_named_as_the_worst(plant, name, size, faults_of):
+    found = faults_of(plant)
     worst = max(found.values(), key=lambda fault: abs(fault.z))
     assert (str(worst.fault), abs(worst.z) > LARGEST_FAULT) == (name, True), worst
     assert abs(worst.size - size) < 4.0 * worst.standard_deviation + 0.1 * size
@@ -119,17 +126,16 @@ def turned(data, size):
         (trimmed, "trim of the rudder", turned),
     ],
 )
-def test_advice_of_a_fault_removes_most_of_it(plant, name, obey, clean):
+def test_advice_of_a_fault_removes_most_of_it(plant, name, obey, clean, faults_of):
     said = {
         "delay of the gyroscope": "subtract it from the times",
         "delay of the inputs": "add it to the times",
         "trim of the rudder": "add it to the recorded angle",
     }
     assert BY_NAME[name].fault.remedy.startswith(said[name])
-    faulty = plant(clean)
-    fault = results_of(faulty)[name]
+    fault = faults_of(plant)[name]
     # Large faults are found to some percent only, because the test is linear.
-    assert abs(results_of(obey(faulty, fault.size))[name].z) < 0.1 * abs(fault.z)
+    assert abs(results_of(obey(plant(clean), fault.size))[name].z) < 0.1 * abs(fault.z)
 
 
 @pytest.mark.slow

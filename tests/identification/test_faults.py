@@ -16,9 +16,8 @@ from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.equations import factors, vehicle_constants
-from auvid_cli.vehicle.kinematics import GRAVITY, dvl_axes, rotation_matrix
-from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import INERTIAL, ActuatorErrors
+from auvid_cli.vehicle.rigid_body import GRAVITY, dvl_axes, mass_matrix, rotation_matrix
 
 BY_NAME = {str(fault.fault): fault for fault in FAULTS}
 N = 20

@@ -16,7 +16,7 @@ from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.run import identify
 from auvid_cli.identification.timeline import initial_motion, measuring_sensors
-from auvid_cli.vehicle.kinematics import GRAVITY
+from auvid_cli.vehicle.rigid_body import GRAVITY
 
 INERTIAL = "identification.attitude_from=inertial"
 LEVER = "sensors.accelerometer.position=[0.4 m, -0.2 m, 0.1 m]"

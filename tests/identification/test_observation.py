@@ -15,9 +15,8 @@ from auvid_cli.identification.states import state_layout
 from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.equations import factors, motion_derivative, vehicle_constants
-from auvid_cli.vehicle.kinematics import GRAVITY
-from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, ActuatorErrors
+from auvid_cli.vehicle.rigid_body import GRAVITY, mass_matrix
 
 DVL, ACCELEROMETER, POSITION = 0, 1, (0.4, -0.2, 0.1)
 MAGNETOMETER, FIELD = 2, (0.6, -0.3, 1.1)

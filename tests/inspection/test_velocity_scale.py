@@ -33,7 +33,7 @@ def scale_of(simulated_with, changed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_velocity_scale_is_noted_with_its_size(seed, scale_of):
     assert scale_of(f"seed={seed}").passed
     for factor in (0.98, 1.02):

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from auvid_cli.errors import ConfigError
-from auvid_cli.vehicle.kinematics import body_rates
+from auvid_cli.vehicle.rigid_body import body_rates
 from tests.logs.memory_log import (
     ATTITUDE,
     DEPTH,

@@ -19,8 +19,8 @@ from auvid_cli.api.data import suggest_map
 from auvid_cli.arrays import wrap
 from auvid_cli.config.enums import shipped_configs
 from auvid_cli.errors import AuvidError
-from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import SENSORS
+from auvid_cli.vehicle.rigid_body import GRAVITY
 
 SHARED = Path(os.environ.get("AUVID_SHARED", Path(__file__).parents[2].parent / "shared"))
 CASES = SHARED / "cases"

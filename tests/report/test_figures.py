@@ -16,15 +16,23 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.errors import FileError
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FreeRun, Identifiability
-from auvid_cli.report.figures import kinds
+from auvid_cli.report.figures import workers
 from auvid_cli.report.figures.coefficients import bounds_figure, convergence_figure, correlation_figure
 from auvid_cli.report.figures.draw import FigureQueue, FreeRunRequest
 from auvid_cli.report.figures.motion import motion_error_figure, motion_figure, path_figure
 from auvid_cli.report.figures.style import new_figure, plain_log_ticks
 from auvid_cli.report.figures.validation import free_run_figure, innovation_figure
 from auvid_cli.report.layout import write_tables
-from auvid_cli.report.plot_data import estimate_plot
-from auvid_cli.report.series import around, log_spaced, spaced, thin, unwrapped, value_range, with_margin
+from auvid_cli.report.plot_data import (
+    around,
+    estimate_plot,
+    log_spaced,
+    spaced,
+    thin,
+    unwrapped,
+    value_range,
+    with_margin,
+)
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS
 
@@ -123,7 +131,7 @@ def test_a_coefficient_that_is_infinitely_uncertain_is_drawn_and_printed(tmp_pat
     estimate.standard_deviation[:, 0] = np.inf
     evaluation = evaluation_of(dataset, [estimate])
     figure = convergence_figure(FEW[:1], [estimate.history(FEW)], {"X_u|u|": 10.0})
-    assert len(kinds.save(figure, tmp_path / "figures", "convergence", EVERY_FORMAT[:1])) == 1
+    assert len(workers.save(figure, tmp_path / "figures", "convergence", EVERY_FORMAT[:1])) == 1
     write_tables(evaluation, tmp_path)
     assert "output_error,X_u|u|,kg/m,10.0,10.1,inf," in (tmp_path / "coefficients.csv").read_text(encoding="utf-8")
     assert "| 10.10 ± — † |" in (tmp_path / "tables.md").read_text(encoding="utf-8")
@@ -139,7 +147,7 @@ def test_missing_sensors_and_no_filter(tmp_path, dataset, draw_figures):
 @pytest.mark.parametrize(("canvas_class", "form"), CANVASES)
 def test_a_figure_that_fails_leaves_no_half_file_and_the_earlier_one(tmp_path, monkeypatch, canvas_class, form):
     folder = tmp_path / "figures"
-    before = {path: path.read_bytes() for path in kinds.save(Figure(), folder, "path", EVERY_FORMAT)}
+    before = {path: path.read_bytes() for path in workers.save(Figure(), folder, "path", EVERY_FORMAT)}
 
     def fail(self, filename, **options):
         filename.write_bytes(b"half")
@@ -147,21 +155,21 @@ def test_a_figure_that_fails_leaves_no_half_file_and_the_earlier_one(tmp_path, m
 
     monkeypatch.setattr(canvas_class, f"print_{form}", fail)
     with pytest.raises(FileError, match="No space left"):
-        kinds.save(Figure(), folder, "path", EVERY_FORMAT)
+        workers.save(Figure(), folder, "path", EVERY_FORMAT)
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
 @pytest.mark.slow
 def test_each_format_is_what_it_is_called(tmp_path, dataset):
-    png, svg, pdf = kinds.save(free_run_figure(dataset.sensors, {}), tmp_path, "free_runs", EVERY_FORMAT)
+    png, svg, pdf = workers.save(free_run_figure(dataset.sensors, {}), tmp_path, "free_runs", EVERY_FORMAT)
     assert png.read_bytes().startswith(b"\x89PNG")
     assert ElementTree.parse(svg).getroot().tag.endswith("svg")
     assert pdf.read_bytes().startswith(b"%PDF")
 
 
 def test_a_figure_that_is_drawn_again_leaves_no_earlier_one_in_another_format(tmp_path):
-    kinds.save(Figure(), tmp_path, "path", EVERY_FORMAT)
-    kinds.save(Figure(), tmp_path, "path", (FigureFormat.SVG,))
+    workers.save(Figure(), tmp_path, "path", EVERY_FORMAT)
+    workers.save(Figure(), tmp_path, "path", (FigureFormat.SVG,))
     assert [path.name for path in tmp_path.iterdir()] == ["path.svg"]
 
 

@@ -14,8 +14,8 @@ from rich.text import Text
 
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.data.checks import csv_text, csv_value
-from auvid_cli.report.figures.kinds import save
 from auvid_cli.report.figures.style import head, new_figure, plain
+from auvid_cli.report.figures.workers import save
 from auvid_cli.report.table import Column, Table
 from auvid_cli.report.text_tables import PlainConsole, render_latex, render_markdown
 from auvid_cli.text import printable

@@ -9,7 +9,7 @@ from scipy import stats
 
 from auvid_cli.simulation.motion import sample_motion
 from auvid_cli.simulation.simulate import measure
-from auvid_cli.vehicle.kinematics import GRAVITY
+from auvid_cli.vehicle.rigid_body import GRAVITY
 
 RAW = ("gyroscope", "accelerometer", "magnetometer", "dvl")
 STILL_WATER = np.zeros(3)

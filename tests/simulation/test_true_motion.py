@@ -12,7 +12,7 @@ from auvid_cli.numerics import LANES
 from auvid_cli.simulation.motion import sample_motion
 from auvid_cli.simulation.simulate import draw_disturbance
 from auvid_cli.vehicle.equations import motion_derivative
-from auvid_cli.vehicle.matrices import mass_matrix
+from auvid_cli.vehicle.rigid_body import mass_matrix
 
 STRAIGHT = "{type: multisine, duration: 60 s, speed: 2 m/s, initial_speed: 1 m/s}"
 ZIGZAG = "{type: zigzag, duration: 60 s, speed: 2 m/s, rudder: 10 deg, heading: 20 deg, approach: 5 s}"

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.data.considered import ConsideredErrors
-from auvid_cli.data.faults import Fault, FaultKind
+from auvid_cli.data.faults import ConsideredErrors, Fault, FaultKind
 from auvid_cli.validation.initial_states import drawn_models
 
 HELD, INERTIA, MASS = 2.0, 0.5, 0.1

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from auvid_cli.validation.horizons import HORIZONS, Sample, Target
 from auvid_cli.validation.motion_prediction import SignalSize
 from auvid_cli.validation.prediction_errors import error_growth
+from auvid_cli.validation.predictions import HORIZONS, Sample, Target
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 

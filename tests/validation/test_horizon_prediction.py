@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from auvid_cli.validation.horizons import Collected, Sample, Target, _variance, evenly_spaced, rows_ahead, targets_of
 from auvid_cli.validation.motion_prediction import MeasuredSignal, SignalSize
+from auvid_cli.validation.predictions import Collected, Sample, Target, _variance, evenly_spaced, rows_ahead, targets_of
 
 TIME = np.arange(0.0, 100.0, 0.25)
 # Up and down by 2 about 7.

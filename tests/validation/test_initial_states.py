@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.validation.initial_states import filtered_initial_states, own_of_each_run, with_model
-from auvid_cli.vehicle.matrices import Ballast
+from auvid_cli.vehicle.rigid_body import Ballast
 
 WHITE = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
 ZIGZAG = "manoeuvre={type: zigzag, duration: 40 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, approach: 5 s}"

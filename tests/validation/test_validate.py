@@ -11,7 +11,7 @@ from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.judgement import Grade
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.validation.horizons import HORIZONS
+from auvid_cli.validation.predictions import HORIZONS
 from auvid_cli.validation.results import AHEAD, FREE_RUN
 from auvid_cli.validation.validate import validate
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from auvid_cli.vehicle.equations import vehicle_constants
-from auvid_cli.vehicle.matrices import NO_BALLAST, Ballast
 from auvid_cli.vehicle.parameters import AS_STATED
+from auvid_cli.vehicle.rigid_body import NO_BALLAST, Ballast
 
 
 @given(seed=st.integers(0, 2**32 - 1))

@@ -1,6 +1,6 @@
 import numpy as np
 
-from auvid_cli.vehicle.kinematics import dead_reckoned
+from auvid_cli.vehicle.rigid_body import dead_reckoned
 
 
 def test_dead_reckoning_turns_velocity_into_the_earth_frame():

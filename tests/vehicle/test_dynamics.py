@@ -20,8 +20,8 @@ from auvid_cli.vehicle.equations import (
     sine_cosine,
     vehicle_constants,
 )
-from auvid_cli.vehicle.matrices import Ballast
 from auvid_cli.vehicle.parameters import AS_STATED, INPUT_SYMBOLS, MOTION_SYMBOLS, N_MOTION, PARAMETER_SYMBOLS
+from auvid_cli.vehicle.rigid_body import Ballast
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from auvid_cli.arrays import wrap
-from auvid_cli.vehicle.kinematics import (
+from auvid_cli.vehicle.rigid_body import (
     body_rates,
     body_to_earth,
     earth_to_body,

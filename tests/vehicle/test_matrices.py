@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.equations import vehicle_constants
-from auvid_cli.vehicle.matrices import coriolis_matrix, mass_matrix, restoring_vector, skew
+from auvid_cli.vehicle.rigid_body import coriolis_matrix, mass_matrix, restoring_vector, skew
 
 seeds = st.integers(0, 2**32 - 1)
 

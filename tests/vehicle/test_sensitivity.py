@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.equations import N_FACTORS, factors, n_terms, vehicle_constants
 from auvid_cli.vehicle.jacobian import N_COLUMNS, N_JACOBIAN_WORK, motion_jacobian, transition_step, transition_work
-from auvid_cli.vehicle.matrices import Ballast
 from auvid_cli.vehicle.parameters import N_MOTION, ActuatorErrors
+from auvid_cli.vehicle.rigid_body import Ballast
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.vehicle.coefficients import SYMBOLS
-from auvid_cli.vehicle.matrices import mass_matrix
+from auvid_cli.vehicle.rigid_body import mass_matrix
 
 
 @pytest.fixture

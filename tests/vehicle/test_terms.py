@@ -13,8 +13,8 @@ from auvid_cli.numerics import LANES
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SIGNALS, Coefficient, CoefficientSet, unit_of
 from auvid_cli.vehicle.equations import N_BLOCK, N_SLOPE, factors, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.jacobian import N_COLUMNS, N_JACOBIAN_WORK, motion_jacobian, transition_step, transition_work
-from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION, ActuatorErrors
+from auvid_cli.vehicle.rigid_body import mass_matrix
 
 ACTUATORS = ActuatorErrors(0.8, 0.03, -0.05)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from auvid_cli.arrays import Array
 from auvid_cli.logs.frames import interpolate
-from auvid_cli.vehicle.kinematics import GRAVITY
+from auvid_cli.vehicle.rigid_body import GRAVITY
 
 _STEP = 0.1  # s, of the common time grid
 _MAX_CELLS = 20_000  # cells of the grid

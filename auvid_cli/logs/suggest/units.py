@@ -9,8 +9,8 @@ import numpy as np
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.logs.suggest.evidence import course_direction, speed_as_surge
 from auvid_cli.logs.suggest.relations import Relation, Signals, Track, fit_relation, integral, on_grid
-from auvid_cli.vehicle.kinematics import GRAVITY, MAX_SPEED, MAX_TURN_RATE
 from auvid_cli.vehicle.parameters import SENSORS
+from auvid_cli.vehicle.rigid_body import GRAVITY, MAX_SPEED, MAX_TURN_RATE
 
 # Units in which sensors are logged, by their SI unit; the SI unit comes first.
 UNITS = {

@@ -15,9 +15,19 @@ from auvid_cli.arrays import Array, wrap
 from auvid_cli.data.dataset import SensorRecord, TruthRecord
 from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.evaluation.results import FreeRun
-from auvid_cli.report import series
 from auvid_cli.report.figures import style
-from auvid_cli.report.plot_data import travelled, travelled_paths
+from auvid_cli.report.plot_data import (
+    around,
+    finite,
+    scale_of,
+    spaced,
+    thin,
+    travelled,
+    travelled_paths,
+    unwrapped,
+    value_range,
+    with_margin,
+)
 from auvid_cli.report.table import filter_label, symbol_math
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
 
@@ -99,7 +109,7 @@ def _depth_name(truth: TruthRecord | None) -> str:
 def _draw_in_space(axes: Axes3D, tracks: list[_Track], depth_name: str) -> None:
     """Draw only the first path and its plan below, because the others would hide it."""
     position = tracks[0].position
-    north, east, down = position[series.spaced(len(position), _SPACE_POINTS)].T
+    north, east, down = position[spaced(len(position), _SPACE_POINTS)].T
     # East, north and up, in this order, make a right-handed view with depth growing downwards.
     wide = _square(east, north)
     depth = _range(down)
@@ -125,7 +135,7 @@ def _draw_in_space(axes: Axes3D, tracks: list[_Track], depth_name: str) -> None:
 
 def _draw_plan(axes: Axes, tracks: list[_Track]) -> None:
     for track in _upwards(tracks):
-        some = series.spaced(len(track.position), _PATH_POINTS)
+        some = spaced(len(track.position), _PATH_POINTS)
         _draw(axes, track.position[some, 1], track.position[some, 0], track)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("east (m)", fontsize=9)
@@ -139,7 +149,7 @@ def _upwards(tracks: list[_Track]) -> list[_Track]:
 
 def _draw_profile(axes: Axes, tracks: list[_Track], depth_name: str) -> None:
     for track in _upwards(tracks):
-        some = series.spaced(len(track.position), _PATH_POINTS)
+        some = spaced(len(track.position), _PATH_POINTS)
         position = track.position[some]
         _draw(axes, travelled(position), position[:, 2], track)
     axes.set_ylim(*_range(tracks[0].position[:, 2])[::-1])
@@ -151,7 +161,7 @@ def _draw_distance(axes: Axes, true: _Track, others: list[_Track]) -> None:
     """Draw the distance of dead reckoning from the true path over time."""
     style.tidy(axes)
     for position, track in enumerate(others):
-        some = series.spaced(len(track.position), _PATH_POINTS)[1:]
+        some = spaced(len(track.position), _PATH_POINTS)[1:]
         time = track.time[some]
         at = np.stack([np.interp(time, true.time, column) for column in true.position.T], axis=1)
         distance = np.linalg.norm(track.position[some] - at, axis=1)
@@ -174,7 +184,7 @@ def _end(marker: str, face: str) -> dict[str, Any]:
 
 
 def _range(values: Array) -> tuple[float, float]:
-    return series.with_margin(*(series.value_range(values) or (0.0, 0.0)))
+    return with_margin(*(value_range(values) or (0.0, 0.0)))
 
 
 def _square(east: Array, north: Array) -> list[tuple[float, float]]:
@@ -207,7 +217,7 @@ def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecor
     begin, end = _span([curve for measured, predicted in signals for curve in [measured, *predicted.values()]])
     zoom = end - min(_ZOOM, 0.5 * (end - begin))
     for (whole, part), quantity, (measured, predicted) in zip(panels, quantities, signals, strict=True):
-        whole.set_ylabel(f"{symbol_math(quantity.symbol)} ({series.scale_of(quantity).unit})", fontsize=9)
+        whole.set_ylabel(f"{symbol_math(quantity.symbol)} ({scale_of(quantity).unit})", fontsize=9)
         _draw_motion_panel(whole, measured, predicted, (begin, end), 0.4)
         _draw_motion_panel(part, measured, predicted, (zoom, end), 1.0)
         if measured is None:
@@ -235,20 +245,18 @@ def _draw_motion_panel(
         if np.isfinite(values).all():
             sound.append(values)
         line = _narrowed(style.FILTER_STYLES[name].line(), width)
-        axes.plot(*series.thin(time, values, _MOTION_POINTS), **line, zorder=2.0 + 0.1 * position)
+        axes.plot(*thin(time, values, _MOTION_POINTS), **line, zorder=2.0 + 0.1 * position)
     # The measurements set the scale or, without any, the runs that stayed finite.
-    reference = series.value_range(*sound)
+    reference = value_range(*sound)
     if measured is not None:
         time, values = _part(measured, span[0])
         known = np.isfinite(values)
-        axes.plot(
-            *series.thin(time[known], values[known], _MOTION_POINTS), **_narrowed(style.MEASURED, width), zorder=1.9
-        )
-        reference = series.value_range(values) or reference
-    others = series.value_range(*every)
+        axes.plot(*thin(time[known], values[known], _MOTION_POINTS), **_narrowed(style.MEASURED, width), zorder=1.9)
+        reference = value_range(values) or reference
+    others = value_range(*every)
     if reference is None and others is None:
         style.show_message(axes, "nothing finite to draw")
-    axes.set_ylim(*series.around(reference, others))
+    axes.set_ylim(*around(reference, others))
     axes.set_xlim(*span)
 
 
@@ -274,14 +282,12 @@ def _predicted(quantity: Quantity, runs: dict[str, FreeRun]) -> dict[str, Curve]
 
 
 def _drawable(quantity: Quantity, values: Array) -> Array:
-    return series.scale_of(quantity).factor * (
-        series.unwrapped(values) if quantity.unit == "rad" else series.finite(values)
-    )
+    return scale_of(quantity).factor * (unwrapped(values) if quantity.unit == "rad" else finite(values))
 
 
 def _span(curves: list[Curve | None]) -> tuple[float, float]:
     """Return begin and end of all time, s."""
-    begin, end = series.value_range(*(line.time for line in curves if line is not None)) or (0.0, 1.0)
+    begin, end = value_range(*(line.time for line in curves if line is not None)) or (0.0, 1.0)
     return begin, end if end > begin else begin + 1.0
 
 
@@ -296,7 +302,7 @@ def motion_error_figure(truth: TruthRecord, estimates: list[EstimateHistory]) ->
         *style.filter_handles((estimate.filter for estimate in estimates), marked=True),
         Patch(color="0.5", alpha=style.BAND_SHADE, linewidth=0, label="±2 standard deviations"),
     ]
-    span = series.value_range(*(estimate.time for estimate in estimates)) or (0.0, 1.0)
+    span = value_range(*(estimate.time for estimate in estimates)) or (0.0, 1.0)
     figure, panels = style.new_panels(len(MOTION), 3, 1.7, handles, style.Room(), span)
     for column, (axes, quantity) in enumerate(zip(panels, MOTION, strict=True)):
         _draw_error_panel(axes, quantity, truth.time, truth.motion[:, column], estimates)
@@ -307,18 +313,18 @@ def motion_error_figure(truth: TruthRecord, estimates: list[EstimateHistory]) ->
 def _draw_error_panel(
     axes: Axes, quantity: Quantity, time: Array, true: Array, estimates: list[EstimateHistory]
 ) -> None:
-    scale = series.scale_of(quantity)
+    scale = scale_of(quantity)
     style.name_panel(axes, f"{symbol_math(quantity.symbol)} ({scale.unit})")
     is_angle = scale.unit == "°"
     sound, others = [], []
     for position, estimate in enumerate(estimates):
         if quantity.symbol not in estimate.state or not estimate.time.size:
             continue
-        some = series.spaced(estimate.time.size, _ERROR_POINTS)
+        some = spaced(estimate.time.size, _ERROR_POINTS)
         column, at = estimate.state.index(quantity.symbol), estimate.time[some]
-        error = series.finite(estimate.mean[some, column]) - np.interp(at, time, np.unwrap(true) if is_angle else true)
+        error = finite(estimate.mean[some, column]) - np.interp(at, time, np.unwrap(true) if is_angle else true)
         error = scale.factor * (wrap(error) if is_angle else error)
-        band = 2.0 * scale.factor * series.finite(estimate.standard_deviation[some, column])
+        band = 2.0 * scale.factor * finite(estimate.standard_deviation[some, column])
         look = style.FILTER_STYLES[estimate.filter]
         style.draw_band(axes, at, -band, band, look.color, len(estimates))
         axes.plot(at, error, **look.marked_line(position, at.size), zorder=2.0 + 0.1 * position)
@@ -338,5 +344,5 @@ def _height(drawn: list[tuple[Array, Array]]) -> float:
             late = values[values.size // 2 :]
             late = late[np.isfinite(late)]
             usual = max(usual, float(np.percentile(late, share)) if late.size else 0.0)
-    _, largest = series.value_range(*(np.abs(error) for error, _ in drawn)) or (0.0, 0.0)
+    _, largest = value_range(*(np.abs(error) for error, _ in drawn)) or (0.0, 0.0)
     return max(1.2 * usual, min(1.1 * largest, _HALF_HEIGHT * usual)) or 1.1 * largest or 1.0

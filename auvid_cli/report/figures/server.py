@@ -16,4 +16,4 @@ gc.set_threshold(50_000)
 # Without memory, for example. The worker that draws tries again, and reports the error.
 with suppress(Exception):
     load_matplotlib()
-    import auvid_cli.report.figures.kinds  # noqa: F401
+    from auvid_cli.report.figures import coefficients, motion, timeline, validation  # noqa: F401

@@ -14,7 +14,7 @@ from auvid_cli.arrays import Array
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.inspection.inspection import Inspection, Mark, MarkKind
 from auvid_cli.report.figures.style import BAND_SHADE, WIDTH, head, legend_above, new_figure, plain_log_ticks, tidy
-from auvid_cli.report.series import scale_of, thin
+from auvid_cli.report.plot_data import scale_of, thin
 from auvid_cli.report.table import symbol_math
 from auvid_cli.vehicle.parameters import SENSORS, Quantity
 

@@ -18,8 +18,15 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.figures import style
-from auvid_cli.report.plot_data import HorizonPlot, component_innovations, free_run_residual, horizon_plots
-from auvid_cli.report.series import around, scale_of, value_range
+from auvid_cli.report.plot_data import (
+    HorizonPlot,
+    around,
+    component_innovations,
+    free_run_residual,
+    horizon_plots,
+    scale_of,
+    value_range,
+)
 from auvid_cli.report.table import filter_label, symbol_math
 from auvid_cli.validation.results import Prediction
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of

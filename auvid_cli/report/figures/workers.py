@@ -1,9 +1,10 @@
-"""Processes that draw figures in parallel with the filters."""
+"""Processes that draw figures in parallel with the filters, and write them: only these processes load matplotlib."""
 
 import gc
 import logging
 import multiprocessing
 import os
+import warnings
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Future
 from contextlib import chdir, contextmanager
@@ -14,9 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 from auvid_cli.child_processes import WorkerDied, Workers, starting_children
 from auvid_cli.config.enums import FigureFormat
+from auvid_cli.data.files import remove, replacing
 from auvid_cli.errors import FileError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from auvid_cli.report.figures.draw import FigureRequest
 
 Submit = Callable[..., Future[Any]]
@@ -81,9 +85,74 @@ def load_matplotlib() -> None:
 def draw_and_save(request: "FigureRequest", folder: Path, name: str, formats: Collection[FigureFormat]) -> list[Path]:
     """Draw the figure of a request and write it; called in a process that may load matplotlib."""
     load_matplotlib()
-    from auvid_cli.report.figures.kinds import draw_figure, save
-
-    paths = save(draw_figure(request), folder, name, formats)
+    paths = save(_draw_figure(request), folder, name, formats)
     # A figure refers to itself; without this it would stay in memory while the next one is drawn.
     gc.collect()
     return paths
+
+
+def _draw_figure(request: "FigureRequest") -> "Figure":
+    """Return the figure of a request."""
+    from auvid_cli.report.figures import coefficients, draw, motion, timeline, validation
+
+    match request:
+        case draw.PathRequest(truth, motions):
+            return motion.path_figure(truth, motions)
+        case draw.MotionErrorRequest(truth, motions):
+            return motion.motion_error_figure(truth, motions)
+        case draw.EstimateRequest(symbols, estimates, true):
+            return coefficients.estimate_figure(symbols, estimates, true)
+        case draw.ConvergenceRequest(symbols, estimates, true):
+            return coefficients.convergence_figure(symbols, estimates, true)
+        case draw.InnovationRequest(innovations):
+            return validation.innovation_figure(innovations)
+        case draw.FreeRunRequest(sensors, runs):
+            return validation.free_run_figure(sensors, runs)
+        case draw.MotionRequest(quantities, sensors, runs):
+            return motion.motion_figure(quantities, sensors, runs)
+        case draw.HorizonRequest(filter_name, predictions):
+            return validation.horizon_figure(filter_name, predictions)
+        case draw.BoundsRequest(identifiability):
+            return coefficients.bounds_figure(identifiability)
+        case draw.CorrelationRequest(identifiability):
+            return coefficients.correlation_figure(identifiability)
+        case draw.TimelineRequest(sensors, inspection):
+            return timeline.timeline_figure(sensors, inspection)
+        case draw.MissionRequest(time, inputs, band, symbols, percents):
+            return timeline.mission_figure(time, inputs, band, symbols, percents)
+        case draw.SpreadRequest(runs, columns, filters):
+            return coefficients.spread_figure(runs, columns, filters)
+        case draw.MapRequest(table, columns, filters):
+            return coefficients.map_figure(table, columns, filters)
+
+
+def save(figure: "Figure", folder: Path, name: str, formats: Collection[FigureFormat]) -> list[Path]:
+    """Write a figure in each of `formats`, and remove its files of other formats."""
+    with warnings.catch_warnings():
+        # A character of a name that the font lacks is drawn as a box.
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        paths = [_save(figure, folder / f"{name}.{form}", form) for form in FigureFormat if form in formats]
+    remove(folder / f"{name}.{form}" for form in FigureFormat if form not in formats)
+    return paths
+
+
+def _save(figure: "Figure", path: Path, form: FigureFormat) -> Path:
+    # `Figure.savefig` would draw everything twice for each file, first only for the layout.
+    with replacing(path) as temporary:
+        match form:
+            case FigureFormat.PNG:
+                from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+                options = {"metadata": {"Software": "auvid"}, "pil_kwargs": {"compress_level": 4}}
+                FigureCanvasAgg(figure).print_png(temporary, **options)
+            case FigureFormat.SVG:
+                from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+                FigureCanvasSVG(figure).print_svg(temporary, metadata={"Date": None})
+            case FigureFormat.PDF:
+                from matplotlib.backends.backend_pdf import FigureCanvasPdf
+
+                FigureCanvasPdf(figure).print_pdf(temporary, metadata={"CreationDate": None})
+    # The layout is kept for the next format.
+    figure.set_layout_engine("none")
+    return path

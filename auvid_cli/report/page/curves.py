@@ -11,8 +11,15 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import N_LAGS, Innovations
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.report.page import parts
-from auvid_cli.report.plot_data import component_innovations, free_run_residual, travelled, travelled_paths
-from auvid_cli.report.series import envelope, scale_of, spaced
+from auvid_cli.report.plot_data import (
+    component_innovations,
+    envelope,
+    free_run_residual,
+    scale_of,
+    spaced,
+    travelled,
+    travelled_paths,
+)
 from auvid_cli.report.table import filter_label
 from auvid_cli.text import sentence
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from auvid_cli.arrays import Array
-from auvid_cli.report.series import spaced
+from auvid_cli.report.plot_data import spaced
 from auvid_cli.report.table import Table
 
 _MAX_POINTS = 600  # points of a path, more than a screen shows

@@ -12,7 +12,7 @@ from auvid_cli.config.log_map import load_map
 from auvid_cli.logs.convert import convert
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest.suggest import suggest
-from auvid_cli.vehicle.kinematics import GRAVITY, body_rates, body_to_earth
+from auvid_cli.vehicle.rigid_body import GRAVITY, body_rates, body_to_earth
 
 STEP = 0.1
 TIME = STEP * np.arange(2000)

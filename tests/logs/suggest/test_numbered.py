@@ -12,7 +12,7 @@ from auvid_cli.logs.frames import quaternion_of_euler
 from auvid_cli.logs.suggest.numbered import exchanged_axes, fin_roles, quaternion_order
 from auvid_cli.logs.suggest.relations import Track
 from auvid_cli.logs.suggest.suggest import suggest
-from auvid_cli.vehicle.kinematics import body_rates
+from auvid_cli.vehicle.rigid_body import body_rates
 
 CASES = Path(os.environ.get("AUVID_SHARED", Path(__file__).parents[3] / "../shared")) / "cases"
 STEP = 0.1

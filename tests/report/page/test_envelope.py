@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from auvid_cli.report.series import envelope
+from auvid_cli.report.plot_data import envelope
 
 signals = arrays(np.float64, st.integers(1, 200), elements=st.floats(-1e6, 1e6))
 

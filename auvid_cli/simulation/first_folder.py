@@ -19,7 +19,7 @@ from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.simulation.manoeuvres import make_plan
 from auvid_cli.simulation.motion import Truth, simulate_motion
 from auvid_cli.text import printable
-from auvid_cli.vehicle.matrices import central_inertia
+from auvid_cli.vehicle.rigid_body import central_inertia
 
 _EXCITATIONS = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the full excitation, tried in turn
 # Beyond these angles, a slightly different manoeuvre would capsize the vehicle.

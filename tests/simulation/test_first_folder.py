@@ -12,9 +12,9 @@ from auvid_cli.config.outline import outline_of_options
 from auvid_cli.data.files import write_folder
 from auvid_cli.errors import ConfigError
 from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.simulation import first_folder
+from auvid_cli.simulation.first_folder import folder_like, folder_of_outline, sanity_notes, sanity_rows
 from auvid_cli.simulation.simulate import simulate
-from auvid_cli.start import first_folder
-from auvid_cli.start.first_folder import folder_like, folder_of_outline, sanity_notes, sanity_rows
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 OUTLINE = {"length": 2, "diameter": 0.2, "mass": 60, "fin_span": 0.1, "fin_area": 0.012}

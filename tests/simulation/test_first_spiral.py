@@ -9,7 +9,7 @@ from auvid_cli.config.loading import parse_vehicle
 from auvid_cli.config.manoeuvre import Spiral
 from auvid_cli.config.outline import derived_vehicle_yaml, outline_of_options
 from auvid_cli.errors import ConfigError
-from auvid_cli.start.first_folder import cruising_speed, first_spiral, spiral_lines
+from auvid_cli.simulation.first_folder import cruising_speed, first_spiral, spiral_lines
 
 
 def outlined(length, diameter, mass, span, area, **others):
@@ -49,7 +49,7 @@ def test_shipped_vehicle_follows_full_spiral_at_cruising_speed(vehicle_file):
 
 
 def test_fast_vehicle_gets_less_excitation(monkeypatch):
-    monkeypatch.setattr("auvid_cli.start.first_folder.MIN_DURATION", 60.0)
+    monkeypatch.setattr("auvid_cli.simulation.first_folder.MIN_DURATION", 60.0)
     vehicle = outlined(1, 0.2, 22, 0.08, 0.006)
     assert 0.0 < first_spiral(vehicle, 4.0).excitation < 1.0
     with pytest.raises(ConfigError, match=r"boat: cannot follow the gentlest spiral at 20 m/s"):
@@ -57,7 +57,7 @@ def test_fast_vehicle_gets_less_excitation(monkeypatch):
 
 
 def test_message_has_slenderness_of_short_vehicle(monkeypatch):
-    monkeypatch.setattr("auvid_cli.start.first_folder.MIN_DURATION", 60.0)
+    monkeypatch.setattr("auvid_cli.simulation.first_folder.MIN_DURATION", 60.0)
     with pytest.raises(ConfigError, match=r"2\.5 diameters long; expected 4 to 15"):
         first_spiral(outlined(1, 0.4, 80, 0.1, 0.012), 6.0)
     with pytest.raises(ConfigError, match=r"and size$"):
