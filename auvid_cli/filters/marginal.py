@@ -211,7 +211,8 @@ def integrate_out_motion(
         step = filtered.final.mean[:n] + marginal_step(problem, smoothing, filtered)
         steps.append(step / deviation)
         moves.append(_accelerated(moves, steps))
-        motion = _most_probable_motion(problem, filtered, filtered.trajectory.parameters + deviation * moves[-1])
+        trajectory = filtered.trajectory
+        motion = _most_probable_motion(problem, trajectory, trajectory.parameters + deviation * moves[-1])
         if motion is None or (filtered := smoothing.filter(motion[0])) is None:
             return None
         if motion[1] and (np.abs(step) <= _MAX_LAST_STEP * deviation).all():
@@ -239,21 +240,23 @@ def _accelerated(moves: list[Array], steps: list[Array]) -> Array:
 
 
 def _most_probable_motion(
-    problem: JointProblem, filtered: Filtered, parameters: Array
+    problem: JointProblem, start: Trajectory, parameters: Array
 ) -> tuple[Trajectory, bool] | None:
     """Return the motion given the parameters, and whether it converged; None if its cost is not finite."""
-    n, mean, factor = problem.n_parameters, problem.prior.mean.copy(), problem.prior.factor.copy()
-    for indices, by_parameters in zip(problem.indices, filtered.by_parameters, strict=True):
-        mean[indices[n:]] += by_parameters @ (parameters - mean[:n])
-    mean[:n] = parameters
-    factor[:, :n] *= _FIXING_FACTOR
-    smoothing = LinearSmoothing(problem._replace(prior=Gaussian(mean, factor)))
-    found = gauss_newton(smoothing, replace(filtered.trajectory, parameters=parameters), _MOTION_PASSES)
+    smoothing = LinearSmoothing(_with_parameters_fixed(problem, parameters))
+    found = gauss_newton(smoothing, replace(start, parameters=parameters), _MOTION_PASSES)
     if found is None:
         return None
     minimum, converged = found
     moved = minimum.trajectory.stepped(smoothing.step(minimum), 1.0)
     return replace(moved, parameters=parameters), converged
+
+
+def _with_parameters_fixed(problem: JointProblem, parameters: Array) -> JointProblem:
+    """Return the problem with a prior that holds the parameters."""
+    n = problem.n_parameters
+    held = Gaussian(parameters, _FIXING_FACTOR * problem.prior.factor[:n, :n])
+    return problem._replace(prior=problem.prior.with_parameters(held))
 
 
 def marginal_step(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> Array:
