@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from time import monotonic
 from typing import NamedTuple
 
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while the smoother runs
@@ -144,11 +145,12 @@ def tune_into(
     with results_folder(place, RecordedData(path, dataset), new=["tuned.yaml"]) as folder:
         with place.progress.stage("fit with the noise of the settings") as label:
             before, latest = identify(dataset, JUDGE), None
+            begin = monotonic()
 
             def show(progress: TuningProgress) -> None:
                 nonlocal latest
                 is_next = latest is None or progress.search.trajectories > latest.search.trajectories
-                latest, text = progress, f"tune: {progress}"
+                latest, text = progress, f"tune: {progress}{_time_left(progress.search.share, monotonic() - begin)}"
                 label(text)
                 if is_next:
                     place.progress.message(text)
@@ -167,6 +169,11 @@ def tune_into(
         write_text(folder / "tuned.yaml", tuning.settings())
         fits = [(estimate, judge_one(estimate, None)) for estimate in (before, after)]
         return TunedResults(tuning, fits, files, folder / "tuned.yaml")
+
+
+def _time_left(share: float, elapsed: float) -> str:
+    """Return about how long a search still takes, after a share of it; empty at the start."""
+    return f", about {elapsed * (1.0 - share) / share:.0f} s left" if share > 0.0 else ""
 
 
 def find_terms_into(

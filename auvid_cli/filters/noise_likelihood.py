@@ -8,7 +8,7 @@ most probable trajectory the likelihood is lower: that trajectory ignores the va
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +25,13 @@ _MAX_CHANGE = 0.2
 _MAX_STEP = 2.0
 # Largest log factor.
 _MAX_LOG_FACTOR = 14.0
-# Tolerance of an end of an interval, in log factors.
-_INTERVAL_TOLERANCE = 0.05
+# Relative tolerance of the decrease of the log-likelihood at the end of an interval, and maximum number of evaluations.
+_DECREASE_TOLERANCE = 0.1
+_MAX_EVALUATIONS = 12
 MAX_TRAJECTORIES = 10
+# Approximate share of the whole search that precedes the intervals, and share of it that remains after each trajectory.
+_SEARCH_SHARE = 0.75
+_REMAINING = 0.5
 _MAX_STEPS = 40
 # Negligible information, which keeps matrices invertible.
 _MIN_INFORMATION = 1e-9
@@ -69,6 +73,7 @@ class NoiseProgress(NamedTuple):
     log_factor: Array  # shape (k,); the best so far
     log_likelihood: float  # with these, up to a constant of the data
     gain: float  # increase of the log-likelihood over that of factors of 1
+    share: float  # approximate share of the whole search that is done
 
 
 def scaled(problem: JointProblem, groups: Sequence[NoiseGroup], factors: Array) -> JointProblem:
@@ -100,7 +105,11 @@ class _Likelihood:
         self._problem, self._groups, self._on_pass = problem, groups, on_pass
         self._present, self.smoothing = problem, LinearSmoothing(problem)
         self.minimum = np.array([group.min_log_factor for group in groups])
-        self.progress = NoiseProgress(0, 0, np.zeros(len(groups)), -np.inf, 0.0)
+        self.progress = NoiseProgress(0, 0, np.zeros(len(groups)), -np.inf, 0.0, 0.0)
+
+    def set_share(self, share: float) -> None:
+        """Set the approximate share of the whole search that is done."""
+        self.progress = self.progress._replace(share=share)
 
     def filter(self, logarithms: Array, trajectory: Trajectory) -> Filtered | None:
         """Filter with scaled noise; None if the cost is not finite."""
@@ -144,6 +153,17 @@ def log_likelihood(filtered: Filtered) -> float:
     return -0.5 * (filtered.least + filtered.log_determinant)
 
 
+class _Optimum(NamedTuple):
+    """Most likely log factors about a trajectory."""
+
+    log_factor: Array  # shape (k,)
+    trajectory: Trajectory
+    information: Array  # shape (k, k)
+    level: float  # log-likelihood
+    stated: float  # log-likelihood of factors of 1
+    converged: bool
+
+
 def most_likely_noise(
     problem: JointProblem,
     groups: Sequence[NoiseGroup],
@@ -172,10 +192,32 @@ def most_likely_noise(
     trajectory = start
     if trajectory is None or likelihood.smoothing.filter(trajectory) is None:
         minima = most_probable(problem, likelihood.smoothing, max_passes, enough=1)
-        if not minima:
-            return None
-        trajectory = minima[0][0].trajectory
-    x, gain, converged = np.zeros(len(groups)), np.inf, False
+        trajectory = minima[0][0].trajectory if minima else None
+    found = None if trajectory is None else _search(likelihood, trajectory, is_coarse)
+    if found is None:
+        return None
+    x, trajectory, information, level, stated, converged = found
+    if is_coarse:
+        none, infinite = np.zeros(x.size), np.full(x.size, np.inf)
+        return NoiseFactors(np.exp(x), none, infinite, level, level - stated, converged, trajectory)
+
+    def decrease(logarithms: Array) -> float:
+        return level - likelihood.at(logarithms, trajectory)
+
+    def profile(i: int, value: float | None = None) -> float:
+        # The decrease with one log factor fixed, by default to its minimum, and all others optimised.
+        likelihood.set_share(_SEARCH_SHARE + (1.0 - _SEARCH_SHARE) * i / x.size)
+        others = np.arange(x.size) != i
+        start = np.where(others, x, groups[i].min_log_factor if value is None else value)
+        return decrease(_climb(likelihood, start, trajectory, others, enough=level - _INTERVAL_DECREASE))
+
+    low, high = _intervals(decrease, profile, x, information, [bool(group.rates) for group in groups])
+    return NoiseFactors(np.exp(x), low, high, level, level - stated, converged)
+
+
+def _search(likelihood: _Likelihood, trajectory: Trajectory, is_coarse: bool) -> _Optimum | None:
+    """Climb about one trajectory after another; None if one has no finite cost."""
+    x, gain, converged = np.zeros(likelihood.minimum.size), np.inf, False
     likelihood.set_process_memory(trajectory)
     stated = level = likelihood.at(x, trajectory)
     best, latest = -np.inf, 0
@@ -189,6 +231,7 @@ def most_likely_noise(
         likelihood.progress = likelihood.progress._replace(
             trajectories=number, log_factor=x, log_likelihood=level, gain=level - stated
         )
+        likelihood.set_share(_SEARCH_SHARE * (1.0 - _REMAINING**number))
         information = likelihood.scores(filtered).information
         is_same = bool((np.abs(x - before) < _MAX_CHANGE * _deviations(information)).all())
         # The first trajectory is not yet a marginal estimate.
@@ -202,21 +245,7 @@ def most_likely_noise(
             break
         trajectory, gain = following
         likelihood.set_process_memory(trajectory)
-    if is_coarse:
-        none, infinite = np.zeros(x.size), np.full(x.size, np.inf)
-        return NoiseFactors(np.exp(x), none, infinite, level, level - stated, converged, trajectory)
-
-    def decrease(logarithms: Array) -> float:
-        return level - likelihood.at(logarithms, trajectory)
-
-    def profile(i: int, value: float | None = None) -> float:
-        # The decrease with one log factor fixed, by default to its minimum, and all others optimised.
-        others = np.arange(x.size) != i
-        start = np.where(others, x, groups[i].min_log_factor if value is None else value)
-        return decrease(_climb(likelihood, start, trajectory, others))
-
-    low, high = _intervals(decrease, profile, x, information, [bool(group.rates) for group in groups])
-    return NoiseFactors(np.exp(x), low, high, level, level - stated, converged)
+    return _Optimum(x, trajectory, information, level, stated, converged)
 
 
 def noise_scores_about(
@@ -235,11 +264,15 @@ def _climb(
     trajectory: Trajectory,
     free: NDArray[np.bool_] | None = None,
     min_increase: float = _MIN_INCREASE,
+    enough: float = np.inf,
 ) -> Array:
-    """Maximise the log-likelihood about a trajectory by scoring; only the `free` log factors if given."""
+    """Maximise the log-likelihood about a trajectory by scoring; only the `free` log factors if given.
+
+    It ends where the likelihood is flat or higher than `enough`.
+    """
     current, minimum = likelihood.filter(x, trajectory), likelihood.minimum
     for _ in range(_MAX_STEPS):
-        if current is None:
+        if current is None or log_likelihood(current) > enough:
             break
         scores = likelihood.scores(current)
         # A log factor at its minimum does not decrease, nor one of negligible noise: less of it slows the smoother.
@@ -286,22 +319,35 @@ def _intervals(
         elif decrease(x - (_MAX_LOG_FACTOR + x[i]) * unit) < _INTERVAL_DECREASE or profile(i) < _INTERVAL_DECREASE:
             low[i] = 0.0
 
-            def excess(change: float, unit: Array = unit) -> float:
-                return decrease(x + change * unit) - _INTERVAL_DECREASE
+            def decrease_by(change: float, unit: Array = unit) -> float:
+                return decrease(x + change * unit)
 
-            high[i] = np.exp(x[i] + _first_root(excess, _MAX_LOG_FACTOR - x[i]))
+            high[i] = np.exp(x[i] + _end_of_interval(decrease_by, information[i, i], _MAX_LOG_FACTOR - x[i]))
     return low, high
 
 
-def _first_root(function: Callable[[float], float], limit: float) -> float:
-    """Return the argument above 0 where a function becomes positive; infinite if that is above `limit`."""
-    # Loading it takes a tenth of a second.
-    import scipy.optimize
+def _end_of_interval(decrease: Callable[[float], float], information: float, limit: float) -> float:
+    """Return the increase of a log factor that ends its 95 % interval; infinite if that is above `limit`.
 
-    near, far = 0.0, 1.0
-    while function(far) < 0.0:
-        near, far = far, 2.0 * far
-        if near >= limit:
-            return np.inf
-    root: Any = scipy.optimize.brentq(function, near, far, xtol=_INTERVAL_TOLERANCE)
-    return float(root)
+    The decrease of the log-likelihood is about quadratic in the variance of the noise.
+    """
+    if limit <= 0.0:
+        return np.inf
+    growth = 2.0 * _INTERVAL_DEVIATIONS / np.sqrt(information + _MIN_INFORMATION)
+    near, far, change = 0.0, np.inf, 0.0
+    for _ in range(_MAX_EVALUATIONS):
+        change = min(0.5 * np.log1p(growth), limit)
+        if not near < change < far:
+            change = 0.5 * (near + far)
+            growth = np.expm1(2.0 * change)
+        share = decrease(change) / _INTERVAL_DECREASE
+        if abs(share - 1.0) < _DECREASE_TOLERANCE:
+            return change
+        if share > 1.0:
+            far = change
+        elif change >= limit:
+            break
+        else:
+            near = change
+        growth /= np.sqrt(max(share, _DECREASE_TOLERANCE))
+    return change if np.isfinite(far) else np.inf

@@ -60,9 +60,10 @@ class TuningProgress(NamedTuple):
 
     def __str__(self) -> str:
         """Return how far it is, in words."""
-        passes, trajectories, _, _, gain = self.search
-        where = f"trajectory {trajectories + 1} of at most {MAX_TRAJECTORIES}"
-        return f"{passes} pass{'' if passes == 1 else 'es'} through the data, {where}, log-likelihood {gain:+.4g}"
+        search = self.search
+        where = f"trajectory {min(search.trajectories + 1, MAX_TRAJECTORIES)} of at most {MAX_TRAJECTORIES}"
+        count = f"{search.passes} pass{'' if search.passes == 1 else 'es'}"
+        return f"{count} through the data, {where}, log-likelihood {search.gain:+.4g}"
 
 
 OnProgress = Callable[[TuningProgress], None]

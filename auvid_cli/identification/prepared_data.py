@@ -68,6 +68,8 @@ class FoundDelays(NamedTuple):
 def used_data(dataset: Dataset) -> Dataset:
     """Return a dataset with the used segments alone."""
     segments = used_segments(dataset, measuring_sensors(dataset))
+    if len(segments) == 1:
+        return segments[0]
     sensors = {}
     for name, record in dataset.sensors.items():
         cut = [segment.sensors[name] for segment in segments]

@@ -15,6 +15,7 @@ from auvid_cli.identification.timeline import measuring_sensors
 
 _MIN_RUN = 8  # consecutive equal measurements that are copies, for finely resolved values
 _MAX_PLACES = 1000  # runs of a record that are searched for in the other
+_MAX_COUNTED = 100_000  # measurements in which equal ones are counted
 _COINCIDENCE = 1e-6  # probability of an equal run without copying
 _SAME_VALUE = 1e-6  # relative difference of equal parameters
 _ADVICE = "validate on data that are new to the model: name another run, or another time with --use"
@@ -97,9 +98,9 @@ def _significant_run(record: Array) -> int:
     """Return the length of an equal run that is hardly a coincidence: longer for records with few different values."""
     if len(record) < _MIN_RUN:
         return _MIN_RUN
-    _, value = np.unique(record, axis=0, return_inverse=True)
+    _, value = np.unique(record[:_MAX_COUNTED], axis=0, return_inverse=True)
     value = value.ravel()
-    once, twice = (_coincidence(names) for names in (value, value[:-1] * len(record) + value[1:]))
+    once, twice = (_coincidence(names) for names in (value, value[:-1] * value.size + value[1:]))
     if twice == 0.0:
         return _MIN_RUN
     # Probability that the next measurements are equal too.

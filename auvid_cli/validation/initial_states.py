@@ -26,7 +26,7 @@ from auvid_cli.identification.states import coefficient_priors
 from auvid_cli.validation.results import MAX_NIS
 from auvid_cli.vehicle.equations import NO_ERRORS
 from auvid_cli.vehicle.parameters import AS_STATED, DISTURBANCE, MOTION_AND_DEPTH, Quantity
-from auvid_cli.vehicle.rigid_body import NO_BALLAST
+from auvid_cli.vehicle.rigid_body import NO_BALLAST, dvl_axes
 
 _NOISE_FACTORS = (10.0, 100.0, 1000.0)  # of the process noise, tried if innovations contradict the settings
 # A constant of these blocks is part of the model; one that walks differs in each run.

@@ -63,10 +63,11 @@ def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Measure
             values = record.values[:, component]
             finite = np.isfinite(values)
             if finite.any():
-                symbol = state_of(quantity)
-                continuous = np.unwrap(values[finite]) if is_angle(symbol) else values[finite]
+                # A view of complete records saves 6 MB for each component and hour at 100 Hz.
+                present = slice(None) if finite.all() else finite
+                symbol, time, values = state_of(quantity), record.time[present], values[present]
                 deviation = float(record.standard_deviation[component])
-                signals[symbol] = MeasuredSignal(record.time[finite], continuous, deviation)
+                signals[symbol] = MeasuredSignal(time, np.unwrap(values) if is_angle(symbol) else values, deviation)
     if "r" not in signals and (yaw_rate := _yaw_rate_by_attitude(signals)) is not None:
         signals["r"] = yaw_rate
     return {symbol: signals[symbol] for symbol in MOTION_AND_DEPTH_SYMBOLS if symbol in signals}

@@ -8,7 +8,14 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal
 
 from auvid_cli.filters.linear_smoother import LinearSmoothing, Trajectory, gauss_newton
-from auvid_cli.filters.noise_likelihood import _climb, _intervals, _Likelihood, most_likely_noise, scaled
+from auvid_cli.filters.noise_likelihood import (
+    _climb,
+    _end_of_interval,
+    _intervals,
+    _Likelihood,
+    most_likely_noise,
+    scaled,
+)
 from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.filters.problem import (
     PROCESS_SIGNATURE,
@@ -177,3 +184,22 @@ def test_search_without_passes_left_has_an_answer_if_its_cost_can_hardly_fall(li
     stopped, answered = gauss_newton(smoothing, start, max_passes=1)
     assert_allclose(stopped.cost - stopped.least, excess, rtol=1e-6)
     assert answered == is_answer
+
+
+@pytest.mark.parametrize("growth", [0.5, 5.0, 50.0])
+def test_end_of_an_interval_of_a_quadratic_in_the_variance_is_found(growth):
+    """From a curvature that is wrong by a factor of ten."""
+    evaluated = []
+
+    def decrease(change):
+        evaluated.append(change)
+        return 1.92 * (np.expm1(2.0 * change) / growth) ** 2
+
+    found = _end_of_interval(decrease, 0.1 * (2.0 * 1.96 / growth) ** 2, 14.0)
+    assert found == pytest.approx(0.5 * np.log1p(growth), abs=0.05)
+    assert len(evaluated) <= 5
+
+
+def test_interval_without_an_end_is_infinite():
+    assert _end_of_interval(lambda change: 0.5, 4.0, 14.0) == np.inf
+    assert _end_of_interval(lambda change: 5.0, 4.0, 0.0) == np.inf

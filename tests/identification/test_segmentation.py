@@ -35,6 +35,10 @@ def test_each_segment_has_its_own_measurements_and_no_others(short_run, with_set
     assert used.sensors["dvl"].time.size == sum(part.sensors["dvl"].time.size for part in parts)
 
 
+def test_one_segment_is_not_copied(short_run):
+    assert np.shares_memory(used_data(short_run).sensors["dvl"].values, short_run.sensors["dvl"].values)
+
+
 @pytest.mark.slow
 def test_two_segments_equal_two_runs_in_sequence(short_run, with_settings, kalman_filter):
     """The coefficients of the first run are the prior of the second, as with another dataset."""

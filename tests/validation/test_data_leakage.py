@@ -64,6 +64,13 @@ def test_copies_with_missing_and_held_values_are_found(rng):
     assert not have_run_in_common(without, rng.standard_normal((100, 3)))
 
 
+def test_copy_is_found_late_in_a_long_record(rng):
+    """Equal measurements are counted at the beginning alone."""
+    long = np.round(rng.standard_normal((250_000, 1)), 1)
+    assert have_run_in_common(long[240_000:241_000], long)
+    assert not have_run_in_common(np.round(rng.standard_normal((1000, 1)), 1), long)
+
+
 @pytest.mark.slow
 def test_held_coarse_depth_is_no_copy(rng):
     def held():

@@ -24,6 +24,13 @@ def test_signals_are_finite_in_order_of_motion():
     assert_allclose(signals["psi"].values, [3.0, 3.1, 2 * np.pi - 3.1, 2 * np.pi - 3.0])
 
 
+def test_complete_records_are_not_copied():
+    record = SensorRecord(np.arange(4.0), np.ones((4, 3)), np.full(3, 1e-3))
+    of_record = measured_signals({"dvl": record})["v"]
+    assert np.shares_memory(of_record.time, record.time)
+    assert np.shares_memory(of_record.values, record.values)
+
+
 def test_whole_turns_match_measurements():
     heading = MeasuredSignal(np.array([0.0, 10.0]), np.array([0.1, 13.0]), 0.01)
     assert heading.turns(0.0, 0.2) == 0.0
