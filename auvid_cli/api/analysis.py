@@ -24,6 +24,7 @@ from auvid_cli.fitting.search import FitLimits, fit_model
 from auvid_cli.identification.delays import estimate_delays
 from auvid_cli.identification.noise import OnProgress, TuningProgress, choose_disturbance, tune_noise
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.problem_setup import Motion
 from auvid_cli.identification.run import identify
 from auvid_cli.identification.terms import search_terms
 from auvid_cli.report.page.pages import fit_page
@@ -164,7 +165,8 @@ def tune_into(
                 place.progress.message("interrupted: the best noise so far is kept, without intervals")
             label("fit with the tuned noise")
             # The search for other minima is not repeated.
-            after = identify(replace(dataset, experiment=tuning.experiment), JUDGE, before)
+            start = Motion.of_estimate(before) if before.completed else None
+            after = identify(replace(dataset, experiment=tuning.experiment), JUDGE, start)
         files = write_csv_tables({"tuning": tuning.rows()}, folder / "tables")
         write_text(folder / "tuned.yaml", tuning.settings())
         fits = [(estimate, judge_one(estimate, None)) for estimate in (before, after)]
