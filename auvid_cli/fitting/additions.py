@@ -5,18 +5,21 @@ from typing import NamedTuple
 
 from auvid_cli.config.coefficients import Term
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.config.extra_states import BiasName
+from auvid_cli.config.extra_states import AugmentedStates, BiasName
 from auvid_cli.config.identification import INPUTS_DELAY
 from auvid_cli.config.settings import three
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import TESTED_TERMS, FaultKind, FaultTest
 from auvid_cli.identification.noise import disturbance_like_noise
+from auvid_cli.identification.problem_setup import Motion
 from auvid_cli.identification.states import coefficient_priors
 from auvid_cli.identification.terms import with_terms
 from auvid_cli.vehicle.coefficients import term
 
 # Distance of an estimated error from 0 beyond which the model needs it, in standard deviations.
 _CERTAIN = 8.0
+# Distance of an estimated error from 0 beyond which it is not plausible, in standard deviations of its prior.
+_FARTHEST = 4.0
 # Errors of sensors, actuators and vehicle that a fault of this kind asks for.
 _ERRORS = {
     FaultKind.GYROSCOPE_BIAS: BiasName.GYRO,
@@ -197,6 +200,22 @@ def values(estimate: Estimate, addition: Addition) -> dict[str, tuple[float, flo
         symbols = [quantity.symbol for block in blocks for quantity in block.quantities]
     rows = [estimate.state.index(symbol) for symbol in symbols if symbol in estimate.state]
     return {estimate.state[i]: (float(estimate.mean[-1, i]), float(estimate.standard_deviation[-1, i])) for i in rows}
+
+
+def implausible(estimated: AugmentedStates, addition: Addition, motion: Motion) -> str:
+    """Return a sentence if a state of an addition is far beyond its prior; else an empty text.
+
+    A wrong model can be explained by an absurd error, for example of 32 % of the DVL.
+    """
+    if addition.family not in {*BiasName} or addition.is_time or addition.family == BiasName.DISTURBANCE:
+        return ""
+    for block in estimated.blocks_of(BiasName(addition.family)):
+        for quantity in block.quantities:
+            value = float(motion.mean[-1, motion.state.index(quantity.symbol)])
+            if abs(value) > _FARTHEST * block.prior_std:
+                shown = _with_unit(quantity.symbol, value, block.prior_std, quantity.unit)
+                return f"not plausible: {shown.replace('+-', 'with a spread of')}"
+    return ""
 
 
 def is_certain(estimate: Estimate, addition: Addition) -> bool:

@@ -21,7 +21,7 @@ from auvid_cli.data.findings import MIN_HELD_OUT_GAIN
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.innovations import causes_text, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
-from auvid_cli.fitting.additions import Addition, is_certain, size_text
+from auvid_cli.fitting.additions import Addition, implausible, is_certain, size_text
 from auvid_cli.fitting.candidates import WORTH, Candidate, by_kind, candidates, noise_excess
 from auvid_cli.fitting.look import refuse_contradictions, with_still_planes_held
 from auvid_cli.fitting.models import Model, ModelMaker
@@ -212,8 +212,9 @@ class _Search:
                 gain = 0.0 if best is None else best[1].evidence - start.evidence
                 so_far = f"{best[0]}, {gain:+.0f}" if best is not None and gain > 0.0 else "no addition"
                 self._on_step(f"look {self._look}, candidate {number} of {len(trials)}: {addition}; best: {so_far}")
-                other, gain, time = trial.result()
-                rows.append(self._step("add", str(addition), gain, False, before)._replace(cpu_time=time))
+                other, gain, refused, time = trial.result()
+                row = self._step("add", str(addition), gain, False, before)
+                rows.append(row._replace(size=refused, cpu_time=time))
                 if other is not None:
                     models.append((addition, other))
         finally:
@@ -227,16 +228,18 @@ class _Search:
                 self._estimate, self.model = None, best[1]
             self.steps += rows
 
-    def _tried(self, start: Model, addition: Addition) -> tuple[Model | None, float | None, float]:
-        """Return the model with an addition if it is admissible, its gain in evidence, and the processor time, s."""
-        begin, other = thread_time(), self._maker.with_addition(start, addition)
+    def _tried(self, start: Model, addition: Addition) -> tuple[Model | None, float | None, str, float]:
+        """Return the model with an addition if it is admissible, its gain, why it is not, and the processor time, s."""
+        begin, other, refused = thread_time(), self._maker.with_addition(start, addition), ""
         gain = None if other is None else other.evidence - start.evidence
+        if other is not None:
+            refused = implausible(other.settings.identification.estimate, addition, other.motion)
         if other is not None and addition.family == "term" and other.evidence - start.evidence >= WORTH:
             # Other terms bend to the data as well. One that the vehicle has also predicts new data better.
             held_out = self._maker.held_out_gain(start, other)
             if held_out < MIN_HELD_OUT_GAIN:
                 other, gain = None, min(held_out, 0.0)
-        return other, gain, thread_time() - begin
+        return None if refused else other, gain, refused, thread_time() - begin
 
     def simplify(self) -> None:
         """Take away additions that the others make unnecessary, until each one is needed."""

@@ -1,13 +1,23 @@
 """Additions to a model, and the settings with and without them."""
 
+import numpy as np
 import pytest
 
 from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.loading import dump_experiment, parse_experiment
 from auvid_cli.data.faults import Fault, FaultKind, FaultTest
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.fitting.additions import FAMILIES, Addition, addition_for, size_text, with_addition, without_addition
+from auvid_cli.fitting.additions import (
+    FAMILIES,
+    Addition,
+    addition_for,
+    implausible,
+    size_text,
+    with_addition,
+    without_addition,
+)
 from auvid_cli.fitting.results import Fit
+from auvid_cli.identification.problem_setup import Motion
 
 LAG = Addition("lag", "", 0.1)
 _ADDITIONS = (
@@ -104,3 +114,12 @@ def test_settings_of_a_fit_give_its_model_again(experiment_with, hand_made, tmp_
     assert again.identification == changed.identification
     assert again.vehicle.actuators == changed.vehicle.actuators
     assert again.vehicle.coefficient_set == changed.vehicle.coefficient_set
+
+
+@pytest.mark.parametrize(("scale", "is_plausible"), [(0.19, True), (-0.21, False), (0.32, False)])
+def test_error_far_beyond_its_spread_is_not_plausible(experiment_with, scale, is_plausible):
+    # The scale of a DVL has a spread of 5 %.
+    estimated = experiment_with("identification.estimate.biases=[dvl]").identification.estimate
+    motion = Motion(("dvl_scale", "dvl_yaw"), np.zeros(1), np.array([[scale, 0.01]]))
+    refused = implausible(estimated, Addition("dvl"), motion)
+    assert refused == "" if is_plausible else refused.startswith("not plausible: dvl_scale")
