@@ -202,8 +202,8 @@ def values(estimate: Estimate, addition: Addition) -> dict[str, tuple[float, flo
     return {estimate.state[i]: (float(estimate.mean[-1, i]), float(estimate.standard_deviation[-1, i])) for i in rows}
 
 
-def implausible(estimated: AugmentedStates, addition: Addition, motion: Motion) -> str:
-    """Return a sentence if a state of an addition is far beyond its prior; else an empty text.
+def implausible(estimated: AugmentedStates, addition: Addition, motion: Motion, farthest: float = _FARTHEST) -> str:
+    """Return a sentence if a state of an addition is too far beyond its prior; else an empty text.
 
     A wrong model can be explained by an absurd error, for example of 32 % of the DVL.
     """
@@ -212,7 +212,7 @@ def implausible(estimated: AugmentedStates, addition: Addition, motion: Motion) 
     for block in estimated.blocks_of(BiasName(addition.family)):
         for quantity in block.quantities:
             value = float(motion.mean[-1, motion.state.index(quantity.symbol)])
-            if abs(value) > _FARTHEST * block.prior_std:
+            if abs(value) > farthest * block.prior_std:
                 shown = _with_unit(quantity.symbol, value, block.prior_std, quantity.unit)
                 return f"not plausible: {shown.replace('+-', 'with a spread of')}"
     return ""

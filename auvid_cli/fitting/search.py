@@ -28,6 +28,7 @@ from auvid_cli.fitting.models import Model, ModelMaker
 from auvid_cli.fitting.quick_fits import joint_answer, smoothed, thinned, training_part, trial_text, try_on_held_out
 from auvid_cli.fitting.results import Fit, FitStep
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.problem_setup import Motion
 from auvid_cli.identification.run import identify
 
 # Passes of the first fit, with the noise as stated: a model that holds converges in a few.
@@ -37,6 +38,8 @@ _FIRST_PASSES = 8
 _LOOSE = 100.0, 10.0, 1.0
 _MAX_LOOKS = 8
 _N_THREADS = 2  # that try additions
+# Distance of a new error from 0 from which its model is fitted until it converges, in standard deviations of its prior.
+_SUSPICIOUS = 1.0
 # Gain for each measurement below which a cause explains little, so that noise and a disturbance are tried too.
 _SMALL_SHARE = 0.02
 # Factor on the stated process noise from which noise and a disturbance are tried first.
@@ -232,14 +235,21 @@ class _Search:
         """Return the model with an addition if it is admissible, its gain, why it is not, and the processor time, s."""
         begin, other, refused = thread_time(), self._maker.with_addition(start, addition), ""
         gain = None if other is None else other.evidence - start.evidence
-        if other is not None:
-            refused = implausible(other.settings.identification.estimate, addition, other.motion)
+        if other is not None and other.evidence - start.evidence >= WORTH:
+            refused = self._refusal(other, addition)
         if other is not None and addition.family == "term" and other.evidence - start.evidence >= WORTH:
             # Other terms bend to the data as well. One that the vehicle has also predicts new data better.
             held_out = self._maker.held_out_gain(start, other)
             if held_out < MIN_HELD_OUT_GAIN:
                 other, gain = None, min(held_out, 0.0)
         return None if refused else other, gain, refused, thread_time() - begin
+
+    def _refusal(self, model: Model, addition: Addition) -> str:
+        """Return why an addition is not plausible; an empty text if it is."""
+        asked = model.settings.identification.estimate
+        if not implausible(asked, addition, model.motion, _SUSPICIOUS):
+            return ""
+        return implausible(asked, addition, Motion.of_estimate(self._maker.estimate(model)))
 
     def simplify(self) -> None:
         """Take away additions that the others make unnecessary, until each one is needed."""
