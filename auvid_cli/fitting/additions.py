@@ -19,7 +19,7 @@ from auvid_cli.vehicle.coefficients import term
 # Distance of an estimated error from 0 beyond which the model needs it, in standard deviations.
 _CERTAIN = 8.0
 # Distance of an estimated error from 0 beyond which it is not plausible, in standard deviations of its prior.
-_FARTHEST = 4.0
+_FARTHEST = 3.0
 # Errors of sensors, actuators and vehicle that a fault of this kind asks for.
 _ERRORS = {
     FaultKind.GYROSCOPE_BIAS: BiasName.GYRO,

@@ -116,7 +116,7 @@ def test_settings_of_a_fit_give_its_model_again(experiment_with, hand_made, tmp_
     assert again.vehicle.coefficient_set == changed.vehicle.coefficient_set
 
 
-@pytest.mark.parametrize(("scale", "is_plausible"), [(0.19, True), (-0.21, False), (0.32, False)])
+@pytest.mark.parametrize(("scale", "is_plausible"), [(0.14, True), (-0.16, False), (0.32, False)])
 def test_error_far_beyond_its_spread_is_not_plausible(experiment_with, scale, is_plausible):
     # The scale of a DVL has a spread of 5 %.
     estimated = experiment_with("identification.estimate.biases=[dvl]").identification.estimate
