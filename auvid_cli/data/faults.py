@@ -216,7 +216,7 @@ class Fault(NamedTuple):
         return cls(FaultKind.UNKNOWN, text)
 
 
-# Ratio of the significance of a fault beside others to that alone from which both are stated.
+# A fault states both significances if the one beside other faults is this many times the one alone.
 _MUCH_MORE = 1.5
 
 

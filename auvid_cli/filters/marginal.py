@@ -195,6 +195,14 @@ def marginal_estimate(
     return None if found is None else MarginalEstimate(with_memory, *found[:2])
 
 
+class _GivenParameters(NamedTuple):
+    """Most probable motion given the parameters."""
+
+    trajectory: Trajectory
+    objective: float  # minus twice the log of the marginal posterior of the parameters, up to a constant
+    converged: bool
+
+
 def integrate_out_motion(
     problem: JointProblem, smoothing: LinearSmoothing, start: Filtered, max_steps: int
 ) -> tuple[Filtered, ConvergenceStatus | None, float] | None:
@@ -221,9 +229,10 @@ def integrate_out_motion(
     n, filtered, convergence = problem.n_parameters, start, None
     covariance = start.final.covariance()[:n, :n]
     deviation, moves, steps = np.sqrt(np.diagonal(covariance)), list[Array](), list[Array]()
-    first = at = _given_parameters(problem, filtered, filtered.trajectory, filtered.trajectory.parameters)
-    if first is None or at is None or (filtered := smoothing.filter(at.trajectory)) is None:
+    at = _given_parameters(problem, filtered, filtered.trajectory, filtered.trajectory.parameters)
+    if at is None or (filtered := smoothing.filter(at.trajectory)) is None:
         return None
+    objective = at.objective
     for _ in range(max_steps):
         # To the joint minimum of the linear problem, and from there to the marginal one.
         step = filtered.final.mean[:n] + marginal_step(problem, smoothing, filtered)
@@ -244,24 +253,26 @@ def integrate_out_motion(
         if is_small and at.converged:
             convergence = None
             break
-    return filtered, convergence, 0.5 * (first.objective - at.objective)
+    return filtered, convergence, 0.5 * (objective - at.objective)
 
 
 def _line_search(
     problem: JointProblem,
     filtered: Filtered,
-    at: "_GivenParameters",
+    at: _GivenParameters,
     deviation: Array,
     moves: tuple[Array, Array],
     limit: float,
-) -> "tuple[_GivenParameters, Array] | None":
+) -> tuple[_GivenParameters, Array] | None:
     """Return the motion after the first move with an objective below a limit, and this move; None if none has one.
 
     The moves are the accelerated one, then the plain step and parts of it, in units of the deviation. Where the data
     hardly tell the parameters, the plain step can be ten times too long.
     """
     accelerated, step = moves
-    for move in (accelerated, *(0.5**halvings * step for halvings in range(_MAX_HALVINGS))):
+    # Without earlier steps the accelerated one is the plain one.
+    parts = (0.5**halvings * step for halvings in range(1 if accelerated is step else 0, _MAX_HALVINGS))
+    for move in (accelerated, *parts):
         after = _given_parameters(problem, filtered, at.trajectory, at.trajectory.parameters + deviation * move)
         if after is not None and after.objective < limit:
             return after, move
@@ -284,14 +295,6 @@ def _accelerated(moves: list[Array], steps: list[Array]) -> Array:
     changes = np.diff(np.stack(steps[first:], axis=1), axis=1)
     share = np.linalg.lstsq(changes, steps[-1])[0]
     return steps[-1] - (np.stack(moves[first:], axis=1) + changes) @ share
-
-
-class _GivenParameters(NamedTuple):
-    """Most probable motion given the parameters."""
-
-    trajectory: Trajectory
-    objective: float  # minus twice the log of the marginal posterior of the parameters, up to a constant
-    converged: bool
 
 
 def _given_parameters(

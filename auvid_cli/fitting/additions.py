@@ -202,7 +202,7 @@ def values(estimate: Estimate, addition: Addition) -> dict[str, tuple[float, flo
     return {estimate.state[i]: (float(estimate.mean[-1, i]), float(estimate.standard_deviation[-1, i])) for i in rows}
 
 
-def implausible(estimated: AugmentedStates, addition: Addition, motion: Motion, farthest: float = _FARTHEST) -> str:
+def why_implausible(estimated: AugmentedStates, addition: Addition, motion: Motion, farthest: float = _FARTHEST) -> str:
     """Return a sentence if a state of an addition is too far beyond its prior; else an empty text.
 
     A wrong model can be explained by an absurd error, for example of 32 % of the DVL.

@@ -71,9 +71,9 @@ class ModelMaker:
         return estimate
 
     def estimated(self, model: Model) -> tuple[Model, Estimate]:
-        """Return a model with the motion of its estimate, and the estimate."""
+        """Return a model with the motion of its estimate if there is one, and the estimate."""
         estimate = self.estimate(model)
-        return replace(model, motion=Motion.of_estimate(estimate)), estimate
+        return (replace(model, motion=Motion.of_estimate(estimate)) if estimate.completed else model), estimate
 
     def with_addition(self, model: Model, addition: Addition) -> Model | None:
         """Return the model with an addition and the noise tuned again; None if it does not converge."""

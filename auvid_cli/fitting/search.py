@@ -21,7 +21,7 @@ from auvid_cli.data.findings import MIN_HELD_OUT_GAIN
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.innovations import causes_text, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
-from auvid_cli.fitting.additions import Addition, implausible, is_certain, size_text
+from auvid_cli.fitting.additions import Addition, is_certain, size_text, why_implausible
 from auvid_cli.fitting.candidates import WORTH, Candidate, by_kind, candidates, noise_excess
 from auvid_cli.fitting.look import refuse_contradictions, with_still_planes_held
 from auvid_cli.fitting.models import Model, ModelMaker
@@ -117,6 +117,15 @@ def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None
     if search.model is None:
         raise DataError(f"auvid fit: {stopped or 'no trajectory follows these data'} before a first model was found")
     return search.finish(stopped)
+
+
+class _Trial(NamedTuple):
+    """Result of trying an addition."""
+
+    model: Model | None  # none if it does not converge or is not admissible
+    gain: float | None  # in evidence
+    refused: str  # why the addition is not plausible; empty if it is
+    cpu_time: float  # s
 
 
 class _Search:
@@ -215,11 +224,11 @@ class _Search:
                 gain = 0.0 if best is None else best[1].evidence - start.evidence
                 so_far = f"{best[0]}, {gain:+.0f}" if best is not None and gain > 0.0 else "no addition"
                 self._on_step(f"look {self._look}, candidate {number} of {len(trials)}: {addition}; best: {so_far}")
-                other, gain, refused, time = trial.result()
-                row = self._step("add", str(addition), gain, False, before)
-                rows.append(row._replace(size=refused, cpu_time=time))
-                if other is not None:
-                    models.append((addition, other))
+                tried = trial.result()
+                row = self._step("add", str(addition), tried.gain, False, before)
+                rows.append(row._replace(size=tried.refused, cpu_time=tried.cpu_time))
+                if tried.model is not None:
+                    models.append((addition, tried.model))
         finally:
             self._is_stopped = True
             threads.shutdown(cancel_futures=True)
@@ -231,25 +240,25 @@ class _Search:
                 self._estimate, self.model = None, best[1]
             self.steps += rows
 
-    def _tried(self, start: Model, addition: Addition) -> tuple[Model | None, float | None, str, float]:
-        """Return the model with an addition if it is admissible, its gain, why it is not, and the processor time, s."""
+    def _tried(self, start: Model, addition: Addition) -> _Trial:
+        """Return the model with an addition, unless it is not plausible, or a term that predicts new data worse."""
         begin, other, refused = thread_time(), self._maker.with_addition(start, addition), ""
         gain = None if other is None else other.evidence - start.evidence
-        if other is not None and other.evidence - start.evidence >= WORTH:
+        if other is not None and gain is not None and gain >= WORTH:
             refused = self._refusal(other, addition)
-        if other is not None and addition.family == "term" and other.evidence - start.evidence >= WORTH:
-            # Other terms bend to the data as well. One that the vehicle has also predicts new data better.
-            held_out = self._maker.held_out_gain(start, other)
-            if held_out < MIN_HELD_OUT_GAIN:
-                other, gain = None, min(held_out, 0.0)
-        return None if refused else other, gain, refused, thread_time() - begin
+            if addition.family == "term":
+                # Other terms bend to the data as well. One that the vehicle has also predicts new data better.
+                held_out = self._maker.held_out_gain(start, other)
+                if held_out < MIN_HELD_OUT_GAIN:
+                    other, gain = None, min(held_out, 0.0)
+        return _Trial(None if refused else other, gain, refused, thread_time() - begin)
 
     def _refusal(self, model: Model, addition: Addition) -> str:
         """Return why an addition is not plausible; an empty text if it is."""
         asked = model.settings.identification.estimate
-        if not implausible(asked, addition, model.motion, _SUSPICIOUS):
+        if not why_implausible(asked, addition, model.motion, _SUSPICIOUS):
             return ""
-        return implausible(asked, addition, Motion.of_estimate(self._maker.estimate(model)))
+        return why_implausible(asked, addition, Motion.of_estimate(self._maker.estimate(model)))
 
     def simplify(self) -> None:
         """Take away additions that the others make unnecessary, until each one is needed."""

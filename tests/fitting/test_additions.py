@@ -11,8 +11,8 @@ from auvid_cli.fitting.additions import (
     FAMILIES,
     Addition,
     addition_for,
-    implausible,
     size_text,
+    why_implausible,
     with_addition,
     without_addition,
 )
@@ -121,5 +121,5 @@ def test_error_far_beyond_its_spread_is_not_plausible(experiment_with, scale, is
     # The scale of a DVL has a spread of 5 %.
     estimated = experiment_with("identification.estimate.biases=[dvl]").identification.estimate
     motion = Motion(("dvl_scale", "dvl_yaw"), np.zeros(1), np.array([[scale, 0.01]]))
-    refused = implausible(estimated, Addition("dvl"), motion)
+    refused = why_implausible(estimated, Addition("dvl"), motion)
     assert refused == "" if is_plausible else refused.startswith("not plausible: dvl_scale")
