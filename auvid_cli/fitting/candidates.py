@@ -1,8 +1,10 @@
 """Candidates for an addition to a model, ranked by the score tests and innovations of its estimate."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from math import log, sqrt
 from typing import NamedTuple
+
+import numpy as np
 
 from auvid_cli.config.extra_states import BiasName, ProcessNoise
 from auvid_cli.config.identification import INPUTS_DELAY
@@ -11,7 +13,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.evaluation.innovations import noise_cause, sensors_without_ahrs
 from auvid_cli.fitting.additions import Addition, addition_for
-from auvid_cli.identification.states import coefficient_priors
+from auvid_cli.identification.states import CoefficientPrior, coefficient_priors
 
 # Gain in log-likelihood from which an addition is worth it: that of a fault of 3.5 standard deviations, from which an
 # estimate is doubtful.
@@ -23,6 +25,8 @@ _LARGE_NOISE = 3.0
 _SENSOR_OF = {"velocity": "dvl", "rate": "gyroscope"}
 # Smallest change of the noise of a sensor that is tried, as a logarithm.
 _MIN_NOISE_CHANGE = 0.1
+# Gain in log-likelihood from which a coefficient that the vehicle file states as 0 is left at 0 with others.
+_MIN_ZERO_GAIN = 1.0
 
 
 class Candidate(NamedTuple):
@@ -144,3 +148,38 @@ def _of_prior(estimate: Estimate) -> Iterator[Candidate]:
     square = sum(moments) / len(moments)
     if square > 1.0:
         yield Candidate(Addition("prior", "", sqrt(square)), 0.5 * len(moments) * (square - 1.0 - log(square)))
+
+
+def needless_coefficients(estimate: Estimate) -> tuple[str, ...]:
+    """Return the coefficients that the vehicle file states as 0 and these data do not need.
+
+    Left at 0, each of them, beside those before it, raises the evidence by a factor of e or more. The factor is the
+    ratio of the densities at 0 after and before the data (Savage and Dickey; J. M. Dickey, Ann. Math. Stat. 42(1),
+    1971). A coefficient whose standard deviation is stated is known to differ from 0, so it is not among them.
+    """
+    settings = estimate.experiment
+    if settings.identification.prior.mean != "vehicle":
+        return ()
+    stated, known = settings.vehicle.stated_coefficients(), settings.vehicle.stated_deviations()
+    priors = coefficient_priors(settings.vehicle, settings.identification.prior)
+    rest = [symbol for symbol in estimate.final_deviations() if stated.get(symbol) == 0.0 and symbol not in known]
+    found: list[str] = []
+    gain = 0.0
+    while rest:
+        gains = {symbol: _gain_of_zeros(estimate, [*found, symbol], priors) for symbol in rest}
+        best = max(gains, key=lambda symbol: gains[symbol])
+        if gains[best] - gain < _MIN_ZERO_GAIN:
+            break
+        gain = gains[best]
+        found.append(best)
+        rest.remove(best)
+    return tuple(found)
+
+
+def _gain_of_zeros(estimate: Estimate, symbols: Sequence[str], priors: Mapping[str, CoefficientPrior]) -> float:
+    """Return the gain in evidence of coefficients at 0, with zero prior means: a ratio of two normal densities."""
+    rows = [estimate.state.index(symbol) for symbol in symbols]
+    mean, covariance = estimate.mean[-1, rows], estimate.covariance[np.ix_(rows, rows)]
+    widths = np.array([priors[symbol].standard_deviation for symbol in symbols])
+    _, log_volume = np.linalg.slogdet(covariance / np.outer(widths, widths))
+    return -0.5 * float(mean @ np.linalg.solve(covariance, mean) + log_volume)

@@ -95,6 +95,12 @@ class ModelMaker:
         rest = tuple(each for each in model.additions if each.key != addition.key)
         return self.tuned(without_addition(model.settings, addition), rest, model.motion)
 
+    def without_coefficients(self, model: Model, symbols: Collection[str]) -> Model | None:
+        """Return the model with coefficients held and the noise tuned again; None if it does not converge."""
+        identification = model.settings.identification
+        rest = tuple(each for each in identification.estimated(model.settings.vehicle) if each not in symbols)
+        return self.tuned(model.settings.with_identification(coefficients=rest), model.additions, model.motion)
+
     def settled(self, model: Model, keys: Collection[tuple[str, str]]) -> Model:
         """Return a model with delays moved to the zero of their score tests, with the present noise."""
         for _ in range(_MAX_CORRECTIONS):

@@ -22,7 +22,7 @@ from auvid_cli.errors import DataError
 from auvid_cli.evaluation.innovations import causes_text, likely_causes
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
 from auvid_cli.fitting.additions import Addition, is_certain, size_text, why_implausible
-from auvid_cli.fitting.candidates import WORTH, Candidate, by_kind, candidates, noise_excess
+from auvid_cli.fitting.candidates import WORTH, Candidate, by_kind, candidates, needless_coefficients, noise_excess
 from auvid_cli.fitting.look import refuse_contradictions, with_still_planes_held
 from auvid_cli.fitting.models import Model, ModelMaker
 from auvid_cli.fitting.quick_fits import joint_answer, smoothed, thinned, training_part, trial_text, try_on_held_out
@@ -266,6 +266,7 @@ class _Search:
         needed = self.model.additions[-1:]  # without it, the model is one that has lost already
         while (without := self._without_one(self.model, needed)) is not None:
             self._estimate, self.model, needed = None, without, ()
+        self._leave_at_zero(self.model)
 
     def _without_one(self, model: Model, needed: Collection[Addition]) -> Model | None:
         """Return the model without the first addition that is not worth it; None if each one is."""
@@ -281,6 +282,20 @@ class _Search:
             if is_better:
                 return other
         return None
+
+    def _leave_at_zero(self, model: Model) -> None:
+        """Hold the coefficients that the vehicle file states as 0, if the evidence grows."""
+        estimate = self._estimate or self._maker.estimate(model)
+        symbols = needless_coefficients(estimate)
+        if not estimate.completed or not symbols:
+            return
+        self._on_step(f"try {', '.join(symbols)} at 0")
+        other = self._maker.without_coefficients(model, symbols)
+        gain = None if other is None else other.evidence - model.evidence
+        is_better = gain is not None and gain >= WORTH
+        self.steps.append(self._step("leave at 0", ", ".join(symbols), gain, is_better, ""))
+        if other is not None and is_better:
+            self._estimate, self.model = None, other
 
     def correct_times(self) -> None:
         """Move delays and the lag of the fins to the zero of their score tests."""
