@@ -12,14 +12,14 @@ from auvid_cli.api.files import RecordedData, checked, read_dataset, results_fol
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.estimate_file import write_estimate
+from auvid_cli.data.estimate_file import read_estimate, write_estimate
 from auvid_cli.data.files import write_text
 from auvid_cli.data.findings import TermFindings, Tuning
 from auvid_cli.data.results import other_estimates, refuse_unless
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.judgement import Judgement, judge_one
 from auvid_cli.fitting.additions import FAMILIES
-from auvid_cli.fitting.results import Fit
+from auvid_cli.fitting.results import Fit, with_model
 from auvid_cli.fitting.search import FitLimits, fit_model
 from auvid_cli.identification.delays import estimate_delays
 from auvid_cli.identification.noise import OnProgress, TuningProgress, choose_disturbance, tune_noise
@@ -271,8 +271,12 @@ def fit_into(
     with results_folder(place, source, new=["fit.yaml"], page=_PAGE) as folder:
         path = folder / "estimates" / f"{JUDGE.value}.h5"
         if path.exists():
-            objections = other_estimates(folder, source.experiment, source.dataset.sha256, [JUDGE])
-            refuse_unless(place.overwrite, objections.get(path, ""))
+            settings = source.experiment
+            if (folder / "fit.yaml").is_file():
+                # The result of an earlier search, which is repeated.
+                settings = with_model(settings, read_estimate(path).experiment)
+            objection = other_estimates(folder, settings, source.dataset.sha256, [JUDGE]).get(path, "")
+            refuse_unless(place.overwrite, objection)
         with place.progress.stage("fit") as label:
 
             def show(step: str) -> None:

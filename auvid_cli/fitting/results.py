@@ -80,3 +80,11 @@ class Fit:
         if vehicle:
             tree["vehicle"] = vehicle
         return yaml.safe_dump(tree, sort_keys=False)
+
+
+def with_model(settings: RunSettings, model: RunSettings) -> RunSettings:
+    """Return settings in which all that a search may change is as in a model."""
+    parts = {"terms": model.vehicle.terms, "actuators": model.vehicle.actuators}
+    vehicle = settings.vehicle.model_copy(update=parts)
+    changed = settings.model_copy(update={"vehicle": vehicle})
+    return changed.with_identification(**{key: getattr(model.identification, key) for key in _CHANGED})

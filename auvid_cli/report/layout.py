@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from auvid_cli.config.enums import JUDGE, FilterName
+from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.faults import FaultTest
 from auvid_cli.data.files import write_text
-from auvid_cli.evaluation.accuracy import CoefficientResult
+from auvid_cli.evaluation.accuracy import CoefficientResult, coefficient_results
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
+from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.report.sentences import judgement_sentences
 from auvid_cli.report.table import (
     DEVIATION_DIGITS,
@@ -68,6 +70,16 @@ def lay_out(evaluation: Evaluation) -> list[Table]:
 
 def _columns(group: str, filters: list[str]) -> list[Column]:
     return [Column(filter_label(name), group) for name in filters]
+
+
+def evaluation_of(estimate: Estimate, judgement: Judgement) -> Evaluation:
+    """Return the coefficients of one estimate without the truth, as tables take them."""
+    return Evaluation(coefficient_results(estimate, None, {}, judgement), [], [], [], [], [], {}, [])
+
+
+def estimate_table(estimate: Estimate, judgement: Judgement) -> Table:
+    """Return the coefficients of one estimate with standard deviations, without the truth."""
+    return estimates(evaluation_of(estimate, judgement), [estimate.filter])
 
 
 def estimates(evaluation: Evaluation, filters: Sequence[str]) -> Table:

@@ -12,11 +12,11 @@ from rich.text import Text
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.checks import Check
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.accuracy import coefficient_results, one_speed_remarks
+from auvid_cli.evaluation.accuracy import one_speed_remarks
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FixSuggestion, Identifiability
-from auvid_cli.report.layout import NIS_MEANS, consistency, estimates, rejections, runs, unobserved
+from auvid_cli.report.layout import NIS_MEANS, consistency, estimates, evaluation_of, rejections, runs, unobserved
 from auvid_cli.report.sentences import (
     SharedCheck,
     advices,
@@ -146,8 +146,7 @@ def print_estimate(console: Console, estimate: Estimate, judgement: Judgement) -
     """Print the coefficients of one estimate with their standard deviations, without the truth."""
     if console.quiet or not estimate.completed:
         return
-    rows = coefficient_results(estimate, None, {}, judgement)
-    evaluation = Evaluation(rows, [], [], [], [], [], {}, [])
+    evaluation = evaluation_of(estimate, judgement)
     for screen in _estimate_tables(console, evaluation, [estimate.filter]):
         console.print(screen)
     for text in (*estimates(evaluation, [estimate.filter]).notes, *one_speed_remarks(estimate)):

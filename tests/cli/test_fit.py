@@ -105,3 +105,21 @@ def test_fit_leaves_estimate_settings_steps_and_page(multisine_with, tmp_path, r
     assert "How this model was found" in (tmp_path / "fit.html").read_text(encoding="utf-8")
     with (tmp_path / "tables/fit_steps.csv").open(encoding="utf-8", newline="") as file:
         assert [row["action"] for row in csv.DictReader(file)] == ["start"]
+
+
+@pytest.mark.slow
+def test_search_may_be_repeated_but_does_not_replace_another_estimate(multisine_with, tmp_path, run):
+    write_dataset(tmp_path / "dataset.h5", multisine_with("manoeuvre.fin_trim.rudder=1 deg"))
+    first = run(tmp_path / "dataset.h5", "--only", "current")
+    assert first.exit_code == 1, first.output
+    again = run(tmp_path / "dataset.h5", "--only", "fin_trim")
+    assert again.exit_code == 0, again.output
+    assert "trim of the fins" in again.output
+    assert "N_uudr" in again.output  # the coefficients are the first thing that it prints
+    other = run(tmp_path / "dataset.h5", "--use", "0:20")
+    assert other.exit_code == 2
+    assert "other settings of `identification`" in other.output
+    (tmp_path / "fit.yaml").unlink()
+    unknown = run(tmp_path / "dataset.h5")
+    assert unknown.exit_code == 2
+    assert "--overwrite" in unknown.output

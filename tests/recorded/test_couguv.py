@@ -312,7 +312,7 @@ def test_the_end_of_the_coast_down_is_predicted_from_its_beginning(auvid, run, r
 
 @pytest.mark.slow
 def test_search_for_a_model_predicts_the_turn_better_than_the_vehicle_file(auvid, run, rows, tmp_path):
-    """With two coefficients and settings by hand the heading fits by 92 %, but sideslip no better than the file."""
+    """With two coefficients and settings by hand the heading is off by .064 rad, and sway by .142 m/s."""
     parts = "--use", "3:40", "--use", "62:84"
     auvid("fit", run("couguv_yaw"), *parts, "--set", "identification.prior={mean: vehicle}", "-o", tmp_path, code=1)
     auvid(
@@ -327,7 +327,8 @@ def test_search_for_a_model_predicts_the_turn_better_than_the_vehicle_file(auvid
     )
     table = rows(tmp_path / "turn/tables/validation.csv")
     free = {row["signal"]: row for row in table if row["kind"] == "free_run"}
-    assert float(free["psi"]["fit_percent"]) > 60.0
-    assert float(free["psi"]["rmse"]) < 0.2 * float(free["psi"]["vehicle_file_rmse"])
+    assert float(free["psi"]["fit_percent"]) > 90.0
+    assert float(free["psi"]["rmse"]) < 0.064
+    assert float(free["v"]["rmse"]) < 0.142
     sway = [row for row in table if row["kind"] == "ahead_in_turns" and row["signal"] == "v"][-1]
     assert float(sway["rmse"]) < 0.5 * float(sway["vehicle_file_rmse"])

@@ -1,5 +1,7 @@
 """Sentences and tables on a search for a model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,9 +56,18 @@ def test_page_has_steps_and_advice(fit, short_run, tmp_path):
     page = write_page(fit_page(short_run, fit), tmp_path / "fit.html").read_text(encoding="utf-8")
     for text in (
         "How this model was found",
+        "X_u|u|",
         "Tried and not kept",
         "advice for the next run",
         "errors of dvl",
         "fit.yaml",
     ):
         assert text in page
+
+
+def test_coefficients_left_at_zero_are_named_if_they_are_kept_there(fit):
+    names = "N_r|r|, N_v|v|"
+    for is_kept in (True, False):
+        step = FitStep(2, "leave at 0", names, "", 8.0 if is_kept else 1.0, is_kept, "", "", 2.0)
+        text = " ".join(fit_sentences(replace(fit, steps=(*STEPS, step))))
+        assert (names in text) is is_kept

@@ -13,7 +13,7 @@ from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.fitting.results import Fit
 from auvid_cli.inspection.inspection import Inspection
-from auvid_cli.report.layout import lay_out
+from auvid_cli.report.layout import estimate_table, lay_out
 from auvid_cli.report.page import curves, parts, sections
 from auvid_cli.report.page.coefficients import coefficient_list, convergence, estimate_plots, forest
 from auvid_cli.report.page.render import symbol_parts
@@ -146,15 +146,20 @@ def fit_page(dataset: Dataset, fit: Fit) -> parts.Page:
     )
     steps = [parts.TablePart(table, folded=k > 0) for k, table in enumerate(steps_tables(fit))]
     remains = [*(f"Unexplained: {cause}." for cause in fit.unexplained), *measure_next_time(fit)]
+    coefficients = list[parts.Section]()
+    if fit.estimate.completed:
+        table = estimate_table(fit.estimate, fit.judgement)
+        coefficients.append(parts.Section("coefficients", "Coefficients", [parts.TablePart(table)]))
     content = [
         parts.Section("verdict", "Verdict", [parts.Words([*fit_sentences(fit)], listed=True)]),
+        *coefficients,
         parts.Section("steps", "How this model was found", [parts.Words([words]), *steps]),
         parts.Section("model", "Settings of the model", [parts.Listing("fit.yaml", fit.settings())]),
         sections.provenance_section(dataset),
     ]
     if remains:
         title = "Remaining errors, and advice for the next run"
-        content.insert(2, parts.Section("remains", title, [parts.Words(remains, listed=True)]))
+        content.insert(-2, parts.Section("remains", title, [parts.Words(remains, listed=True)]))
     vehicle = dataset.experiment.vehicle.name
     subtitle = f"{vehicle}, {sections.what_ran(dataset)}, sensors {', '.join(dataset.sensors)}"
     return parts.Page(f"Fit: {dataset.experiment.name}", subtitle, tuple(content))
