@@ -32,7 +32,7 @@ class MeasuredRows(NamedTuple):
     values: dict[str, Array]  # SI by component, shape (n,); NaN if missing
     order: Order
     rollovers: int
-    invalid: int  # rows that the log marks as invalid, and values beyond the limits of the map
+    invalid: int  # rows that the log marks as invalid, or with a value beyond the limits of the map
     repeats: int  # omitted rows that repeat the one before
     clock_drift: ClockDrift | None  # drift of the clock if the other clock of the messages is better
     overlaps: list[Overlap]
@@ -110,7 +110,7 @@ def read_request(
         clock_drift = find_clock_drift(seconds, np.asarray(columns.take(other), np.float64), names)
     overlaps = _overlaps(request, seconds, raw, files)
     _check_stamps(request, seconds, order, raw)
-    values, invalid = {}, 0
+    values, invalid = {}, np.zeros(time.size, dtype=bool)
     for component, (_, factor, _) in request.values.items():
         signal = signals[component]
         numbers = to_si(raw.pop(component)[order.rows], signal, factor)
@@ -118,15 +118,15 @@ def read_request(
         outside = np.isinf(numbers) | marks[component][order.rows]
         if signal.limits is not None:
             outside |= (numbers < signal.limits[0]) | (numbers > signal.limits[1])
-        invalid += int(np.count_nonzero(outside))
+        invalid |= outside
         numbers[outside] = np.nan
         values[component] = numbers
     if flags is not None and validity is not None:
         wrong = ~is_chosen(flags[order.rows], validity)
-        invalid += int(np.count_nonzero(wrong))
+        invalid |= wrong
         for numbers in values.values():
             numbers[wrong] = np.nan
-    return MeasuredRows(time, values, order, rollovers, invalid, 0, clock_drift, overlaps)
+    return MeasuredRows(time, values, order, rollovers, int(invalid.sum()), 0, clock_drift, overlaps)
 
 
 def _other_runs(request: Request, seconds: Array, files: Array | None) -> NDArray[np.bool_]:

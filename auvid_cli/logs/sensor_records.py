@@ -214,7 +214,7 @@ def _summary(
         ),
         (assumed_level, f"no measured roll: {assumed_level} transformed with a roll of 0"),
         (excluded, f"{excluded} samples in excluded spans set to missing"),
-        (rows.invalid, f"{rows.invalid} invalid values, or values beyond their limits, set to missing"),
+        (rows.invalid, f"{rows.invalid} rows invalid, or with a value beyond its limits: set to missing"),
         (rows.repeats, f"{rows.repeats} rows that repeat the one before left out"),
         (unused, f"{unused} samples not in the spans of `use` left out"),
         (noise, f"standard deviation estimated from the signal: {estimate} {unit}"),
