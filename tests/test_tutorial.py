@@ -24,7 +24,5 @@ def test_the_blocks_of_the_tutorial_run_in_order_and_leave_one_file(tmp_path, mo
     shown = re.findall(r"(?m)^ {4}(\S.*)", BLOCK.sub("", text))
     assert len(shown) >= 3
     assert set(shown) <= set(printed.splitlines())
-    assert printed.endswith(
-        "unknown filter 'tufk'; auvid knows ekf, ckf, tukf, ukf, smoother, output_error\n"
-    )
+    assert printed.endswith("unknown filter 'tufk'; auvid knows ekf, ckf, tukf, ukf, smoother, output_error\n")
     assert [path.name for path in tmp_path.iterdir()] == ["vehicle.py"]
