@@ -11,7 +11,7 @@ TARGET = Path(__file__).with_name("api.md")
 OPENING = """# Python API
 
 You want to use auvid from Python. Here is each function with its parameters, results and an example. The
-[tutorial](tutorial.md) uses all of them. `python docs/make_api.py` makes this page from the docstrings; do not edit.
+[tutorial](tutorial.md) uses the main ones. `python docs/make_api.py` makes this page from the docstrings; do not edit.
 
     import auvid_cli as auvid
 

@@ -20,7 +20,9 @@ def test_the_blocks_of_the_tutorial_run_in_order_and_leave_one_file(tmp_path, mo
     assert names["ckf"].completed
     assert names["tukf"].completed
     assert (names["errors"]["tukf"] < 20.0).mean() > 0.8
-    assert capsys.readouterr().out.endswith(
-        "unknown filter 'tufk'; auvid knows ekf, ckf, tukf, ukf, smoother, output_error\n"
-    )
+    printed = capsys.readouterr().out
+    shown = re.findall(r"(?m)^ {4}(\S.*)", BLOCK.sub("", text))
+    assert len(shown) >= 3
+    assert set(shown) <= set(printed.splitlines())
+    assert printed.endswith("unknown filter 'tufk'; auvid knows ekf, ckf, tukf, ukf, smoother, output_error\n")
     assert [path.name for path in tmp_path.iterdir()] == ["vehicle.py"]

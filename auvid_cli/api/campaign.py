@@ -75,6 +75,13 @@ def forecast(plan: CampaignPlan, folder: Path, options: CampaignOptions, progres
     if not remaining:
         progress.message("0 runs remain; --retry repeats failed runs, --again repeats all runs")
         return
+    if any(variant.fit for variant in plan.filters):
+        # A search on a few seconds of data ends sooner, and its time does not grow in proportion to the data.
+        progress.message(
+            f"{remaining} runs remain; duration unknown, because `fit: true` searches for a model. "
+            "Try one seed first: --set seeds=1"
+        )
+        return
     threads = options.workers.processes
     if options.workers.scheduler is not None:
         with dask_cluster(options.workers.scheduler) as cluster:
@@ -87,8 +94,8 @@ def forecast(plan: CampaignPlan, folder: Path, options: CampaignOptions, progres
         )
         return
     progress.message(
-        f"{remaining} runs take about {_duration(seconds * remaining / threads)} on {threads} workers as fast as "
-        f"this machine, and some seconds to start (estimated from a few runs of {PROBE_DURATION:g} s)"
+        f"{remaining} runs take about {_duration(seconds * remaining / threads)} on {threads} workers like this "
+        f"machine (estimated from a few runs of {PROBE_DURATION:g} s); starting takes some seconds more"
     )
 
 

@@ -385,7 +385,10 @@ class ConsideredErrors(NamedTuple):
         return self._replace(covariance=covariance)
 
     def contributors(self, row: int, count: int = 2) -> list[Contributor]:
-        """Return the errors whose knowledge would reduce the variance of a constant state most, one after another."""
+        """Return the errors whose knowledge would reduce the variance of a constant state most, the largest first.
+
+        Each is chosen with the ones before it taken as known. With correlated errors a later one can reduce more.
+        """
         left, found = self, list[Contributor]()
         for _ in range(count):
             variance, joint = np.diagonal(left.covariance), left.covariance @ self.effect[row]
@@ -396,4 +399,4 @@ class ConsideredErrors(NamedTuple):
                 break
             found.append(Contributor(self.faults[k], float(np.sqrt(reduction[k]))))
             left = left.given(k)
-        return found
+        return sorted(found, key=lambda each: each.deviation, reverse=True)

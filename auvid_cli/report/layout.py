@@ -51,7 +51,10 @@ _TOTAL = (
     "± total: standard deviation that also allows for errors of known quantities (identification.tolerances), such as "
     "inertia and thrust. ± data: from noise alone, also if it is correlated in time."
 )
-_FROM = "Mostly from: the known quantities whose errors cause most of ± total; each part in percent of the value."
+_FROM = (
+    "Mostly from: the errors that cause most of ± total, each in percent of the value: of known quantities, or of a "
+    "term that the model does not have, such as Y_|v|r."
+)
 
 
 def lay_out(evaluation: Evaluation) -> list[Table]:

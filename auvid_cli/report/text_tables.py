@@ -198,7 +198,9 @@ def screen_table(
     left_out : sequence of str
         Names of the columns that were left out.
     """
-    caption = Text(f" left out at {console.width} columns: {', '.join(left_out)}") if left_out else None
+    caption = (
+        Text(f" left out at {console.width} columns (widen the terminal): {', '.join(left_out)}") if left_out else None
+    )
     screen = ScreenTable(
         box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), caption=caption, caption_justify="left"
     )

@@ -138,6 +138,11 @@ def test_dry_run_counts_remaining_runs(finished):
     assert "24 runs take about" in campaign("small.yaml", "--dry-run", "--again", cwd=folder).stdout
 
 
+def test_dry_run_does_not_estimate_the_time_of_a_search(tmp_path):
+    result = campaign("fit", "--set", "seeds=2", "--dry-run", cwd=tmp_path)
+    assert "2 runs remain; duration unknown, because `fit: true`" in result.stdout
+
+
 def test_dry_run_writes_nothing(tmp_path):
     (tmp_path / "small.yaml").write_text(CAMPAIGN)
     assert campaign("small.yaml", "--dry-run", cwd=tmp_path).exit_code == 0

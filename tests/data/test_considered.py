@@ -55,3 +55,12 @@ def test_covariance_given_one_error_is_conditional():
 def test_contributors_are_the_errors_of_largest_effect():
     found = considered(np.eye(3)).contributors(0)
     assert [(str(each.fault), each.deviation) for each in found] == [("scale of the DVL", 2.0), ("Iyy", 1.0)]
+
+
+def test_contributors_with_cancelling_effects_are_sorted_by_size():
+    """Errors that nearly cancel: each alone reduces little, and the second one more once the first is known."""
+    correlation = np.array([[1.0, -0.9, 0.0], [-0.9, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    errors = considered(correlation)._replace(effect=np.array([[1e-3, 1e3, 0.0], [0.0, 1e3, 1e6]]))
+    first, second = errors.contributors(0)
+    assert {str(first.fault), str(second.fault)} == {"scale of the DVL", "Iyy"}
+    assert_allclose([first.deviation, second.deviation], [np.sqrt(0.19), 0.1])

@@ -42,7 +42,7 @@ def test_averages_stand_below_table_iv(evaluation):
 
 
 def test_a_narrow_terminal_drops_columns_and_names_them(evaluation):
-    assert "left out at 60 columns: unit, true, paper" in printed(evaluation, 60)
+    assert "left out at 60 columns (widen the terminal): unit, true, paper" in " ".join(printed(evaluation, 60).split())
     assert "left out" not in printed(evaluation, 100)
 
 

@@ -44,4 +44,4 @@ def test_a_table_names_the_columns_that_it_has_no_room_for(width, said):
     console = console_of(width)
     console.print(narrowed(console, table, ["absent", "b", "a"]))
     below = " ".join(console.file.getvalue().split()).rpartition("x" * 20)[2].strip()
-    assert below == (f"left out at {width} columns: {', '.join(said)}" if said else "")
+    assert below == (f"left out at {width} columns (widen the terminal): {', '.join(said)}" if said else "")
