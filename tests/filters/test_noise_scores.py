@@ -124,7 +124,12 @@ def _fading_carts(mean, inputs, substep_input, substep_duration, constants, sele
             matrix[position, j] = elapsed * constants[axis * n_parameters + j]
         matrix[position, position], matrix[speed, speed] = 1.0, np.exp(-rate * elapsed)
         matrix[position, speed] = -np.expm1(-rate * elapsed) / rate
-    mean[n_parameters:] = matrix[n_parameters:] @ mean
+    # Positions first, because they depend on the speeds before.
+    for i in range(n_parameters, mean.size):
+        moved = 0.0
+        for j in range(mean.size):
+            moved += matrix[i, j] * mean[j]
+        mean[i] = moved
 
 
 RATES = np.array([1.5, 0.4])
