@@ -136,7 +136,7 @@ def replace_assumed(group, assumed):
 def test_fit_is_measured_with_what_it_added(planned):
     text = """\
 name: fit
-settings: {manoeuvre.duration: 60 s, sensors.attitude: {source: direct, rate: 10 Hz}, sensors.gyroscope.rate: 20 Hz}
+settings: {manoeuvre.duration: 30 s, sensors.attitude: {source: direct, rate: 10 Hz}, sensors.gyroscope.rate: 20 Hz}
 seeds: [3]
 filters: [{name: fit, filter: smoother, fit: true}]
 vary:
