@@ -49,7 +49,7 @@ def test_run_executes_no_file_of_the_working_folder(trapped, tmp_path):
     assert (tmp_path / "out/report.html").is_file()
     assert list((tmp_path / "out/figures").iterdir())
     # The scan of the files that another process wrote.
-    assert trapped("report", "out") == ""
+    assert trapped("check", "out") == ""
 
 
 @pytest.mark.slow

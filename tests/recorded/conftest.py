@@ -2,6 +2,7 @@
 
 import csv
 import os
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -59,8 +60,9 @@ def imported(auvid, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def inspected(auvid, tmp_path_factory):
-    """Function: what `auvid inspect` says of a dataset file, by subject and check."""
+    """Function: what `auvid inspect` says of a dataset file, by subject and check; each made once."""
 
+    @cache
     def inspection(dataset, code, *options):
         folder = tmp_path_factory.mktemp("inspection")
         auvid("inspect", dataset, "-o", folder, *options, code=code)

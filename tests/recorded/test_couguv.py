@@ -123,7 +123,7 @@ def test_signs_and_units_are_those_of_the_model(run, converted):
 
 @pytest.mark.slow
 def test_inspection_finds_the_swings_of_the_compass_and_the_spike_of_the_dvl(inspected, run):
-    found = inspected(run(), code=1)
+    found = inspected(run(), 1)
     swings = found["attitude", "excursions of psi from heading"]
     assert swings["passed"] == "False"
     count, rest = swings["statistic"].split(", largest ")
@@ -149,7 +149,7 @@ def test_the_time_of_the_recording_is_named(inspected, run):
     stamps, arrivals = (read_dataset(path).sensors["dvl"].time for path in (run(), late))
     delay = arrivals - stamps - np.median(arrivals - stamps)
     assert np.abs(delay).max() == pytest.approx(0.0155, abs=5e-4)
-    right, wrong = (inspected(path, code=1) for path in (run(), late))
+    right, wrong = (inspected(path, 1) for path in (run(), late))
     named = {subject for (subject, check), row in wrong.items() if "@log_time is 5.96 days after" in row["advice"]}
     assert {"dvl", "attitude"} <= named
     assert not any("@log_time" in row["advice"] for row in right.values())
