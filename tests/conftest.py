@@ -8,9 +8,6 @@ import signal
 # Before NumPy is loaded: its own threads wait for work by turning, beside the workers of the tests a third of the time.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-# Seldom, because the imported modules are many objects that stay; the commands do the same.
-gc.set_threshold(50_000)
-
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -238,6 +235,11 @@ def fewer_starts(monkeypatch) -> None:
 def rng() -> np.random.Generator:
     """Random numbers, the same in every run."""
     return np.random.default_rng(20180417)
+
+
+def pytest_configure():
+    """Collect garbage seldom, as the commands do, because the imported modules are many objects that stay."""
+    gc.set_threshold(50_000)
 
 
 def pytest_collection_finish():
