@@ -120,7 +120,8 @@ def run_smoother(
     estimate, convergence, score = best, None, score_faults
     if marginal:
         # Its compiled code serves no other estimate.
-        from auvid_cli.filters.marginal import marginal_estimate, marginal_scores
+        from auvid_cli.filters.marginal import marginal_estimate
+        from auvid_cli.filters.marginal_gradient import marginal_scores
 
         found = marginal_estimate(problem, smoothing, best, max_passes)
         if found is None:

@@ -192,7 +192,8 @@ def _fit(prepared: PreparedData, symbols: Sequence[str]) -> _Fit | None:
     (filtered, _), score = optima[0], score_faults
     if settings.is_marginal:
         # Imported here because only the marginal estimate needs this compiled code.
-        from auvid_cli.filters.marginal import marginal_estimate, marginal_scores
+        from auvid_cli.filters.marginal import marginal_estimate
+        from auvid_cli.filters.marginal_gradient import marginal_scores
 
         marginal = marginal_estimate(problem, smoothing, filtered, max_passes)
         if marginal is None:

@@ -7,7 +7,8 @@ from scipy.optimize import minimize
 
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.linear_smoother import LinearSmoothing
-from auvid_cli.filters.marginal import integrate_out_motion, marginal_scores
+from auvid_cli.filters.marginal import integrate_out_motion
+from auvid_cli.filters.marginal_gradient import marginal_scores
 from auvid_cli.filters.problem import (
     PROCESS_SIGNATURE,
     TRANSITION_SIGNATURE,
