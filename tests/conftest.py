@@ -24,6 +24,7 @@ from auvid_cli.numerics import compile_elsewhere, is_compiled
 
 # Where nothing is compiled yet, in two processes, as commands do it: the workers of the tests do not run before.
 if not is_compiled(COMPILED_FILTERS[0]):
+    gc.set_threshold(50_000)
     _partner = compile_elsewhere(*COMPILED_FILTERS, "auvid_cli.filters.marginal")
     load_vehicles()
     import auvid_cli.design.posterior
