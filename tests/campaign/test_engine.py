@@ -79,7 +79,7 @@ def test_workers_with_own_folders_killed_in_turn_give_the_same_runs(planned, tmp
         started.append(subprocess.Popen([*dask, "worker", *options, *alone], cwd=folder, **quiet))
 
     try:
-        for number in range(2):
+        for number in range(3):
             worker(number)
         while not scheduler_file.exists():
             time.sleep(0.05)
@@ -88,10 +88,10 @@ def test_workers_with_own_folders_killed_in_turn_give_the_same_runs(planned, tmp
         with dask_cluster(address) as cluster:
             for number, group in enumerate(run_groups(cluster, plan.groups(), False)):
                 performed += group
-                if number < 2:
-                    # Each is replaced, as by a queue of jobs, so in the end neither of the first two is left.
+                if number < 3:
+                    # Each is replaced, as by a queue of jobs, so in the end none of the first three is left.
                     started[1 + number].kill()
-                    worker(2 + number)
+                    worker(3 + number)
     finally:
         for process in started:
             process.kill()
