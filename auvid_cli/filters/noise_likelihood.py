@@ -186,16 +186,14 @@ def most_likely_noise(
         Whether to end where the log-likelihood hardly changes, and to leave out the intervals, which are then 0 to
         infinity. This serves to compare models.
     start : Trajectory, optional
-        First trajectory, near that of the marginal estimate. By default, or if the search from it fails, the most
-        probable one.
+        First trajectory, near that of the marginal estimate; by default the most probable one.
     """
     likelihood = _Likelihood(problem, groups, on_pass)
-    found = None if start is None else _search(likelihood, start, is_coarse)
-    if found is None:
-        # A failed search leaves other noise.
-        likelihood.smoothing.change_noise(problem)
+    trajectory = start
+    if trajectory is None or likelihood.smoothing.filter(trajectory) is None:
         minima = most_probable(problem, likelihood.smoothing, max_passes, enough=1)
-        found = _search(likelihood, minima[0][0].trajectory, is_coarse) if minima else None
+        trajectory = minima[0][0].trajectory if minima else None
+    found = None if trajectory is None else _search(likelihood, trajectory, is_coarse)
     if found is None:
         return None
     x, trajectory, information, level, stated, converged = found

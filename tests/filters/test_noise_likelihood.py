@@ -128,18 +128,6 @@ def test_density_is_that_of_noise_that_acts_all_along(rng):
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
-@pytest.mark.parametrize("moved", [0.0, np.nan], ids=["finite", "not finite"])
-def test_any_start_gives_the_noise_of_the_default_one(linear_problem, moved):
-    problem, groups = joint(linear_problem), (NoiseGroup(moving=(0, 1, 2, 3)), NoiseGroup(sensor=0))
-    (segment,) = problem.segments
-    n_moving = problem.n_moving
-    moving = [[np.full((timeline.time.size, n_moving), moved) for timeline in segment]]
-    start = Trajectory(np.zeros(problem.n_parameters), [np.zeros(n_moving)], moving)
-    found, expected = (most_likely_noise(problem, groups, 20, is_coarse=True, start=one) for one in (start, None))
-    assert np.log(found.factor) == pytest.approx(np.log(expected.factor), abs=0.3)
-
-
-@pytest.mark.parametrize("linear_problem", [2], indirect=True)
 def test_exception_of_callback_ends_the_search(linear_problem):
     class Enough(Exception):
         pass
