@@ -2,12 +2,18 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from math import degrees
 from typing import NamedTuple, TypeAlias
 
 _WORDS_OF_YAML = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 _PLAIN = re.compile(r"[A-Za-z_/][\w./-]*", re.ASCII)
 Flow: TypeAlias = "str | int | Mapping[str, Flow] | tuple[Flow, ...] | None"
 Value: TypeAlias = "Flow | list[Line] | list[YamlEntry]"
+
+
+def degrees_for(unit: str) -> tuple[float, str]:
+    """Return the factor and the unit in which a number of an SI unit is shown: degrees for an angle and its rates."""
+    return (degrees(1.0), unit.replace("rad", "deg", 1)) if unit.startswith("rad") else (1.0, unit)
 
 
 def printable(text: str) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from auvid_cli.arrays import Array
 from auvid_cli.data.array_checks import check_finite, check_shapes
 from auvid_cli.errors import InvalidDataError
+from auvid_cli.text import degrees_for
 from auvid_cli.vehicle.coefficients import term
 from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS, SENSORS
 
@@ -274,10 +275,12 @@ class FaultTest(NamedTuple):
         name = f"{self.fault} has another {self.coefficient}" if self.fault.is_alternative else str(self.fault)
         if self.alternatives:
             name = f"{', '.join((name, *self.alternatives.split('; ')[:-1]))} or {self.alternatives.split('; ')[-1]}"
-        unit = "" if self.unit == "1" else f" {self.unit}"
+        factor, shown = degrees_for(self.unit)
+        unit = "" if shown == "1" else f" {shown}"
         # Alone it may look small, and be needed all the same if the other faults are in the data too.
         beside = f" alone, {self.excess:.1f} beside the others" if self.excess > _MUCH_MORE * abs(self.z) else ""
-        return f"{name} ({self.size:.3g} +- {self.standard_deviation:.2g}{unit}, {abs(self.z):.1f} sigma{beside})"
+        size = f"{factor * self.size:.3g} +- {factor * self.standard_deviation:.2g}{unit}"
+        return f"{name} ({size}, {abs(self.z):.1f} sigma{beside})"
 
 
 class Cause(NamedTuple):

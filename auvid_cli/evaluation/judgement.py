@@ -303,7 +303,8 @@ def _doubt_of_data(reference: Estimate) -> Judgement | None:
     if worst is None:
         return None
     doubted = _doubted(reference, causes)
-    which = "" if doubted == "all" else f"; doubtful: {doubted.replace(' ', ', ')}" if doubted else _MOVES_NONE
+    named = f"; coefficients in doubt: {doubted.replace(' ', ', ')}" if doubted else _MOVES_NONE
+    which = "" if doubted == "all" else named
     return Judgement(Grade.DOUBTFUL, f"{worst.name}{which}", worst.remedy, doubted)
 
 

@@ -1,6 +1,6 @@
 """Additions to a model: what explains data that the model does not, settings with and without it, and its size."""
 
-from math import degrees, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 from auvid_cli.config.coefficients import Term
@@ -14,6 +14,7 @@ from auvid_cli.identification.noise import disturbance_like_noise
 from auvid_cli.identification.problem_setup import Motion
 from auvid_cli.identification.states import coefficient_priors
 from auvid_cli.identification.terms import with_terms
+from auvid_cli.text import degrees_for
 from auvid_cli.vehicle.coefficients import term
 
 # Distance of an estimated error from 0 beyond which the model needs it, in standard deviations.
@@ -248,6 +249,5 @@ def size_text(estimate: Estimate, addition: Addition) -> str:
 
 
 def _with_unit(symbol: str, value: float, deviation: float, unit: str) -> str:
-    factor = degrees(1.0) if unit.startswith("rad") else 1.0
-    shown = unit.replace("rad", "deg") if factor != 1.0 else unit
+    factor, shown = degrees_for(unit)
     return f"{symbol} {factor * value:.4g} +- {factor * deviation:.2g} {shown}".removesuffix(" 1")

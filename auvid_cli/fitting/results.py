@@ -21,7 +21,7 @@ class FitStep(NamedTuple):
     """A step of the search; a row of ``fit_steps.csv``."""
 
     look: int  # 0 for the start; all steps of a look start from the same model
-    action: str  # hold, start, add, remove, leave at 0, or end
+    action: str  # as asked, hold, start, add, remove, leave at 0, or end
     what: str
     size: str  # estimated values with their standard deviations and units; angles in degrees; empty if unknown
     gain: float | None  # increase of the log marginal likelihood, net of the numbers that it takes; None for a start

@@ -103,7 +103,7 @@ def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None
         search.note("start", "settings as they are", None, True, "", judgement)
         if stopped or search.holds(estimate):
             trial, stopped = search.trial(dataset.experiment, stopped, quick)
-            return Fit(estimate, judgement, tuple(search.steps), dataset.experiment, (), trial, stopped)
+            return Fit(estimate, judgement, search.steps_with_sizes(estimate), dataset.experiment, (), trial, stopped)
     stopped = ""
     try:
         search.start_loose()
@@ -321,14 +321,15 @@ class _Search:
         trial, stopped = self.trial(settings, stopped) if estimate.completed else ("", stopped)
         causes = likely_causes(estimate) if judgement.grade is not Grade.SOUND else []
         explained = (causes_text(causes),) if causes else ()
-        return Fit(estimate, judgement, self._steps_with_sizes(estimate), settings, explained, trial, stopped)
+        return Fit(estimate, judgement, self.steps_with_sizes(estimate), settings, explained, trial, stopped)
 
-    def _steps_with_sizes(self, estimate: Estimate) -> tuple[FitStep, ...]:
-        """Return the steps; an addition that a later one replaced counts as not kept."""
-        assert self.model is not None, "a search starts with a model"
-        additions = {str(addition): addition for addition in self.model.additions}
+    def steps_with_sizes(self, estimate: Estimate) -> tuple[FitStep, ...]:
+        """Return the steps after the errors that the settings asked for; an addition replaced later is not kept."""
+        additions = {} if self.model is None else {str(addition): addition for addition in self.model.additions}
+        asked = (Addition(name.value) for name in self._dataset.experiment.identification.estimate.biases)
+        sizes = {str(addition): size_text(estimate, addition) for addition in asked if not addition.is_time}
         removed = {step.what for step in self.steps if step.kept and step.action == "remove"}
-        steps = []
+        steps = [FitStep(0, "as asked", what, size, None, True, "", "", 0.0) for what, size in sizes.items() if size]
         for step in self.steps:
             if step.kept and step.what in additions:
                 step = step._replace(size=size_text(estimate, additions[step.what]))

@@ -84,7 +84,7 @@ def test_an_estimate_that_is_not_sound_fails_and_says_what_would_help(long_enoug
     checks, fails = verdicts(long_enough, reference=replace(smoothed, faults=(bias,)))
     assert fails == {("coefficients", "sound")}
     (sound,) = [check for check in checks if check.check == "sound"]
-    assert "bias of r (0.001 +- 0.0001 rad/s, 10.0 sigma)" in sound.advice
+    assert "bias of r (0.0573 +- 0.0057 deg/s, 10.0 sigma)" in sound.advice
     assert sound.advice.endswith("identification.estimate.biases: [gyro]).")
 
 

@@ -128,7 +128,7 @@ def test_a_fault_without_a_unit_is_told_without(smoother):
 
 def test_fault_that_only_others_show_states_both_sizes():
     alone = FaultTest(Fault.parse("bias of r"), "rad/s", 0.002, 1e-3, "N_url", 2.5)
-    assert str(alone) == "bias of r (0.002 +- 0.001 rad/s, 2.0 sigma)"
+    assert str(alone) == "bias of r (0.115 +- 0.057 deg/s, 2.0 sigma)"
     assert str(alone._replace(significance=2.5)) == str(alone)
     assert str(alone._replace(significance=4.2)).endswith("2.0 sigma alone, 4.2 beside the others)")
 
