@@ -102,9 +102,12 @@ SCREENS = (
     Screen("explanation/verdicts", "unjudged", f"{_CKF} -o results/u", ("CKF unjudged",)),
     Screen("quick-start", "prediction", _ZIGZAG, ("Yaw rate in turns", "Sway in turns", "The model of")),
     Screen("own-log", "step", _FIT, ("look 1, candidate 2",)),
-    Screen("own-log", "fit", _FIT, ("Prediction", "Added", "current:", "trim of the fins:", "Held")),
+    Screen("own-log", "fit", _FIT, ("symbol", "N_url", "Prediction", "Judgement", "Added", "scale", "current:", "Held")),
     Screen(
-        "how-to/fit", "fit", _FIT, ("look 1, candidate 2", "Prediction", "Judgement", "Added", "trim", "Held", "next: ")
+        "how-to/fit",
+        "fit",
+        _FIT,
+        ("look 1, candidate 2", "symbol", "N_url", "Prediction", "Judgement", "Added", "trim", "Held", "next: "),
     ),
     Screen("own-log", "by hand", _BY_HAND, ("Yaw rate in turns", "Sway in turns")),
     Screen(

@@ -58,6 +58,15 @@ def test_nothing_is_added_without_a_fault(multisine_with):
 
 
 @pytest.mark.slow
+def test_errors_that_the_settings_ask_for_are_stated_but_not_added(multisine_with):
+    fit = fit_model(multisine_with("identification.estimate.biases=[thrust]"), FitLimits())
+    assert fit.added == ()
+    (asked,) = [step for step in fit.steps if step.action == "as asked"]
+    assert asked.what == "scale of the thrust"
+    assert asked.size.startswith("thrust_scale ")
+
+
+@pytest.mark.slow
 def test_interrupt_keeps_the_best_model_so_far(trimmed):
     def interrupt(step: str) -> None:
         if step.startswith("look 1"):
