@@ -102,7 +102,9 @@ SCREENS = (
     Screen("explanation/verdicts", "unjudged", f"{_CKF} -o results/u", ("CKF unjudged",)),
     Screen("quick-start", "prediction", _ZIGZAG, ("Yaw rate in turns", "Sway in turns", "The model of")),
     Screen("own-log", "step", _FIT, ("look 1, candidate 2",)),
-    Screen("own-log", "fit", _FIT, ("symbol", "N_url", "Prediction", "Judgement", "Added", "scale", "current:", "Held")),
+    Screen(
+        "own-log", "fit", _FIT, ("symbol", "N_url", "Prediction", "Judgement", "Added", "scale", "current:", "Held")
+    ),
     Screen(
         "how-to/fit",
         "fit",
