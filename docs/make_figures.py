@@ -25,7 +25,9 @@ _PICTURES = {
     "path.png": "results/spiral/figures/path.png",
     "inspection.png": "results/inspection/figures/timeline.png",
     "identifiability.png": "results/part/figures/identifiability_bounds.png",
+    "identifiability_correlation.png": "results/part/figures/identifiability_correlation.png",
     "validation.png": "results/zigzag/figures/validation_horizons.png",
+    "validation_velocities.png": "results/zigzag/figures/validation_velocities.png",
     "mission.png": "mission/figures/mission.png",
 }
 

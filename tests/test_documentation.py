@@ -81,6 +81,16 @@ def test_the_picture_of_the_rooms_is_what_the_code_imports():
     assert architecture() == TARGET.read_text(encoding="utf-8"), "python docs/make_architecture.py"
 
 
+def test_files_in_the_tables_of_the_architecture_exist():
+    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    paths = re.findall(r"`((?:[a-z_]+/)+(?:[\w.]+\.[a-z0-9]+)?)`", text.partition("## How to add")[2])
+    assert len(paths) > 50
+    missing = [path for path in paths if not any((ROOT / folder / path).exists() for folder in ("", "auvid_cli"))]
+    assert missing == []
+    tests = {path.name for path in (ROOT / "tests").rglob("test_*.py")}
+    assert {*re.findall(r"`(test_\w+\.py)`", text)} <= tests
+
+
 def anchors(page: Path) -> set[str]:
     """Anchors of the headings of a page, as GitHub and the site make them."""
     titles = re.findall(r"(?m)^#{1,6} (.*)", re.sub(r"(?ms)^```.*?^```", "", page.read_text(encoding="utf-8")))

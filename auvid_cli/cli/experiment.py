@@ -131,13 +131,17 @@ def identify(
         from auvid_cli.api.identification import identify_data_into
         from auvid_cli.report.screen import print_estimate
         from auvid_cli.report.sentences import contradiction_sentences, judgement_sentences
+        from auvid_cli.report.table import filter_label
 
     result = identify_data_into(output.destination(terminal), source, filters)
-    print_estimate(terminal.out, result.estimates[0], result.judgements[result.estimates[0].filter])
+    first, folder = result.estimates[0], shlex.quote(str(result.folder))
+    print_estimate(terminal.out, first, result.judgements[first.filter])
+    if first.completed and len(result.estimates) > 1:
+        terminal.print(f"Shown: {filter_label(first.filter)}. `auvid report {folder}` shows the other estimates too.")
     terminal.print_lines(judgement_sentences(result.judgements, with_sound=True))
     terminal.print_lines(contradiction_sentences(result.contradictions))
     code = _exit_code(result.judgements)
-    folder, dataset = shlex.quote(str(result.folder)), shlex.quote(str(dataset_in(result.folder)))
+    dataset = shlex.quote(str(dataset_in(result.folder)))
     terminal.print(f"next: auvid {f'report {folder}' if code == DONE else f'fit {dataset}'}")
     return code
 

@@ -24,6 +24,19 @@ _MAX_ROWS = 40  # on the screen; the files have all
 _SCREEN_DIGITS = 3
 # Columns left out on a narrow terminal, in this order.
 _DROPPED_COLUMNS = "by chance", "error / bound", "5 - 95 %", "sd / bound", "in 2 sd %", "NEES"
+# Meaning of each heading that needs one.
+_MEANINGS = {
+    "inconsistent %": "Inconsistent: share of the runs with prediction errors much larger than the filter expects.",
+    "sound %": "Sound: share of the runs whose estimate may be used.",
+    "error %": "Error: mean steady-state error of the coefficients, median over the runs that did not fail or diverge.",
+    "5 - 95 %": "5 - 95 %: nine of ten runs have an error within it.",
+    "in 2 sd %": "In 2 sd: share of coefficients whose true value is within two standard deviations (corrected ones of "
+    "batch estimates); 95.4 if these are right.",
+    "sd / bound": "sd / bound: median ratio of the standard deviation, from the data alone, to the Cramer-Rao bound.",
+    "error / bound": "Error / bound: root mean square of the errors divided by the bound.",
+    "NEES": "NEES: squared error / covariance for each coefficient; 1 if the covariance is right.",
+    "by chance": "By chance: range of NEES in 95 % of the cases in which the covariance is right.",
+}
 _WHAT = {"steady_state_error_percent": "steady-state error", "rmse_percent": "RMSE"}
 _Record = Mapping[Hashable, Any]
 _ROW = 22.0
@@ -62,8 +75,10 @@ def print_findings(console: Console, findings: CampaignSummary, files: Sequence[
         table = filters_table(findings)
         if not any(findings.filters["failed"]):
             table = table.without("failed %")
-        console.print(narrowed(console, table, _DROPPED_COLUMNS, _SCREEN_DIGITS))
-        print_texts(console, table.notes)
+        screen = narrowed(console, table, _DROPPED_COLUMNS, _SCREEN_DIGITS)
+        console.print(screen)
+        shown = {str(column.header) for column in screen.columns}
+        print_texts(console, (text for header, text in _MEANINGS.items() if header in shown))
     else:
         console.print(Text(f"{len(findings.filters)} combinations of settings and filter: see the tables"))
     print_texts(console, comparison_sentences(findings))
@@ -102,15 +117,7 @@ def filters_table(findings: CampaignSummary) -> Table:
         Column("NEES"): lambda row: row["nees"],
         Column("by chance"): lambda row: _interval(row, "nees"),
     }
-    notes = (
-        "Sound: share of the runs whose estimate may be used. Error: mean steady-state error of the coefficients, "
-        "median over the runs; column 5 - 95 %: nine of ten runs are within it. In 2 sd: share of coefficients whose "
-        "true value is within two standard deviations (corrected ones of batch estimates); 95.4 if these are right.",
-        "sd / bound: median ratio of the standard deviation, from the data alone, to the Cramer-Rao bound. "
-        "Error / bound: root mean square of the errors divided by the bound.",
-        "NEES: squared error / covariance for each coefficient; 1 if the covariance is right. By chance: range of NEES "
-        "in 95 % of such cases. Errors of runs that failed or diverged are left out.",
-    )
+    notes = tuple(text for header, text in _MEANINGS.items() if Column(header) in cells)
     return tabulated("campaign", "Filters", findings.filters.to_dict("records"), cells, notes)
 
 

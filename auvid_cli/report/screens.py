@@ -13,6 +13,7 @@ from auvid_cli.config.settings import Spans
 from auvid_cli.data.checks import ComparedValue, Comparison
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.findings import DisturbanceChoice, ScoredTerm, TermFindings, TunedNoise, Tuning
+from auvid_cli.evaluation.innovations import is_from_ahrs
 from auvid_cli.evaluation.judgement import LARGEST_PORTMANTEAU, Grade, Judgement, whiteness
 from auvid_cli.logs.measurements import ImportSummary
 from auvid_cli.report.table import Cell, Column, Table, UnitCell, tabulated, text_column
@@ -177,7 +178,7 @@ def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged
         if names := [noise.setting.removeprefix(_PREFIX) for noise in tuning.noises if applies(noise)]:
             console.print(Text(f"The data {finding} {', '.join(names)}: {consequence}."))
     console.print(screen_table(console, _estimates(before, after), _TUNING_DIGITS))
-    print_texts(console, (_BEFORE_AND_AFTER,))
+    print_texts(console, (_BEFORE_AND_AFTER, *([_OF_AHRS] if is_from_ahrs(after[0]) else [])))
     if not tuning.converged:
         console.print(Text("The search has not converged: start `auvid tune` again from these values."))
 
@@ -251,6 +252,10 @@ _NOISE_CELLS: dict[Column, Callable[[TunedNoise], Cell]] = {
 _BEFORE_AND_AFTER = (
     "NIS: squared prediction error / expected variance; 1 is right. Correlated in time: successive prediction "
     f"errors are similar (Ljung-Box); above {LARGEST_PORTMANTEAU:g} sigma it is more than chance."
+)
+_OF_AHRS = (
+    "The attitude is that of an AHRS: its errors are always correlated in time. This alone does not make an estimate "
+    "doubtful, because the standard deviations allow for it."
 )
 
 

@@ -163,6 +163,7 @@ def test_output_error_is_reported_with_filters(results, tmp_path):
     command = ("identify", "mission.h5", "-f", "output_error", "-f", "tukf", "--set", bounds)
     result = auvid(*command, cwd=tmp_path)
     assert result.exit_code == 0, result.stderr
+    assert "Shown: OE. " in result.stdout
     with h5py.File(tmp_path / "results/mission/estimates/output_error.h5") as file:
         assert file.attrs["status"] == "completed"
         assert file["mean"].shape == file["standard_deviation"].shape == (file["time"].size, N_COEFFICIENTS + N_MOTION)

@@ -72,6 +72,18 @@ def test_the_screen_shows_what_it_has_room_for(findings, width):
         assert text.count("ekf") >= 4
 
 
+def test_screen_explains_only_columns_that_it_shows(findings):
+    texts = {}
+    for width in (80, 300):
+        screen = io.StringIO()
+        print_findings(Console(file=screen, width=width, highlight=False), findings, [])
+        texts[width] = screen.getvalue()
+    assert "Inconsistent: share" in texts[80]
+    assert "Inconsistent: share" in texts[300]
+    assert "By chance: range" in texts[300]
+    assert "By chance: range" not in texts[80]
+
+
 def test_boxes_are_drawn_for_every_combination_and_losses_are_written(findings):
     figure = spread_figure(findings.runs, COLUMNS, FILTERS)
     assert [axes.get_title() for axes in figure.axes] == ["rate slow", "rate fast"]
