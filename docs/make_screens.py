@@ -1,6 +1,6 @@
 """Write the screen samples of the pages from what the commands print: `python -m docs.make_screens`.
 
-Takes two minutes of processor time. `--slow` also fits the log of the tutorial, which takes up to twenty more.
+Takes two minutes of processor time. `--slow` also fits the log of the tutorial, which takes five more.
 """
 
 import argparse
@@ -21,7 +21,7 @@ _SPIRAL = "results/spiral/dataset.h5"
 _CKF = f"identify {_SPIRAL} --filter ckf --set identification.judge=false"
 _ZIGZAG = "validate results/spiral/estimates/ckf.h5 results/zigzag/dataset.h5"
 _SURVEY = "results/survey/dataset.h5"
-_FIT = f"fit {_SURVEY}"
+_FIT = f"fit {_SURVEY} --use 0:320"
 _SEEN = f"{_SURVEY} --use 0:320 --set lateral.yaml"
 _BY_HAND = f"validate results/by_hand/estimates/smoother.h5 {_SURVEY} --use 321: -o results/by_hand"
 _IMPORT = "simulate field --as-log -o field", "import --map field/map.yaml"

@@ -46,6 +46,8 @@ _SMALL_SHARE = 0.02
 _FAR_FROM_STATED = 500.0
 # Process noise up to this factor on the stated one is no sign of a missing part of the model.
 _TIGHT = 3.0
+# Factor on the passes of the last fit if it does not converge.
+_LONGER = 4
 # Reasons of an early end.
 _OUT_OF_TIME = "the time limit was reached"
 _INTERRUPTED = "interrupted"
@@ -314,6 +316,10 @@ class _Search:
         step = self._dataset.experiment.identification.integration_step
         settings = settings.with_identification(smoother=smoother, integration_step=step)
         estimate, interrupted = self.fit_to_all_data(settings)
+        if not estimate.completed and not interrupted:
+            longer = smoother.model_copy(update={"max_passes": _LONGER * smoother.max_passes})
+            settings = settings.with_identification(smoother=longer)
+            estimate, interrupted = self.fit_to_all_data(settings)
         stopped = interrupted or stopped
         judgement = judge_one(estimate, None)
         self._set_judged_after(judgement)
