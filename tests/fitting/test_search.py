@@ -49,6 +49,17 @@ def test_trimmed_rudder_is_found_and_nothing_else(trimmed):
 
 
 @pytest.mark.slow
+def test_last_fit_gets_more_passes_if_it_does_not_converge(multisine_with):
+    few = 2
+    dataset = multisine_with(f"manoeuvre.fin_trim.rudder={TRIM}", f"identification.smoother.max_passes={few}")
+    fit = fit_model(dataset, FitLimits(only=("fin_trim",)))
+    assert fit.estimate.completed
+    assert fit.experiment.identification.smoother.max_passes > few
+    again = identify(replace(dataset, experiment=fit.experiment), JUDGE)
+    assert np.array_equal(again.mean, fit.estimate.mean)
+
+
+@pytest.mark.slow
 def test_nothing_is_added_without_a_fault(multisine_with):
     dataset = multisine_with()
     fit = fit_model(dataset, FitLimits())
