@@ -153,8 +153,8 @@ def _of_prior(estimate: Estimate) -> Iterator[Candidate]:
 def needless_coefficients(estimate: Estimate) -> tuple[str, ...]:
     """Return the coefficients that the vehicle file states as 0 and these data do not need.
 
-    Left at 0, each of them, beside those before it, raises the evidence by a factor of e or more. The factor is the
-    ratio of the densities at 0 after and before the data (Savage and Dickey; J. M. Dickey, Ann. Math. Stat. 42(1),
+    Each of them, left at 0 together with those before it, raises the evidence by a factor of e or more. This factor is
+    the ratio of the densities at 0 after and before the data (Savage and Dickey; J. M. Dickey, Ann. Math. Stat. 42(1),
     1971). A coefficient whose standard deviation is stated is known to differ from 0, so it is not among them.
     """
     settings = estimate.experiment

@@ -270,9 +270,15 @@ class _Search:
             self._estimate, self.model, needed = None, without, ()
         self._leave_at_zero(self.model)
 
+    def _present_estimate(self, model: Model) -> Estimate:
+        """Return the estimate of the present model from the thinned data, computed once."""
+        if self._estimate is None:
+            self._estimate = self._maker.estimate(model)
+        return self._estimate
+
     def _without_one(self, model: Model, needed: Collection[Addition]) -> Model | None:
         """Return the model without the first addition that is not worth it; None if each one is."""
-        estimate = self._estimate or self._maker.estimate(model)
+        estimate = self._present_estimate(model)
         for addition in model.additions:
             if addition in needed or is_certain(estimate, addition):
                 continue
@@ -287,9 +293,9 @@ class _Search:
 
     def _leave_at_zero(self, model: Model) -> None:
         """Hold the coefficients that the vehicle file states as 0, if the evidence grows."""
-        estimate = self._estimate or self._maker.estimate(model)
-        symbols = needless_coefficients(estimate)
-        if not estimate.completed or not symbols:
+        estimate = self._present_estimate(model)
+        symbols = needless_coefficients(estimate) if estimate.completed else ()
+        if not symbols:
             return
         self._on_step(f"try {', '.join(symbols)} at 0")
         other = self._maker.without_coefficients(model, symbols)

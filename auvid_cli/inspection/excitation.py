@@ -11,6 +11,7 @@ from auvid_cli.data.dataset import Dataset, InputRecord
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.kinematic_relations import Signals, derivative
 from auvid_cli.inspection.timing import new_measurement_rate
+from auvid_cli.text import degrees_for
 from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.parameters import IDEAL, INPUTS, MOTION, SENSORS, Actuator, Actuators, Quantity
 
@@ -86,9 +87,7 @@ def _motion(quantity: Quantity, values: Array, noise: float, coefficients: Coeff
 
 
 def _channel(quantity: Quantity, values: Array, least: float, advice: str) -> Check:
-    scale, unit = (
-        (np.rad2deg(1.0), quantity.unit.replace("rad", "deg")) if "rad" in quantity.unit else (1.0, quantity.unit)
-    )
+    scale, unit = degrees_for(quantity.unit)
     deviation = values - values.mean()
     size, peak = float(np.sqrt(np.mean(deviation**2))), float(np.abs(values).max())
     # The mean of equal numbers is rounded.

@@ -39,7 +39,7 @@ from auvid_cli.report.table import (
 )
 from auvid_cli.report.table_iv import PAPER, accuracy, mark_explained
 from auvid_cli.report.text_tables import encodable, fits, narrowed, print_texts, printed, screen_table
-from auvid_cli.text import sentence
+from auvid_cli.text import degrees_for, sentence
 from auvid_cli.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
 
 _NOTES = (
@@ -256,7 +256,7 @@ def print_validation(console: Console, validation: Validation, passed: bool) -> 
 def _free_run(rows: Sequence[Prediction]) -> Table:
     cells: dict[Column, Callable[[Prediction], Cell]] = {
         text_column("free run"): lambda row: row.signal,
-        text_column("unit"): lambda row: _degrees(row.unit),
+        text_column("unit"): lambda row: degrees_for(row.unit)[1],
         Column("noise"): lambda row: _in_degrees(row.noise, row.unit),
         Column("fit %"): lambda row: row.fit_percent,
         Column("RMSE"): lambda row: _in_degrees(row.rmse, row.unit),
@@ -294,14 +294,10 @@ def _manoeuvres(numbers: Sequence[ManoeuvreNumber]) -> list[str]:
         measured = _in_degrees(float(np.mean([number.measured for number in alike])), unit)
         predicted = _in_degrees(float(np.mean(predictions)), unit) if len(predictions) == len(alike) else None
         count = f" (mean of {len(alike)})" if len(alike) > 1 else ""
-        what = f"{manoeuvre}, {kind}{count}" + ("" if unit == "1" else f" in {_degrees(unit)}")
+        what = f"{manoeuvre}, {kind}{count}" + ("" if unit == "1" else f" in {degrees_for(unit)[1]}")
         lines.append(f"{what}: measured {printed(measured)}, predicted {printed(predicted)}")
     return lines
 
 
-def _degrees(unit: str) -> str:
-    return unit.replace("rad", "deg")
-
-
 def _in_degrees(value: float | None, unit: str) -> float | None:
-    return float(np.rad2deg(value)) if value is not None and unit.startswith("rad") else value
+    return None if value is None else degrees_for(unit)[0] * value

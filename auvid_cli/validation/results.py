@@ -1,7 +1,7 @@
 """Results of a validation: measures of fit, scores in words, and tables."""
 
 from collections.abc import Sequence
-from math import degrees, inf, isfinite, sqrt
+from math import inf, isfinite, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check, Checks, NamedRows, frames
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.evaluation.results import FreeRun
+from auvid_cli.text import degrees_for
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -172,7 +173,7 @@ class Score(NamedTuple):
         return 0.0 if not other or is_noise else 1.0 - self.model / other
 
     def __str__(self) -> str:
-        factor, unit = (degrees(1.0), "deg/s") if self.unit == "rad/s" else (1.0, self.unit)
+        factor, unit = degrees_for(self.unit)
         where = f"{_SCORED[self.signal].capitalize()}{_WHERE[self.kind]} {self.horizon_s:g} s ahead"
         text, (name, other) = f"{where}: {factor * self.model:.3g} {unit}", self.other
         return text if other is None else f"{text}, {name} {factor * other:.3g}: {_compared(self.model, other)}"
