@@ -1,6 +1,7 @@
 """Noise levels, model terms and a whole model, found from the data."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
@@ -71,10 +72,10 @@ def tune(
     >>> [noise.setting.rpartition(".")[2] for noise in tuning.noises]
     ['velocity', 'rate', 'attitude']
     """
-    return _tune(dataset, sensors, disturbance, lambda progress: on_pass() if on_pass else None)
+    return _tune(dataset, sensors, disturbance, lambda progress: on_pass() if on_pass else None)[0]
 
 
-def _tune(dataset: Dataset, sensors: bool, disturbance: bool, on_progress: OnProgress) -> Tuning:
+def _tune(dataset: Dataset, sensors: bool, disturbance: bool, on_progress: OnProgress) -> tuple[Tuning, Motion]:
     find = choose_disturbance if disturbance else tune_noise
     return find(estimate_delays(prepare(dataset)), sensors, on_progress)
 
@@ -144,9 +145,8 @@ def tune_into(
     """Tune the noise of a dataset file, and write tuned.yaml and a table into its results folder."""
     dataset = read_dataset(path, *overrides, "identification.noise=stated")
     with results_folder(place, RecordedData(path, dataset), new=["tuned.yaml"]) as folder:
-        with place.progress.stage("fit with the noise of the settings") as label:
-            before, latest = identify(dataset, JUDGE), None
-            begin = monotonic()
+        with place.progress.stage("tune") as label:
+            latest, begin = None, monotonic()
 
             def show(progress: TuningProgress) -> None:
                 nonlocal latest
@@ -157,19 +157,20 @@ def tune_into(
                     place.progress.message(text)
 
             try:
-                tuning = _tune(dataset, sensors, disturbance, show)
+                tuning, motion = _tune(dataset, sensors, disturbance, show)
             except KeyboardInterrupt:
                 if latest is None or not latest.search.trajectories:
                     raise
-                tuning = latest.so_far()
+                tuning, motion = latest.so_far()
                 place.progress.message("interrupted: the best noise so far is kept, without intervals")
-            label("fit with the tuned noise")
-            # The search for other minima is not repeated.
-            start = Motion.of_estimate(before) if before.completed else None
-            after = identify(replace(dataset, experiment=tuning.experiment), JUDGE, start)
-        files = write_csv_tables({"tuning": tuning.rows()}, folder / "tables")
-        write_text(folder / "tuned.yaml", tuning.settings())
-        fits = [(estimate, judge_one(estimate, None)) for estimate in (before, after)]
+            files = write_csv_tables({"tuning": tuning.rows()}, folder / "tables")
+            write_text(folder / "tuned.yaml", tuning.settings())
+            label("fits with the noise of the settings, and with the tuned noise")
+            datasets = dataset, replace(dataset, experiment=tuning.experiment)
+            with ThreadPoolExecutor(len(datasets)) as threads:
+                # Both start from the tuned motion, without a search for other minima.
+                estimates = [*threads.map(lambda data: identify(data, JUDGE, motion), datasets)]
+        fits = [(estimate, judge_one(estimate, None)) for estimate in estimates]
         return TunedResults(tuning, fits, files, folder / "tuned.yaml")
 
 

@@ -62,7 +62,7 @@ class NoiseFactors(NamedTuple):
     log_likelihood: float  # up to a constant of the data
     gain: float  # increase of the log-likelihood over that of factors of 1
     converged: bool
-    trajectory: Trajectory | None = None  # about which the likelihood is that of the factors
+    trajectory: Trajectory  # about which the likelihood is that of the factors
 
 
 class NoiseProgress(NamedTuple):
@@ -73,6 +73,7 @@ class NoiseProgress(NamedTuple):
     log_factor: Array  # shape (k,); the best so far
     log_likelihood: float  # with these, up to a constant of the data
     gain: float  # increase of the log-likelihood over that of factors of 1
+    trajectory: Trajectory | None  # about which the likelihood is that of the factors; none before the first
     share: float  # approximate share of the whole search that is done
 
 
@@ -105,7 +106,7 @@ class _Likelihood:
         self._problem, self._groups, self._on_pass = problem, groups, on_pass
         self._present, self.smoothing = problem, LinearSmoothing(problem)
         self.minimum = np.array([group.min_log_factor for group in groups])
-        self.progress = NoiseProgress(0, 0, np.zeros(len(groups)), -np.inf, 0.0, 0.0)
+        self.progress = NoiseProgress(0, 0, np.zeros(len(groups)), -np.inf, 0.0, None, 0.0)
 
     def set_share(self, share: float) -> None:
         """Set the approximate share of the whole search that is done."""
@@ -212,7 +213,7 @@ def most_likely_noise(
         return decrease(_climb(likelihood, start, trajectory, others, enough=level - _INTERVAL_DECREASE))
 
     low, high = _intervals(decrease, profile, x, information, [bool(group.rates) for group in groups])
-    return NoiseFactors(np.exp(x), low, high, level, level - stated, converged)
+    return NoiseFactors(np.exp(x), low, high, level, level - stated, converged, trajectory)
 
 
 def _search(likelihood: _Likelihood, trajectory: Trajectory, is_coarse: bool) -> _Optimum | None:
@@ -229,7 +230,7 @@ def _search(likelihood: _Likelihood, trajectory: Trajectory, is_coarse: bool) ->
             return None
         level = log_likelihood(filtered)
         likelihood.progress = likelihood.progress._replace(
-            trajectories=number, log_factor=x, log_likelihood=level, gain=level - stated
+            trajectories=number, log_factor=x, log_likelihood=level, gain=level - stated, trajectory=trajectory
         )
         likelihood.set_share(_SEARCH_SHARE * (1.0 - _REMAINING**number))
         information = likelihood.scores(filtered).information

@@ -56,7 +56,7 @@ class TuningProgress(NamedTuple):
     """How far a tuning has come."""
 
     search: NoiseProgress
-    so_far: Callable[[], Tuning]  # best noise so far, without intervals
+    so_far: Callable[[], tuple[Tuning, Motion]]  # best noise so far, without intervals, and its motion
 
     def __str__(self) -> str:
         """Return how far it is, in words."""
@@ -74,8 +74,8 @@ def tune_noise(
     with_sensors: bool = False,
     on_progress: OnProgress = lambda progress: None,
     with_time_constants: bool = False,
-) -> Tuning:
-    """Return the most likely noise levels; the truth of a simulation is not used.
+) -> tuple[Tuning, Motion]:
+    """Return the most likely noise levels, and the motion with them; the truth of a simulation is not used.
 
     Parameters
     ----------
@@ -101,11 +101,12 @@ def tune_noise(
         noises += _sensor_noises(augmented, settings)
 
     def report(search: NoiseProgress) -> None:
-        def so_far() -> Tuning:
-            none, infinite = np.zeros(len(noises)), np.full(len(noises), np.inf)
+        def so_far() -> tuple[Tuning, Motion]:
+            assert search.trajectory is not None, "asked for only after the first trajectory"
+            none, infinite, level = np.zeros(len(noises)), np.full(len(noises), np.inf), search.log_likelihood
             factor = np.exp(search.log_factor)
-            best = NoiseFactors(factor, none, infinite, search.log_likelihood, search.gain, converged=False)
-            return _tuning(experiment, noises, best)
+            best = NoiseFactors(factor, none, infinite, level, search.gain, False, search.trajectory)
+            return _tuning(experiment, noises, best), Motion.of_trajectory(augmented, search.trajectory)
 
         on_progress(TuningProgress(search, so_far))
 
@@ -116,7 +117,7 @@ def tune_noise(
             "no trajectory follows these data with the stated noise: start from a larger "
             "identification.process_noise, and check signs and units (auvid inspect)"
         )
-    return _tuning(experiment, noises, likeliest)
+    return _tuning(experiment, noises, likeliest), Motion.of_trajectory(augmented, likeliest.trajectory)
 
 
 def tune_coarsely(
@@ -156,7 +157,7 @@ def tune_coarsely(
     groups, max_passes = _groups(noises), settings.smoother.max_passes
     trajectory = None if start is None else start.trajectory(augmented)
     likeliest = most_likely_noise(augmented.joint, groups, max_passes, on_pass, is_coarse=True, start=trajectory)
-    if likeliest is None or likeliest.trajectory is None:
+    if likeliest is None:
         return None
     return _tuning(experiment, noises, likeliest), Motion.of_trajectory(augmented, likeliest.trajectory)
 
@@ -200,7 +201,7 @@ def _tuning(experiment: RunSettings, noises: Sequence[AdjustableNoise], likelies
 
 def choose_disturbance(
     prepared: PreparedData, with_sensors: bool = False, on_progress: OnProgress = lambda progress: None
-) -> Tuning:
+) -> tuple[Tuning, Motion]:
     """Tune without and with a disturbance as a state, and return the better one by the Bayesian information criterion.
 
     The disturbance is that of the settings, even if it is not among their `biases`; without a size there, one for each
@@ -208,7 +209,8 @@ def choose_disturbance(
     """
     experiment, asked = prepared.experiment, prepared.experiment.identification
     others = tuple(bias for bias in asked.estimate.biases if bias != BiasName.DISTURBANCE)
-    without = tune_noise(prepared.with_settings(experiment.with_estimate(biases=others)), with_sensors, on_progress)
+    first = tune_noise(prepared.with_settings(experiment.with_estimate(biases=others)), with_sensors, on_progress)
+    without = first[0]
     stated = asked.estimate.disturbance
     disturbance = stated if stated.blocks() else disturbance_like_noise(without.experiment)
     biases = (*others, BiasName.DISTURBANCE)
@@ -216,9 +218,9 @@ def choose_disturbance(
 
     def on_second(progress: TuningProgress) -> None:
         # Interrupted now, the finished tuning without a disturbance is the best so far.
-        on_progress(progress._replace(so_far=lambda: without))
+        on_progress(progress._replace(so_far=lambda: first))
 
-    with_one = tune_noise(having, with_sensors, on_second, with_time_constants=True)
+    with_one, motion = tune_noise(having, with_sensors, on_second, with_time_constants=True)
     segments = augmented_problem(having).joint.segments
     measured = sum(int(np.isfinite(timeline.measurement).sum()) for segment in segments for timeline in segment)
     numbers = len(with_one.noises) - len(without.noises)
@@ -229,7 +231,7 @@ def choose_disturbance(
         with_one if BiasName.DISTURBANCE in asked.estimate.biases else without,
     )
     over_stated = kept.log_likelihood - as_asked.log_likelihood + as_asked.gain
-    return replace(kept, gain=over_stated, choice=choice)
+    return replace(kept, gain=over_stated, choice=choice), motion if choice.is_kept else first[1]
 
 
 def disturbance_like_noise(experiment: RunSettings) -> EstimatedDisturbance:

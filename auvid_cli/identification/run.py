@@ -393,7 +393,7 @@ def _with_tuned_noise(prepared: PreparedData) -> PreparedData:
         return prepared
     from auvid_cli.identification.noise import tune_noise
 
-    return prepared.with_settings(tune_noise(prepared).experiment)
+    return prepared.with_settings(tune_noise(prepared)[0].experiment)
 
 
 def identify(dataset: Dataset, filter_name: FilterName, start: Motion | None = None) -> Estimate:

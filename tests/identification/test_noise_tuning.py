@@ -29,7 +29,7 @@ def overstated(simulated_with):
 
 @pytest.fixture(scope="module")
 def tuned(overstated):
-    return tune_noise(prepare(overstated), with_sensors=True)
+    return tune_noise(prepare(overstated), with_sensors=True)[0]
 
 
 def test_wrong_sensor_noise_is_corrected(tuned):
@@ -110,7 +110,7 @@ def tuned_disturbance(simulated_with):
     )
     asked = DISTURBED.replace("2 N", "3 N")
     run = simulated_with("manoeuvre.duration=15 s", *SLOW, FEW, pushes, f"identification.estimate={asked}")
-    return tune_noise(prepare(run), with_time_constants=True)
+    return tune_noise(prepare(run), with_time_constants=True)[0]
 
 
 @pytest.mark.slow
@@ -156,7 +156,7 @@ def test_disturbance_is_chosen_in_disturbed_data(simulated_with):
         "manoeuvre.disturbance={force: {standard_deviation: 5 N, time_constant: 1 s}, "
         "moment: {standard_deviation: [0, 2, 2], time_constant: 1 s}}"
     )
-    chosen = choose_disturbance(prepare(simulated_with("manoeuvre.duration=15 s", *SLOW, FEW, pushes)))
+    chosen = choose_disturbance(prepare(simulated_with("manoeuvre.duration=15 s", *SLOW, FEW, pushes)))[0]
     assert chosen.choice.is_kept
     assert chosen.choice.n_parameters == 8
     assert chosen.gain > chosen.choice.gain > chosen.choice.needed
@@ -173,7 +173,7 @@ def test_disturbance_is_chosen_in_disturbed_data(simulated_with):
 
 @pytest.mark.slow
 def test_no_disturbance_is_chosen_in_undisturbed_data(overstated):
-    chosen = choose_disturbance(prepare(overstated))
+    chosen = choose_disturbance(prepare(overstated))[0]
     assert not chosen.choice.is_kept
     assert chosen.choice.gain < 5.0 < chosen.choice.needed
     assert chosen.experiment.identification.estimate.biases == ()
@@ -186,8 +186,8 @@ def test_time_constant_of_near_white_noise_is_uncertain(simulated_with):
     pushes = "manoeuvre.disturbance.force={standard_deviation: 100 N, time_constant: 1e-9 s}"
     asked = "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N, time_constant: 2 s}}}"
     prepared = prepare(simulated_with("manoeuvre.duration=8 s", *SLOW, FEW, pushes, f"identification.estimate={asked}"))
-    assert not any(noise.is_time_constant for noise in tune_noise(prepared).noises)
-    tuned = tune_noise(prepared, with_time_constants=True)
+    assert not any(noise.is_time_constant for noise in tune_noise(prepared)[0].noises)
+    tuned, _ = tune_noise(prepared, with_time_constants=True)
     lasts = next(noise for noise in tuned.noises if noise.is_time_constant)
     assert lasts.low == 0.0
     assert lasts.tuned < 1.0
