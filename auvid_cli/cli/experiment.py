@@ -121,8 +121,6 @@ def identify(
     dry_run: options.DryRunOption = False,
 ) -> int:
     """Estimate coefficients from a dataset, and write results/NAME/estimates/FILTER.h5."""
-    from auvid_cli.data.files import dataset_in
-
     source = options.data_source(data, settings.overrides())
     if dry_run:
         return _print_settings(source.experiment)
@@ -141,8 +139,8 @@ def identify(
     terminal.print_lines(judgement_sentences(result.judgements, with_sound=True))
     terminal.print_lines(contradiction_sentences(result.contradictions))
     code = _exit_code(result.judgements)
-    dataset = shlex.quote(str(dataset_in(result.folder)))
-    terminal.print(f"next: auvid {f'report {folder}' if code == DONE else f'fit {dataset}'}")
+    after = f"auvid report {folder}" if code == DONE else options.fit_command(result.folder, first.experiment)
+    terminal.print(f"next: {after}")
     return code
 
 
@@ -192,14 +190,15 @@ def tune(
 
     result = tune_into(output.destination(terminal), dataset, changes, sensors, disturbance)
     print_tuning(terminal.out, result.tuning, *result.fits)
-    terminal.print(f"log-likelihood: {result.tuning.gain:.4g} higher than with the noise of the settings")
+    level, gain = result.tuning.log_likelihood, result.tuning.gain
+    terminal.print(f"log-likelihood: {level:.1f}, with the noise of the settings {gain:.4g} less")
     if result.tuning.choice is not None:
         terminal.print(choice_text(result.tuning.choice))
     terminal.print_lines(result.files)
     if objection := objection_to_tuning(*(judgement for _, judgement in result.fits)):
         terminal.print(objection)
     else:
-        _print_next(terminal, dataset, settings, result.settings)
+        _print_next(terminal, dataset, settings, output, result.settings)
 
 
 @options.command
@@ -231,7 +230,7 @@ def terms(
     print_terms(terminal.out, result.findings)
     terminal.print_lines(result.files)
     if result.settings is not None:
-        _print_next(terminal, dataset, settings, result.settings)
+        _print_next(terminal, dataset, settings, output, result.settings)
 
 
 def _print_settings(experiment: "RunSettings") -> int:
@@ -263,7 +262,9 @@ def _exit_code(judgements: "Mapping[str, Judgement]") -> int:
     return VERDICT_FAILED if any(judgement.is_against for judgement in judgements.values()) else DONE
 
 
-def _print_next(terminal: Terminal, dataset: Path, settings: options.SettingOptions, found: Path) -> None:
-    """Print the command that identifies with the new settings and all other overrides."""
-    words = ["auvid", "identify", str(dataset), *settings.words(), "--set", str(found)]
+def _print_next(
+    terminal: Terminal, dataset: Path, settings: options.SettingOptions, output: options.OutputOptions, found: Path
+) -> None:
+    """Print the command that identifies with the new settings and all other overrides, in the same results folder."""
+    words = ["auvid", "identify", str(dataset), *settings.words(), "--set", str(found), *output.words()]
     terminal.print(f"next: {shlex.join(words)}")

@@ -120,14 +120,16 @@ def validate(
 
 def _after_failure(folder: Path, is_too_wide: bool = False) -> str:
     """Return the command to continue with if an estimate in a results folder fails."""
-    from auvid_cli.data.files import dataset_in
+    from auvid_cli.data.estimate_file import read_estimate
+    from auvid_cli.data.files import dataset_in, estimates_in
 
     dataset = dataset_in(folder)
     if is_too_wide and dataset.is_file():
         # The model predicts well, but states too much uncertainty: its process noise may be too large.
         return f"auvid tune {shlex.quote(str(dataset))}"
     if dataset.is_file() and not (folder / "fit.yaml").is_file():
-        return f"auvid fit {shlex.quote(str(dataset))}"
+        estimates = [*estimates_in(folder).values()]
+        return options.fit_command(folder, read_estimate(estimates[0], max_rows=1).experiment if estimates else None)
     # A search has been made: the report shows what it left unexplained.
     return f"auvid report {shlex.quote(str(folder))}"
 

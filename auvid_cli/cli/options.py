@@ -1,9 +1,11 @@
 """Options that several commands share, their completion, and the help of commands."""
 
+import shlex
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, cleandoc, signature
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -19,6 +21,7 @@ from auvid_cli.errors import ConfigError
 
 if TYPE_CHECKING:
     from auvid_cli.api.files import DataSource, SimulatedData
+    from auvid_cli.config.experiment import RunSettings
 
 BOTH_HELPS = {"help_option_names": ["-h", "--help"]}  # context settings of each command
 _SETTINGS = (".yaml", ".yml")
@@ -249,6 +252,10 @@ class OutputOptions:
     output: Annotated[Path | None, optional("DIR", _OUTPUT, "--output", "-o", callback=_as_folder)] = None
     overwrite: OverwriteOption = False
 
+    def words(self) -> list[str]:
+        """Return the same results folder as words of a command line."""
+        return [] if self.output is None else ["-o", str(self.output)]
+
     def destination(self, progress: Terminal, figures: "FigureOptions | None" = None) -> Destination:
         """Return where and how a command writes its results."""
         return Destination(self.output, self.overwrite, progress, figures.formats if figures else ())
@@ -326,6 +333,24 @@ def overrides(settings: list[str] | None, seed: int | None = None, use: list[str
     """Return the overrides of --set, --seed and --use in the order in which they apply."""
     seeds = () if seed is None else (f"seed={seed}",)
     return (*(settings or ()), *seeds, *((f"identification.use.spans={spans(use)}",) if use else ()))
+
+
+def fit_command(folder: Path, settings: "RunSettings | None") -> str:
+    """Return the command that finds a model of the data of an estimate, in a folder of its own beside the estimate.
+
+    Parameters
+    ----------
+    folder : Path
+        Results folder with the dataset.
+    settings : RunSettings, optional
+        Of the estimate; the same spans are used.
+    """
+    from auvid_cli.data.files import dataset_in
+
+    spans = () if settings is None else settings.identification.use.spans
+    ends = [[f"{time:.10g}" if isfinite(time) else "" for time in span] for span in spans]
+    used = [f"--use={begin}:{end}" for begin, end in ends]
+    return shlex.join(["auvid", "fit", str(dataset_in(folder)), *used, "-o", str(folder / "fit")])
 
 
 def spans(texts: list[str]) -> str:

@@ -152,7 +152,11 @@ def caveats(model: IdentifiedModel) -> list[str]:
 
 def caveats_of(judgement: Judgement) -> list[str]:
     """Return the reason why an estimate is not sound, if it is not."""
-    return [] if judgement.grade is Grade.SOUND else [f"Do not rely on these values, {judgement}."]
+    if judgement.grade is Grade.SOUND:
+        return []
+    # A doubt may concern some coefficients, or none.
+    is_about_all = judgement.grade is not Grade.DOUBTFUL or judgement.doubted == "all"
+    return [f"Do not rely on these values, {judgement}." if is_about_all else f"The estimate is {judgement}."]
 
 
 def certainty(coefficient: IdentifiedCoefficient) -> str:

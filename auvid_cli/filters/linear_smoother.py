@@ -27,7 +27,7 @@ _RATE_STEP = 1e-5  # s
 # Events from one evaluation of the decay rates to the next.
 _RATE_INTERVAL = 10
 # Forward passes kept for the backward pass; other chunks are filtered twice.
-_CACHE_SIZE = 2**28  # bytes
+_CACHE_SIZE = 2**29  # bytes
 # Smallest share of the chunks for which a cache is worth its memory.
 _MIN_CACHED = 0.2
 # Smallest decrease of the cost worth another iteration, in squares of standard deviations: in the last step no

@@ -211,6 +211,8 @@ class _Search:
                 self._try(start, others)
             if self.model is start:
                 return
+            (kept,) = (step for step in self.steps if step.look == self._look and step.kept)
+            self._on_step(f"look {self._look}: kept {kept.what}, {self.model.evidence - start.evidence:+.0f}")
 
     def _try(self, start: Model, trials: Sequence[Candidate]) -> None:
         """Try additions to a model, and keep the best if it is worth it, also if the trials are interrupted."""

@@ -49,7 +49,7 @@ NIS_MEANS = (
 )
 _TOTAL = (
     "± total: standard deviation that also allows for errors of known quantities (identification.tolerances), such as "
-    "inertia and thrust. ± data: from noise alone, also if it is correlated in time."
+    "inertia and thrust. ± data: from noise alone; that of smoother and OE also if it is correlated in time."
 )
 _FROM = (
     "Mostly from: the errors that cause most of ± total, each in percent of the value: of known quantities, or of a "

@@ -24,7 +24,7 @@ ERROR_DIGITS = 2
 # Explanation of the mark.
 UNIDENTIFIED = (
     "† do not rely on it: the standard deviation, or the smallest that the data allow, exceeds 20 % of the value (of "
-    "the true value if it is known), or a doubt about the estimate concerns it."
+    "the true value if it is known; of the usual size if that is 0), or a doubt about the estimate concerns it."
 )
 
 

@@ -30,7 +30,7 @@ _MAP_HEAD = (
 _IDENTIFICATION = {
     "prior": {"mean": "vehicle", "relative": "50 %"},
     "tolerances": "usual",
-    "estimate": {"biases": ["thrust"], "current": {"walk": "0 m/s/s^0.5"}},
+    "estimate": {"biases": ["thrust"], "thrust": {"spread": 0.3}, "current": {"walk": "0 m/s/s^0.5"}},
 }
 _FINS = {
     "top": {"column": "top", "sign": -1, "unit": "deg"},

@@ -191,7 +191,8 @@ def test_unconverged_fit_gives_exit_code_1(results, tmp_path):
         "^OE diverged: unconverged: .*; its residuals are .*max_evaluations=2", result.stdout, re.MULTILINE
     )
     last = result.stdout.splitlines()[-1]
-    assert last.endswith(f": auvid fit {Path('results/mission/dataset.h5')}")
+    folder = Path("results/mission")
+    assert last.endswith(f": auvid fit {folder / 'dataset.h5'} -o {folder / 'fit'}")
 
 
 @pytest.mark.parametrize("manoeuvre", ["zigzag_10_10", "doublets", "multisine", "turning_circle"])

@@ -8,8 +8,17 @@ import yaml
 from typer.testing import CliRunner
 
 from auvid_cli.cli.app import app
-from auvid_cli.cli.options import OutputOptions, TerminalOptions, command, dataset_path, overrides, spans
+from auvid_cli.cli.options import OutputOptions, TerminalOptions, command, dataset_path, fit_command, overrides, spans
+from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.errors import ConfigError
+
+
+def test_command_of_a_fit_uses_the_same_part_of_the_data():
+    settings = load_experiment(find_experiment(None), ["identification.use.spans=[[0, 80.5], [90, null]]"])
+    words = fit_command(Path("results/my run"), settings).split(" --use=")
+    dataset, folder = Path("results/my run/dataset.h5"), Path("results/my run/fit")
+    assert words == [f"auvid fit '{dataset}'", "0:80.5", f"90: -o '{folder}'"]
+    assert fit_command(Path("results"), None) == f"auvid fit {Path('results/dataset.h5')} -o {Path('results/fit')}"
 
 
 @pytest.mark.parametrize(

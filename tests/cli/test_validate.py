@@ -77,7 +77,7 @@ def test_a_changed_vehicle_fails_with_exit_code_1(results, simulated_with, tmp_p
     words = " ".join(result.stdout.split())
     assert "it is not recommended" in words
     assert "predicts these data" not in words
-    assert result.stdout.splitlines()[-1] == f"next: auvid fit {results / 'dataset.h5'}"
+    assert result.stdout.splitlines()[-1] == f"next: auvid fit {results / 'dataset.h5'} -o {results / 'fit'}"
 
 
 def test_its_own_data_are_refused_even_as_a_copy(results, tmp_path):

@@ -155,6 +155,14 @@ def test_inconsistent_estimate_has_a_caveat(estimate, dataset):
     assert "Nothing is lost." in lines
 
 
+def test_doubt_of_one_coefficient_is_no_caveat_of_all(model):
+    doubtful = Judgement(Grade.DOUBTFUL, "a bias of the gyroscope", doubted="N_r|r|")
+    (caveat,) = caveats(replace(model, judgement=doubtful, speed_remarks=()))
+    assert caveat.startswith("The estimate is doubtful: a bias of the gyroscope")
+    (caveat,) = caveats(replace(model, judgement=doubtful._replace(doubted="all"), speed_remarks=()))
+    assert caveat.startswith("Do not rely on these values, doubtful: ")
+
+
 def test_heading_names_the_parameters_and_the_speed_of_the_coefficients(model):
     at_one_speed = replace(model, speed_remarks=("X_u|u| holds at one speed.",))
     lines = heading_lines(at_one_speed, UnsupportedFeatures((), ()))

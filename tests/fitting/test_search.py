@@ -36,8 +36,10 @@ def test_unknown_kind_of_addition_is_refused(short_run):
 
 @pytest.mark.slow
 def test_trimmed_rudder_is_found_and_nothing_else(trimmed):
+    steps: list[str] = []
     # The truth must not matter.
-    fit = fit_model(replace(trimmed, truth=None), FitLimits())
+    fit = fit_model(replace(trimmed, truth=None), FitLimits(), steps.append)
+    assert [step.partition(",")[0] for step in steps if "kept" in step] == ["look 1: kept trim of the fins"]
     assert fit.judgement.grade is Grade.SOUND
     assert fit.added == ("trim of the fins",)
     row = fit.estimate.state.index("rudder_trim")

@@ -141,7 +141,8 @@ def _in_words(distances: list[_Distance], against: str) -> str:
     outside = f" {beyond} are farther than {_WIDEST:g}: arrows at the edge." if beyond else ""
     return (
         f"Farthest from {against}: {worst.symbol} of {filter_label(worst.filter)}, by {abs(worst.sigmas):.2g} standard "
-        f"deviations.{outside} If the standard deviations are right, 95 of 100 are within the shaded band."
+        f"deviations (from noise alone).{outside} If the standard deviations are right, 95 of 100 are within the "
+        "shaded band."
     )
 
 
