@@ -27,7 +27,7 @@ _RATE_STEP = 1e-5  # s
 # Events from one evaluation of the decay rates to the next.
 _RATE_INTERVAL = 10
 # Forward passes kept for the backward pass; other chunks are filtered twice.
-_CACHE_SIZE = 2**29  # bytes
+_CACHE_SIZE = 2**28  # bytes
 # Smallest share of the chunks for which a cache is worth its memory.
 _MIN_CACHED = 0.2
 # Smallest decrease of the cost worth another iteration, in squares of standard deviations: in the last step no
@@ -172,9 +172,16 @@ class Smoothed(NamedTuple):
 
 
 class LinearSmoothing:
-    """Linear problems about one trajectory after another; forward passes of the latest one are cached."""
+    """Linear problems about one trajectory after another; forward passes of the latest one are cached.
 
-    def __init__(self, problem: JointProblem) -> None:
+    Parameters
+    ----------
+    problem : JointProblem
+    cache : int
+        Memory of the cache, in multiples of the usual one.
+    """
+
+    def __init__(self, problem: JointProblem, cache: int = 1) -> None:
         process, sensors, self._segments, _ = problem
         self._process, self._priors = process, problem.priors
         self._data = ModelData.of(process, sensors)
@@ -182,7 +189,7 @@ class LinearSmoothing:
         self._n = problem.n_parameters + problem.n_moving
         self._work = SmootherWorkspace.of(process, self._n, sensors.matrix.shape[1])
         self._cache, self._cached_trajectory = dict[tuple[int, int], tuple[Linearised, ForwardPass]](), None
-        self._cache_size = _CACHE_SIZE
+        self._cache_size = cache * _CACHE_SIZE
         # The trajectory of all linearisations in the cache: noise changes forward passes only.
         self._linearised_trajectory: Trajectory | None = None
 

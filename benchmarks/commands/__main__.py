@@ -38,7 +38,8 @@ _BETWEEN_LOOKS = 0.2
 class Cost(NamedTuple):
     """Wall time, s, processor time of the command and what it compiles with, s, and memory, MB.
 
-    The memory is the largest that was seen of all processes together, or of one that the system saw, if that is larger.
+    The memory is the largest that was seen of all processes together. The system's own maximum does not serve: that of
+    a child begins with the memory of the process that started it.
     """
 
     wall: float
@@ -69,8 +70,7 @@ def cost_of(*arguments: str, watched: bool = False, sound: bool = True, **enviro
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode != 0 and (sound or process.returncode != 1):
         raise SystemExit(f"{' '.join(command)} ended with exit code {process.returncode}")
-    memory = max([usage.ru_maxrss * 1024, *sizes])
-    return Cost(wall, usage.ru_utime + usage.ru_stime, memory / 1e6)
+    return Cost(wall, usage.ru_utime + usage.ru_stime, max(sizes, default=0) / 1e6)
 
 
 def _watch(pid: int, sizes: list[int], ended: threading.Event) -> None:
