@@ -129,7 +129,7 @@ def _after_failure(folder: Path, is_too_wide: bool = False) -> str:
         return f"auvid tune {shlex.quote(str(dataset))}"
     if dataset.is_file() and not (folder / "fit.yaml").is_file():
         estimates = [*estimates_in(folder).values()]
-        return options.fit_command(folder, read_estimate(estimates[0], max_rows=1).experiment if estimates else None)
+        return options.fit_command(folder, read_estimate(estimates[0]).experiment if estimates else None)
     # A search has been made: the report shows what it left unexplained.
     return f"auvid report {shlex.quote(str(folder))}"
 
