@@ -141,7 +141,7 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
         cost_of("simulate", "field", *length, "--as-log", "--output", str(log), "--quiet")
         survey = str(_survey(folder, duration))
         add("import, field log", "import", "--map", str(log / "map.yaml"), "--output", survey)
-        add("inspect, field log", "inspect", survey)
+        add("inspect, field log", "inspect", survey, "--output", str(folder / "inspection"), "--overwrite")
         shutil.rmtree(home)
     for duration in durations:
         length, whole = ("--set", f"manoeuvre.duration={duration} s"), folder / "whole"
@@ -153,7 +153,17 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
     lateral.write_text(settings()[0], encoding="utf-8")
     for duration in durations:
         if duration <= _MAX_ALL:
-            add("tune, field log", "tune", str(_survey(folder, duration)), "--set", str(lateral))
+            survey = str(_survey(folder, duration))
+            add(
+                "tune, field log",
+                "tune",
+                survey,
+                "--set",
+                str(lateral),
+                "--output",
+                str(folder / "tuned"),
+                "--overwrite",
+            )
     return rows
 
 
