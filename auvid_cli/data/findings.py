@@ -32,9 +32,10 @@ class TunedNoise(NamedTuple):
     unit: str  # SI
     stated: float  # value in the settings
     tuned: float  # most likely value
-    # Lower end of the 95 % interval; 0 if any smaller value is as likely (white noise for a time constant)
+    # Ends of the 95 % interval; NaN if it was not computed. The lower one is 0 if any smaller value is as likely (white
+    # noise for a time constant), the upper one infinite if any larger value is.
     low: float
-    high: float  # upper end of the 95 % interval; infinite if any larger value is as likely
+    high: float
 
     @property
     def is_time_constant(self) -> bool:

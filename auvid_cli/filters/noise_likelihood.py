@@ -60,8 +60,9 @@ class NoiseFactors(NamedTuple):
     """Maximum-likelihood factors of groups of noise."""
 
     factor: Array  # shape (k,)
-    low: Array  # shape (k,); lower end of the 95 % interval; 0 if the interval includes no noise
-    high: Array  # shape (k,); upper end of the 95 % interval; infinite if it includes any larger factor
+    # Ends of the 95 % intervals; NaN if they were not computed
+    low: Array  # shape (k,); 0 if the interval includes no noise
+    high: Array  # shape (k,); infinite if it includes any larger factor
     log_likelihood: float  # up to a constant of the data
     gain: float  # increase of the log-likelihood over that of factors of 1
     converged: bool
@@ -187,8 +188,8 @@ def most_likely_noise(
     on_pass : callable
         Receives a `NoiseProgress` before each forward or backward pass; an exception that it raises ends the search.
     is_coarse : bool
-        Whether to end where the log-likelihood hardly changes, and to leave out the intervals, which are then 0 to
-        infinity. This serves to compare models.
+        Whether to end where the log-likelihood hardly changes, and to leave out the intervals, which are then NaN.
+        This serves to compare models.
     start : Trajectory, optional
         First trajectory, near that of the marginal estimate; by default the most probable one.
     """
@@ -202,8 +203,8 @@ def most_likely_noise(
         return None
     x, trajectory, information, level, stated, converged = found
     if is_coarse:
-        none, infinite = np.zeros(x.size), np.full(x.size, np.inf)
-        return NoiseFactors(np.exp(x), none, infinite, level, level - stated, converged, trajectory)
+        unknown = np.full(x.size, np.nan)
+        return NoiseFactors(np.exp(x), unknown, unknown, level, level - stated, converged, trajectory)
 
     def decrease(logarithms: Array) -> float:
         return level - likelihood.at(logarithms, trajectory)

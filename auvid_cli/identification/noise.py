@@ -103,9 +103,9 @@ def tune_noise(
     def report(search: NoiseProgress) -> None:
         def so_far() -> tuple[Tuning, Motion]:
             assert search.trajectory is not None, "asked for only after the first trajectory"
-            none, infinite, level = np.zeros(len(noises)), np.full(len(noises), np.inf), search.log_likelihood
-            factor = np.exp(search.log_factor)
-            best = NoiseFactors(factor, none, infinite, level, search.gain, False, search.trajectory)
+            factor, unknown = np.exp(search.log_factor), np.full(len(noises), np.nan)
+            level, trajectory = search.log_likelihood, search.trajectory
+            best = NoiseFactors(factor, unknown, unknown, level, search.gain, False, trajectory)
             return _tuning(experiment, noises, best), Motion.of_trajectory(augmented, search.trajectory)
 
         on_progress(TuningProgress(search, so_far))

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from math import isfinite, isnan
+from math import isfinite, isinf, isnan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -200,7 +200,7 @@ def choice_text(choice: DisturbanceChoice) -> str:
 
 
 def _is_flat(noise: TunedNoise) -> bool:
-    return noise.low == 0.0 and not isfinite(noise.high)
+    return noise.low == 0.0 and isinf(noise.high)
 
 
 def _is_bounded(noise: TunedNoise) -> bool:
@@ -244,8 +244,8 @@ _NOISE_CELLS: dict[Column, Callable[[TunedNoise], Cell]] = {
     text_column("unit"): lambda noise: UnitCell(noise.unit),
     Column("stated"): lambda noise: noise.stated,
     Column("found"): _most_likely,
-    Column("95 % from"): lambda noise: noise.low,
-    Column("to"): lambda noise: noise.high if isfinite(noise.high) else "no limit",
+    Column("95 % from"): lambda noise: None if isnan(noise.low) else noise.low,
+    Column("to"): lambda noise: None if isnan(noise.high) else noise.high if isfinite(noise.high) else "no limit",
 }
 
 

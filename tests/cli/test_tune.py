@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import pytest
 import typer
+from rich.console import Console
 from typer.testing import CliRunner
 
 from auvid_cli.api import Destination, Progress
@@ -18,6 +19,7 @@ from auvid_cli.cli.experiment import tune
 from auvid_cli.config.extra_states import ProcessNoise
 from auvid_cli.data.dataset_file import write_dataset
 from auvid_cli.data.estimate_file import read_estimate
+from auvid_cli.report.screens import print_tuning
 
 FEW = "identification.coefficients=[X_u|u|, N_url]"
 SLOW = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz"
@@ -56,7 +58,7 @@ def test_tune_prints_noise_and_next_command(simulated_with, tmp_path, run):
 
 
 @pytest.mark.slow
-def test_interrupted_tuning_keeps_best_noise_so_far(simulated_with, tmp_path):
+def test_interrupted_tuning_keeps_best_noise_so_far(simulated_with, tmp_path, capsys):
     class Interrupting(Progress):
         sentences: ClassVar[list[str]] = []
 
@@ -67,10 +69,15 @@ def test_interrupted_tuning_keeps_best_noise_so_far(simulated_with, tmp_path):
 
     write_dataset(tmp_path / "dataset.h5", simulated_with("manoeuvre.duration=4 s", *SLOW, FEW))
     place = Destination(None, False, Interrupting())
-    tuning = tune_into(place, tmp_path / "dataset.h5", (), sensors=False, disturbance=False).tuning
+    tuning, fits, *_ = tune_into(place, tmp_path / "dataset.h5", (), sensors=False, disturbance=False)
     assert tuning.gain > 0.0
     assert not tuning.converged
-    assert all(noise.low == 0.0 and noise.high == math.inf for noise in tuning.noises)
+    assert all(math.isnan(noise.low) and math.isnan(noise.high) for noise in tuning.noises)
+    print_tuning(Console(), tuning, *fits)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "process_noise.rate" in printed
+    assert "any smaller value fits as well" not in printed
+    assert "no limit" not in printed
     read_dataset(tmp_path / "dataset.h5", str(tmp_path / "tuned.yaml"))
     assert any(sentence.startswith("interrupted") for sentence in Interrupting.sentences)
 
