@@ -101,7 +101,7 @@ SCREENS = (
     ),
     Screen("explanation/verdicts", "unjudged", f"{_CKF} -o results/u", ("CKF unjudged",)),
     Screen("quick-start", "prediction", _ZIGZAG, ("Yaw rate in turns", "Sway in turns", "The model of")),
-    Screen("own-log", "step", _FIT, ("look 1, candidate 2",)),
+    Screen("own-log", "step", _FIT, ("look 1, candidate 2", "look 1: kept")),
     Screen(
         "own-log", "fit", _FIT, ("symbol", "N_url", "Prediction", "Judgement", "Added", "scale", "current:", "Held")
     ),
@@ -109,7 +109,18 @@ SCREENS = (
         "how-to/fit",
         "fit",
         _FIT,
-        ("look 1, candidate 2", "symbol", "N_url", "Prediction", "Judgement", "Added", "trim", "Held", "next: "),
+        (
+            "look 1, candidate 2",
+            "look 1: kept",
+            "symbol",
+            "N_url",
+            "Prediction",
+            "Judgement",
+            "Added",
+            "trim",
+            "Held",
+            "next: ",
+        ),
     ),
     Screen("own-log", "by hand", _BY_HAND, ("Yaw rate in turns", "Sway in turns")),
     Screen(
