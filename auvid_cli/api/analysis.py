@@ -146,7 +146,8 @@ def tune_into(
     dataset = read_dataset(path, *overrides, "identification.noise=stated")
     with results_folder(place, RecordedData(path, dataset), new=["tuned.yaml"]) as folder:
         with place.progress.stage("tune") as label:
-            latest, begin = None, monotonic()
+            latest: TuningProgress | None = None
+            begin = monotonic()
 
             def show(progress: TuningProgress) -> None:
                 nonlocal latest
