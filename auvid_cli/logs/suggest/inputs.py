@@ -282,7 +282,8 @@ def _thrust(inputs: Mapping[str, FoundInput]) -> Iterator[Line]:
         full = YamlEntry("full", None, "required: force at 100 percent, such as 20 N")
         yield YamlEntry("thrust", [_share(inputs["thrust.share"]), full])
     else:
-        yield Comment("check: no column looks like thrust, so it will be zero")
+        constant = "surge_force: {constant: 10 N}"
+        yield Comment(f"check: no column looks like thrust, so it will be zero; a constant one: {constant}")
 
 
 def _revolutions(command: FoundInput) -> YamlEntry:
