@@ -1,8 +1,10 @@
 """Linear smoothing about a trajectory: process noise, the linear problem and its solution, and Gauss-Newton steps."""
 
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -22,6 +24,10 @@ from auvid_cli.filters.smoother_forward import (
 )
 from auvid_cli.filters.workspace import State
 
+T = TypeVar("T")
+
+# Chunks that threads linearise while another one is filtered.
+_N_AHEAD = 2
 # Step of the difference quotient of decay rates.
 _RATE_STEP = 1e-5  # s
 # Events from one evaluation of the decay rates to the next.
@@ -123,6 +129,18 @@ def _decay_rates(problem: JointProblem, timeline: Timeline, states: Array) -> Ar
     return np.array(rates)
 
 
+def computed_ahead(calls: Iterable[Callable[[], T]]) -> Iterator[T]:
+    """Yield the results of calls, in their order, while threads do the next ones."""
+    waiting = deque[Future[T]]()
+    with ThreadPoolExecutor(_N_AHEAD) as threads:
+        for call in calls:
+            waiting.append(threads.submit(call))
+            if len(waiting) > _N_AHEAD:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Parameters and motion over all data."""
@@ -160,6 +178,14 @@ class Filtered:
     final: State  # deviation at the end; its parameters are the estimate
 
 
+class _Place(NamedTuple):
+    """Chunk of a segment."""
+
+    segment: int
+    chunk: int
+    timeline: Timeline
+
+
 class Smoothed(NamedTuple):
     """Smoothed chunk of a linear problem."""
 
@@ -187,7 +213,6 @@ class LinearSmoothing:
         self._data = ModelData.of(process, sensors)
         self._n_parameters = problem.n_parameters
         self._n = problem.n_parameters + problem.n_moving
-        self._work = SmootherWorkspace.of(process, self._n, sensors.matrix.shape[1])
         self._cache, self._cached_trajectory = dict[tuple[int, int], tuple[Linearised, ForwardPass]](), None
         self._cache_size = cache * _CACHE_SIZE
         # The trajectory of all linearisations in the cache: noise changes forward passes only.
@@ -206,27 +231,31 @@ class LinearSmoothing:
         cost, least, log_determinant, before, by_parameters, state = 0.0, 0.0, 0.0, [], [], None
         is_linearised = trajectory is self._linearised_trajectory
         self._cached_trajectory, self._linearised_trajectory, room = trajectory, None, self._cache_size
-        for segment in range(len(self._segments)):
-            gaussian, derivative, distance = self._initial_deviation(trajectory, segment, state)
-            cost += distance
-            by_parameters.append(derivative)
-            state = new_state(gaussian)
-            before.append([])
-            for chunk, timeline in enumerate(self._segments[segment]):
-                # Reuse the arrays of the last trajectory: new memory is slow, because it comes page by page.
-                former, forward_pass = self._cache.pop((segment, chunk), (None, None))
-                if former is None or not is_linearised:
-                    about = self._linearise(trajectory, segment, chunk, timeline, former)
-                else:
-                    about = former
-                before[-1].append(state.copy())
-                forward_pass = ForwardPass.of(about) if forward_pass is None else forward_pass
-                if (room := room - sum(array.nbytes for array in (*forward_pass, about.rows, about.transition))) >= 0:
-                    self._cache[segment, chunk] = about, forward_pass
-                good, *sums = self._forward(timeline, about, state, forward_pass)
-                cost, least, log_determinant = cost + sums[0], least + sums[1], log_determinant + sums[2]
-                if good < timeline.time.size:
-                    return None
+
+        def linearise(place: _Place) -> Callable[[], tuple[_Place, Linearised, ForwardPass | None]]:
+            # Reuse the arrays of the last trajectory: new memory is slow, because it comes page by page.
+            former, forward_pass = self._cache.pop(place[:2], (None, None))
+            if former is not None and is_linearised:
+                return lambda: (place, former, forward_pass)
+            compute = self._linearisation(trajectory, place, former)
+            return lambda: (place, compute(), forward_pass)
+
+        for place, about, forward_pass in computed_ahead(map(linearise, self._places())):
+            if place.chunk == 0:
+                gaussian, derivative, distance = self._initial_deviation(trajectory, place.segment, state)
+                cost += distance
+                by_parameters.append(derivative)
+                state = new_state(gaussian)
+                before.append([])
+            assert state is not None, "the first chunk begins a segment"
+            before[-1].append(state.copy())
+            forward_pass = ForwardPass.of(about) if forward_pass is None else forward_pass
+            if (room := room - sum(array.nbytes for array in (*forward_pass, about.rows, about.transition))) >= 0:
+                self._cache[place[:2]] = about, forward_pass
+            good, *sums = self._forward(place.timeline, about, state, forward_pass)
+            cost, least, log_determinant = cost + sums[0], least + sums[1], log_determinant + sums[2]
+            if good < place.timeline.time.size:
+                return None
         assert state is not None, "there is at least one segment"
         if len(self._cache) < _MIN_CACHED * sum(map(len, before)):
             self._cache_size = 0
@@ -260,70 +289,106 @@ class LinearSmoothing:
 
     def forward_passes(self, filtered: Filtered) -> Iterator[tuple[int, Timeline, Linearised, ForwardPass]]:
         """Yield segment, data, linearisation and forward pass of each chunk, from the first to the last."""
-        for segment in range(len(self._segments)):
-            for chunk, timeline in enumerate(self._segments[segment]):
-                yield segment, timeline, *self._forward_pass(filtered, segment, chunk, timeline)
+        yield from computed_ahead(self._forward_pass(filtered, place) for place in self._places())
 
     def forward_passes_back(
         self, filtered: Filtered, adjoint: Adjoint
     ) -> Iterator[tuple[int, Timeline, Linearised, ForwardPass]]:
         """Yield the forward passes from the last to the first; the caller carries the adjoint back over each chunk."""
-        for segment in reversed(range(len(self._segments))):
-            for chunk, timeline in self._from_last(filtered, segment):
-                yield segment, timeline, *self._forward_pass(filtered, segment, chunk, timeline)
-            adjoint.to_previous_segment(np.vstack([np.eye(self._n_parameters), filtered.by_parameters[segment]]))
+        places = (place for segment in reversed(range(len(self._segments))) for place in self._back(filtered, segment))
+        last = len(self._segments) - 1
+        for segment, *filtered_chunk in computed_ahead(self._forward_pass(filtered, place) for place in places):
+            if segment < last:
+                self._to_previous_segment(filtered, last, adjoint)
+                last = segment
+            yield segment, *filtered_chunk
+        self._to_previous_segment(filtered, last, adjoint)
+
+    def _to_previous_segment(self, filtered: Filtered, segment: int, adjoint: Adjoint) -> None:
+        adjoint.to_previous_segment(np.vstack([np.eye(self._n_parameters), filtered.by_parameters[segment]]))
 
     def linearised(
         self, filtered: Filtered, segment: int, backwards: bool = False
     ) -> Iterator[tuple[Timeline, Linearised]]:
         """Yield the linearised chunks of a segment, from the first or from the last, without filtering them."""
-        chunks = enumerate(self._segments[segment])
-        for chunk, timeline in self._from_last(filtered, segment) if backwards else chunks:
-            if self._is_cached(filtered, segment, chunk):
-                yield timeline, self._cache[segment, chunk][0]
-            else:
-                yield timeline, self._linearise(filtered.trajectory, segment, chunk, timeline)
 
-    def _from_last(self, filtered: Filtered, segment: int) -> Iterator[tuple[int, Timeline]]:
-        """Yield number and data of each chunk of a segment, from the last to the first."""
-        numbers = reversed(range(len(filtered.before[segment])))
-        return zip(numbers, reversed(self._segments[segment]), strict=True)
+        def linearise(place: _Place) -> Callable[[], tuple[Timeline, Linearised]]:
+            if self._is_cached(filtered, place):
+                about = self._cache[place[:2]][0]
+                return lambda: (place.timeline, about)
+            compute = self._linearisation(filtered.trajectory, place)
+            return lambda: (place.timeline, compute())
+
+        places = self._back(filtered, segment) if backwards else self._places([segment])
+        yield from computed_ahead(map(linearise, places))
+
+    def _places(self, segments: Iterable[int] | None = None) -> Iterator[_Place]:
+        """Yield the chunks of all or some segments, from the first to the last."""
+        for segment in range(len(self._segments)) if segments is None else segments:
+            for chunk, timeline in enumerate(self._segments[segment]):
+                yield _Place(segment, chunk, timeline)
+
+    def _back(self, filtered: Filtered, segment: int) -> Iterator[_Place]:
+        """Yield the chunks of a segment, from the last to the first."""
+        chunk = len(filtered.before[segment])
+        for timeline in reversed(self._segments[segment]):
+            chunk -= 1
+            yield _Place(segment, chunk, timeline)
 
     def _forward_pass(
-        self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline
-    ) -> tuple[Linearised, ForwardPass]:
-        """Return the linearisation and forward pass of a chunk, from the cache or filtered again."""
-        if self._is_cached(filtered, segment, chunk):
-            return self._cache[segment, chunk]
-        about = self._linearise(filtered.trajectory, segment, chunk, timeline)
-        forward_pass = ForwardPass.of(about)
-        self._forward(timeline, about, filtered.before[segment][chunk].copy(), forward_pass)
-        return about, forward_pass
+        self, filtered: Filtered, place: _Place
+    ) -> Callable[[], tuple[int, Timeline, Linearised, ForwardPass]]:
+        """Return a call that returns segment, data, linearisation and forward pass of a chunk, cached or done again."""
+        segment, chunk, timeline = place
+        if self._is_cached(filtered, place):
+            cached = self._cache[segment, chunk]
+            return lambda: (segment, timeline, *cached)
+        linearise = self._linearisation(filtered.trajectory, place)
 
-    def _is_cached(self, filtered: Filtered, segment: int, chunk: int) -> bool:
-        return filtered.trajectory is self._cached_trajectory and (segment, chunk) in self._cache
+        def compute() -> tuple[int, Timeline, Linearised, ForwardPass]:
+            about = linearise()
+            forward_pass = ForwardPass.of(about)
+            self._forward(timeline, about, filtered.before[segment][chunk].copy(), forward_pass)
+            return segment, timeline, about, forward_pass
 
-    def _linearise(
-        self, trajectory: Trajectory, segment: int, chunk: int, timeline: Timeline, former: Linearised | None = None
-    ) -> Linearised:
-        """Linearise a chunk about a trajectory, in the arrays of a former linearisation if there is one."""
+        return compute
+
+    def _is_cached(self, filtered: Filtered, place: _Place) -> bool:
+        return filtered.trajectory is self._cached_trajectory and place[:2] in self._cache
+
+    def _linearisation(
+        self, trajectory: Trajectory, place: _Place, former: Linearised | None = None
+    ) -> Callable[[], Linearised]:
+        """Return a call that linearises a chunk about a trajectory, in the arrays of `former` if there is one.
+
+        The trajectory is read now, because only one thread may read its file.
+        """
+        segment, chunk, timeline = place
         chunks, shape = trajectory.moving[segment], timeline.measurement.shape
-        before = chunks[chunk - 1][-1] if chunk else trajectory.initial[segment]
-        if former is None:
-            about = Linearised(
-                trajectory.parameters,
-                before,
-                chunks[chunk],
-                residual=np.full(shape, np.nan),
-                rows=np.zeros((*shape, self._n)),
-                defect=np.zeros(chunks[chunk].shape),
-                transition=np.zeros((*chunks[chunk].shape, self._n)),
-            )
-        else:
-            about = former._replace(parameters=trajectory.parameters, before=before, moving=chunks[chunk])
-        linearise_process(self._process.transition, self._data, timeline, about, self._work)
-        linearise_measurements(self._process.linearise, self._data, timeline, about, self._work)
-        return about
+        before, moving = chunks[chunk - 1][-1] if chunk else trajectory.initial[segment], chunks[chunk]
+
+        def linearise() -> Linearised:
+            if former is None:
+                about = Linearised(
+                    trajectory.parameters,
+                    before,
+                    moving,
+                    residual=np.full(shape, np.nan),
+                    rows=np.zeros((*shape, self._n)),
+                    defect=np.zeros(moving.shape),
+                    transition=np.zeros((*moving.shape, self._n)),
+                )
+            else:
+                about = former._replace(parameters=trajectory.parameters, before=before, moving=moving)
+            work = self._workspace()
+            linearise_process(self._process.transition, self._data, timeline, about, work)
+            linearise_measurements(self._process.linearise, self._data, timeline, about, work)
+            return about
+
+        return linearise
+
+    def _workspace(self) -> SmootherWorkspace:
+        return SmootherWorkspace.of(self._process, self._n, self._data.sensors.matrix.shape[1])
 
     def _initial_deviation(
         self, trajectory: Trajectory, segment: int, state: State | None
@@ -346,7 +411,7 @@ class LinearSmoothing:
         self, timeline: Timeline, about: Linearised, state: State, forward_pass: ForwardPass
     ) -> tuple[int, float, float, float]:
         noise = accumulated_noise(self._process, timeline)
-        return forward(self._data.sensors, noise, timeline, about, state, forward_pass, self._work)
+        return forward(self._data.sensors, noise, timeline, about, state, forward_pass, self._workspace())
 
 
 def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> tuple[Filtered, bool] | None:

@@ -5,13 +5,20 @@ parameters. The gradient of that sum is computed by one backward pass and differ
 process; adjoint equations give its effect on parameters and fault scores.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from auvid_cli.arrays import Array, ArrayStore
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
-from auvid_cli.filters.linear_smoother import ConditionalFilter, Filtered, LinearSmoothing, Trajectory
+from auvid_cli.filters.linear_smoother import (
+    ConditionalFilter,
+    Filtered,
+    LinearSmoothing,
+    Trajectory,
+    computed_ahead,
+)
 from auvid_cli.filters.problem import TIMELINE, FaultScores, JointProblem, ModelData, Timeline
 from auvid_cli.filters.smoother_backward import ADJOINT, Adjoint, adjoint_predict, adjoint_update
 from auvid_cli.filters.smoother_forward import (
@@ -61,8 +68,6 @@ def _gradients(
     n, n_moving = problem.n_parameters, problem.n_moving
     n_states = n + n_moving
     total = np.zeros(n_states + (0 if faults is None else len(faults.labels)))
-    data = ModelData.of(problem.process, problem.sensors)
-    work = SmootherWorkspace.of(problem.process, n_states, problem.sensors.matrix.shape[1])
     initial, moving, scale = list[Array](), list[ArrayStore](), 2.0 / _STATE_STEP
     for segment in range(len(problem.segments)):
 
@@ -89,9 +94,9 @@ def _gradients(
             by_states = np.zeros((1 + timeline.time.size, n_moving))
             by_states[-1] = by_last
             sample = TransitionSample.of(timeline, _TRANSITION_INTERVAL if faults is None else 0.0)
-            by_sample, shifted = sample.sums(by_transition), _empty_like(about)
-            for state in range(n_moving):
-                _linearise_shifted(problem, data, timeline, sample.timeline, about, state, shifted, work)
+            by_sample = sample.sums(by_transition)
+            shifts = (partial(_shifted, problem, timeline, sample.timeline, about, state) for state in range(n_moving))
+            for state, shifted in enumerate(computed_ahead(shifts)):
                 effects = columns(timeline, shifted)
                 difference = effects.on_states[sample.events] - nominal.on_states[sample.events]
                 by_process = np.einsum("ki,kij->kj", by_sample[..., state], difference)
@@ -108,28 +113,17 @@ def _gradients(
     return Trajectory(total[:n], initial, moving), total[n_states:]
 
 
-def _empty_like(about: Linearised) -> Linearised:
-    """Return a linearised chunk about the same parameters, with arrays of its own."""
-    return Linearised(about.parameters, *(np.zeros_like(array) for array in about[1:]))
-
-
-def _linearise_shifted(
-    problem: JointProblem,
-    data: ModelData,
-    timeline: Timeline,
-    sample: Timeline,
-    about: Linearised,
-    state: int,
-    shifted: Linearised,
-    work: SmootherWorkspace,
-) -> None:
+def _shifted(problem: JointProblem, timeline: Timeline, sample: Timeline, about: Linearised, state: int) -> Linearised:
     """Linearise a chunk, and its process at a sample, about the trajectory with one state shifted by `_STATE_STEP`."""
     shift = np.zeros(problem.n_moving)
     shift[state] = _STATE_STEP
-    np.add(about.before, shift, out=shifted.before)
-    np.add(about.moving, shift, out=shifted.moving)
+    empty = (np.zeros_like(array) for array in about[3:])
+    shifted = Linearised(about.parameters, about.before + shift, about.moving + shift, *empty)
+    data, (_, n_components, n) = ModelData.of(problem.process, problem.sensors), about.rows.shape
+    work = SmootherWorkspace.of(problem.process, n, n_components)
     linearise_process(problem.process.transition, data, sample, shifted, work)
     linearise_measurements(problem.process.linearise, data, timeline, shifted, work)
+    return shifted
 
 
 @compiled(

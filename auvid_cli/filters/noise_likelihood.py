@@ -127,6 +127,12 @@ class _Likelihood:
         filtered = self.filter(logarithms, trajectory)
         return -np.inf if filtered is None else log_likelihood(filtered)
 
+    def most_probable(self, logarithms: Array, max_passes: int) -> Trajectory | None:
+        """Return the most probable trajectory with scaled noise; None if there is none."""
+        self._scale(logarithms)
+        minima = most_probable(self._present, self.smoothing, max_passes, enough=1)
+        return minima[0][0].trajectory if minima else None
+
     def scores(self, filtered: Filtered) -> NoiseScores:
         """Return the derivatives at the log factors of the last forward pass."""
         self._count_pass()
@@ -176,6 +182,7 @@ def most_likely_noise(
     on_pass: OnPass = lambda progress: None,
     is_coarse: bool = False,
     start: Trajectory | None = None,
+    first: Array | None = None,
 ) -> NoiseFactors | None:
     """Estimate the factors of groups of noise; None if no trajectory has a finite cost.
 
@@ -192,13 +199,14 @@ def most_likely_noise(
         This serves to compare models.
     start : Trajectory, optional
         First trajectory, near that of the marginal estimate; by default the most probable one.
+    first : ndarray, shape (k,), optional
+        Log factors with which the search begins; by default 0.
     """
-    likelihood = _Likelihood(problem, groups, on_pass)
+    likelihood, x = _Likelihood(problem, groups, on_pass), np.zeros(len(groups)) if first is None else first
     trajectory = start
-    if trajectory is None or likelihood.smoothing.filter(trajectory) is None:
-        minima = most_probable(problem, likelihood.smoothing, max_passes, enough=1)
-        trajectory = minima[0][0].trajectory if minima else None
-    found = None if trajectory is None else _search(likelihood, trajectory, is_coarse)
+    if trajectory is None or likelihood.filter(x, trajectory) is None:
+        trajectory = likelihood.most_probable(x, max_passes)
+    found = None if trajectory is None else _search(likelihood, x, trajectory, is_coarse)
     if found is None:
         return None
     x, trajectory, information, level, stated, converged = found
@@ -220,11 +228,11 @@ def most_likely_noise(
     return NoiseFactors(np.exp(x), low, high, level, level - stated, converged, trajectory)
 
 
-def _search(likelihood: _Likelihood, trajectory: Trajectory, is_coarse: bool) -> _Optimum | None:
-    """Climb about one trajectory after another; None if one has no finite cost."""
-    x, gain, converged = np.zeros(likelihood.minimum.size), np.inf, False
+def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse: bool) -> _Optimum | None:
+    """Climb from log factors x about one trajectory after another; None if one has no finite cost."""
+    gain, converged = np.inf, False
     likelihood.set_process_memory(trajectory)
-    stated = level = likelihood.at(x, trajectory)
+    stated = level = likelihood.at(np.zeros(x.size), trajectory)
     best, latest = -np.inf, 0
     information, increase = np.eye(x.size), _COARSE_INCREASE if is_coarse else _MIN_INCREASE
     for number in range(1, MAX_TRAJECTORIES + 1):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from math import log
 from typing import NamedTuple, TypeVar
 
@@ -39,6 +40,9 @@ SettingsClass = TypeVar("SettingsClass", bound=Settings)
 
 # Smallest factor on the noise of a sensor in a coarse tuning. Below it, process noise would replace that of the sensor.
 _LEAST_SENSOR_FACTOR = 0.1
+# A search on longer data begins with a coarse one on a part of them.
+_LONG_DATA = 600.0  # s
+_PART, _WINDOW = 300.0, 60.0  # s; length of the part, and of the windows of which it consists
 # Factor on the shortest time constant and the smallest level that settings accept: a rounded estimate is accepted too.
 _MARGIN = 1.01
 
@@ -57,13 +61,14 @@ class TuningProgress(NamedTuple):
 
     search: NoiseProgress
     so_far: Callable[[], tuple[Tuning, Motion]]  # best noise so far, without intervals, and its motion
+    data: str = "the data"  # which it passes through
 
     def __str__(self) -> str:
         """Return how far it is, in words."""
         search = self.search
         where = f"trajectory {min(search.trajectories + 1, MAX_TRAJECTORIES)} of at most {MAX_TRAJECTORIES}"
         count = f"{search.passes} pass{'' if search.passes == 1 else 'es'}"
-        return f"{count} through the data, {where}, log-likelihood {search.gain:+.4g}"
+        return f"{count} through {self.data}, {where}, log-likelihood {search.gain:+.4g}"
 
 
 OnProgress = Callable[[TuningProgress], None]
@@ -110,14 +115,45 @@ def tune_noise(
 
         on_progress(TuningProgress(search, so_far))
 
-    groups = _groups(noises)
-    likeliest = most_likely_noise(augmented.joint, groups, settings.smoother.max_passes, report)
+    first = None
+    if (part := _eventful_part(prepared)) is not None:
+        joint = augmented_problem(part).joint
+        on_part = partial(_report_part, on_progress)
+        in_part = most_likely_noise(joint, _groups(noises), settings.smoother.max_passes, on_part, is_coarse=True)
+        first = None if in_part is None else np.log(in_part.factor)
+    groups, max_passes = _groups(noises), settings.smoother.max_passes
+    likeliest = most_likely_noise(augmented.joint, groups, max_passes, report, first=first)
     if likeliest is None:
         raise DataError(
             "no trajectory follows these data with the stated noise: start from a larger "
             "identification.process_noise, and check signs and units (auvid inspect)"
         )
     return _tuning(experiment, noises, likeliest), Motion.of_trajectory(augmented, likeliest.trajectory)
+
+
+def _eventful_part(prepared: PreparedData) -> PreparedData | None:
+    """Return the windows of long data in which the inputs vary most; None if the data are not long."""
+    spans = [segment.timelines.span for segment in prepared.segments]
+    if sum(end - begin for begin, end in spans) <= _LONG_DATA:
+        return None
+    starts = np.concatenate([np.arange(begin, end - _WINDOW, _WINDOW) for begin, end in spans])
+    inputs = prepared.dataset.inputs
+    values = inputs.values / np.maximum(inputs.values.std(axis=0), np.finfo(float).tiny)
+    rows = [slice(*np.searchsorted(inputs.time, [start, start + _WINDOW])) for start in starts]
+    variation = [float(values[window].var(axis=0).sum()) if window.stop > window.start else 0.0 for window in rows]
+    chosen = np.sort(starts[np.argsort(variation)[-round(_PART / _WINDOW) :]])
+    windows = tuple((float(start), float(start + 0.99 * _WINDOW)) for start in chosen)
+    use = prepared.experiment.identification.use
+    return prepared.with_identification(use=use.model_copy(update={"spans": windows}))
+
+
+def _report_part(on_progress: OnProgress, search: NoiseProgress) -> None:
+    """Report the progress of a search on a part of the data, which leaves no result if it is interrupted."""
+
+    def so_far() -> tuple[Tuning, Motion]:
+        raise AssertionError("no trajectory of all data was found")
+
+    on_progress(TuningProgress(search._replace(trajectories=0, share=0.0), so_far, "a part of the data"))
 
 
 def tune_coarsely(
