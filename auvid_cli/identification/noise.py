@@ -30,6 +30,7 @@ from auvid_cli.filters.noise_likelihood import (
     most_likely_noise,
 )
 from auvid_cli.filters.noise_scores import NoiseGroup
+from auvid_cli.filters.smoother import follow_measurements
 from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.problem_setup import AugmentedProblem, Motion, augmented_problem, shortest_interval
@@ -116,10 +117,10 @@ def tune_noise(
         on_progress(TuningProgress(search, so_far))
 
     first = None
-    if (part := _eventful_part(prepared)) is not None:
-        joint = augmented_problem(part).joint
-        on_part = partial(_report_part, on_progress)
-        in_part = most_likely_noise(joint, _groups(noises), settings.smoother.max_passes, on_part, is_coarse=True)
+    if (part := _part(prepared)) is not None:
+        joint, on_part = augmented_problem(part).joint, partial(_report_part, on_progress)
+        max_passes, start = settings.smoother.max_passes, follow_measurements(joint)
+        in_part = most_likely_noise(joint, _groups(noises), max_passes, on_part, is_coarse=True, start=start)
         first = None if in_part is None else np.log(in_part.factor)
     groups, max_passes = _groups(noises), settings.smoother.max_passes
     likeliest = most_likely_noise(augmented.joint, groups, max_passes, report, first=first)
@@ -131,17 +132,14 @@ def tune_noise(
     return _tuning(experiment, noises, likeliest), Motion.of_trajectory(augmented, likeliest.trajectory)
 
 
-def _eventful_part(prepared: PreparedData) -> PreparedData | None:
-    """Return the windows of long data in which the inputs vary most; None if the data are not long."""
+def _part(prepared: PreparedData) -> PreparedData | None:
+    """Return evenly spaced windows of long data; None if the data are not long."""
     spans = [segment.timelines.span for segment in prepared.segments]
     if sum(end - begin for begin, end in spans) <= _LONG_DATA:
         return None
     starts = np.concatenate([np.arange(begin, end - _WINDOW, _WINDOW) for begin, end in spans])
-    inputs = prepared.dataset.inputs
-    values = inputs.values / np.maximum(inputs.values.std(axis=0), np.finfo(float).tiny)
-    rows = [slice(*np.searchsorted(inputs.time, [start, start + _WINDOW])) for start in starts]
-    variation = [float(values[window].var(axis=0).sum()) if window.stop > window.start else 0.0 for window in rows]
-    chosen = np.sort(starts[np.argsort(variation)[-round(_PART / _WINDOW) :]])
+    chosen = starts[np.linspace(0, starts.size - 1, round(_PART / _WINDOW)).astype(np.int64)]
+    # A little shorter than their distance, so that they remain separate.
     windows = tuple((float(start), float(start + 0.99 * _WINDOW)) for start in chosen)
     use = prepared.experiment.identification.use
     return prepared.with_identification(use=use.model_copy(update={"spans": windows}))
