@@ -179,10 +179,17 @@ def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mappi
 
 
 def contributors_text(estimate: Estimate, symbol: str) -> str:
-    """Return the known quantities that make a coefficient most uncertain, with their part in percent of it."""
-    value = abs(float(estimate.mean[-1, estimate.state.index(symbol)]))
-    found = estimate.contributors(symbol)
-    return "; ".join(f"{each.fault} {100.0 * each.deviation / value:.2g} %" for each in found if value)
+    """Return the errors that make a coefficient most uncertain, with their part in percent of it.
+
+    These are errors of known quantities, and before them the noise if it has a larger part than each of them.
+    """
+    row = estimate.state.index(symbol)
+    value, noise = abs(float(estimate.mean[-1, row])), float(estimate.standard_deviation[-1, row])
+    noise = estimate.corrected.get(symbol, noise)
+    parts = [(str(each.fault), each.deviation) for each in estimate.contributors(symbol)]
+    if parts and noise > parts[0][1]:
+        parts.insert(0, ("noise", noise))
+    return "; ".join(f"{error} {100.0 * part / value:.2g} %" for error, part in parts if value)
 
 
 def one_speed_remarks(estimate: Estimate) -> list[str]:

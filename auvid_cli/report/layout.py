@@ -49,10 +49,10 @@ NIS_MEANS = (
 )
 _TOTAL = (
     "± total: standard deviation that also allows for errors of known quantities (identification.tolerances), such as "
-    "inertia and thrust. ± data: from noise alone; that of smoother and OE also if it is correlated in time."
+    "inertia and thrust. ± data: from noise alone; for smoother and output error (OE), noise may be correlated in time."
 )
 _FROM = (
-    "Mostly from: the errors that cause most of ± total, each in percent of the value: of known quantities, or of a "
+    "Mostly from: the errors that cause most of ± total, each in percent of the value: noise, a known quantity, or a "
     "term that the model does not have, such as Y_|v|r."
 )
 

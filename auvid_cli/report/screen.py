@@ -49,7 +49,10 @@ _NOTES = (
 )
 # Columns left out on a narrow terminal, in this order.
 _DROPPED_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
-_DROPPED_OF_ESTIMATES = "unit", "± data", "mostly from"
+_DROPPED_OF_ESTIMATES = (
+    *((), ("unit",), ("unit", "± data")),
+    *(("mostly from",), ("mostly from", "unit"), ("mostly from", "unit", "± data")),
+)
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
 _STYLES = {"FAIL": "bold red", "note": "yellow"}
 _VALIDATION_DIGITS = 3
@@ -216,10 +219,10 @@ def _estimate_tables(console: Console, evaluation: Evaluation, filters: list[str
     """Return the widest table that fits, or else one table for each filter; total standard deviations are kept."""
     full = estimates(evaluation, filters)
     headers = {column.header for column in full.columns}
-    dropped = [header for header in _DROPPED_OF_ESTIMATES if header in headers]
+    dropped = dict.fromkeys(tuple(name for name in names if name in headers) for names in _DROPPED_OF_ESTIMATES)
     choices = [
         screen_table(console, full.without(*left_out), unbroken=("symbol", "unit"), left_out=left_out)
-        for left_out in (dropped[:count] for count in range(len(dropped) + 1))
+        for left_out in dropped
     ]
     chosen = next((choice for choice in choices if fits(console, choice)), choices[-1] if len(filters) == 1 else None)
     if chosen is not None:
