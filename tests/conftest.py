@@ -101,10 +101,10 @@ def simulated_with(experiment_with):
 
 @pytest.fixture(scope="session")
 def multisine_with(simulated_with):
-    """Function: 40 s of a multisine with few measurements, and overrides."""
+    """Function: 30 s of a multisine with few measurements, and overrides."""
     quick = (
         "manoeuvre=manoeuvres/multisine.yaml",
-        "manoeuvre.duration=40 s",
+        "manoeuvre.duration=30 s",
         "manoeuvre.initial_speed=3.9 m/s",
         "sensors.attitude={source: direct, rate: 5 Hz}",
         "sensors.gyroscope.rate=10 Hz",

@@ -183,9 +183,7 @@ def contributors_text(estimate: Estimate, symbol: str) -> str:
 
     These are errors of known quantities, and before them the noise if it has a larger part than each of them.
     """
-    row = estimate.state.index(symbol)
-    value, noise = abs(float(estimate.mean[-1, row])), float(estimate.standard_deviation[-1, row])
-    noise = estimate.corrected.get(symbol, noise)
+    value, noise = abs(float(estimate.mean[-1, estimate.state.index(symbol)])), estimate.data_deviations()[symbol]
     parts = [(str(each.fault), each.deviation) for each in estimate.contributors(symbol)]
     if parts and noise > parts[0][1]:
         parts.insert(0, ("noise", noise))

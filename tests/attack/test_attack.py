@@ -12,18 +12,18 @@ from benchmarks.attack.table import failures
 
 # Those that draw figures take a second each.
 COUNTS = {
-    "settings": 6,
-    "overrides": 10,
-    "bytes": 6,
+    "settings": 3,
+    "overrides": 4,
+    "bytes": 3,
     "structure": 1,
-    "logs": 8,
-    "plans": 2,
-    "links": 6,
+    "logs": 4,
+    "plans": 1,
+    "links": 3,
     "environment": 1,
     "memory": 1,
-    "limits": 4,
-    "large": 2,
-    "objects": 60,
+    "limits": 2,
+    "large": 1,
+    "objects": 20,
 }
 SEED = 1
 

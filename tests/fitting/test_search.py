@@ -35,8 +35,9 @@ def test_unknown_kind_of_addition_is_refused(short_run):
 
 
 @pytest.mark.slow
-def test_trimmed_rudder_is_found_and_nothing_else(trimmed):
-    steps: list[str] = []
+def test_trimmed_rudder_is_found_and_nothing_else(multisine_with):
+    # Long enough for a prediction of the last third.
+    trimmed, steps = multisine_with(f"manoeuvre.fin_trim.rudder={TRIM}", "manoeuvre.duration=40 s"), list[str]()
     # The truth must not matter.
     fit = fit_model(replace(trimmed, truth=None), FitLimits(), steps.append)
     assert [step.partition(",")[0] for step in steps if "kept" in step] == ["look 1: kept trim of the fins"]

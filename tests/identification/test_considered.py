@@ -11,6 +11,7 @@ from auvid_cli.config.identification import Tolerances
 from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.data.estimate_file import read_estimate, write_estimate
 from auvid_cli.data.faults import Fault
+from auvid_cli.evaluation.accuracy import contributors_text
 from auvid_cli.filters.fault_scores import second_moments
 from auvid_cli.filters.problem import FaultScores
 from auvid_cli.identification.fault_effects import tolerance_of
@@ -97,6 +98,9 @@ def test_total_covariance_adds_errors_of_known_quantities(estimate, tmp_path):
     assert all(total[symbol] >= data[symbol] for symbol in data)
     first, second = estimate.contributors("M_uude")
     assert total["M_uude"] >= first.deviation >= second.deviation > 0.0
+    for symbol in estimate.coefficient_set.symbols:
+        named = contributors_text(estimate, symbol).split("; ")
+        assert (named[0].startswith("noise")) == (data[symbol] > estimate.contributors(symbol)[0].deviation)
     write_estimate(tmp_path / "smoother.h5", estimate)
     back = read_estimate(tmp_path / "smoother.h5")
     assert back.considered.faults == considered.faults

@@ -204,3 +204,23 @@ def test_settings_accept_a_level_that_is_tuned_to_nothing(simulated_with):
     tuning, _ = found
     read = parse_run(dump_experiment(tuning.experiment), "tuned", ())
     assert read.identification.estimate.gyro.walk >= 1e-12
+
+
+@pytest.mark.slow
+def test_search_on_long_data_begins_on_a_part_and_finds_the_same_noise(simulated_with):
+    rates = "sensors.gyroscope.rate=2 Hz", "sensors.dvl.rate=2 Hz", "sensors.attitude={source: direct, rate: 2 Hz}"
+    dataset = simulated_with(
+        "manoeuvre.duration=640 s", "manoeuvre.input_rate=2 Hz", "identification.integration_step=0.1 s", *rates, FEW
+    )
+    dvl = dataset.sensors["dvl"]
+    stated = replace(dvl, standard_deviation=3.0 * dvl.standard_deviation)
+    wrong = prepare(replace(dataset, sensors=dataset.sensors | {"dvl": stated}))
+    steps: list[str] = []
+    tuned, _ = tune_noise(wrong, with_sensors=True, on_progress=lambda progress: steps.append(str(progress)))
+    on_part = ["a part of the data" in step for step in steps]
+    assert on_part[0]
+    assert not on_part[-1]
+    assert on_part == sorted(on_part, reverse=True)
+    (noise,) = [noise for noise in tuned.noises if noise.setting.endswith("measurement_noise.dvl")]
+    width = np.log(noise.high / noise.low) / 4.0
+    assert abs(np.log(3.0 * noise.tuned)) < 3.0 * width

@@ -54,6 +54,19 @@ def test_estimates_have_total_deviations_at_any_width(evaluation, width):
     assert text.count("± 0.75") == len(rows)
 
 
+def test_a_narrow_terminal_drops_the_widest_column_of_one_estimate(evaluation):
+    causes = "rudder reacting to disturbances 5 %, elevator reacting to disturbances 4 %"
+    rows = [
+        row._replace(total_standard_deviation=0.75, contributors=causes)
+        for row in evaluation.coefficients
+        if row.filter == "ckf"
+    ]
+    own = evaluation._replace(coefficients=rows, summary=[row for row in evaluation.summary if row.filter == "ckf"])
+    text = printed(own, 80)
+    assert "left out at 80 columns (widen the terminal): mostly from" in " ".join(text.split())
+    assert "± data" in text
+
+
 def test_what_an_error_is_of_is_said_where_there_is_one(evaluation):
     explained = "Steady-state error: distance of the mean over the last tenth of the run from the true value."
     assert explained in printed(evaluation, 200)
