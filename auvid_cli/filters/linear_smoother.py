@@ -28,6 +28,8 @@ T = TypeVar("T")
 
 # Chunks that threads linearise while another one is filtered.
 _N_AHEAD = 2
+# Fewest chunks of data for which they do. With fewer, they cost more than they save where the other cores are in use.
+_MANY = 24
 # Step of the difference quotient of decay rates.
 _RATE_STEP = 1e-5  # s
 # Events from one evaluation of the decay rates to the next.
@@ -129,8 +131,11 @@ def _decay_rates(problem: JointProblem, timeline: Timeline, states: Array) -> Ar
     return np.array(rates)
 
 
-def computed_ahead(calls: Iterable[Callable[[], T]]) -> Iterator[T]:
-    """Yield the results of calls, in their order, while threads do the next ones."""
+def computed_ahead(calls: Iterable[Callable[[], T]], trajectory: "Trajectory") -> Iterator[T]:
+    """Yield the results of calls, in their order; if the trajectory is long, threads do the next ones meanwhile."""
+    if sum(map(len, trajectory.moving)) < _MANY:
+        yield from (call() for call in calls)
+        return
     waiting = deque[Future[T]]()
     with ThreadPoolExecutor(_N_AHEAD) as threads:
         for call in calls:
@@ -240,7 +245,7 @@ class LinearSmoothing:
             compute = self._linearisation(trajectory, place, former)
             return lambda: (place, compute(), forward_pass)
 
-        for place, about, forward_pass in computed_ahead(map(linearise, self._places())):
+        for place, about, forward_pass in computed_ahead(map(linearise, self._places()), trajectory):
             if place.chunk == 0:
                 gaussian, derivative, distance = self._initial_deviation(trajectory, place.segment, state)
                 cost += distance
@@ -289,15 +294,16 @@ class LinearSmoothing:
 
     def forward_passes(self, filtered: Filtered) -> Iterator[tuple[int, Timeline, Linearised, ForwardPass]]:
         """Yield segment, data, linearisation and forward pass of each chunk, from the first to the last."""
-        yield from computed_ahead(self._forward_pass(filtered, place) for place in self._places())
+        calls = (self._forward_pass(filtered, place) for place in self._places())
+        yield from computed_ahead(calls, filtered.trajectory)
 
     def forward_passes_back(
         self, filtered: Filtered, adjoint: Adjoint
     ) -> Iterator[tuple[int, Timeline, Linearised, ForwardPass]]:
         """Yield the forward passes from the last to the first; the caller carries the adjoint back over each chunk."""
         places = (place for segment in reversed(range(len(self._segments))) for place in self._back(filtered, segment))
-        last = len(self._segments) - 1
-        for segment, *filtered_chunk in computed_ahead(self._forward_pass(filtered, place) for place in places):
+        calls, last = (self._forward_pass(filtered, place) for place in places), len(self._segments) - 1
+        for segment, *filtered_chunk in computed_ahead(calls, filtered.trajectory):
             if segment < last:
                 self._to_previous_segment(filtered, last, adjoint)
                 last = segment
@@ -320,7 +326,7 @@ class LinearSmoothing:
             return lambda: (place.timeline, compute())
 
         places = self._back(filtered, segment) if backwards else self._places([segment])
-        yield from computed_ahead(map(linearise, places))
+        yield from computed_ahead(map(linearise, places), filtered.trajectory)
 
     def _places(self, segments: Iterable[int] | None = None) -> Iterator[_Place]:
         """Yield the chunks of all or some segments, from the first to the last."""

@@ -96,7 +96,7 @@ def _gradients(
             sample = TransitionSample.of(timeline, _TRANSITION_INTERVAL if faults is None else 0.0)
             by_sample = sample.sums(by_transition)
             shifts = (partial(_shifted, problem, timeline, sample.timeline, about, state) for state in range(n_moving))
-            for state, shifted in enumerate(computed_ahead(shifts)):
+            for state, shifted in enumerate(computed_ahead(shifts, filtered.trajectory)):
                 effects = columns(timeline, shifted)
                 difference = effects.on_states[sample.events] - nominal.on_states[sample.events]
                 by_process = np.einsum("ki,kij->kj", by_sample[..., state], difference)
