@@ -303,11 +303,11 @@ class LinearSmoothing:
         """Yield the forward passes from the last to the first; the caller carries the adjoint back over each chunk."""
         places = (place for segment in reversed(range(len(self._segments))) for place in self._back(filtered, segment))
         calls, last = (self._forward_pass(filtered, place) for place in places), len(self._segments) - 1
-        for segment, *filtered_chunk in computed_ahead(calls, filtered.trajectory):
-            if segment < last:
+        for chunk in computed_ahead(calls, filtered.trajectory):
+            if chunk[0] < last:
                 self._to_previous_segment(filtered, last, adjoint)
-                last = segment
-            yield segment, *filtered_chunk
+                last = chunk[0]
+            yield chunk
         self._to_previous_segment(filtered, last, adjoint)
 
     def _to_previous_segment(self, filtered: Filtered, segment: int, adjoint: Adjoint) -> None:
