@@ -179,15 +179,16 @@ def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mappi
 
 
 def contributors_text(estimate: Estimate, symbol: str) -> str:
-    """Return the errors that make a coefficient most uncertain, with their part in percent of it.
+    """Return the two errors that make a coefficient most uncertain, with their part in percent of it.
 
-    These are errors of known quantities, and before them the noise if it has a larger part than each of them.
+    Each is the noise or an error of a known quantity; no text if the known quantities add nothing.
     """
     value, noise = abs(float(estimate.mean[-1, estimate.state.index(symbol)])), estimate.data_deviations()[symbol]
-    parts = [(str(each.fault), each.deviation) for each in estimate.contributors(symbol)]
-    if parts and noise > parts[0][1]:
-        parts.insert(0, ("noise", noise))
-    return "; ".join(f"{error} {100.0 * part / value:.2g} %" for error, part in parts if value)
+    known = [(str(each.fault), each.deviation) for each in estimate.contributors(symbol)]
+    if not known or not value:
+        return ""
+    largest = sorted([("noise", noise), *known], key=lambda part: part[1], reverse=True)[:2]
+    return "; ".join(f"{error} {100.0 * part / value:.2g} %" for error, part in largest)
 
 
 def one_speed_remarks(estimate: Estimate) -> list[str]:

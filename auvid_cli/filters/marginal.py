@@ -31,8 +31,6 @@ _FIXING_FACTOR = 1e-8
 _MOTION_PASSES = 5
 # Predicted decrease of the objective below which it is at its minimum if no step lowers it.
 _NEGLIGIBLE_DECREASE = 0.1
-# Largest error of the objective, because the motion has not converged, for which a step may raise it.
-_MAX_ERROR = 5.0
 # Largest number of halvings of a step that raises the objective.
 _MAX_HALVINGS = 8
 
@@ -64,7 +62,6 @@ class _GivenParameters(NamedTuple):
 
     trajectory: Trajectory
     objective: float  # minus twice the log of the marginal posterior of the parameters, up to a constant
-    remaining: float  # possible decrease of the cost of the motion
     converged: bool
 
 
@@ -139,8 +136,7 @@ def _line_search(
     parts = (0.5**halvings * step for halvings in range(1 if accelerated is step else 0, _MAX_HALVINGS))
     for move in (accelerated, *parts):
         after = _given_parameters(problem, filtered, at.trajectory, at.trajectory.parameters + deviation * move)
-        error = 0.0 if after is None else min(at.remaining + after.remaining, _MAX_ERROR)
-        if after is not None and after.objective < limit + error:
+        if after is not None and after.objective < limit:
             return after, move
     return None
 
@@ -180,8 +176,6 @@ def _given_parameters(
     minimum, converged = found
     # A full step could raise the cost again before it has converged.
     moved = minimum.trajectory.stepped(smoothing.step(minimum), 1.0) if converged else minimum.trajectory
-    # The least cost, because that of a motion that has not converged is larger by up to ten. The factor of fixed
-    # parameters is part of the determinant, but the same for all.
-    objective = minimum.least + minimum.log_determinant + float(from_prior @ from_prior)
-    remaining = 0.0 if converged else minimum.cost - minimum.least
-    return _GivenParameters(replace(moved, parameters=parameters), objective, remaining, converged)
+    # The factor of fixed parameters is part of the determinant, but the same for all.
+    objective = minimum.cost + minimum.log_determinant + float(from_prior @ from_prior)
+    return _GivenParameters(replace(moved, parameters=parameters), objective, converged)

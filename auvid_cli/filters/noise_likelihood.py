@@ -235,13 +235,8 @@ def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse
     stated = level = likelihood.at(np.zeros(x.size), trajectory)
     best, latest = -np.inf, 0
     information, increase = np.eye(x.size), _COARSE_INCREASE if is_coarse else _MIN_INCREASE
-    change = np.zeros(x.size)
     for number in range(1, MAX_TRAJECTORIES + 1):
-        before, last, former = x, level, change
-        change = _climb(likelihood, x, trajectory, min_increase=increase) - before
-        is_back = change * former < 0.0
-        # Noise and trajectory follow each other: a level that goes back has gone too far, and would do so again.
-        x = before + np.where(is_back, 0.5 * change, change)
+        before, last, x = x, level, _climb(likelihood, x, trajectory, min_increase=increase)
         filtered = likelihood.filter(x, trajectory)
         if filtered is None:
             return None
@@ -251,7 +246,7 @@ def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse
         )
         likelihood.set_share(_SEARCH_SHARE * (1.0 - _REMAINING**number))
         information = likelihood.scores(filtered).information
-        is_same = bool((np.abs(change) < _MAX_CHANGE * _deviations(information)).all())
+        is_same = bool((np.abs(x - before) < _MAX_CHANGE * _deviations(information)).all())
         # The first trajectory is not yet a marginal estimate.
         converged = gain < _MAX_GAIN and (is_same or (is_coarse and abs(level - last) < _MAX_GAIN))
         best, latest = (level, number) if level > best + _MAX_GAIN else (best, latest)
