@@ -31,6 +31,8 @@ _FIXING_FACTOR = 1e-8
 _MOTION_PASSES = 5
 # Predicted decrease of the objective below which it is at its minimum if no step lowers it.
 _NEGLIGIBLE_DECREASE = 0.1
+# Largest error of the objective, because the motion has not converged, for which a rough step may raise it.
+_MAX_ERROR = 5.0
 # Largest number of halvings of a step that raises the objective.
 _MAX_HALVINGS = 8
 
@@ -62,11 +64,16 @@ class _GivenParameters(NamedTuple):
 
     trajectory: Trajectory
     objective: float  # minus twice the log of the marginal posterior of the parameters, up to a constant
+    remaining: float  # decrease of the cost that is left to the motion, if it has not converged
     converged: bool
+
+    def least(self, is_rough: bool) -> float:
+        """Return the objective; a rough one as if the motion had converged, from the linear problem."""
+        return self.objective - (self.remaining if is_rough else 0.0)
 
 
 def integrate_out_motion(
-    problem: JointProblem, smoothing: LinearSmoothing, start: Filtered, max_steps: int
+    problem: JointProblem, smoothing: LinearSmoothing, start: Filtered, max_steps: int, is_rough: bool = False
 ) -> tuple[Filtered, ConvergenceStatus | None, float] | None:
     """Maximise the marginal posterior of the parameters; None if the motion diverges for them.
 
@@ -78,6 +85,9 @@ def integrate_out_motion(
     start : Filtered
         About the first parameters, for example those of the joint minimum, and a motion.
     max_steps : int
+    is_rough : bool
+        Whether the motion need not converge. On long data it hardly does, and the error of the objective would reject
+        good steps.
 
     Returns
     -------
@@ -94,7 +104,7 @@ def integrate_out_motion(
     at = _given_parameters(problem, filtered, filtered.trajectory, filtered.trajectory.parameters)
     if at is None or (filtered := smoothing.filter(at.trajectory)) is None:
         return None
-    objective = at.objective
+    objective = at.least(is_rough)
     for _ in range(max_steps):
         # To the joint minimum of the linear problem, and from there to the marginal one.
         step = filtered.final.mean[:n] + marginal_step(problem, smoothing, filtered)
@@ -102,8 +112,8 @@ def integrate_out_motion(
         convergence = ConvergenceStatus(float(step @ np.linalg.solve(covariance, step)), steps[-1])
         is_small = bool((np.abs(steps[-1]) <= _MAX_LAST_STEP).all())
         # A small step changes the objective by less than its rounding.
-        limit = np.inf if is_small else at.objective
-        found = _line_search(problem, filtered, at, deviation, (_accelerated(moves, steps), steps[-1]), limit)
+        limit = np.inf if is_small else at.least(is_rough)
+        found = _line_search(problem, filtered, at, deviation, (_accelerated(moves, steps), steps[-1]), limit, is_rough)
         if found is None:
             # Where the motion hardly converges, the objective is rounded too.
             convergence = None if convergence.cost_decrease < _NEGLIGIBLE_DECREASE else convergence
@@ -115,7 +125,7 @@ def integrate_out_motion(
         if is_small and at.converged:
             convergence = None
             break
-    return filtered, convergence, 0.5 * (objective - at.objective)
+    return filtered, convergence, 0.5 * (objective - at.least(is_rough))
 
 
 def _line_search(
@@ -125,6 +135,7 @@ def _line_search(
     deviation: Array,
     moves: tuple[Array, Array],
     limit: float,
+    is_rough: bool,
 ) -> tuple[_GivenParameters, Array] | None:
     """Return the motion after the first move with an objective below a limit, and this move; None if none has one.
 
@@ -136,7 +147,10 @@ def _line_search(
     parts = (0.5**halvings * step for halvings in range(1 if accelerated is step else 0, _MAX_HALVINGS))
     for move in (accelerated, *parts):
         after = _given_parameters(problem, filtered, at.trajectory, at.trajectory.parameters + deviation * move)
-        if after is not None and after.objective < limit:
+        if after is None:
+            continue
+        error = min(at.remaining + after.remaining, _MAX_ERROR) if is_rough else 0.0
+        if after.least(is_rough) < limit + error:
             return after, move
     return None
 
@@ -178,4 +192,5 @@ def _given_parameters(
     moved = minimum.trajectory.stepped(smoothing.step(minimum), 1.0) if converged else minimum.trajectory
     # The factor of fixed parameters is part of the determinant, but the same for all.
     objective = minimum.cost + minimum.log_determinant + float(from_prior @ from_prior)
-    return _GivenParameters(replace(moved, parameters=parameters), objective, converged)
+    remaining = 0.0 if converged else minimum.cost - minimum.least
+    return _GivenParameters(replace(moved, parameters=parameters), objective, remaining, converged)
