@@ -4,6 +4,7 @@ import tempfile
 import weakref
 from collections.abc import Iterator, Sequence
 from math import prod
+from threading import Lock
 from typing import IO, Any, NamedTuple, overload
 
 import numpy as np
@@ -44,6 +45,7 @@ class ArrayStore(Sequence[Array]):
     def __init__(self) -> None:
         self._entries, self._room = list[Array | _Place](), MAX_IN_MEMORY
         self._file: IO[bytes] | None = None
+        self._position = Lock()  # of the file: several threads may read
 
     def append(self, array: Array) -> None:
         """Append an array, which must not be changed afterwards.
@@ -61,8 +63,9 @@ class ArrayStore(Sequence[Array]):
         self._room = 0
         try:
             file = self._file or self._open()
-            place = _Place(file.seek(0, 2), array.shape)
-            array.tofile(file)
+            with self._position:
+                place = _Place(file.seek(0, 2), array.shape)
+                array.tofile(file)
         except OSError as error:
             where, reason = tempfile.gettempdir(), error.strerror or error
             raise FileError(f"{where}: temporary file not written: {reason}; set TMPDIR to another folder") from None
@@ -96,5 +99,6 @@ class ArrayStore(Sequence[Array]):
         if not isinstance(entry, _Place):
             return entry
         assert self._file is not None, "an array has a place only if it was written"
-        self._file.seek(entry.offset)
-        return np.fromfile(self._file, count=prod(entry.shape)).reshape(entry.shape)
+        with self._position:
+            self._file.seek(entry.offset)
+            return np.fromfile(self._file, count=prod(entry.shape)).reshape(entry.shape)

@@ -1,19 +1,21 @@
-"""Linear smoothing about a trajectory: process noise, the linear problem and its solution, and Gauss-Newton steps."""
+"""Linear smoothing about a trajectory: the linear problem and its solution, and Gauss-Newton steps."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from functools import partial
+from itertools import starmap
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from auvid_cli.arrays import Array, ArrayStore
-from auvid_cli.filters.problem import Gaussian, JointProblem, ModelData, Process, Timeline
+from auvid_cli.filters.problem import Gaussian, JointProblem, ModelData, Timeline
+from auvid_cli.filters.process_noise import accumulated_noise
 from auvid_cli.filters.smoother_backward import Adjoint, backward
 from auvid_cli.filters.smoother_forward import (
-    AccumulatedNoise,
     ForwardPass,
     Linearised,
     SmootherWorkspace,
@@ -30,10 +32,6 @@ T = TypeVar("T")
 _N_AHEAD = 2
 # Fewest chunks of data for which they do. With fewer, they cost more than they save where the other cores are in use.
 _MANY = 24
-# Step of the difference quotient of decay rates.
-_RATE_STEP = 1e-5  # s
-# Events from one evaluation of the decay rates to the next.
-_RATE_INTERVAL = 10
 # Forward passes kept for the backward pass; other chunks are filtered twice.
 _CACHE_SIZE = 2**28  # bytes
 # Smallest share of the chunks for which a cache is worth its memory.
@@ -49,97 +47,17 @@ _NEGLIGIBLE_MOVE = 0.05
 _MIN_FRACTION = 2.0**-10
 
 
-def noise_variance(process: Process, timeline: Timeline) -> Array:
-    """Return the variance of each moving state's own noise accumulated before each event, shape (n_events, n_moving).
-
-    A state that decays at the rate a, over the time h, keeps ``q^2 (1 - exp(-2 a h)) / (2 a)`` of white noise of
-    density q. Zero for an event without substeps.
-    """
-    elapsed = _elapsed(timeline)
-    white = np.outer(elapsed, process.noise_density**2)
-    if process.decay.size == 0:
-        return white
-    exponent = 2.0 * np.outer(elapsed, process.decay)
-    return white * np.divide(-np.expm1(-exponent), exponent, out=np.ones_like(exponent), where=exponent != 0.0)
-
-
-def accumulated_noise(process: Process, timeline: Timeline) -> AccumulatedNoise:
-    """Return the process noise accumulated before each event.
-
-    White noise of density q on a state that drives another one by the factor a gives them, over the time h, the
-    covariance ``q^2 [h, a h^2 / 2; a h^2 / 2, a^2 h^3 / 3]`` (Van Loan, IEEE Trans. Autom. Control 23(3), 1978). It is
-    that of noise in the middle of h, and of ``a^2 q^2 h^3 / 12`` on the driven state alone.
-    """
-    variance = noise_variance(process, timeline)
-    total = variance + variance_on_driven(process, timeline, variance)
-    return AccumulatedNoise(total, 0.5 * _elapsed(timeline), process.driven)
-
-
-def variance_on_driven(process: Process, timeline: Timeline, variance: Array) -> Array:
-    """Return the part ``a^2 q^2 h^3 / 12`` of `accumulated_noise`, shape (n_events, n_moving), linear in `variance`."""
-    if not process.driven.size:
-        return np.zeros_like(variance)
-    return (_elapsed(timeline)[:, None] ** 2 / 12.0) * (variance @ np.square(process.driven).T)
-
-
-def variance_by_time_constant(process: Process, timeline: Timeline) -> Array:
-    """Return the derivative of log `noise_variance` by the log of a state's time constant, shape (n_events, n_moving).
-
-    The stationary variance s^2 of the state is held constant: its noise has ``q^2 = 2 a s^2``.
-    """
-    elapsed = _elapsed(timeline)
-    if process.decay.size == 0:
-        return np.full((elapsed.size, process.noise_density.size), -1.0)
-    exponent = 2.0 * np.outer(elapsed, process.decay)
-    return -np.divide(exponent, np.expm1(exponent), out=np.ones_like(exponent), where=exponent != 0.0)
-
-
-def _elapsed(timeline: Timeline) -> Array:
-    """Return the duration of the substeps before each event, s."""
-    return np.diff(np.concatenate([[0.0], np.cumsum(timeline.substep_duration)])[timeline.substep_offset])
-
-
-def with_process_memory(problem: JointProblem, parameters: Array, moving: Sequence[Sequence[Array]]) -> JointProblem:
-    """Return the problem with the mean rates at which the motion forgets process noise along a trajectory.
-
-    They stay constant while the trajectory changes, so that likelihoods remain comparable.
-
-    Parameters
-    ----------
-    problem : JointProblem
-    parameters : ndarray, shape (n_parameters,)
-    moving : sequence of sequence of ndarray, shape (n_events, n_moving)
-        Moving states by segment and chunk.
-    """
-    rates = [
-        _decay_rates(problem, timeline, np.hstack([np.tile(parameters, (len(chunk), 1)), chunk]))
-        for segment, chunks in zip(problem.segments, moving, strict=True)
-        for timeline, chunk in zip(segment, chunks, strict=True)
-    ]
-    return problem._replace(process=problem.process._replace(decay=np.concatenate(rates).mean(axis=0)))
-
-
-def _decay_rates(problem: JointProblem, timeline: Timeline, states: Array) -> Array:
-    """Return the rates at some events of a chunk, 1/s, shape (n, n_moving)."""
-    process, n_parameters = problem.process, problem.n_parameters
-    rates, matrix, scratch = [], np.eye(states.shape[1]), np.zeros(process.scratch_size)
-    for event in range(0, len(states), _RATE_INTERVAL):
-        substep = timeline.event_input[event : event + 1], np.array([_RATE_STEP])
-        constants = process.constants, process.selection
-        process.transition(states[event].copy(), timeline.inputs, *substep, *constants, matrix, scratch)
-        rates.append((1.0 - np.diagonal(matrix)[n_parameters:]) / _RATE_STEP)
-    return np.array(rates)
-
-
-def computed_ahead(calls: Iterable[Callable[[], T]], trajectory: "Trajectory") -> Iterator[T]:
-    """Yield the results of calls, in their order; if the trajectory is long, threads do the next ones meanwhile."""
+def computed_ahead(
+    function: Callable[..., T], items: Iterable[tuple[Any, ...]], trajectory: "Trajectory"
+) -> Iterator[T]:
+    """Yield a function of each item, in order; if the trajectory is long, threads compute the next ones meanwhile."""
     if sum(map(len, trajectory.moving)) < _MANY:
-        yield from (call() for call in calls)
+        yield from starmap(function, items)
         return
     waiting = deque[Future[T]]()
     with ThreadPoolExecutor(_N_AHEAD) as threads:
-        for call in calls:
-            waiting.append(threads.submit(call))
+        for item in items:
+            waiting.append(threads.submit(function, *item))
             if len(waiting) > _N_AHEAD:
                 yield waiting.popleft().result()
         while waiting:
@@ -181,14 +99,6 @@ class Filtered:
     # from the correlations of the prior
     by_parameters: list[Array]
     final: State  # deviation at the end; its parameters are the estimate
-
-
-class _Place(NamedTuple):
-    """Chunk of a segment."""
-
-    segment: int
-    chunk: int
-    timeline: Timeline
 
 
 class Smoothed(NamedTuple):
@@ -237,30 +147,28 @@ class LinearSmoothing:
         is_linearised = trajectory is self._linearised_trajectory
         self._cached_trajectory, self._linearised_trajectory, room = trajectory, None, self._cache_size
 
-        def linearise(place: _Place) -> Callable[[], tuple[_Place, Linearised, ForwardPass | None]]:
+        def linearise(segment: int, chunk: int, timeline: Timeline) -> tuple[Timeline, Linearised, ForwardPass]:
             # Reuse the arrays of the last trajectory: new memory is slow, because it comes page by page.
-            former, forward_pass = self._cache.pop(place[:2], (None, None))
-            if former is not None and is_linearised:
-                return lambda: (place, former, forward_pass)
-            compute = self._linearisation(trajectory, place, former)
-            return lambda: (place, compute(), forward_pass)
+            about, forward_pass = self._cache.pop((segment, chunk), (None, None))
+            if about is None or not is_linearised:
+                about = self._linearise(trajectory, segment, chunk, timeline, about)
+            return timeline, about, ForwardPass.of(about) if forward_pass is None else forward_pass
 
-        for place, about, forward_pass in computed_ahead(map(linearise, self._places()), trajectory):
-            if place.chunk == 0:
-                gaussian, derivative, distance = self._initial_deviation(trajectory, place.segment, state)
-                cost += distance
-                by_parameters.append(derivative)
-                state = new_state(gaussian)
-                before.append([])
-            assert state is not None, "the first chunk begins a segment"
-            before[-1].append(state.copy())
-            forward_pass = ForwardPass.of(about) if forward_pass is None else forward_pass
-            if (room := room - sum(array.nbytes for array in (*forward_pass, about.rows, about.transition))) >= 0:
-                self._cache[place[:2]] = about, forward_pass
-            good, *sums = self._forward(place.timeline, about, state, forward_pass)
-            cost, least, log_determinant = cost + sums[0], least + sums[1], log_determinant + sums[2]
-            if good < place.timeline.time.size:
-                return None
+        for segment in range(len(self._segments)):
+            gaussian, derivative, distance = self._initial_deviation(trajectory, segment, state)
+            cost += distance
+            by_parameters.append(derivative)
+            state = new_state(gaussian)
+            before.append([])
+            linearised = computed_ahead(linearise, self._chunks(segment), trajectory)
+            for chunk, (timeline, about, forward_pass) in enumerate(linearised):
+                before[-1].append(state.copy())
+                if (room := room - sum(array.nbytes for array in (*forward_pass, about.rows, about.transition))) >= 0:
+                    self._cache[segment, chunk] = about, forward_pass
+                good, *sums = self._forward(timeline, about, state, forward_pass)
+                cost, least, log_determinant = cost + sums[0], least + sums[1], log_determinant + sums[2]
+                if good < timeline.time.size:
+                    return None
         assert state is not None, "there is at least one segment"
         if len(self._cache) < _MIN_CACHED * sum(map(len, before)):
             self._cache_size = 0
@@ -294,104 +202,78 @@ class LinearSmoothing:
 
     def forward_passes(self, filtered: Filtered) -> Iterator[tuple[int, Timeline, Linearised, ForwardPass]]:
         """Yield segment, data, linearisation and forward pass of each chunk, from the first to the last."""
-        calls = (self._forward_pass(filtered, place) for place in self._places())
-        yield from computed_ahead(calls, filtered.trajectory)
+        for segment in range(len(self._segments)):
+            forward_pass = partial(self._forward_pass, filtered)
+            yield from computed_ahead(forward_pass, self._chunks(segment), filtered.trajectory)
 
     def forward_passes_back(
         self, filtered: Filtered, adjoint: Adjoint
     ) -> Iterator[tuple[int, Timeline, Linearised, ForwardPass]]:
         """Yield the forward passes from the last to the first; the caller carries the adjoint back over each chunk."""
-        places = (place for segment in reversed(range(len(self._segments))) for place in self._back(filtered, segment))
-        calls, last = (self._forward_pass(filtered, place) for place in places), len(self._segments) - 1
-        for chunk in computed_ahead(calls, filtered.trajectory):
-            if chunk[0] < last:
-                self._to_previous_segment(filtered, last, adjoint)
-                last = chunk[0]
-            yield chunk
-        self._to_previous_segment(filtered, last, adjoint)
-
-    def _to_previous_segment(self, filtered: Filtered, segment: int, adjoint: Adjoint) -> None:
-        adjoint.to_previous_segment(np.vstack([np.eye(self._n_parameters), filtered.by_parameters[segment]]))
+        for segment in reversed(range(len(self._segments))):
+            forward_pass = partial(self._forward_pass, filtered)
+            yield from computed_ahead(forward_pass, self._from_last(filtered, segment), filtered.trajectory)
+            adjoint.to_previous_segment(np.vstack([np.eye(self._n_parameters), filtered.by_parameters[segment]]))
 
     def linearised(
         self, filtered: Filtered, segment: int, backwards: bool = False
     ) -> Iterator[tuple[Timeline, Linearised]]:
         """Yield the linearised chunks of a segment, from the first or from the last, without filtering them."""
 
-        def linearise(place: _Place) -> Callable[[], tuple[Timeline, Linearised]]:
-            if self._is_cached(filtered, place):
-                about = self._cache[place[:2]][0]
-                return lambda: (place.timeline, about)
-            compute = self._linearisation(filtered.trajectory, place)
-            return lambda: (place.timeline, compute())
+        def linearise(segment: int, chunk: int, timeline: Timeline) -> tuple[Timeline, Linearised]:
+            if self._is_cached(filtered, segment, chunk):
+                return timeline, self._cache[segment, chunk][0]
+            return timeline, self._linearise(filtered.trajectory, segment, chunk, timeline)
 
-        places = self._back(filtered, segment) if backwards else self._places([segment])
-        yield from computed_ahead(map(linearise, places), filtered.trajectory)
+        chunks = self._from_last(filtered, segment) if backwards else self._chunks(segment)
+        yield from computed_ahead(linearise, chunks, filtered.trajectory)
 
-    def _places(self, segments: Iterable[int] | None = None) -> Iterator[_Place]:
-        """Yield the chunks of all or some segments, from the first to the last."""
-        for segment in range(len(self._segments)) if segments is None else segments:
-            for chunk, timeline in enumerate(self._segments[segment]):
-                yield _Place(segment, chunk, timeline)
+    def _chunks(self, segment: int) -> Iterator[tuple[int, int, Timeline]]:
+        """Yield the segment, and number and data of each of its chunks."""
+        return ((segment, chunk, timeline) for chunk, timeline in enumerate(self._segments[segment]))
 
-    def _back(self, filtered: Filtered, segment: int) -> Iterator[_Place]:
-        """Yield the chunks of a segment, from the last to the first."""
-        chunk = len(filtered.before[segment])
-        for timeline in reversed(self._segments[segment]):
-            chunk -= 1
-            yield _Place(segment, chunk, timeline)
+    def _from_last(self, filtered: Filtered, segment: int) -> Iterator[tuple[int, int, Timeline]]:
+        """Yield the same, from the last chunk to the first."""
+        numbers = reversed(range(len(filtered.before[segment])))
+        pairs = zip(numbers, reversed(self._segments[segment]), strict=True)
+        return ((segment, chunk, timeline) for chunk, timeline in pairs)
 
     def _forward_pass(
-        self, filtered: Filtered, place: _Place
-    ) -> Callable[[], tuple[int, Timeline, Linearised, ForwardPass]]:
-        """Return a call that returns segment, data, linearisation and forward pass of a chunk, cached or done again."""
-        segment, chunk, timeline = place
-        if self._is_cached(filtered, place):
-            cached = self._cache[segment, chunk]
-            return lambda: (segment, timeline, *cached)
-        linearise = self._linearisation(filtered.trajectory, place)
+        self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline
+    ) -> tuple[int, Timeline, Linearised, ForwardPass]:
+        """Return segment, data, linearisation and forward pass of a chunk, from the cache or filtered again."""
+        if self._is_cached(filtered, segment, chunk):
+            return segment, timeline, *self._cache[segment, chunk]
+        about = self._linearise(filtered.trajectory, segment, chunk, timeline)
+        forward_pass = ForwardPass.of(about)
+        self._forward(timeline, about, filtered.before[segment][chunk].copy(), forward_pass)
+        return segment, timeline, about, forward_pass
 
-        def compute() -> tuple[int, Timeline, Linearised, ForwardPass]:
-            about = linearise()
-            forward_pass = ForwardPass.of(about)
-            self._forward(timeline, about, filtered.before[segment][chunk].copy(), forward_pass)
-            return segment, timeline, about, forward_pass
+    def _is_cached(self, filtered: Filtered, segment: int, chunk: int) -> bool:
+        return filtered.trajectory is self._cached_trajectory and (segment, chunk) in self._cache
 
-        return compute
-
-    def _is_cached(self, filtered: Filtered, place: _Place) -> bool:
-        return filtered.trajectory is self._cached_trajectory and place[:2] in self._cache
-
-    def _linearisation(
-        self, trajectory: Trajectory, place: _Place, former: Linearised | None = None
-    ) -> Callable[[], Linearised]:
-        """Return a call that linearises a chunk about a trajectory, in the arrays of `former` if there is one.
-
-        The trajectory is read now, because only one thread may read its file.
-        """
-        segment, chunk, timeline = place
+    def _linearise(
+        self, trajectory: Trajectory, segment: int, chunk: int, timeline: Timeline, former: Linearised | None = None
+    ) -> Linearised:
+        """Linearise a chunk about a trajectory, in the arrays of a former linearisation if there is one."""
         chunks, shape = trajectory.moving[segment], timeline.measurement.shape
         before, moving = chunks[chunk - 1][-1] if chunk else trajectory.initial[segment], chunks[chunk]
-
-        def linearise() -> Linearised:
-            if former is None:
-                about = Linearised(
-                    trajectory.parameters,
-                    before,
-                    moving,
-                    residual=np.full(shape, np.nan),
-                    rows=np.zeros((*shape, self._n)),
-                    defect=np.zeros(moving.shape),
-                    transition=np.zeros((*moving.shape, self._n)),
-                )
-            else:
-                about = former._replace(parameters=trajectory.parameters, before=before, moving=moving)
-            work = self._workspace()
-            linearise_process(self._process.transition, self._data, timeline, about, work)
-            linearise_measurements(self._process.linearise, self._data, timeline, about, work)
-            return about
-
-        return linearise
+        if former is None:
+            about = Linearised(
+                trajectory.parameters,
+                before,
+                moving,
+                residual=np.full(shape, np.nan),
+                rows=np.zeros((*shape, self._n)),
+                defect=np.zeros(moving.shape),
+                transition=np.zeros((*moving.shape, self._n)),
+            )
+        else:
+            about = former._replace(parameters=trajectory.parameters, before=before, moving=moving)
+        work = self._workspace()
+        linearise_process(self._process.transition, self._data, timeline, about, work)
+        linearise_measurements(self._process.linearise, self._data, timeline, about, work)
+        return about
 
     def _workspace(self) -> SmootherWorkspace:
         return SmootherWorkspace.of(self._process, self._n, self._data.sensors.matrix.shape[1])

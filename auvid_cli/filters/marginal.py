@@ -11,15 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.arrays import Array
-from auvid_cli.filters.linear_smoother import (
-    Filtered,
-    LinearSmoothing,
-    Trajectory,
-    gauss_newton,
-    with_process_memory,
-)
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, gauss_newton
 from auvid_cli.filters.marginal_gradient import marginal_step
 from auvid_cli.filters.problem import ConvergenceStatus, Gaussian, JointProblem
+from auvid_cli.filters.process_noise import with_process_memory
 
 # Largest last step of the parameters, in standard deviations.
 _MAX_LAST_STEP = 0.05
@@ -40,7 +35,7 @@ _MAX_HALVINGS = 8
 class MarginalEstimate(NamedTuple):
     """Maximum of the marginal posterior."""
 
-    problem: JointProblem  # with process memory, see `auvid_cli.filters.linear_smoother`
+    problem: JointProblem  # with process memory, see `auvid_cli.filters.process_noise`
     filtered: Filtered  # about the estimated parameters and the most probable motion given them
     convergence: ConvergenceStatus | None  # none if it converged
 

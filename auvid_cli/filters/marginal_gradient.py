@@ -95,8 +95,9 @@ def _gradients(
             by_states[-1] = by_last
             sample = TransitionSample.of(timeline, _TRANSITION_INTERVAL if faults is None else 0.0)
             by_sample = sample.sums(by_transition)
-            shifts = (partial(_shifted, problem, timeline, sample.timeline, about, state) for state in range(n_moving))
-            for state, shifted in enumerate(computed_ahead(shifts, filtered.trajectory)):
+            shift = partial(_shifted, problem, timeline, sample.timeline, about)
+            states = ((state,) for state in range(n_moving))
+            for state, shifted in enumerate(computed_ahead(shift, states, filtered.trajectory)):
                 effects = columns(timeline, shifted)
                 difference = effects.on_states[sample.events] - nominal.on_states[sample.events]
                 by_process = np.einsum("ki,kij->kj", by_sample[..., state], difference)

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
-from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, with_process_memory
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory
 from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores, with_time_constants
 from auvid_cli.filters.problem import JointProblem
+from auvid_cli.filters.process_noise import with_process_memory
 from auvid_cli.filters.smoother import most_probable
 
 # Largest change of log factors between two trajectories at convergence, in standard deviations.

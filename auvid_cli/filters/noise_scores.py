@@ -21,15 +21,14 @@ from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
 from auvid_cli.filters.fault_scores import FaultEffects, fault_signatures
-from auvid_cli.filters.linear_smoother import (
-    Filtered,
-    LinearSmoothing,
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
+from auvid_cli.filters.problem import TIMELINE, Gaussian, JointProblem, ModelData, Process, Timeline
+from auvid_cli.filters.process_noise import (
     accumulated_noise,
     noise_variance,
     variance_by_time_constant,
     variance_on_driven,
 )
-from auvid_cli.filters.problem import TIMELINE, Gaussian, JointProblem, ModelData, Process, Timeline
 from auvid_cli.filters.smoother_backward import ADJOINT, Adjoint, adjoint_predict, adjoint_update
 from auvid_cli.filters.smoother_forward import (
     ACCUMULATED_NOISE,

@@ -58,7 +58,7 @@ class Process(NamedTuple):
     observe: Any = no_observation
     linearise: Any = no_linearisation  # predicts it for one state, shape (c,), with its derivative, shape (c, n)
     # Shape (n_moving,) or (0,); 1/s; rate at which each moving state forgets process noise, see
-    # `auvid_cli.filters.linear_smoother`. Empty if unknown; used by smoothers only.
+    # `auvid_cli.filters.process_noise`. Empty if unknown; used by smoothers only.
     decay: Array = np.zeros(0)
     # Shape (n_moving, n_moving) or (0, 0); derivative of the rate of each moving state by each noisy state that drives
     # it; such a state is itself not driven. Empty if none is; used by smoothers only.

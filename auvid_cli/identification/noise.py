@@ -116,13 +116,12 @@ def tune_noise(
 
         on_progress(TuningProgress(search, so_far))
 
-    first = None
+    groups, max_passes, first = _groups(noises), settings.smoother.max_passes, None
     if (part := _part(prepared)) is not None:
         joint, on_part = augmented_problem(part).joint, partial(_report_part, on_progress)
-        max_passes, start = settings.smoother.max_passes, follow_measurements(joint)
-        in_part = most_likely_noise(joint, _groups(noises), max_passes, on_part, is_coarse=True, start=start)
+        start = follow_measurements(joint)
+        in_part = most_likely_noise(joint, groups, max_passes, on_part, is_coarse=True, start=start)
         first = None if in_part is None else np.log(in_part.factor)
-    groups, max_passes = _groups(noises), settings.smoother.max_passes
     likeliest = most_likely_noise(augmented.joint, groups, max_passes, report, first=first)
     if likeliest is None:
         raise DataError(

@@ -49,9 +49,14 @@ _NOTES = (
 )
 # Columns left out on a narrow terminal, in this order.
 _DROPPED_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
-_DROPPED_OF_ESTIMATES = (
-    *((), ("unit",), ("unit", "± data")),
-    *(("mostly from",), ("mostly from", "unit"), ("mostly from", "unit", "± data")),
+# Choices of columns to leave out on a narrow terminal, in this order.
+_DROPPED_OF_ESTIMATES: tuple[tuple[str, ...], ...] = (
+    (),
+    ("unit",),
+    ("unit", "± data"),
+    ("mostly from",),
+    ("mostly from", "unit"),
+    ("mostly from", "unit", "± data"),
 )
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
 _STYLES = {"FAIL": "bold red", "note": "yellow"}

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
-from auvid_cli.filters.linear_smoother import noise_variance, with_process_memory
 from auvid_cli.filters.problem import JointProblem, Process, joint_gaussian
+from auvid_cli.filters.process_noise import noise_variance, with_process_memory
 
 RATE = st.floats(-3.0, 20.0)
 

@@ -67,7 +67,7 @@ def by_least_squares(linear_problem):
     )
 
 
-@pytest.mark.parametrize("chunk", [30, 7])
+@pytest.mark.parametrize("chunk", [30, 7, 1])  # in chunks of one event, threads linearise ahead
 def test_a_linear_problem_is_solved_as_by_one_big_system(chunk, linear_problem, by_least_squares, run_whole):
     history = run_whole(smooth_one, linear_problem, chunk=chunk)
     expected = by_least_squares
@@ -78,11 +78,12 @@ def test_a_linear_problem_is_solved_as_by_one_big_system(chunk, linear_problem, 
     assert_allclose(history.covariance, expected.covariance, rtol=1e-8, atol=1e-10)
 
 
-def test_same_numbers_from_memory_file_and_second_pass(linear_problem, run_whole, monkeypatch):
-    whole = run_whole(smooth_one, linear_problem, chunk=7)
+@pytest.mark.parametrize("chunk", [7, 1])
+def test_same_numbers_from_memory_file_and_second_pass(chunk, linear_problem, run_whole, monkeypatch):
+    whole = run_whole(smooth_one, linear_problem, chunk=chunk)
     monkeypatch.setattr("auvid_cli.arrays.MAX_IN_MEMORY", 0)
     monkeypatch.setattr("auvid_cli.filters.linear_smoother._CACHE_SIZE", 0)
-    filed = run_whole(smooth_one, linear_problem, chunk=7)
+    filed = run_whole(smooth_one, linear_problem, chunk=chunk)
     assert_array_equal(filed.covariance, whole.covariance)
     for name, rows in whole.records._asdict().items():
         assert_array_equal(getattr(filed.records, name), rows)
