@@ -54,7 +54,9 @@ def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
         text = path.read_text(encoding="utf-8").replace("[ekf, ckf, tukf", "[ckf, tukf")
         # Of so short a run the errors of an AHRS, which last, are doubted with reason.
         text = re.sub("(, smoother)?, output_error]", "]", text).replace("  filters: [", "  judge: false\n  filters: [")
-        text = text.replace("rate: 100 Hz", "rate: 25 Hz").replace("duration: 300 s", "duration: 120 s")
+        text = text.replace("rate: 100 Hz", "rate: 25 Hz").replace(
+            "duration: 300 s", "duration: 120 s\ninput_rate: 25 Hz"
+        )
         path.write_text(text, encoding="utf-8")
     monkeypatch.setattr(enums, "PACKAGE", configs.parent)
     monkeypatch.setattr(campaign, "N_PROBES", 1)

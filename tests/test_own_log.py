@@ -19,7 +19,7 @@ JUDGED = {"fit": 1, "identify": 1, "validate": 1}
 SHORTER = {
     "simulate field": "simulate field --set 'manoeuvre.duration=115 s'",
     "321:": "71:",
-    "auvid fit": "auvid fit --max-time '10 s'",
+    "auvid fit": "auvid fit --max-time '5 s'",
 }
 
 

@@ -189,7 +189,7 @@ def move_side_by_side(
         Additional terms of the vehicle.
     """
     n = len(motion)
-    work, states = np.zeros(N_WORK), _in_lanes(motion).reshape(N_PREDICTED, LANES)
+    work, states = np.zeros(N_WORK), _in_lanes(motion.T).reshape(N_PREDICTED, LANES)
     vehicles = _vehicles(with_errors(coefficients, errors), parameters, terms)
     moved = np.empty((wanted.size, n, N_PREDICTED))
     longest = _DISTURBANCE_INTERVAL if disturbance is not None else inf if noise is None else _NOISE_INTERVAL
@@ -200,7 +200,7 @@ def move_side_by_side(
             if disturbance is not None:
                 disturbance.push(states[:, :n], 0.5 * elapsed)
             for models, rows, constants in vehicles:
-                block = _in_lanes(states[:, models].T)
+                block = _in_lanes(states[:, models])
                 move_through(block, rows, constants, models.stop - models.start, timeline, first, last, work)
                 states[:, models] = block.reshape(N_PREDICTED, LANES)[:, : models.stop - models.start]
             if disturbance is not None:
@@ -230,7 +230,7 @@ def _vehicles(
     n, each = len(rows), parameters if len(parameters) > 1 else [*parameters] * len(rows)
     bounds = [0, *(k for k in range(1, n) if each[k] != each[k - 1]), n]
     return [
-        (slice(begin, end), _in_lanes(rows[begin:end]), vehicle_constants(each[begin], terms))
+        (slice(begin, end), _in_lanes(rows[begin:end].T), vehicle_constants(each[begin], terms))
         for begin, end in pairwise(bounds)
     ]
 
@@ -246,10 +246,11 @@ def _strides(durations: Array, begin: int, end: int, longest: float) -> Iterator
 
 
 def _in_lanes(values: Array) -> Array:
-    """Return rows of quantities with one lane per model; unused lanes repeat the first model."""
-    lanes = np.tile(values[0], (LANES, 1))
-    lanes[: len(values)] = values
-    return np.ascontiguousarray(lanes.T).ravel()
+    """Return quantities by model, shape (k, n), with one lane per model; unused lanes repeat the first model."""
+    lanes, n = np.empty((len(values), LANES)), values.shape[1]
+    lanes[:, :n] = values
+    lanes[:, n:] = values[:, :1]
+    return lanes.ravel()
 
 
 def unchanged_motion(elapsed: Array, motion: Array, angles: Array | None = None) -> Array:

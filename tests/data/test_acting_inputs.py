@@ -146,7 +146,7 @@ def test_delay_of_unknown_sensor_is_refused(experiment_with):
 def test_stated_delays_are_compensated(simulated_with, with_settings):
     """Delays of the gyroscope and the inputs; the fault tests of the smoother find nothing else."""
     white = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=25 Hz"
-    run = simulated_with("manoeuvre.duration=60 s", *white)
+    run = simulated_with("manoeuvre.duration=60 s", "manoeuvre.input_rate=100 Hz", *white)
     gyroscope, time = run.sensors["gyroscope"], run.inputs.time
     early = np.transpose([np.interp(time + 0.02, time, column) for column in run.inputs.values.T])
     late = replace(

@@ -23,7 +23,9 @@ NOISELESS = (
 
 @pytest.fixture(scope="module")
 def noiseless(simulated_with):
-    return simulated_with("manoeuvre.duration=20 s", "manoeuvre.initial_speed=2 m/s", *NOISELESS)
+    return simulated_with(
+        "manoeuvre.duration=20 s", "manoeuvre.initial_speed=2 m/s", "manoeuvre.input_rate=100 Hz", *NOISELESS
+    )
 
 
 @pytest.fixture

@@ -21,6 +21,7 @@ OWN = (
     "vehicle.actuators.propeller={dead_band: 2 N, saturation: 400 N, rate_limit: 60 N/s, time_constant: 0.3 s}",
     "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}",
     "manoeuvre.duration=60 s",
+    "manoeuvre.input_rate=100 Hz",
 )
 
 

@@ -135,7 +135,9 @@ def off_centre(simulated_with):
     """A DVL ahead of the origin, and fins that are not where they are said to be."""
     direct = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
     trim = f"manoeuvre.fin_trim={{rudder: {TRIM[0]}, elevator: {TRIM[1]}}}"
-    return simulated_with("manoeuvre.duration=60 s", direct, trim, f"sensors.dvl.arm={ARM.tolist()}")
+    return simulated_with(
+        "manoeuvre.duration=60 s", "manoeuvre.input_rate=100 Hz", direct, trim, f"sensors.dvl.arm={ARM.tolist()}"
+    )
 
 
 @pytest.mark.slow

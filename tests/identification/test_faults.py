@@ -198,7 +198,7 @@ def linearised(parameters, before, moving, rows):
 @pytest.fixture
 def along(simulated_with, rng):
     """A chunk of data with some motion along it: problem, timeline and what is linear about it."""
-    dataset = simulated_with("manoeuvre.duration=1 s", "manoeuvre.initial_speed=2 m/s")
+    dataset = simulated_with("manoeuvre.duration=1 s", "manoeuvre.initial_speed=2 m/s", "manoeuvre.input_rate=100 Hz")
     problem = augmented_problem(prepare(dataset))
     timeline = next(iter(problem.segments[0].timelines))
     symbols, scale = problem.layout.symbols, problem.layout.scale

@@ -52,7 +52,7 @@ def distance_in_deviations(estimate, truth):
 @pytest.fixture(scope="module")
 def long_run(simulated_with):
     """A third of the default spiral, 100 s."""
-    return simulated_with("manoeuvre.duration=100 s")
+    return simulated_with("manoeuvre.duration=100 s", "manoeuvre.input_rate=100 Hz")
 
 
 def in_chunks_of(measurements):

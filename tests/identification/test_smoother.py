@@ -166,7 +166,9 @@ def test_marginal_smoother_agrees_with_a_filter(simulated_with, with_settings):
     """The filter does not know the motion either."""
     # The filter adds the noise of a disturbance at the end of an interval, so intervals are short.
     slow = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz"
-    dataset = simulated_with("manoeuvre.duration=25 s", *slow, f"manoeuvre.disturbance={PUSHES}", DISTURBED)
+    dataset = simulated_with(
+        "manoeuvre.duration=25 s", "manoeuvre.input_rate=100 Hz", *slow, f"manoeuvre.disturbance={PUSHES}", DISTURBED
+    )
     joint = with_settings(dataset, "identification.smoother.answer=joint")
     (mean, deviation), *others = (
         coefficients(identify(data, name))

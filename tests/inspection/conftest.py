@@ -8,7 +8,8 @@ MANOEUVRES = {
     "spiral": ("manoeuvre.duration=120 s",),
     "long_spiral": (),
     "zigzag_20_20": (
-        "manoeuvre={type: zigzag, duration: 120 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, approach: 10 s}",
+        "manoeuvre={type: zigzag, duration: 120 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, "
+        "approach: 10 s, input_rate: 25 Hz}",
     ),
 }
 

@@ -5,8 +5,20 @@ import pytest
 
 from auvid_cli.simulation.manoeuvres import make_plan
 from auvid_cli.simulation.motion import LONGEST_STEP, Truth, simulate_motion
-from auvid_cli.simulation.simulate import draw_disturbance
+from auvid_cli.simulation.simulate import draw_disturbance, simulate
 from auvid_cli.vehicle.equations import N_FACTORS, vehicle_constants
+
+
+@pytest.fixture(scope="session")
+def experiment_with(experiment_with):
+    """Function: the shipped spiral experiment as `tests/conftest.py` has it, with inputs at the usual rate."""
+    return lambda *overrides: experiment_with("manoeuvre.input_rate=100 Hz", *overrides)
+
+
+@pytest.fixture(scope="session")
+def simulated_with(experiment_with):
+    """Function: a simulated run of this experiment."""
+    return lambda *overrides: simulate(experiment_with(*overrides))
 
 
 @pytest.fixture(scope="session")

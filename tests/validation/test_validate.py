@@ -199,7 +199,7 @@ def test_estimated_current_is_in_predictions(simulated_with):
     _, errors = free_run(prepare(seen), estimate)
     # The mean absolute value of white noise is 0.8 of its standard deviation, 1 mm/s.
     assert max(error.mean_absolute_error for error in errors[:3]) < 2e-3
-    validation = validate([unseen], estimate, starts=60)
+    validation = validate([unseen], estimate, starts=30)
     velocities = [row for row in validation.predictions if row.signal in "uvw"]
     assert min(row.fit_percent for row in velocities) > 97.0
     assert max(row.rmse for row in velocities) < 1e-2
