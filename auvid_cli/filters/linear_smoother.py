@@ -120,14 +120,19 @@ class LinearSmoothing:
     problem : JointProblem
     cache : int
         Memory of the cache, in multiples of the usual one.
+    parameters_are_given : bool
+        Whether the parameters of a trajectory are known, so that only the motion deviates from it: there are no
+        parameters in deviations then.
     """
 
-    def __init__(self, problem: JointProblem, cache: int = 1) -> None:
+    def __init__(self, problem: JointProblem, cache: int = 1, parameters_are_given: bool = False) -> None:
         process, sensors, self._segments, _ = problem
         self._process, self._priors = process, problem.priors
         self._data = ModelData.of(process, sensors)
-        self._n_parameters = problem.n_parameters
-        self._n = problem.n_parameters + problem.n_moving
+        self._n_states = problem.n_parameters + problem.n_moving
+        self._n_parameters = 0 if parameters_are_given else problem.n_parameters
+        # Of deviations.
+        self._n = self._n_parameters + problem.n_moving
         self._cache, self._cached_trajectory = dict[tuple[int, int], tuple[Linearised, ForwardPass]](), None
         self._cache_size = cache * _CACHE_SIZE
         # The trajectory of all linearisations in the cache: noise changes forward passes only.
@@ -178,7 +183,8 @@ class LinearSmoothing:
 
     def step(self, filtered: Filtered) -> Trajectory:
         """Return the step from the trajectory to the minimum of the linear problem."""
-        n = self._n_parameters
+        n, parameters = self._n_parameters, np.zeros_like(filtered.trajectory.parameters)
+        parameters[:n] = filtered.final.mean[:n]
         initial: list[Array] = [np.zeros(0)] * len(self._segments)
         moving = [ArrayStore() for _ in self._segments]
         for chunk in self.smooth(filtered, with_variance=False):
@@ -190,7 +196,7 @@ class LinearSmoothing:
             initial[chunk.segment] = smoothed if chunk.timeline.has_initial_substep else chunk.step[0]
         for chunks in moving:
             chunks.reverse()
-        return Trajectory(filtered.final.mean[:n].copy(), initial, moving)
+        return Trajectory(parameters, initial, moving)
 
     def smooth(self, filtered: Filtered, with_variance: bool) -> Iterator[Smoothed]:
         """Smooth chunk by chunk, from the last to the first."""
@@ -270,13 +276,13 @@ class LinearSmoothing:
             )
         else:
             about = former._replace(parameters=trajectory.parameters, before=before, moving=moving)
-        work = self._workspace()
+        work = self._workspace(self._n_states)
         linearise_process(self._process.transition, self._data, timeline, about, work)
         linearise_measurements(self._process.linearise, self._data, timeline, about, work)
         return about
 
-    def _workspace(self) -> SmootherWorkspace:
-        return SmootherWorkspace.of(self._process, self._n, self._data.sensors.matrix.shape[1])
+    def _workspace(self, n: int) -> SmootherWorkspace:
+        return SmootherWorkspace.of(self._process, n, self._data.sensors.matrix.shape[1])
 
     def _initial_deviation(
         self, trajectory: Trajectory, segment: int, state: State | None
@@ -285,11 +291,14 @@ class LinearSmoothing:
 
         The prior of the parameters counts once, in the first segment; later ones start from the state before.
         """
-        n = self._n_parameters
-        gaussian = self._priors[segment]
+        n, gaussian = trajectory.parameters.size, self._priors[segment]
         nominal = np.concatenate([trajectory.parameters, trajectory.initial[segment]])
         distance = solve_triangular(gaussian.factor, nominal - gaussian.mean, lower=True)
         derivative = solve_triangular(gaussian.factor[:n, :n].T, gaussian.factor[n:, :n].T, lower=False).T
+        if not self._n_parameters:
+            # Given the parameters, the mean is that of the prior, moved by their distance from theirs.
+            left, factor = distance[n:], gaussian.factor[n:, n:]
+            return Gaussian(-factor @ left, factor), derivative[:, :0], float(left @ left)
         if state is not None:
             parameters = Gaussian(trajectory.parameters + state.mean[:n], state.columns[:n, :n].T.copy())
             gaussian, distance = gaussian.with_parameters(parameters), distance[n:]
@@ -299,7 +308,7 @@ class LinearSmoothing:
         self, timeline: Timeline, about: Linearised, state: State, forward_pass: ForwardPass
     ) -> tuple[int, float, float, float]:
         noise = accumulated_noise(self._process, timeline)
-        return forward(self._data.sensors, noise, timeline, about, state, forward_pass, self._workspace())
+        return forward(self._data.sensors, noise, timeline, about, state, forward_pass, self._workspace(self._n))
 
 
 def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> tuple[Filtered, bool] | None:
@@ -339,7 +348,9 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
 
 def _is_close(filtered: Filtered) -> bool:
     """Whether neither the cost nor a parameter would change by an amount that matters."""
-    step = filtered.final.mean[: filtered.trajectory.parameters.size]
+    # None if the parameters are given.
+    n_parameters = filtered.final.n - filtered.trajectory.initial[0].size
+    step = filtered.final.mean[:n_parameters]
     deviation = np.sqrt(np.diagonal(filtered.final.covariance())[: step.size])
     remaining = filtered.cost - filtered.least
     return remaining <= _NEGLIGIBLE_DECREASE and bool((np.abs(step) <= _NEGLIGIBLE_MOVE * deviation).all())

@@ -13,15 +13,13 @@ import numpy as np
 from auvid_cli.arrays import Array
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, gauss_newton
 from auvid_cli.filters.marginal_gradient import marginal_step
-from auvid_cli.filters.problem import ConvergenceStatus, Gaussian, JointProblem
+from auvid_cli.filters.problem import ConvergenceStatus, JointProblem
 from auvid_cli.filters.process_noise import with_process_memory
 
 # Largest last step of the parameters, in standard deviations.
 _MAX_LAST_STEP = 0.05
 # Number of previous steps by which an iteration is accelerated.
 _MEMORY = 3
-# Factor on the prior's standard deviations, so small that parameters remain constant.
-_FIXING_FACTOR = 1e-8
 # Maximum number of passes in which the motion adapts to new parameters.
 _MOTION_PASSES = 5
 # Predicted decrease of the objective below which it is at its minimum if no step lowers it.
@@ -96,7 +94,8 @@ def integrate_out_motion(
     n, filtered, convergence = problem.n_parameters, start, None
     covariance = start.final.covariance()[:n, :n]
     deviation, moves, steps = np.sqrt(np.diagonal(covariance)), list[Array](), list[Array]()
-    at = _given_parameters(problem, filtered, filtered.trajectory, filtered.trajectory.parameters)
+    of_motion = LinearSmoothing(problem, parameters_are_given=True)
+    at = _given_parameters(problem, of_motion, filtered.trajectory, filtered.trajectory.parameters)
     if at is None or (filtered := smoothing.filter(at.trajectory)) is None:
         return None
     objective = at.least(is_rough)
@@ -108,7 +107,9 @@ def integrate_out_motion(
         is_small = bool((np.abs(steps[-1]) <= _MAX_LAST_STEP).all())
         # A small step changes the objective by less than its rounding.
         limit = np.inf if is_small else at.least(is_rough)
-        found = _line_search(problem, filtered, at, deviation, (_accelerated(moves, steps), steps[-1]), limit, is_rough)
+        found = _line_search(
+            problem, of_motion, at, deviation, (_accelerated(moves, steps), steps[-1]), limit, is_rough
+        )
         if found is None:
             # Where the motion hardly converges, the objective is rounded too.
             convergence = None if convergence.cost_decrease < _NEGLIGIBLE_DECREASE else convergence
@@ -125,7 +126,7 @@ def integrate_out_motion(
 
 def _line_search(
     problem: JointProblem,
-    filtered: Filtered,
+    of_motion: LinearSmoothing,
     at: _GivenParameters,
     deviation: Array,
     moves: tuple[Array, Array],
@@ -141,7 +142,7 @@ def _line_search(
     # Without earlier steps the accelerated one is the plain one.
     parts = (0.5**halvings * step for halvings in range(1 if accelerated is step else 0, _MAX_HALVINGS))
     for move in (accelerated, *parts):
-        after = _given_parameters(problem, filtered, at.trajectory, at.trajectory.parameters + deviation * move)
+        after = _given_parameters(problem, of_motion, at.trajectory, at.trajectory.parameters + deviation * move)
         if after is None:
             continue
         error = min(at.remaining + after.remaining, _MAX_ERROR) if is_rough else 0.0
@@ -169,23 +170,17 @@ def _accelerated(moves: list[Array], steps: list[Array]) -> Array:
 
 
 def _given_parameters(
-    problem: JointProblem, filtered: Filtered, start: Trajectory, parameters: Array
+    problem: JointProblem, of_motion: LinearSmoothing, start: Trajectory, parameters: Array
 ) -> _GivenParameters | None:
     """Return the most probable motion given the parameters, from a start; None if its cost is not finite."""
-    n, mean, factor = problem.n_parameters, problem.prior.mean.copy(), problem.prior.factor.copy()
-    from_prior = np.linalg.solve(factor[:n, :n], parameters - mean[:n])
-    for indices, by_parameters in zip(problem.indices, filtered.by_parameters, strict=True):
-        mean[indices[n:]] += by_parameters @ (parameters - mean[:n])
-    mean[:n] = parameters
-    factor[:, :n] *= _FIXING_FACTOR
-    smoothing = LinearSmoothing(problem._replace(prior=Gaussian(mean, factor)))
-    found = gauss_newton(smoothing, replace(start, parameters=parameters), _MOTION_PASSES)
+    n, prior = problem.n_parameters, problem.prior
+    from_prior = np.linalg.solve(prior.factor[:n, :n], parameters - prior.mean[:n])
+    found = gauss_newton(of_motion, replace(start, parameters=parameters), _MOTION_PASSES)
     if found is None:
         return None
     minimum, converged = found
     # A full step could raise the cost again before it has converged.
-    moved = minimum.trajectory.stepped(smoothing.step(minimum), 1.0) if converged else minimum.trajectory
-    # The factor of fixed parameters is part of the determinant, but the same for all.
+    moved = minimum.trajectory.stepped(of_motion.step(minimum), 1.0) if converged else minimum.trajectory
     objective = minimum.cost + minimum.log_determinant + float(from_prior @ from_prior)
     remaining = 0.0 if converged else minimum.cost - minimum.least
-    return _GivenParameters(replace(moved, parameters=parameters), objective, remaining, converged)
+    return _GivenParameters(moved, objective, remaining, converged)

@@ -49,10 +49,11 @@ class Linearised(NamedTuple):
     before: Array  # shape (n_moving,); moving states of the trajectory at the event before the chunk
     moving: Array  # shape (n_events, n_moving); moving states at each event
     residual: Array  # shape (n_measurements, c); measured less predicted; NaN if missing
-    rows: Array  # shape (n_measurements, c, n); measurement matrix
+    rows: Array  # shape (n_measurements, c, n); measurement matrix; without the first columns if parameters are given
     # Shape (n_events, n_moving); prediction from the previous event minus the trajectory; zero without substeps
     defect: Array
-    # Shape (n_events, n_moving, n); moving rows of the transition from the previous event; undefined without substeps
+    # Shape (n_events, n_moving, n); moving rows of the transition from the previous event; undefined without substeps.
+    # Without the first columns if parameters are given
     transition: Array
 
 
@@ -112,6 +113,7 @@ class SmootherWorkspace(NamedTuple):
     ratio: Array  # shape (width + 1,)
     share: Array  # shape (width + 1,)
     predictions: Array  # shape (c,); predicted measurement of a sensor
+    rows: Array  # shape (c, n); derivative of a nonlinear sensor
     process: Array  # scratch of the process
 
     @classmethod
@@ -132,6 +134,7 @@ class SmootherWorkspace(NamedTuple):
             ratio=zeros_on_lines(width + 1),
             share=zeros_on_lines(width + 1),
             predictions=zeros_on_lines(n_components),
+            rows=zeros_on_lines(n_components, n),
             process=zeros_on_lines(process.scratch_size),
         )
 
@@ -148,7 +151,7 @@ LINEARISED = types.NamedTuple((_vector, _vector, _matrix, _matrix, _stack, _matr
 FORWARD_PASS = types.NamedTuple((_matrix, _stack, _stack, *[_matrix] * 5), ForwardPass)
 
 
-SMOOTHER_WORKSPACE = types.NamedTuple((_vector, *[_matrix] * 6, *[_vector] * 6), SmootherWorkspace)
+SMOOTHER_WORKSPACE = types.NamedTuple((_vector, *[_matrix] * 6, *[_vector] * 5, _matrix, _vector), SmootherWorkspace)
 
 
 _weight = compiled(inline=True)(weight)
@@ -158,7 +161,10 @@ _weight = compiled(inline=True)(weight)
 def linearise_measurements(linearise, data, timeline, about, work):
     """Fill in residuals and derivatives."""
     sensors, constants, selection, predictions = data.sensors, data.constants, data.selection, work.predictions
-    n, n_parameters = about.rows.shape[2], about.parameters.size
+    n_parameters = about.parameters.size
+    n = n_parameters + about.moving.shape[1]
+    # Columns of given parameters are left out.
+    left_out = n - about.rows.shape[2]
     for event in range(timeline.time.size):
         for i in range(n):
             work.point[i] = about.parameters[i] if i < n_parameters else about.moving[event, i - n_parameters]
@@ -167,13 +173,17 @@ def linearise_measurements(linearise, data, timeline, about, work):
             sensor = timeline.measurement_sensor[k]
             nonlinear = sensors.nonlinear[sensor]
             if nonlinear:
-                linearise(work.point, sensor, inputs, constants, selection, predictions, about.rows[k], work.process)
+                for c in range(work.rows.shape[0]):
+                    for i in range(n):
+                        work.rows[c, i] = 0.0
+                linearise(work.point, sensor, inputs, constants, selection, predictions, work.rows, work.process)
             for c in range(about.residual.shape[1]):
                 predicted = predictions[c] if nonlinear else 0.0
-                for i in range(0 if nonlinear else n):
-                    h = sensors.matrix[sensor, c, i]
-                    about.rows[k, c, i] = h
-                    if h != 0.0:
+                for i in range(n):
+                    h = work.rows[c, i] if nonlinear else sensors.matrix[sensor, c, i]
+                    if i >= left_out:
+                        about.rows[k, c, i - left_out] = h
+                    if h != 0.0 and not nonlinear:
                         predicted += h * work.point[i]
                 difference = timeline.measurement[k, c] - predicted
                 about.residual[k, c] = wrapped(difference, sensors.angular[sensor, c])
@@ -183,6 +193,8 @@ def linearise_measurements(linearise, data, timeline, about, work):
 def linearise_process(transition, data, timeline, about, work):
     """Fill in transitions and defects."""
     n_moving, n_parameters, moved = about.moving.shape[1], about.parameters.size, work.point
+    n_columns = about.transition.shape[2]
+    left_out = moved.size - n_columns
     for event in range(timeline.time.size):
         first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
         if last > first:
@@ -195,8 +207,8 @@ def linearise_process(transition, data, timeline, about, work):
             transition(moved, inputs, substeps[0], substeps[1], constants, selection, work.matrix, work.process)
             for i in range(n_moving):
                 about.defect[event, i] = moved[n_parameters + i] - about.moving[event, i]
-                for j in range(moved.size):
-                    about.transition[event, i, j] = work.matrix[n_parameters + i, j]
+                for j in range(n_columns):
+                    about.transition[event, i, j] = work.matrix[n_parameters + i, left_out + j]
 
 
 @compiled(reassociate=True)

@@ -1,6 +1,7 @@
 """Raw inertial sensors in place of an AHRS: what is used, where it starts, and what estimators make of it."""
 
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.bounds import true_initial_motions
+from auvid_cli.filters.linear_smoother import LinearSmoothing
 from auvid_cli.filters.sensitivities import responses
+from auvid_cli.filters.smoother import follow_measurements
 from auvid_cli.identification.information import information_at
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.problem_setup import augmented_problem
@@ -27,6 +30,25 @@ FEW = "identification.coefficients=[X_u|u|, N_url, N_uudr]"
 def raw_run(simulated_with):
     """20 s of the spiral, with an accelerometer off the origin."""
     return simulated_with("manoeuvre.duration=20 s", LEVER, INERTIAL, FEW)
+
+
+@pytest.mark.parametrize("spans", ["[[0, 20]]", "[[0, 8], [10, 20]]"])
+def test_given_parameters_are_like_parameters_with_a_narrow_prior(spans, raw_run, with_settings):
+    """Of sensors that depend on parameters, and one to two segments."""
+    problem = augmented_problem(prepare(with_settings(raw_run, f"identification.use.spans={spans}"))).joint
+    start, factor = follow_measurements(problem), problem.prior.factor.copy()
+    factor[:, : problem.n_parameters] *= 1e-11
+    narrow = problem._replace(prior=problem.prior._replace(factor=factor))
+    given, known = LinearSmoothing(problem, parameters_are_given=True), LinearSmoothing(narrow)
+    found, expected = given.filter(start), known.filter(start)
+    assert found.cost == pytest.approx(expected.cost, rel=1e-9)
+    assert found.least == pytest.approx(expected.least, rel=1e-9)
+    assert found.log_determinant == pytest.approx(expected.log_determinant, rel=1e-9)
+    step, expected_step = given.step(found), known.step(expected)
+    assert not step.parameters.any()
+    for chunk, expected_chunk in zip(chain(*step.moving), chain(*expected_step.moving), strict=True):
+        assert_allclose(chunk, expected_chunk, rtol=1e-4, atol=1e-7)
+    assert_allclose(step.initial, expected_step.initial, rtol=1e-4, atol=1e-7)
 
 
 def test_raw_sensors_replace_the_attitude(short_run, with_settings):
