@@ -182,7 +182,8 @@ def identify_into(
         kept = {*paths.values(), *(path for path in estimates_in(folder).values() if path not in others)}
         remove(path for path in products(folder) if path not in kept)
     for path, estimate in zip(paths.values(), estimates, strict=True):
-        progress.message(f"{path}: {estimate.status}; {estimate.cpu_time:.2f} s of processor time")
+        note = f"; {estimate.note}" if estimate.note else ""
+        progress.message(f"{path}: {estimate.status}{note}; {estimate.cpu_time:.2f} s of processor time")
     return estimates
 
 

@@ -127,6 +127,7 @@ class Outcome:
     corrected: dict[str, float] = field(default_factory=dict, kw_only=True)
     considered: ConsideredErrors | None = field(default=None, kw_only=True)
     explained: dict[str, InnovationStatistics] = field(default_factory=dict, kw_only=True)
+    note: str = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -139,6 +140,8 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         "ekf", "ckf", "tukf", "ukf", "smoother" or "output_error".
     status : str
         "completed", "diverged at t = ...: REASON", or "unconverged: REASON".
+    note : str
+        How far an iteration was from convergence that ended where the rest no longer matters; empty otherwise.
     state, unit : tuple of str
         Symbols and units of the augmented state: estimated coefficients, constant sensor errors, the nine motion
         states, varying sensor errors.

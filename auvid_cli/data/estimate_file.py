@@ -85,6 +85,8 @@ class EstimateWriter:
             _write_faults(self._file.create_group("faults"), outcome.faults)
         times = {"cpu_time_s": outcome.cpu_time, "wall_time_s": outcome.wall_time}
         self._file.attrs.update({"status": outcome.status, "steps": outcome.steps} | times)
+        if outcome.note:
+            self._file.attrs["note"] = outcome.note
 
     def read_back(self) -> Estimate:
         """Return the estimate as `read_estimate` will; raise an InvalidDataError if that would refuse it."""
@@ -270,6 +272,7 @@ class _Attributes(netcdf.FileAttributes):
     filter: FilterName
     settings: str
     status: Annotated[str, Field(pattern=r"^(completed|(diverged at t = \S+ s|unconverged): [ -~]+)$", max_length=1000)]
+    note: Annotated[str, Field(pattern=r"^[ -~]*$", max_length=1000)] = ""
     steps: Annotated[int, Field(ge=0)]
     cpu_time_s: Annotated[float, Field(ge=0)]
     wall_time_s: Annotated[float, Field(ge=0)]
@@ -306,6 +309,7 @@ def _read(file: h5py.File, settings_name: str, max_rows: int) -> Estimate:
         },
         held=dict(zip(netcdf.read_names(file, "held"), netcdf.read_array(file, "held_value").tolist(), strict=True)),
         status=attributes.status,
+        note=attributes.note,
         steps=attributes.steps,
         cpu_time=attributes.cpu_time_s,
         wall_time=attributes.wall_time_s,

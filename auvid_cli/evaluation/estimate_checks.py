@@ -129,8 +129,8 @@ def _finished(estimate: Estimate) -> Check:
         "finished",
         statistic=f"{estimate.time[-1]:.6g} s",
         threshold="to the end of the data",
-        passed=estimate.completed,
-        advice=f"{estimate.status}. {advice}",
+        passed=None if estimate.note else estimate.completed,
+        advice=f"It {estimate.note}." if estimate.note else f"{estimate.status}. {advice}",
     )
 
 

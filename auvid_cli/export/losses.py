@@ -127,7 +127,7 @@ def heading_lines(model: IdentifiedModel, losses: UnsupportedFeatures) -> list[s
         f"Exported by auvid {origin.auvid_version} at {origin.created}",
         f"from {origin.estimate},",
         f"made from {origin.dataset}",
-        f"(experiment {experiment.name}, seed {experiment.seed}; all settings are in the estimate file).",
+        f"(experiment {experiment.name}, seed {experiment.seed}).",
         *caveats(model),
         _parameter_line(model),
         *unsupported_lines(losses),

@@ -38,7 +38,7 @@ _CACHE_SIZE = 2**28  # bytes
 _MIN_CACHED = 0.2
 # Smallest decrease of the cost worth another iteration, in squares of standard deviations: in the last step no
 # parameter moves by more than a tenth of its standard deviation.
-_MIN_DECREASE = 1e-2
+MIN_DECREASE = 1e-2
 # A search without further progress has an answer if the cost can fall by at most this, in squares of standard
 # deviations, and no parameter would move by more than this share of its standard deviation.
 _NEGLIGIBLE_DECREASE = 0.1
@@ -331,7 +331,7 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
     current, passes = smoothing.filter(start), 1
     if current is None:
         return None
-    while current.cost - current.least > _MIN_DECREASE:
+    while current.cost - current.least > MIN_DECREASE:
         step, fraction, lower = smoothing.step(current), 1.0, None
         while lower is None and fraction >= _MIN_FRACTION and passes < max_passes:
             trial = smoothing.filter(current.trajectory.stepped(step, fraction))
@@ -340,7 +340,7 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
             fraction, passes = fraction / 2.0, passes + 1
         if lower is None:
             return current, _is_close(current)
-        if current.cost - lower.cost < _MIN_DECREASE:
+        if current.cost - lower.cost < MIN_DECREASE:
             return lower, True
         current = lower
     return current, True

@@ -257,7 +257,8 @@ class FilterOutcome(NamedTuple):
     failure: int
     faults: FaultScores | None = None
     others: tuple[AlternativeEstimate, ...] = ()
-    convergence: ConvergenceStatus | None = None  # status of an iteration that did not converge
+    # Status of an iteration that did not converge, or whose last steps no longer matter
+    convergence: ConvergenceStatus | None = None
     # Shape (n_parameters,) or (0,); standard deviations of a batch estimate that allow for autocorrelated residuals,
     # see `auvid_cli.filters.autocorrelation`
     corrected: Array = np.zeros(0)

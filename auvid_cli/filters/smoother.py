@@ -18,6 +18,7 @@ from auvid_cli.arrays import Array, ArrayStore
 from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, carry_errors, fault_signatures, score_faults
 from auvid_cli.filters.linear_smoother import (
+    MIN_DECREASE,
     ConditionalFilter,
     Filtered,
     LinearSmoothing,
@@ -108,16 +109,15 @@ def run_smoother(
     if not minima:
         return _failed(problem)
     (best, converged), *others = minima
+    rest = _rest_of_the_way(best)
     if not converged:
-        outcome = _report(problem, smoothing, best, on_chunk)
-        n_parameters = problem.n_parameters
-        deviation = np.sqrt(np.diagonal(outcome.covariance)[:n_parameters])
-        convergence = ConvergenceStatus(best.cost - best.least, best.final.mean[:n_parameters] / deviation)
-        return outcome._replace(failure=NOT_CONVERGED, convergence=convergence)
+        return _report(problem, smoothing, best, on_chunk)._replace(failure=NOT_CONVERGED, convergence=rest)
     alternatives = [found for other, _ in others if (found := other_minimum(best, other)) is not None]
     if len(problem.segments) > 1:
         alternatives += _segment_estimates(problem, best)
-    estimate, convergence, score = best, None, score_faults
+    estimate, converged, score = best, True, score_faults
+    # Nothing is said of the last steps if they are as small as usual.
+    convergence = rest if rest.cost_decrease > MIN_DECREASE else None
     if marginal:
         # Its compiled code serves no other estimate.
         from auvid_cli.filters.marginal import marginal_estimate
@@ -126,13 +126,14 @@ def run_smoother(
         found = marginal_estimate(problem, smoothing, best, max_passes)
         if found is None:
             return _failed(problem)
-        problem, estimate, convergence = found
+        problem, estimate, convergence, converged = found
         score = partial(marginal_scores, problem)
     outcome = _report(problem, smoothing, estimate, on_chunk, is_estimate=marginal)
     if outcome.failure != OK:
         return outcome
-    if convergence is not None:
-        return outcome._replace(failure=NOT_CONVERGED, convergence=convergence)
+    outcome = outcome._replace(convergence=convergence)
+    if not converged:
+        return outcome._replace(failure=NOT_CONVERGED)
     scores = None if faults is None else score(smoothing, estimate, faults)
     corrected, scores = _corrected_deviation(problem, smoothing, estimate, faults, scores)
     outcome = outcome._replace(faults=scores, others=tuple(alternatives), corrected=corrected)
@@ -281,6 +282,13 @@ def _segment_estimates(problem: JointProblem, best: Filtered) -> Iterator[Altern
         begin = next(iter(segment.segments[0])).time[0]
         moved = np.where(comparable, deviation, 0.0) * variance / own_variance
         yield AlternativeEstimate(filtered.final.mean[:n] - joint, deviation, moved, begin=begin)
+
+
+def _rest_of_the_way(filtered: Filtered) -> ConvergenceStatus:
+    """Return how far a trajectory is from the minimum of its linear problem."""
+    n = filtered.trajectory.parameters.size
+    deviation = np.sqrt(np.diagonal(filtered.final.covariance())[:n])
+    return ConvergenceStatus(filtered.cost - filtered.least, filtered.final.mean[:n] / deviation)
 
 
 def _failed(problem: JointProblem) -> FilterOutcome:

@@ -130,6 +130,7 @@ class FilterRun:
             faults=tests,
             considered=considered,
             explained=explained,
+            note=self._note(outcome, progress),
             corrected=dict(zip(self.header.state, corrected.tolist(), strict=False)),
         )
 
@@ -191,6 +192,12 @@ class FilterRun:
         condition = np.sqrt(np.linalg.cond(outcome.covariance / np.outer(deviation, deviation)))
         last = f"last innovation {progress.last_innovation:.3g} sigma"
         return f"{diverged}: {why} ({last}, condition of the factor {condition:.2g})"
+
+    def _note(self, outcome: FilterOutcome, progress: "_Progress") -> str:
+        """Return that an iteration ended before its last steps, which no longer matter; empty if it did not."""
+        if outcome.failure != problem.OK or outcome.convergence is None:
+            return ""
+        return f"ended where the rest no longer matters ({self._distance_from_convergence(outcome, progress)})"
 
     def _distance_from_convergence(self, outcome: FilterOutcome, progress: "_Progress") -> str:
         convergence = outcome.convergence

@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 
 from auvid_cli.config.enums import FilterName
 from auvid_cli.data.checks import Checks
+from auvid_cli.data.estimate_file import read_estimate, write_estimate
 from auvid_cli.data.faults import Fault, FaultTest
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.estimate_checks import check_estimate
@@ -48,6 +49,25 @@ def long_enough(simulated_with):
 def smoothed(long_enough):
     """What judges estimates of these data."""
     return identify(long_enough, FilterName.SMOOTHER)
+
+
+def test_note_on_an_early_end_is_kept_and_shown(short_run, monkeypatch, tmp_path):
+    # Whatever is left of the way is said.
+    monkeypatch.setattr("auvid_cli.filters.smoother.MIN_DECREASE", 0.0)
+    estimate = identify(short_run, FilterName.SMOOTHER)
+    assert estimate.completed
+    assert estimate.note.startswith("ended where the rest no longer matters (")
+    path = tmp_path / "smoother.h5"
+    write_estimate(path, estimate)
+    assert read_estimate(path).note == estimate.note
+    (finished,) = (check for check in verdicts_of(short_run, estimate) if check.check == "finished")
+    assert finished.passed is None
+    assert estimate.note in finished.advice
+
+
+def verdicts_of(dataset, estimate):
+    prepared = prepare(dataset)
+    return check_estimate(prepared, estimate, BoundsOf(prepared)(estimate), judge_one(estimate, None), [])
 
 
 def verdicts(dataset, filter_name=FilterName.TUKF, reference=None):

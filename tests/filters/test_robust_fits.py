@@ -66,7 +66,7 @@ def weighed_by_hand(problem, run):
 @pytest.mark.parametrize("linear_problem", [1], indirect=True)
 @pytest.mark.parametrize("fit", FITS.values(), ids=FITS)
 def test_a_robust_fit_is_where_reweighting_ends(fit, with_outliers, run_whole, monkeypatch):
-    monkeypatch.setattr("auvid_cli.filters.linear_smoother._MIN_DECREASE", 1e-9)
+    monkeypatch.setattr("auvid_cli.filters.linear_smoother.MIN_DECREASE", 1e-9)
     expected, weights = weighed_by_hand(with_outliers, partial(run_whole, fit))
     history = run_whole(fit, with_outliers)
     assert history.failure == OK
