@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from auvid_cli.arrays import Array, ArrayStore
-from auvid_cli.filters.problem import Gaussian, JointProblem, ModelData, Timeline
+from auvid_cli.filters.problem import ConvergenceStatus, Gaussian, JointProblem, ModelData, Timeline
 from auvid_cli.filters.process_noise import accumulated_noise
 from auvid_cli.filters.smoother_backward import Adjoint, backward
 from auvid_cli.filters.smoother_forward import (
@@ -131,7 +131,7 @@ class LinearSmoothing:
         self._data = ModelData.of(process, sensors)
         self._n_states = problem.n_parameters + problem.n_moving
         self._n_parameters = 0 if parameters_are_given else problem.n_parameters
-        # Of deviations.
+        # Number of states that deviate.
         self._n = self._n_parameters + problem.n_moving
         self._cache, self._cached_trajectory = dict[tuple[int, int], tuple[Linearised, ForwardPass]](), None
         self._cache_size = cache * _CACHE_SIZE
@@ -291,14 +291,13 @@ class LinearSmoothing:
 
         The prior of the parameters counts once, in the first segment; later ones start from the state before.
         """
-        n, gaussian = trajectory.parameters.size, self._priors[segment]
-        nominal = np.concatenate([trajectory.parameters, trajectory.initial[segment]])
+        n, gaussian, nominal = self._n_parameters, self._priors[segment], trajectory.initial[segment]
+        if n == 0:
+            gaussian, state = gaussian.given(trajectory.parameters), None
+        else:
+            nominal = np.concatenate([trajectory.parameters, nominal])
         distance = solve_triangular(gaussian.factor, nominal - gaussian.mean, lower=True)
-        derivative = solve_triangular(gaussian.factor[:n, :n].T, gaussian.factor[n:, :n].T, lower=False).T
-        if not self._n_parameters:
-            # Given the parameters, the mean is that of the prior, moved by their distance from theirs.
-            left, factor = distance[n:], gaussian.factor[n:, n:]
-            return Gaussian(-factor @ left, factor), derivative[:, :0], float(left @ left)
+        derivative = gaussian.by_parameters(n)
         if state is not None:
             parameters = Gaussian(trajectory.parameters + state.mean[:n], state.columns[:n, :n].T.copy())
             gaussian, distance = gaussian.with_parameters(parameters), distance[n:]
@@ -346,14 +345,18 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
     return current, True
 
 
+def rest_of_the_way(filtered: Filtered) -> ConvergenceStatus:
+    """Return how far a trajectory is from the minimum of its linear problem."""
+    # No parameter deviates if all are given.
+    n_parameters = filtered.final.n - filtered.trajectory.initial[0].size
+    deviation = np.sqrt(np.diagonal(filtered.final.covariance())[:n_parameters])
+    return ConvergenceStatus(filtered.cost - filtered.least, filtered.final.mean[:n_parameters] / deviation)
+
+
 def _is_close(filtered: Filtered) -> bool:
     """Whether neither the cost nor a parameter would change by an amount that matters."""
-    # None if the parameters are given.
-    n_parameters = filtered.final.n - filtered.trajectory.initial[0].size
-    step = filtered.final.mean[:n_parameters]
-    deviation = np.sqrt(np.diagonal(filtered.final.covariance())[: step.size])
-    remaining = filtered.cost - filtered.least
-    return remaining <= _NEGLIGIBLE_DECREASE and bool((np.abs(step) <= _NEGLIGIBLE_MOVE * deviation).all())
+    decrease, step, *_ = rest_of_the_way(filtered)
+    return decrease <= _NEGLIGIBLE_DECREASE and bool((np.abs(step) <= _NEGLIGIBLE_MOVE).all())
 
 
 class ConditionalChunk(NamedTuple):
@@ -406,7 +409,6 @@ class ConditionalFilter:
 
     def _initial_deviation(self) -> Gaussian:
         """Return the deviation of the motion before the segment, given the parameters."""
-        n, prior, trajectory = self._step.size, self._problem.priors[self._segment], self._filtered.trajectory
-        change = trajectory.parameters + self._step - prior.mean[:n]
-        mean = prior.mean[n:] + self._filtered.by_parameters[self._segment] @ change
-        return Gaussian(mean - trajectory.initial[self._segment], prior.factor[n:, n:])
+        prior, trajectory = self._problem.priors[self._segment], self._filtered.trajectory
+        given = prior.given(trajectory.parameters + self._step)
+        return given._replace(mean=given.mean - trajectory.initial[self._segment])

@@ -36,7 +36,6 @@ class MarginalEstimate(NamedTuple):
     problem: JointProblem  # with process memory, see `auvid_cli.filters.process_noise`
     filtered: Filtered  # about the estimated parameters and the most probable motion given them
     convergence: ConvergenceStatus | None  # none if the last step was small
-    converged: bool  # also if the rest of the way no longer matters
 
 
 def marginal_estimate(
@@ -50,11 +49,7 @@ def marginal_estimate(
     smoothing.change_noise(with_memory)
     filtered = smoothing.filter(joint.trajectory)
     found = None if filtered is None else integrate_out_motion(with_memory, smoothing, filtered, max_steps)
-    if found is None:
-        return None
-    estimate, convergence, _ = found
-    converged = convergence is None or convergence.cost_decrease < _NEGLIGIBLE_DECREASE
-    return MarginalEstimate(with_memory, estimate, convergence, converged)
+    return None if found is None else MarginalEstimate(with_memory, *found[:2])
 
 
 class _GivenParameters(NamedTuple):
@@ -92,8 +87,7 @@ def integrate_out_motion(
     filtered : Filtered
         Its trajectory is the estimate.
     convergence : ConvergenceStatus or None
-        None if it converged within `max_steps`. Where the motion hardly converges, the objective is rounded too, and no
-        step lowers it although a negligible decrease is left.
+        None if it converged within `max_steps`; negligible if no step lowers the objective although little is left.
     gain : float
         Increase of the log of the marginal posterior.
     """
@@ -117,6 +111,9 @@ def integrate_out_motion(
             problem, of_motion, at, deviation, (_accelerated(moves, steps), steps[-1]), limit, is_rough
         )
         if found is None:
+            # Where the motion hardly converges, the objective is rounded too.
+            is_negligible = convergence.cost_decrease < _NEGLIGIBLE_DECREASE
+            convergence = convergence._replace(is_negligible=is_negligible)
             break
         at, move = found
         moves.append(move)

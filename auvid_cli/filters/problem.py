@@ -138,13 +138,23 @@ class Gaussian(NamedTuple):
     def with_parameters(self, parameters: "Gaussian") -> "Gaussian":
         """Replace the marginal distribution of the parameters, and keep that of the motion given the parameters."""
         n = parameters.mean.size
-        by_parameters = np.linalg.solve(self.factor[:n, :n].T, self.factor[n:, :n].T).T
+        by_parameters = self.by_parameters(n)
         mean, factor = self.mean.copy(), self.factor.copy()
         mean[:n] = parameters.mean
         mean[n:] += by_parameters @ (parameters.mean - self.mean[:n])
         factor[:n, :n] = parameters.factor
         factor[n:, :n] = by_parameters @ parameters.factor
         return Gaussian(mean, factor)
+
+    def given(self, parameters: Array) -> "Gaussian":
+        """Return the distribution of the motion given the parameters, shape (n_parameters,)."""
+        n = parameters.size
+        mean = self.mean[n:] + self.by_parameters(n) @ (parameters - self.mean[:n])
+        return Gaussian(mean, self.factor[n:, n:])
+
+    def by_parameters(self, n: int) -> Array:
+        """Return the derivative of the mean of the motion by n given parameters, shape (n_motion, n)."""
+        return np.asarray(np.linalg.solve(self.factor[:n, :n].T, self.factor[n:, :n].T).T, dtype=np.float64)
 
 
 class Records(NamedTuple):
@@ -245,6 +255,7 @@ class ConvergenceStatus(NamedTuple):
     cost_decrease: float  # predicted decrease of the cost, in squares of standard deviations
     step: Array  # shape (n_parameters,); next step of the parameters, in standard deviations
     fraction: float = 1.0  # fraction of the data that was fitted
+    is_negligible: bool = False  # whether the rest of the way no longer matters, so that the estimate is an answer
 
 
 class FilterOutcome(NamedTuple):
@@ -257,7 +268,7 @@ class FilterOutcome(NamedTuple):
     failure: int
     faults: FaultScores | None = None
     others: tuple[AlternativeEstimate, ...] = ()
-    # Status of an iteration that did not converge, or whose last steps no longer matter
+    # Status of an iteration that did not converge, or that ended where the rest of the way no longer matters
     convergence: ConvergenceStatus | None = None
     # Shape (n_parameters,) or (0,); standard deviations of a batch estimate that allow for autocorrelated residuals,
     # see `auvid_cli.filters.autocorrelation`

@@ -25,13 +25,13 @@ from auvid_cli.filters.linear_smoother import (
     Smoothed,
     Trajectory,
     gauss_newton,
+    rest_of_the_way,
 )
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
     OK,
     PREDICTION,
     AlternativeEstimate,
-    ConvergenceStatus,
     FaultScores,
     FilterOutcome,
     Gaussian,
@@ -109,15 +109,15 @@ def run_smoother(
     if not minima:
         return _failed(problem)
     (best, converged), *others = minima
-    rest = _rest_of_the_way(best)
+    rest = rest_of_the_way(best)
     if not converged:
         return _report(problem, smoothing, best, on_chunk)._replace(failure=NOT_CONVERGED, convergence=rest)
     alternatives = [found for other, _ in others if (found := other_minimum(best, other)) is not None]
     if len(problem.segments) > 1:
         alternatives += _segment_estimates(problem, best)
-    estimate, converged, score = best, True, score_faults
+    estimate, score = best, score_faults
     # Nothing is said of the last steps if they are as small as usual.
-    convergence = rest if rest.cost_decrease > MIN_DECREASE else None
+    convergence = rest._replace(is_negligible=True) if rest.cost_decrease > MIN_DECREASE else None
     if marginal:
         # Its compiled code serves no other estimate.
         from auvid_cli.filters.marginal import marginal_estimate
@@ -126,13 +126,13 @@ def run_smoother(
         found = marginal_estimate(problem, smoothing, best, max_passes)
         if found is None:
             return _failed(problem)
-        problem, estimate, convergence, converged = found
+        problem, estimate, convergence = found
         score = partial(marginal_scores, problem)
     outcome = _report(problem, smoothing, estimate, on_chunk, is_estimate=marginal)
     if outcome.failure != OK:
         return outcome
     outcome = outcome._replace(convergence=convergence)
-    if not converged:
+    if convergence is not None and not convergence.is_negligible:
         return outcome._replace(failure=NOT_CONVERGED)
     scores = None if faults is None else score(smoothing, estimate, faults)
     corrected, scores = _corrected_deviation(problem, smoothing, estimate, faults, scores)
@@ -282,13 +282,6 @@ def _segment_estimates(problem: JointProblem, best: Filtered) -> Iterator[Altern
         begin = next(iter(segment.segments[0])).time[0]
         moved = np.where(comparable, deviation, 0.0) * variance / own_variance
         yield AlternativeEstimate(filtered.final.mean[:n] - joint, deviation, moved, begin=begin)
-
-
-def _rest_of_the_way(filtered: Filtered) -> ConvergenceStatus:
-    """Return how far a trajectory is from the minimum of its linear problem."""
-    n = filtered.trajectory.parameters.size
-    deviation = np.sqrt(np.diagonal(filtered.final.covariance())[:n])
-    return ConvergenceStatus(filtered.cost - filtered.least, filtered.final.mean[:n] / deviation)
 
 
 def _failed(problem: JointProblem) -> FilterOutcome:

@@ -198,7 +198,7 @@ def _fit(prepared: PreparedData, symbols: Sequence[str]) -> _Fit | None:
         marginal = marginal_estimate(problem, smoothing, filtered, max_passes)
         if marginal is None:
             return None
-        problem, filtered, *_ = marginal
+        problem, filtered, _ = marginal
         score = partial(marginal_scores, problem)
     scores = score(smoothing, filtered, faults)
     events = sum(len(chunk) for segment in filtered.trajectory.moving for chunk in segment)

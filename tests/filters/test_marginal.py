@@ -184,6 +184,6 @@ def test_no_step_lowers_the_likelihood_far_from_the_estimate(start, rng):
         # Once the parameters are known the model is linear, and the approximation is exact.
         assert gain == pytest.approx(0.5 * (before - objective), abs=0.01)
         assert gain > -0.01
-        if convergence is None or convergence.cost_decrease < 0.1:
+        if convergence is None or convergence.is_negligible:
             break
-    assert convergence is None or convergence.cost_decrease < 0.1
+    assert convergence is None or convergence.is_negligible

@@ -34,7 +34,7 @@ def raw_run(simulated_with):
 
 @pytest.mark.parametrize("spans", ["[[0, 20]]", "[[0, 8], [10, 20]]"])
 def test_given_parameters_are_like_parameters_with_a_narrow_prior(spans, raw_run, with_settings):
-    """Of sensors that depend on parameters, and one to two segments."""
+    """The sensors depend on parameters, and the data have one segment or two."""
     problem = augmented_problem(prepare(with_settings(raw_run, f"identification.use.spans={spans}"))).joint
     start, factor = follow_measurements(problem), problem.prior.factor.copy()
     factor[:, : problem.n_parameters] *= 1e-11

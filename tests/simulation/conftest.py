@@ -17,7 +17,7 @@ def experiment_with(experiment_with):
 
 @pytest.fixture(scope="session")
 def simulated_with(experiment_with):
-    """Function: a simulated run of this experiment."""
+    """Function: a simulated run of this experiment; that of `tests/conftest.py` is made once, for other rooms too."""
     return lambda *overrides: simulate(experiment_with(*overrides))
 
 
