@@ -20,8 +20,9 @@ from auvid_cli.filters.process_noise import with_process_memory
 _MAX_LAST_STEP = 0.05
 # Number of previous steps by which an iteration is accelerated.
 _MEMORY = 3
-# Maximum number of passes in which the motion adapts to new parameters.
+# Maximum number of passes in which the motion adapts to new parameters, and that of a rough step.
 _MOTION_PASSES = 5
+_ROUGH_PASSES = 2
 # Predicted decrease of the objective below which it is at its minimum if no step lowers it.
 _NEGLIGIBLE_DECREASE = 0.1
 # Largest error of the objective, because the motion has not converged, for which a rough step may raise it.
@@ -79,8 +80,8 @@ def integrate_out_motion(
         About the first parameters, for example those of the joint minimum, and a motion.
     max_steps : int
     is_rough : bool
-        Whether the motion need not converge. On long data it hardly does, and the error of the objective would reject
-        good steps.
+        Whether the motion need not converge. On long data it hardly does: a step that the small process noise does
+        not allow raises the cost at first. The objective of the linear problem hardly depends on it.
 
     Returns
     -------
@@ -95,7 +96,7 @@ def integrate_out_motion(
     covariance = start.final.covariance()[:n, :n]
     deviation, moves, steps = np.sqrt(np.diagonal(covariance)), list[Array](), list[Array]()
     of_motion = LinearSmoothing(problem, parameters_are_given=True)
-    at = _given_parameters(problem, of_motion, filtered.trajectory, filtered.trajectory.parameters)
+    at = _given_parameters(problem, of_motion, filtered.trajectory, filtered.trajectory.parameters, is_rough)
     if at is None or (filtered := smoothing.filter(at.trajectory)) is None:
         return None
     objective = at.least(is_rough)
@@ -143,7 +144,8 @@ def _line_search(
     # Without earlier steps the accelerated one is the plain one.
     parts = (0.5**halvings * step for halvings in range(1 if accelerated is step else 0, _MAX_HALVINGS))
     for move in (accelerated, *parts):
-        after = _given_parameters(problem, of_motion, at.trajectory, at.trajectory.parameters + deviation * move)
+        parameters = at.trajectory.parameters + deviation * move
+        after = _given_parameters(problem, of_motion, at.trajectory, parameters, is_rough)
         if after is None:
             continue
         error = min(at.remaining + after.remaining, _MAX_ERROR) if is_rough else 0.0
@@ -171,12 +173,13 @@ def _accelerated(moves: list[Array], steps: list[Array]) -> Array:
 
 
 def _given_parameters(
-    problem: JointProblem, of_motion: LinearSmoothing, start: Trajectory, parameters: Array
+    problem: JointProblem, of_motion: LinearSmoothing, start: Trajectory, parameters: Array, is_rough: bool
 ) -> _GivenParameters | None:
     """Return the most probable motion given the parameters, from a start; None if its cost is not finite."""
     n, prior = problem.n_parameters, problem.prior
     from_prior = np.linalg.solve(prior.factor[:n, :n], parameters - prior.mean[:n])
-    found = gauss_newton(of_motion, replace(start, parameters=parameters), _MOTION_PASSES)
+    max_passes = _ROUGH_PASSES if is_rough else _MOTION_PASSES
+    found = gauss_newton(of_motion, replace(start, parameters=parameters), max_passes)
     if found is None:
         return None
     minimum, converged = found

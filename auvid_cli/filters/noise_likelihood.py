@@ -8,17 +8,18 @@ most probable trajectory the likelihood is lower: that trajectory ignores the va
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
-from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, gauss_newton
 from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores, with_time_constants
 from auvid_cli.filters.problem import JointProblem
 from auvid_cli.filters.process_noise import with_process_memory
-from auvid_cli.filters.smoother import most_probable
+from auvid_cli.filters.smoother import follow_measurements, most_probable
 
 # Largest change of log factors between two trajectories at convergence, in standard deviations.
 _MAX_CHANGE = 0.2
@@ -30,6 +31,8 @@ _MAX_LOG_FACTOR = 14.0
 _DECREASE_TOLERANCE = 0.1
 _MAX_EVALUATIONS = 12
 MAX_TRAJECTORIES = 10
+# Maximum number of passes for the first motion given the parameters of a part of the data.
+_FIRST_PASSES = 5
 # Size of the cache, in usual ones: each linearisation serves some ten passes. On 47 minutes with one, a third of the
 # passes was computed again.
 _CACHES = 2
@@ -134,6 +137,16 @@ class _Likelihood:
         minima = most_probable(self._present, self.smoothing, max_passes, enough=1)
         return minima[0][0].trajectory if minima else None
 
+    def motion_given(self, logarithms: Array, parameters: Array) -> Trajectory | None:
+        """Return about the most probable motion given parameters, with scaled noise; None if there is none."""
+        self._scale(logarithms)
+        followed = follow_measurements(self._present)
+        if followed is None:
+            return None
+        of_motion = LinearSmoothing(self._present, parameters_are_given=True)
+        found = gauss_newton(of_motion, replace(followed, parameters=parameters), _FIRST_PASSES)
+        return None if found is None else found[0].trajectory
+
     def scores(self, filtered: Filtered) -> NoiseScores:
         """Return the derivatives at the log factors of the last forward pass."""
         self._count_pass()
@@ -183,7 +196,7 @@ def most_likely_noise(
     on_pass: OnPass = lambda progress: None,
     is_coarse: bool = False,
     start: Trajectory | None = None,
-    first: Array | None = None,
+    first: NoiseFactors | None = None,
 ) -> NoiseFactors | None:
     """Estimate the factors of groups of noise; None if no trajectory has a finite cost.
 
@@ -200,11 +213,13 @@ def most_likely_noise(
         This serves to compare models.
     start : Trajectory, optional
         First trajectory, near that of the marginal estimate; by default the most probable one.
-    first : ndarray, shape (k,), optional
-        Log factors with which the search begins; by default 0.
+    first : NoiseFactors, optional
+        Of a part of the data: the search begins with its factors and parameters.
     """
-    likelihood, x = _Likelihood(problem, groups, on_pass), np.zeros(len(groups)) if first is None else first
-    trajectory = start
+    likelihood, x, trajectory = _Likelihood(problem, groups, on_pass), np.zeros(len(groups)), start
+    if first is not None:
+        x = np.log(first.factor)
+        trajectory = likelihood.motion_given(x, first.trajectory.parameters)
     if trajectory is None or likelihood.filter(x, trajectory) is None:
         trajectory = likelihood.most_probable(x, max_passes)
     found = None if trajectory is None else _search(likelihood, x, trajectory, is_coarse)

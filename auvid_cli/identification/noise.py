@@ -120,8 +120,7 @@ def tune_noise(
     if (part := _part(prepared)) is not None:
         joint, on_part = augmented_problem(part).joint, partial(_report_part, on_progress)
         start = follow_measurements(joint)
-        in_part = most_likely_noise(joint, groups, max_passes, on_part, is_coarse=True, start=start)
-        first = None if in_part is None else np.log(in_part.factor)
+        first = most_likely_noise(joint, groups, max_passes, on_part, is_coarse=True, start=start)
     likeliest = most_likely_noise(augmented.joint, groups, max_passes, report, first=first)
     if likeliest is None:
         raise DataError(
