@@ -158,7 +158,13 @@ class _Likelihood:
         from auvid_cli.filters.marginal import integrate_out_motion
 
         found = integrate_out_motion(self._present, self.smoothing, filtered, max_steps=1, is_rough=not is_coarse)
-        return None if found is None else (found[0].trajectory, found[2])
+        if found is None:
+            return None
+        filtered, convergence, gain = found
+        if not is_coarse:
+            # The error of a rough objective can hide that the parameters still move.
+            gain = 0.0 if convergence is None else 0.5 * convergence.cost_decrease
+        return filtered.trajectory, gain
 
     def set_process_memory(self, trajectory: Trajectory) -> None:
         """Set the memory of the process noise from the motion along a trajectory."""
