@@ -169,11 +169,7 @@ def thruster_force(percent: Array, full: float) -> Array:
 
 
 def _read_inputs(
-    settings: LogMap,
-    requests: dict[KeyPath, Request],
-    columns: ColumnReader,
-    sensors: SensorRecords,
-    errors: MapErrors,
+    settings: LogMap, requests: dict[KeyPath, Request], columns: ColumnReader, sensors: SensorRecords, errors: MapErrors
 ) -> tuple[InputRecord, list[ImportSummary], tuple[str, ...]]:
     """Return the inputs while the sensors measure, a summary of each column, and remarks on the inputs."""
     channels: dict[str, Channel] = {}

@@ -208,10 +208,7 @@ def _summary(
     heading = [k for k, quantity in enumerate(SENSORS[name]) if quantity.symbol in _HEADINGS]
     furthest = float(np.nanmax(np.abs(record.values[:, heading]), initial=0.0))
     treatment = (
-        (
-            furthest > 2.0 * np.pi,
-            f"the heading reaches {furthest:.4g} rad: several turns, or degrees without a unit?",
-        ),
+        (furthest > 2.0 * np.pi, f"the heading reaches {furthest:.4g} rad: several turns, or degrees without a unit?"),
         (assumed_level, f"no measured roll: {assumed_level} transformed with a roll of 0"),
         (excluded, f"{excluded} samples in excluded spans set to missing"),
         (rows.invalid, f"{rows.invalid} rows invalid, or with a value beyond its limits: set to missing"),

@@ -7,7 +7,6 @@ CRC-16-IBM of both. Messages of numbers only are read together, as arrays; the o
 import struct
 import zlib
 from collections.abc import Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, FileLog, LogColumn, Tables
+from auvid_cli.logs.formats.log import LOG_TIME, LoadedLog
 
 _SYNC = b"\x54\xfe"
 _HEADER = {
@@ -37,7 +36,7 @@ _DTYPES = ("<u1", "<u2", "<u4", "<u8", "<i1", "<i2", "<i4", "<i8")
 _GZIP = b"\x1f\x8b"
 
 
-class LsfLog(FileLog):
+class LsfLog(LoadedLog):
     """Log of DUNE: a table for each kind of message with its numeric fields and sender, in SI.
 
     A kind of message with several senders has a table for each of them, named by system and entity: EulerAngles[30.21].
@@ -49,20 +48,8 @@ class LsfLog(FileLog):
 
         super().__init__(path)
         self._deserialize = imcpy.Packet.deserialize
-        self._remarks: list[str] = []
 
-    def remarks(self) -> tuple[str, ...]:
-        """Return damage that was skipped."""
-        return tuple(self._remarks) if self._messages else ()
-
-    def _find_tables(self) -> Tables:
-        return {table: tuple(map(LogColumn, fields)) for table, fields in self._messages.items()}
-
-    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
-        return {name: self._messages[table][name] for name, *_ in columns}
-
-    @cached_property
-    def _messages(self) -> dict[str, dict[str, NDArray[np.float64]]]:
+    def _load(self) -> dict[str, dict[str, NDArray[np.float64]]]:
         data, is_cut = _content(self.path)
         starts, damaged = _frames(data)
         if is_cut or (starts and starts[-1] + _size(data, starts[-1]) < len(data)):

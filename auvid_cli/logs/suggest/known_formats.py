@@ -115,11 +115,7 @@ KNOWN_MESSAGES = (
         marks=("DesRoll",),
     ),
     KnownMessage(
-        "ArduPilot",
-        "IMU",
-        _vector("p q r fx fy fz", "GyrX GyrY GyrZ AccX AccY AccZ"),
-        frame="FRD",
-        units=_SI,
+        "ArduPilot", "IMU", _vector("p q r fx fy fz", "GyrX GyrY GyrZ AccX AccY AccZ"), frame="FRD", units=_SI
     ),
     KnownMessage("ArduPilot", "GYR", _vector("p q r", "GyrX GyrY GyrZ"), frame="FRD", units=_SI),
     KnownMessage("ArduPilot", "ACC", _vector("fx fy fz", "AccX AccY AccZ"), frame="FRD", units=_SI),
@@ -135,13 +131,7 @@ KNOWN_MESSAGES = (
     KnownMessage("MOOS", "NAV_ROLL", {"phi": "value"}, Role.FILTER_OUTPUT),
     KnownMessage("Water Linked", "position_local", {}, Role.FILTER_OUTPUT, marks=("std", "ts")),
     KnownMessage(
-        "Water Linked",
-        "",
-        _VELOCITY,
-        frame="FRD",
-        units=_SI,
-        flag="velocity_valid",
-        marks=("fom", "altitude"),
+        "Water Linked", "", _VELOCITY, frame="FRD", units=_SI, flag="velocity_valid", marks=("fom", "altitude")
     ),
     KnownMessage(
         "Water Linked",

@@ -151,9 +151,7 @@ def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], ev
     for name, sensor in sensors.items():
         comment = "check: by its name the output of a navigation filter, not a measurement"
         yield YamlEntry(
-            name,
-            list(_sensor(logs, sensors, sensor, evidence)),
-            comment if sensor.main.match.is_filter_output else "",
+            name, list(_sensor(logs, sensors, sensor, evidence)), comment if sensor.main.match.is_filter_output else ""
         )
     if not sensors and (unnamed := names.without_names(logs)):
         yield Comment(
