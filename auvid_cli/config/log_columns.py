@@ -41,23 +41,25 @@ def unit_factor(name: str, unit: str) -> float:
         return parse_quantity(f"1 {name.lower()}", unit)
 
 
+def factor_if_known(name: str, unit: str) -> float | None:
+    """Return `unit_factor`; None if the unit is unknown or of another dimension."""
+    try:
+        return unit_factor(name, unit)
+    except ValueError:
+        return None
+
+
 def check_unit(name: str | None, unit: str) -> str | None:
     """Return the unit of a log unchanged; ValueError if it is not of the dimension of the SI unit `unit`."""
+    usual = _SPELLINGS.get(unit, (unit,))
     # Validators do not see the default; a null is a question that a suggested map leaves open.
     if name is None:
-        raise ValueError(f"got nothing; fill in the unit of the log's numbers, such as {_examples(unit)}")
-    try:
-        unit_factor(name, unit)
-    except ValueError:
-        usual = _SPELLINGS.get(unit, (unit,))
+        raise ValueError(f"got nothing; fill in the unit of the log's numbers, such as {', '.join(usual)}")
+    if factor_if_known(name, unit) is None:
         near = get_close_matches(name.lower(), usual, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"expected a unit such as {', '.join(usual)}"
-        raise ValueError(f"{name!r}: not a unit of {EXAMPLES.get(unit, ('this signal', ''))[0]}; {hint}") from None
+        raise ValueError(f"{name!r}: not a unit of {EXAMPLES.get(unit, ('this signal', ''))[0]}; {hint}")
     return name
-
-
-def _examples(unit: str) -> str:
-    return ", ".join(_SPELLINGS.get(unit, (unit,)))
 
 
 class NamedColumn(Settings):

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from auvid_cli.config.log_map import LogFile
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import ColumnValues, FileLog, LogColumn, Tables
 from auvid_cli.logs.formats.text_layout import (
@@ -23,7 +24,6 @@ from auvid_cli.logs.formats.text_layout import (
     MISSING_VALUES,
     UTF_16,
     Header,
-    TextLayout,
     is_filler,
     is_number,
     read_header,
@@ -149,7 +149,7 @@ class DelimitedLog(FileLog):
     If a log has more than `max_bytes`, only its beginning is read, and `is_cut` is true.
     """
 
-    def __init__(self, path: Path, layout: TextLayout, max_bytes: int | None = None) -> None:
+    def __init__(self, path: Path, layout: LogFile, max_bytes: int | None = None) -> None:
         super().__init__(path)
         self._max_bytes = max_bytes
         self._missing = (*MISSING_VALUES, *layout.missing)

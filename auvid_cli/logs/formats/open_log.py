@@ -8,10 +8,11 @@ from enum import Enum
 from importlib import import_module
 from pathlib import Path
 
+from auvid_cli.config.log_map import LogFile
 from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import Log
-from auvid_cli.logs.formats.text_layout import UTF_16, TextLayout
+from auvid_cli.logs.formats.text_layout import UTF_16
 from auvid_cli.regular_files import check_regular_file
 
 _HEAD_BYTES = 4096
@@ -59,14 +60,14 @@ _ADVICE_BY_MAGIC = {
 
 
 def open_log(
-    path: Path, layout: TextLayout | None = None, max_bytes: int | None = None, definitions: Sequence[Path] = ()
+    path: Path, layout: LogFile | None = None, max_bytes: int | None = None, definitions: Sequence[Path] = ()
 ) -> Log:
     """Open a log, or a bag that is a folder.
 
     Parameters
     ----------
     path : pathlib.Path
-    layout : TextLayout, optional
+    layout : LogFile, optional
         Layout of a text log; unknown parts of it are detected.
     max_bytes : int, optional
         Size of the beginning of a text log that is read. Default: all of it is read.
@@ -90,7 +91,7 @@ def open_log(
     if kind is None:
         from auvid_cli.logs.formats.delimited import DelimitedLog
 
-        return DelimitedLog(path, layout or TextLayout(), max_bytes)
+        return DelimitedLog(path, layout or LogFile(), max_bytes)
     if kind.suffix and path.suffix.lower() != kind.suffix and not path.name.lower().endswith(f"{kind.suffix}.gz"):
         raise FileError(f"{path}: looks like {kind.description}, whose name must end in {kind.suffix}: rename it")
     return _open(path, kind, definitions)

@@ -89,8 +89,8 @@ def fit_relations(tracks: Mapping[str, Track]) -> list[RelationFit]:
     return [*fits.values()]
 
 
-def on_grid(tracks: Mapping[str, Track]) -> "Signals | None":
-    """Return signals on one grid of times; None if they are too short."""
+def on_grid(tracks: Mapping[str, Track], are_unwrapped: bool = False) -> "Signals | None":
+    """Return signals, whose angles may be unwrapped already, on one grid of times; None if they are too short."""
     if not tracks:
         return None
     # Medians, because one sensor's clock may be days away.
@@ -99,8 +99,9 @@ def on_grid(tracks: Mapping[str, Track]) -> "Signals | None":
     grid = np.arange(begin, end + 0.5 * step, step)
     if grid.size < _MIN_WINDOWS:
         return None
+    wrapped = () if are_unwrapped else _ANGLES
     values = {
-        symbol: interpolate(track.time, track.values[:, None], grid, is_angle=symbol in _ANGLES)[:, 0]
+        symbol: interpolate(track.time, track.values[:, None], grid, is_angle=symbol in wrapped)[:, 0]
         for symbol, track in tracks.items()
     }
     return Signals(values, step)

@@ -78,8 +78,8 @@ def _with_units(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
     is_over_ground = "dvl" in sensors and names.is_over_ground(sensors["dvl"].main.match.columns)
     verdicts = possible_units(columns, is_over_ground)
     known = [
-        part._replace(units=verdict.units, comment="; ".join(filter(None, (part.comment, verdict.reason))))
-        for part, verdict in zip(parts, verdicts, strict=True)
+        part._replace(units=units, comment="; ".join(filter(None, (part.comment, reason))))
+        for part, (units, reason) in zip(parts, verdicts, strict=True)
     ]
     return {
         name: sensor._replace(main=own[0], apart=own[1:])

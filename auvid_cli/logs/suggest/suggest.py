@@ -24,7 +24,6 @@ MAX_TEXT = 64_000_000  # bytes that are read from a text log to recognise its co
 _wrapper = textwrap.TextWrapper(110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
 _MAX_READ = 40  # unused columns of a table whose values are read; more are those of images and the like
 _SAME = 1e-6  # largest difference from a used column, divided by its spread
-_SENSOR_OF = {component: sensor for sensor, wanted in names.SENSOR_NAMES.items() for component in wanted}
 _UNKNOWN = "no name of a signal that a map has"
 
 
@@ -191,7 +190,7 @@ def _reasons(
         reason = _reason(column, read.get(column.name), others)
         component = fields.get(column.name) or names.component_of(column)
         if reason == _UNKNOWN and component in in_map:
-            reason = f"another {_SENSOR_OF.get(component, component)}"
+            reason = f"another {names.SENSOR_OF.get(component, component)}"
         reasons.setdefault(reason, []).append(column.name)
     return reasons
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
-from auvid_cli.config.log_columns import unit_factor
+from auvid_cli.config.log_columns import factor_if_known, unit_factor
 from auvid_cli.logs.clock import FARTHEST, find_restarts, slashed_date_formats, to_seconds
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log
 from auvid_cli.logs.suggest.names import TimeColumn, distinct_tables, time_columns
@@ -225,8 +225,8 @@ def _times_by(log: Log, table: str, time: TimeColumn) -> Times | None:
             date_format = formats[0]
             flow["format"] = date_format if len(formats) == 1 else None
             comment = "check: format of the dates" if len(formats) == 1 else f"required: {' or '.join(formats)}"
-    elif column.unit and is_unit_of(column.unit, "s"):
-        factor = unit_factor(column.unit, "s")
+    elif column.unit and (size := factor_if_known(column.unit, "s")) is not None:
+        factor = size
     elif time.nanoseconds is not None:
         flow["nanoseconds"] = time.nanoseconds.name
     else:
@@ -266,12 +266,3 @@ def _unit_of_time(numbers: Array, stated: str) -> tuple[str, int, str]:
     unit = "s" if step < 50.0 else "ms" if step < 5e3 else "us" if step < 5e6 else "ns"
     words = f"the log states the unit {stated!r}; " if stated else ""
     return unit, 0, f"check: {words}unit by the median step of {step:.4g}"
-
-
-def is_unit_of(unit: str, si: str) -> bool:
-    """Whether a text is a unit of the quantity of an SI unit."""
-    try:
-        unit_factor(unit, si)
-    except ValueError:
-        return False
-    return True

@@ -45,13 +45,6 @@ class Columns(NamedTuple):
     stated: str  # unit that the log or a name states; empty without one
 
 
-class PossibleUnits(NamedTuple):
-    """Units that remain possible, the most probable first, and the reasons."""
-
-    units: tuple[str, ...]
-    reason: str
-
-
 class _Tie(NamedTuple):
     """A relation whose gain physics fixes."""
 
@@ -76,8 +69,10 @@ class _FittedTie(NamedTuple):
         return float(0.5 * (max(low - gain, gain - high, 0.0) / self.tie.tolerance) ** 2)
 
 
-def possible_units(parts: Sequence[Columns], is_over_ground: bool) -> list[PossibleUnits]:
-    """Return the units that ranges, gravity and kinematic relations leave possible for each part.
+def possible_units(parts: Sequence[Columns], is_over_ground: bool) -> list[tuple[tuple[str, ...], str]]:
+    """Return the units that remain possible for each part, the most probable first, and the reasons.
+
+    Ranges, gravity and kinematic relations exclude the others.
 
     Parameters
     ----------
@@ -108,7 +103,7 @@ def possible_units(parts: Sequence[Columns], is_over_ground: bool) -> list[Possi
         own = [tie for tie in ties if {*part.tracks} & {*tie.tie.relation.symbols}]
         wrong = [tie for tie in own if tie in contradicted]
         units = candidates[k] if wrong else tuple(dict.fromkeys(combinations[row][k] for row in likely))
-        results.append(PossibleUnits(units, _reason(part, units, excluded[k], own, wrong)))
+        results.append((units, _reason(part, units, excluded[k], own, wrong)))
     return results
 
 
