@@ -80,8 +80,10 @@ def is_over_ground(match: names.Match) -> bool:
     return names.is_over_ground(match.columns)
 
 
-def is_upside_down(roll: Array) -> bool:
+def is_upside_down(roll: Array | None) -> bool:
     """Whether a roll, rad, is that of a sensor that hangs upside down."""
+    if roll is None:
+        return False
     size = np.abs(np.arctan2(np.sin(roll), np.cos(roll)))
     return bool(np.isfinite(size).any()) and float(np.nanmedian(size)) > _UPSIDE_DOWN
 

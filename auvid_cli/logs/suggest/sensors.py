@@ -126,13 +126,7 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
                     expected.setdefault(name, {"FRD": _BODY_AXES})
     if "dvl" in sensors and is_over_ground(sensors["dvl"].main.match):
         expected["dvl"] = {OVER_GROUND: _CONVENTION}
-    attitude = sensors.get("attitude")
-    if (
-        attitude is not None
-        and "dvl" in sensors
-        and "phi" in (angles := attitude.main.si())
-        and is_upside_down(angles["phi"])
-    ):
+    if "dvl" in sensors and "attitude" in sensors and is_upside_down(sensors["attitude"].main.si().get("phi")):
         expected.setdefault("dvl", {"FLU": _HANGING})
     return expected
 
@@ -149,10 +143,9 @@ def _signs_of_exchanged(main: Found) -> tuple[float, float, float]:
 def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], evidence: Evidence) -> Iterator[Line]:
     """Yield the lines below `sensors:`."""
     for name, sensor in sensors.items():
-        comment = "check: by its name the output of a navigation filter, not a measurement"
-        yield YamlEntry(
-            name, list(_sensor(logs, sensors, sensor, evidence)), comment if sensor.main.match.is_filter_output else ""
-        )
+        is_output = sensor.main.match.is_filter_output
+        comment = "check: by its name the output of a navigation filter, not a measurement" if is_output else ""
+        yield YamlEntry(name, list(_sensor(logs, sensors, sensor, evidence)), comment)
     if not sensors and (unnamed := names.without_names(logs)):
         yield Comment(
             f"required: {unnamed} have no names: write sensors here, such as depth: {{columns: {{down: 'data[3]'}}}}"
@@ -206,12 +199,11 @@ def _frame(sensor: str, evidence: Evidence, convention: str) -> str:
     if sensor == "dvl" and evidence.over_ground:
         return evidence.over_ground
     signs = [evidence.verdict.signs.get(symbol, 0) for symbol in TRIPLES.get(sensor, ())]
-
-    def distance(axes: str) -> tuple[int, bool]:
-        n_reversed = sum(sign == -usual for sign, usual in zip(signs, USUAL_AXES[axes], strict=False))
-        return n_reversed, axes != convention
-
-    return min(USUAL_AXES, key=distance)
+    n_reversed = {
+        axes: sum(sign == -usual for sign, usual in zip(signs, of_axes, strict=False))
+        for axes, of_axes in USUAL_AXES.items()
+    }
+    return min(n_reversed, key=lambda axes: (n_reversed[axes], axes != convention))
 
 
 def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: Evidence) -> Iterator[Line]:
@@ -287,8 +279,7 @@ def _axes(log: Log, found: FoundSensor, frame: str, evidence: Evidence) -> Itera
         else:
             meaning = "check: NED (psi clockwise from north) or ENU (anticlockwise from east)?"
         yield YamlEntry("reference", reference, meaning)
-        angles = found.main.si()
-        if "phi" in angles and is_upside_down(angles["phi"]):
+        if is_upside_down(found.main.si().get("phi")):
             yield YamlEntry("mount", Phrase("upside down"), "check: roll is about 180 deg")
 
 
