@@ -272,11 +272,6 @@ class Fins(Settings):
             raise ValueError("an X tail has upper_right, lower_right, lower_left and upper_left, and no other fins")
         return self
 
-    def given(self) -> dict[str, Fin]:
-        """Return the fins that are given, by name."""
-        fins = {name: getattr(self, name) for name in type(self).model_fields}
-        return {name: fin for name, fin in fins.items() if fin is not None}
-
 
 class Thrust(Settings):
     """Thrust by F = a n|n| + b |n| u of a propeller, or F = full x|x| of a command x from -100 to 100 percent."""

@@ -70,13 +70,9 @@ class Columns(Settings):
 
     @model_validator(mode="after")
     def _at_least_one(self) -> "Columns":
-        if not self.signals():
+        if not self.given():
             raise ValueError(f"expected a column for at least one of {', '.join(type(self).model_fields)}")
         return self
-
-    def signals(self) -> dict[str, LogSignal]:
-        """Return the signals by component."""
-        return {symbol: signal for symbol, signal in self if signal is not None}
 
 
 def _columns_of(sensor: str) -> type[Columns]:
@@ -169,7 +165,7 @@ class SensorMap(LogRows):
 
     def signals(self) -> dict[str, LogSignal]:
         """Return the signals by component."""
-        return self.columns.signals()
+        return self.columns.given()
 
 
 class InBody(SensorMap):
@@ -287,10 +283,6 @@ class _SensorMaps(Settings):
         if not self.given():
             raise ValueError(f"expected at least one of {', '.join(type(self).model_fields)}")
         return self
-
-    def given(self) -> dict[str, SensorMap]:
-        """Return the given sensors by name."""
-        return {name: sensor for name, sensor in self if sensor is not None}
 
 
 def plain_map(sensor: str) -> type[SensorMap]:
