@@ -75,10 +75,8 @@ def parse_separate_spans(value: Any) -> tuple[tuple[float, float], ...]:
     return parsed
 
 
-def _null_if_open(end: float) -> float | None:
-    return end if isfinite(end) else None
-
-
-_End = Annotated[float, AllowInfNan(True), PlainSerializer(_null_if_open)]
+# An open end is written as null.
+_Serializer = PlainSerializer(lambda end: end if isfinite(end) else None, return_type=float | None)
+_End = Annotated[float, AllowInfNan(True), _Serializer]
 Spans = Annotated[tuple[tuple[_End, _End], ...], BeforeValidator(parse_spans)]
 SeparateSpans = Annotated[tuple[tuple[_End, _End], ...], BeforeValidator(parse_separate_spans)]
