@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import LogSignal, RowChoice
 from auvid_cli.config.source_positions import KeyPath
-from auvid_cli.logs.clock import ClockDrift, Order, find_clock_drift, find_restarts, order_rows
+from auvid_cli.logs.clock import DAY, ClockDrift, Order, find_clock_drift, find_restarts, order_rows
 from auvid_cli.logs.formats.log import ColumnValues, Overlap, find_overlaps, is_code, rows_of_zeros
 from auvid_cli.logs.requests import ColumnReader, MapMismatchError, Request
 from auvid_cli.text import one_line
@@ -19,7 +19,6 @@ from auvid_cli.vehicle.rigid_body import MAX_SPEED, MAX_TURN_RATE
 _MAX_PLAUSIBLE = {"rad": 2.0 * np.pi, "rad/s": MAX_TURN_RATE, "m/s": MAX_SPEED, "m/s^2": 500.0}
 _MAX_INTERLEAVING = 1.0  # s, largest overlap of two files due to late messages
 _SAME_TIME = 1e-6  # s, largest rounding error of a time that several tables share
-_DAY = 86400.0  # s
 _MIN_INTERVAL = 1e-4  # s, smallest median interval; a higher rate has another unit of time
 _MIN_SPAN = 1.0  # s, shortest record
 _MAX_AMBIGUOUS = 0.1  # largest share of rows with the time of another row, but other values
@@ -307,8 +306,8 @@ def _drift_text(drift: ClockDrift) -> str:
 
 
 def _duration(seconds: float) -> str:
-    if seconds > 2.0 * _DAY:
-        return f"{seconds / _DAY:.3g} days"
+    if seconds > 2.0 * DAY:
+        return f"{seconds / DAY:.3g} days"
     return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.4g} s"
 
 

@@ -33,7 +33,6 @@ _MIN_CORRELATION = 0.95
 _MAX_GAIN_ERROR = 0.1  # of the logarithm
 # Sizes of numbers in usual units: rad and deg; m and ft, because a pressure in mbar is nearly a depth in cm.
 _GAINS = {False: (1.0, float(np.degrees(1.0))), True: (1.0, 1.0 / 0.3048)}
-_MAX_COLUMNS = 40  # columns of a table that are tried; more are those of images and the like
 _CANDIDATE = "candidate"
 
 
@@ -256,7 +255,7 @@ def _behaviours(
             tried = [
                 column for column in columns if (name, table, column.name) not in used and names.may_measure(column)
             ]
-            if not tried or len(tried) > _MAX_COLUMNS:
+            if not tried or len(tried) > names.MAX_COLUMNS:
                 continue
             read = log.read(table, [column.name for column in tried])
             signals = tracks_of(log, table, {key: np.asarray(values, np.float64) for key, values in read.items()})

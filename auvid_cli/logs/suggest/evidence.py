@@ -30,7 +30,7 @@ _BELOW = 4.0  # evidence of a positive mean depth for the sign of the depth
 _ABOVE = 0.5
 _EXCHANGED = 6.0  # least excess of the crossed responses of fins over the others
 _STRENGTHS = ((8.0, "strong"), (2.5, "fair"))  # least log likelihood for each word
-_MIN_GRAVITY = 5.0  # m/s^2
+MIN_GRAVITY = 5.0  # m/s^2, mean specific force that shows the direction of gravity
 _MIN_SPEED = 0.2  # m/s
 _MIN_COURSES = 30  # rows with a speed above `_MIN_SPEED`
 _MIN_ALIGNMENT = 0.8  # mean resultant length of course minus heading
@@ -169,7 +169,7 @@ def _with_values(
     for symbol, positive, negative in (("down", _BELOW, -_ABOVE), ("u", _AHEAD, -_AHEAD), ("fz", -_GRAVITY, _GRAVITY)):
         if symbol in tracks and np.isfinite(tracks[symbol].values).any():
             mean = float(np.nanmean(tracks[symbol].values))
-            if symbol != "fz" or abs(mean) > _MIN_GRAVITY:
+            if symbol != "fz" or abs(mean) > MIN_GRAVITY:
                 of_symbol = full.setdefault(symbol, {})
                 score = positive if mean > 0.0 else negative if mean < 0.0 else 0.0
                 of_symbol["+"] = of_symbol.get("+", 0.0) + score

@@ -31,7 +31,6 @@ _MAX_REST = 0.3  # unexplained share of the part of the copy that its own past d
 _MAX_ROUGHNESS = 0.7  # roughness of the copy, divided by that of the other column
 _MAX_GAIN_ERROR = 0.004  # less than that between a depth in m and a pressure in dbar
 _TURNS = (2.0 * np.pi, 360.0)
-_MAX_COLUMNS = 40  # columns of a table that are tried; more are those of images and the like
 _MAX_WRAP = 1.01  # largest range of a wrapped angle, turns
 
 
@@ -151,7 +150,7 @@ def _unfiltered(logs: Mapping[str, Log], part: Found, used: set[tuple[str, str, 
         for column in log.tables()[table]
         if (part.log, table, column.name) not in used and names.may_measure(column)
     ]
-    if part.match.message is not None or part.is_quaternion or not 0 < len(tried) <= _MAX_COLUMNS:
+    if part.match.message is not None or part.is_quaternion or not 0 < len(tried) <= names.MAX_COLUMNS:
         return part, []
     read = log.read(table, [column.name for column in tried])
     columns, reasons = dict(part.match.columns), list[str]()

@@ -109,6 +109,7 @@ _SET_POINT = re.compile(
     r"(^|[_./ ])(desired|target|goal|ref|reference|set_?points?|sp|cmd|command(ed|s)?|next)([_./ ]|$)"
 )
 _MAX_INSTANCES = 100
+MAX_COLUMNS = 40  # columns of a table whose values are read; more are those of images and the like
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")  # start of a word within DesiredHeading
 _FILTER_WORDS = (
     r"global_position_int|local_position|odom|ekf|[xn]kf\d|kalman|estimat|dead_?reckon|(^|[_./])nav(_|state|solution)"

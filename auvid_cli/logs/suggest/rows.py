@@ -13,12 +13,10 @@ from auvid_cli.logs.clock import find_restarts, order_rows
 from auvid_cli.logs.formats.log import Log, LogColumn, find_codes, has_rows_of_zeros, is_code, rows_of_zeros
 from auvid_cli.logs.frames import euler_of_quaternion, in_forward_axes, quaternion_of_euler
 from auvid_cli.logs.suggest.names import QUATERNION_NAMES, Match, named_unit, standard_message
-from auvid_cli.logs.suggest.relations import Track
+from auvid_cli.logs.suggest.relations import ANGLES, Track
 from auvid_cli.logs.suggest.times import one_sender, rows_of_sender, seconds_of, time_of
 from auvid_cli.text import Flow, Phrase, YamlEntry
 from auvid_cli.vehicle.parameters import SENSORS
-
-_ANGLES: tuple[str, ...] = ("phi", "theta", "psi")
 
 
 def row_entries(logs: Mapping[str, Log], name: str, table: str, delay: float = 0.0) -> Iterator[YamlEntry]:
@@ -103,16 +101,16 @@ class Found(NamedTuple):
             quaternion = np.column_stack([self.numbers[axis] for axis in "wxyz"])
             if self.is_right_forward_up:
                 quaternion = in_forward_axes(quaternion)
-            return dict(zip(_ANGLES, euler_of_quaternion(quaternion).T, strict=True))
+            return dict(zip(ANGLES, euler_of_quaternion(quaternion).T, strict=True))
         si = SENSORS[self.sensor][0].unit
         factor = unit_factor(self.unit, si)
         most = magnitude_of(si).largest / factor
         values = {
             component: factor * np.where(np.abs(raw) <= most, raw, np.nan) for component, raw in self.numbers.items()
         }
-        if self.is_right_forward_up and {*values} == {*_ANGLES}:
-            quaternion = in_forward_axes(quaternion_of_euler(np.column_stack([values[symbol] for symbol in _ANGLES])))
-            values |= dict(zip(_ANGLES, euler_of_quaternion(quaternion).T, strict=True))
+        if self.is_right_forward_up and {*values} == {*ANGLES}:
+            quaternion = in_forward_axes(quaternion_of_euler(np.column_stack([values[symbol] for symbol in ANGLES])))
+            values |= dict(zip(ANGLES, euler_of_quaternion(quaternion).T, strict=True))
         return values
 
 

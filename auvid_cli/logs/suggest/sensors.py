@@ -9,7 +9,7 @@ from auvid_cli.data.signals import estimate_noise, is_smoothed
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.behaviour import with_behaviour
-from auvid_cli.logs.suggest.evidence import OVER_GROUND, ROTATED, TRIPLES, USUAL_AXES, Evidence
+from auvid_cli.logs.suggest.evidence import MIN_GRAVITY, OVER_GROUND, ROTATED, TRIPLES, USUAL_AXES, Evidence
 from auvid_cli.logs.suggest.found_sensors import (
     FoundSensor,
     flag_of,
@@ -30,7 +30,6 @@ from auvid_cli.vehicle.parameters import SENSORS
 
 _EARTH_AXES = {"FRD": "NED", "FLU": "ENU"}
 _HEADINGS = {"NED": "clockwise from north", "ENU": "anticlockwise from east"}
-_MIN_GRAVITY = 5.0  # m/s^2, mean specific force that shows the direction of gravity
 _MANY_REPEATS = 0.5  # share of rows that repeat the one before
 # Log likelihoods by conventions and names.
 _CONVENTION = 6.0  # axes of a standard message, or of a velocity with north and east in its names
@@ -303,7 +302,7 @@ def _convention(log: Log, table: str) -> tuple[str, str] | None:
     for place in names.find_columns({"fz": names.SENSOR_NAMES["accelerometer"]["fz"]}, {table: columns}):
         column = place.columns["fz"].name
         up = np.asarray(log.read(table, [column])[column], np.float64)
-        if np.isfinite(up).any() and (mean := float(np.nanmean(up))) < -_MIN_GRAVITY:
+        if np.isfinite(up).any() and (mean := float(np.nanmean(up))) < -MIN_GRAVITY:
             return "FRD", f"{kind} is FLU by REP 103, but the mean of {column} is {mean:.3g}"
     return "FLU", f"{kind} is FLU by REP 103"
 

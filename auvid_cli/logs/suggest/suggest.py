@@ -22,7 +22,6 @@ from auvid_cli.vehicle.parameters import PARAMETERS
 
 MAX_TEXT = 64_000_000  # bytes that are read from a text log to recognise its columns
 _wrapper = textwrap.TextWrapper(110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
-_MAX_READ = 40  # unused columns of a table whose values are read; more are those of images and the like
 _SAME = 1e-6  # largest difference from a used column, divided by its spread
 _UNKNOWN = "no name of a signal that a map has"
 
@@ -179,7 +178,7 @@ def _reasons(
     """Return the names of unused columns by the reason."""
     numbers = [column for column in unused if not column.is_text and not column.name.startswith("@")]
     read: dict[str, Array] = {}
-    if len(numbers) <= _MAX_READ:
+    if len(numbers) <= names.MAX_COLUMNS:
         of_table = log.read(table, [*(column.name for column in numbers), *used])
         read = {key: np.asarray(values, np.float64) for key, values in of_table.items() if values.dtype.kind != "U"}
     others = {key: read[key] for key in used if key in read}

@@ -115,7 +115,7 @@ def _ratio(part: Columns, unit: str, usual: str) -> float:
 def _candidates(part: Columns, excluded: Mapping[str, str]) -> tuple[str, ...]:
     if part.stated:
         return (part.stated,)
-    units = UNITS.get(SENSORS[part.sensor][0].unit, (SENSORS[part.sensor][0].unit,))
+    units = UNITS[SENSORS[part.sensor][0].unit]
     # If every unit is excluded, the ranges do not fit this log.
     return tuple(unit for unit in units if unit not in excluded) or units
 
@@ -146,11 +146,9 @@ def _excluded(part: Columns) -> dict[str, str]:
             low, high, size = (_MIN_SPEED if "u" in part.tracks else 0.0), MAX_SPEED, _size(part)
         case "m":
             low, high, size = _MIN_DEPTH, _MAX_DEPTH, _size(part)
-        case "m/s^2":
+        case _:  # m/s^2
             size = _specific_force(part)
             low, high = (1.0 - _NEAR_GRAVITY) * GRAVITY, (1.0 + _NEAR_GRAVITY) * GRAVITY
-        case _:
-            return {}
     excluded = {}
     for unit in UNITS[si]:
         factor = unit_factor(unit, si)
