@@ -104,7 +104,8 @@ class LogSignal(NamedColumn):
     def _known_unit(cls, unit: str | None) -> str | None:
         return check_unit(unit, cls.si)
 
-    @field_validator("scale", "offset", mode="before")
+    # Only inputs have a `constant`.
+    @field_validator("scale", "offset", "constant", mode="before", check_fields=False)
     @classmethod
     def _quantity(cls, value: Any) -> Any:
         return value if value is None else check_size(parse_quantity(value, cls.si), cls.si)
@@ -210,11 +211,6 @@ class InputSignal(PlacedSignal):
     @classmethod
     def _accept_a_number(cls, data: Any) -> Any:
         return {"constant": data} if isinstance(data, int | float) and not isinstance(data, bool) else data
-
-    @field_validator("constant", mode="before")
-    @classmethod
-    def _quantity_of_input(cls, value: Any) -> Any:
-        return value if value is None else check_size(parse_quantity(value, cls.si), cls.si)
 
     @model_validator(mode="after")
     def _one_source(self) -> "InputSignal":

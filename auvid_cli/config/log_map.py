@@ -84,20 +84,6 @@ def _columns_of(sensor: str) -> type[Columns]:
     return create_model("Columns", __base__=Columns, __doc__=words, **fields)
 
 
-if TYPE_CHECKING:
-    Rates = Columns
-    SpecificForces = Columns
-    Heading = Columns
-    Fields = Columns
-    Velocity = Columns
-    Angles = Columns
-    Down = Columns
-else:
-    Rates, SpecificForces, Heading, Fields, Velocity, Angles, Down = map(
-        _columns_of, ("gyroscope", "accelerometer", "magnetometer", "magnetic_field", "dvl", "attitude", "depth")
-    )
-
-
 class SensorMap(LogRows):
     """Settings that all sensors share."""
 
@@ -178,13 +164,13 @@ class InBody(SensorMap):
 class GyroscopeMap(InBody, sensor="gyroscope"):
     """Angular rates."""
 
-    columns: Rates
+    columns: _columns_of("gyroscope")  # type: ignore[valid-type]
 
 
 class AccelerometerMap(InBody, sensor="accelerometer"):
     """Specific force."""
 
-    columns: SpecificForces
+    columns: _columns_of("accelerometer")  # type: ignore[valid-type]
     position: Annotated[
         Lever, Field(description="[forward, starboard, down] from the vehicle's origin; used by estimators")
     ] = (0.0, 0.0, 0.0)
@@ -193,13 +179,13 @@ class AccelerometerMap(InBody, sensor="accelerometer"):
 class MagneticFieldMap(EarthField, InBody, sensor="magnetic_field"):
     """Magnetic field along three axes."""
 
-    columns: Fields
+    columns: _columns_of("magnetic_field")  # type: ignore[valid-type]
 
 
 class MagnetometerMap(SensorMap, sensor="magnetometer"):
     """Heading of a compass."""
 
-    columns: Heading
+    columns: _columns_of("magnetometer")  # type: ignore[valid-type]
     reference: Annotated[
         EarthAxes, Field(description="zero and sense: from north clockwise (NED), or from east anticlockwise (ENU)")
     ] = "NED"
@@ -208,7 +194,7 @@ class MagnetometerMap(SensorMap, sensor="magnetometer"):
 class DvlMap(SensorMap, sensor="dvl"):
     """Velocity along the axes of the sensor or of the earth."""
 
-    columns: Velocity
+    columns: _columns_of("dvl")  # type: ignore[valid-type]
     frame: Annotated[AnyAxes, Field(description="axes; NED and ENU are rotated into the body by the attitude")] = "FRD"
     mount: Annotated[Mount | None, Field(description="attitude of the sensor in the body")] = None
     position: Annotated[
@@ -240,7 +226,7 @@ class Quaternion(Settings):
 class AttitudeMap(InBody, sensor="attitude"):
     """Roll, pitch and yaw, as angles or as a quaternion."""
 
-    columns: Angles | None = None
+    columns: _columns_of("attitude") | None = None  # type: ignore[valid-type]
     quaternion: Quaternion | None = None
     reference: Annotated[EarthAxes, Field(description="axes of the earth")] = "NED"
 
@@ -260,7 +246,7 @@ class AttitudeMap(InBody, sensor="attitude"):
 class DepthMap(SensorMap, sensor="depth"):
     """Depth."""
 
-    columns: Down
+    columns: _columns_of("depth")  # type: ignore[valid-type]
     position: Annotated[
         Lever | None,
         Field(description="[forward, starboard, down] from the vehicle's origin; the depth is corrected for it"),
