@@ -1,6 +1,7 @@
 """Base class of all settings, and types that several settings share: positions, axes and spans of time."""
 
 import sys
+from collections.abc import Callable
 from itertools import pairwise
 from math import inf, isfinite
 from typing import Annotated, Any, TypeVar
@@ -30,6 +31,15 @@ def make_settings(name: str, module: str, base: type[_Settings], meaning: str | 
     made = create_model(name, __base__=base, __module__=module, __doc__=meaning, **fields)
     setattr(sys.modules[module], name, made)
     return made
+
+
+def with_fields(**fields: Any) -> Callable[[type[_Settings]], type[_Settings]]:
+    """Return a decorator that adds fields from a table, each as type and default, to a settings class."""
+
+    def extended(base: type[_Settings]) -> type[_Settings]:
+        return create_model(base.__name__, __base__=base, __module__=base.__module__, __doc__=base.__doc__, **fields)
+
+    return extended
 
 
 def _three_lengths(value: Any) -> Any:
