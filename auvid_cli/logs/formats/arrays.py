@@ -127,9 +127,8 @@ class MatlabLog(ArrayLog):
     """A MATLAB file up to version 7."""
 
     def _arrays(self, variables: Collection[str] | None = None) -> Iterator[tuple[_Path, NDArray[Any]]]:
-        for variable in (
-            [name for name in self._content if not name.startswith("__")] if variables is None else variables
-        ):
+        own = [name for name in self._content if not name.startswith("__")]
+        for variable in own if variables is None else variables:
             yield from _flatten((variable,), self._content[variable])
 
     def _objects(self) -> dict[str, str]:

@@ -89,14 +89,8 @@ def split_unit(field: str) -> tuple[str, str]:
 
 def find_suffix(values: Sequence[str], decimal: str, missing: Sequence[str]) -> str:
     """Return the first unit in cells that are all numbers with or without a unit; empty otherwise."""
-    units = []
-    for value in values:
-        if not is_number(value, decimal, missing):
-            _, unit = split_unit(value)
-            if not unit or not is_unit(unit):
-                return ""
-            units.append(unit)
-    return units[0] if units else ""
+    units = [split_unit(value)[1] for value in values if not is_number(value, decimal, missing)]
+    return units[0] if units and all(map(is_unit, units)) else ""
 
 
 def are_units(cells: Sequence[str], samples: Sequence[Sequence[str]]) -> bool:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -133,12 +134,9 @@ def with_unfiltered(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor])
     used = used_columns(sensors)
     replaced: dict[str, FoundSensor] = {}
     for name, sensor in sensors.items():
-        parts, notes = [], [*sensor.notes]
-        for part in sensor.parts:
-            raw, reasons = _unfiltered(logs, part, used)
-            parts.append(raw)
-            notes += reasons
-        replaced[name] = sensor._replace(main=parts[0], apart=parts[1:], notes=tuple(notes))
+        parts, reasons = zip(*(_unfiltered(logs, part, used) for part in sensor.parts), strict=True)
+        notes = (*sensor.notes, *chain.from_iterable(reasons))
+        replaced[name] = sensor._replace(main=parts[0], apart=[*parts[1:]], notes=notes)
     return replaced
 
 

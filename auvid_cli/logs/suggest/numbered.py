@@ -322,9 +322,8 @@ def in_usual_order(found: Mapping[str, FoundSensor], tracks: Mapping[str, Track]
             columns = {key: main.match.columns[swap.get(key, key)] for key in main.match.columns}
             numbers = {key: main.numbers[swap.get(key, key)] for key in main.numbers}
             main = main._replace(match=main.match._replace(columns=columns), numbers=numbers)
-            usual[name] = found[name]._replace(
-                main=main, notes=(f"check: x and y are exchanged: {reason}",), is_exchanged=True
-            )
+            notes = (f"check: x and y are exchanged: {reason}",)
+            usual[name] = found[name]._replace(main=main, notes=notes, is_exchanged=True)
     return usual
 
 

@@ -87,11 +87,8 @@ def one_sender(log: Log, table: str) -> tuple[str, str | float] | None:
             if _SENDER.fullmatch(column.name):
                 senders = log.read(table, [column.name])[column.name]
                 values, counts = np.unique(senders, return_counts=True)
-                if (
-                    1 < values.size <= _MAX_SENDERS
-                    and counts.min() >= _MIN_ROWS
-                    and _send_the_same(log, table, senders)
-                ):
+                are_senders = 1 < values.size <= _MAX_SENDERS and counts.min() >= _MIN_ROWS
+                if are_senders and _send_the_same(log, table, senders):
                     value = values[int(counts.argmax())]
                     log.senders[table] = column.name, str(value) if column.is_text else float(value)
                     break

@@ -151,11 +151,9 @@ def _excluded(part: Columns) -> dict[str, str]:
             low, high = (1.0 - _NEAR_GRAVITY) * GRAVITY, (1.0 + _NEAR_GRAVITY) * GRAVITY
     excluded = {}
     for unit in UNITS[si]:
-        factor = unit_factor(unit, si)
-        if factor * size < low or factor * size > high:
-            excluded[unit] = (
-                f"{size:.3g} {unit} would be too {'small' if factor * size < low else 'large'} for a vehicle"
-            )
+        size_si = unit_factor(unit, si) * size
+        if word := "small" if size_si < low else "large" if size_si > high else "":
+            excluded[unit] = f"{size:.3g} {unit} would be too {word} for a vehicle"
     return excluded
 
 
