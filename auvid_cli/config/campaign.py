@@ -122,8 +122,7 @@ class FilterVariant(Settings):
         dict[str, AnyValue], Field(description="settings of the filter by dotted key, in identification or vehicle")
     ] = Field(default_factory=dict)
     fit: Annotated[
-        bool,
-        Field(strict=True, description="whether `auvid fit` searches for a model, beginning with these settings"),
+        bool, Field(strict=True, description="whether `auvid fit` searches for a model, beginning with these settings")
     ] = False
 
     @model_validator(mode="after")

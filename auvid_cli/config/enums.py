@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 from pathlib import Path, PurePath
-from typing import NamedTuple, TypeVar, assert_never
+from typing import NamedTuple, TypeVar
 
 from auvid_cli.errors import ConfigError
 
@@ -40,23 +40,7 @@ class FilterName(StrEnum):
     @property
     def description(self) -> str:
         """Return a description of one line."""
-        match self:
-            case FilterName.EKF:
-                return "Extended Kalman filter: linearised along the motion; exact or first-order transition."
-            case FilterName.CKF:
-                return "Cubature Kalman filter: third-degree spherical rule, in square-root form."
-            case FilterName.TUKF:
-                return "Transformed unscented Kalman filter: cubature points, rotated to stay close in each state."
-            case FilterName.UKF:
-                return "Unscented Kalman filter with the scaled transformation."
-            case FilterName.SMOOTHER:
-                return "Smoother: the most probable coefficients and motion of all data; judges the others."
-            case FilterName.OUTPUT_ERROR:
-                return (
-                    "Output-error method (OE in tables): fit of coefficients and initial motion, without process noise."
-                )
-            case _:
-                assert_never(self)
+        return _DESCRIPTIONS[self]
 
     @property
     def is_free_run_fit(self) -> bool:
@@ -64,6 +48,15 @@ class FilterName(StrEnum):
         return self is FilterName.OUTPUT_ERROR
 
 
+_DESCRIPTIONS = {
+    FilterName.EKF: "Extended Kalman filter: linearised along the motion; exact or first-order transition.",
+    FilterName.CKF: "Cubature Kalman filter: third-degree spherical rule, in square-root form.",
+    FilterName.TUKF: "Transformed unscented Kalman filter: cubature points, rotated to stay close in each state.",
+    FilterName.UKF: "Unscented Kalman filter with the scaled transformation.",
+    FilterName.SMOOTHER: "Smoother: the most probable coefficients and motion of all data; judges the others.",
+    FilterName.OUTPUT_ERROR: "Output-error method (OE in tables): fit of coefficients and initial motion, without "
+    "process noise.",
+}
 # Reference for the other filters: it estimates each state from all data, earlier and later.
 JUDGE = FilterName.SMOOTHER
 

@@ -9,9 +9,9 @@ from enum import StrEnum
 from math import inf, sqrt
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, get_args
 
-from pydantic import Field, create_model
+from pydantic import Field
 
-from auvid_cli.config.settings import Positive, Settings, make_settings, three
+from auvid_cli.config.settings import Positive, Settings, make_settings, three, with_fields
 from auvid_cli.config.units import Amount, AmountPerAxis
 from auvid_cli.vehicle.parameters import DEPTH, DISTURBANCE, SENSORS, Quantity
 
@@ -321,7 +321,8 @@ _SETTINGS: dict[BiasName, Any] = {
 }
 
 
-class _AugmentedStates(Settings):
+@with_fields(**{name.value: (settings, settings()) for name, settings in _SETTINGS.items()})
+class AugmentedStates(Settings):
     """Errors to estimate next to coefficients and motion."""
 
     biases: Annotated[
@@ -340,16 +341,6 @@ class _AugmentedStates(Settings):
         """Return the blocks to estimate, each once."""
         return tuple(block for name in dict.fromkeys(self.biases) for block in self.blocks_of(name))
 
-
-if TYPE_CHECKING:
-    AugmentedStates = _AugmentedStates
-else:
-    AugmentedStates = create_model(
-        "AugmentedStates",
-        __base__=_AugmentedStates,
-        __doc__=_AugmentedStates.__doc__,
-        **{name.value: (settings, settings()) for name, settings in _SETTINGS.items()},
-    )
 
 _EVERYTHING = AugmentedStates.model_validate(
     {

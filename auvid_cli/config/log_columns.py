@@ -41,23 +41,25 @@ def unit_factor(name: str, unit: str) -> float:
         return parse_quantity(f"1 {name.lower()}", unit)
 
 
+def factor_if_known(name: str, unit: str) -> float | None:
+    """Return `unit_factor`; None if the unit is unknown or of another dimension."""
+    try:
+        return unit_factor(name, unit)
+    except ValueError:
+        return None
+
+
 def check_unit(name: str | None, unit: str) -> str | None:
     """Return the unit of a log unchanged; ValueError if it is not of the dimension of the SI unit `unit`."""
+    usual = _SPELLINGS.get(unit, (unit,))
     # Validators do not see the default; a null is a question that a suggested map leaves open.
     if name is None:
-        raise ValueError(f"got nothing; fill in the unit of the log's numbers, such as {_examples(unit)}")
-    try:
-        unit_factor(name, unit)
-    except ValueError:
-        usual = _SPELLINGS.get(unit, (unit,))
+        raise ValueError(f"got nothing; fill in the unit of the log's numbers, such as {', '.join(usual)}")
+    if factor_if_known(name, unit) is None:
         near = get_close_matches(name.lower(), usual, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"expected a unit such as {', '.join(usual)}"
-        raise ValueError(f"{name!r}: not a unit of {EXAMPLES.get(unit, ('this signal', ''))[0]}; {hint}") from None
+        raise ValueError(f"{name!r}: not a unit of {EXAMPLES.get(unit, ('this signal', ''))[0]}; {hint}")
     return name
-
-
-def _examples(unit: str) -> str:
-    return ", ".join(_SPELLINGS.get(unit, (unit,)))
 
 
 class NamedColumn(Settings):
@@ -102,7 +104,8 @@ class LogSignal(NamedColumn):
     def _known_unit(cls, unit: str | None) -> str | None:
         return check_unit(unit, cls.si)
 
-    @field_validator("scale", "offset", mode="before")
+    # Only inputs have a `constant`.
+    @field_validator("scale", "offset", "constant", mode="before", check_fields=False)
     @classmethod
     def _quantity(cls, value: Any) -> Any:
         return value if value is None else check_size(parse_quantity(value, cls.si), cls.si)
@@ -209,11 +212,6 @@ class InputSignal(PlacedSignal):
     def _accept_a_number(cls, data: Any) -> Any:
         return {"constant": data} if isinstance(data, int | float) and not isinstance(data, bool) else data
 
-    @field_validator("constant", mode="before")
-    @classmethod
-    def _quantity_of_input(cls, value: Any) -> Any:
-        return value if value is None else check_size(parse_quantity(value, cls.si), cls.si)
-
     @model_validator(mode="after")
     def _one_source(self) -> "InputSignal":
         if bool(self.column) == (self.constant is not None):
@@ -269,11 +267,6 @@ class Fins(Settings):
         if diagonal and (len(diagonal) < 4 or names - diagonal):
             raise ValueError("an X tail has upper_right, lower_right, lower_left and upper_left, and no other fins")
         return self
-
-    def given(self) -> dict[str, Fin]:
-        """Return the fins that are given, by name."""
-        fins = {name: getattr(self, name) for name in type(self).model_fields}
-        return {name: fin for name, fin in fins.items() if fin is not None}
 
 
 class Thrust(Settings):

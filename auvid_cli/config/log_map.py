@@ -70,13 +70,9 @@ class Columns(Settings):
 
     @model_validator(mode="after")
     def _at_least_one(self) -> "Columns":
-        if not self.signals():
+        if not self.given():
             raise ValueError(f"expected a column for at least one of {', '.join(type(self).model_fields)}")
         return self
-
-    def signals(self) -> dict[str, LogSignal]:
-        """Return the signals by component."""
-        return {symbol: signal for symbol, signal in self if signal is not None}
 
 
 def _columns_of(sensor: str) -> type[Columns]:
@@ -86,20 +82,6 @@ def _columns_of(sensor: str) -> type[Columns]:
     }
     words = f"Columns of the components of `{sensor}` that the log has."
     return create_model("Columns", __base__=Columns, __doc__=words, **fields)
-
-
-if TYPE_CHECKING:
-    Rates = Columns
-    SpecificForces = Columns
-    Heading = Columns
-    Fields = Columns
-    Velocity = Columns
-    Angles = Columns
-    Down = Columns
-else:
-    Rates, SpecificForces, Heading, Fields, Velocity, Angles, Down = map(
-        _columns_of, ("gyroscope", "accelerometer", "magnetometer", "magnetic_field", "dvl", "attitude", "depth")
-    )
 
 
 class SensorMap(LogRows):
@@ -169,7 +151,7 @@ class SensorMap(LogRows):
 
     def signals(self) -> dict[str, LogSignal]:
         """Return the signals by component."""
-        return self.columns.signals()
+        return self.columns.given()
 
 
 class InBody(SensorMap):
@@ -182,13 +164,13 @@ class InBody(SensorMap):
 class GyroscopeMap(InBody, sensor="gyroscope"):
     """Angular rates."""
 
-    columns: Rates
+    columns: _columns_of("gyroscope")  # type: ignore[valid-type]
 
 
 class AccelerometerMap(InBody, sensor="accelerometer"):
     """Specific force."""
 
-    columns: SpecificForces
+    columns: _columns_of("accelerometer")  # type: ignore[valid-type]
     position: Annotated[
         Lever, Field(description="[forward, starboard, down] from the vehicle's origin; used by estimators")
     ] = (0.0, 0.0, 0.0)
@@ -197,13 +179,13 @@ class AccelerometerMap(InBody, sensor="accelerometer"):
 class MagneticFieldMap(EarthField, InBody, sensor="magnetic_field"):
     """Magnetic field along three axes."""
 
-    columns: Fields
+    columns: _columns_of("magnetic_field")  # type: ignore[valid-type]
 
 
 class MagnetometerMap(SensorMap, sensor="magnetometer"):
     """Heading of a compass."""
 
-    columns: Heading
+    columns: _columns_of("magnetometer")  # type: ignore[valid-type]
     reference: Annotated[
         EarthAxes, Field(description="zero and sense: from north clockwise (NED), or from east anticlockwise (ENU)")
     ] = "NED"
@@ -212,7 +194,7 @@ class MagnetometerMap(SensorMap, sensor="magnetometer"):
 class DvlMap(SensorMap, sensor="dvl"):
     """Velocity along the axes of the sensor or of the earth."""
 
-    columns: Velocity
+    columns: _columns_of("dvl")  # type: ignore[valid-type]
     frame: Annotated[AnyAxes, Field(description="axes; NED and ENU are rotated into the body by the attitude")] = "FRD"
     mount: Annotated[Mount | None, Field(description="attitude of the sensor in the body")] = None
     position: Annotated[
@@ -244,7 +226,7 @@ class Quaternion(Settings):
 class AttitudeMap(InBody, sensor="attitude"):
     """Roll, pitch and yaw, as angles or as a quaternion."""
 
-    columns: Angles | None = None
+    columns: _columns_of("attitude") | None = None  # type: ignore[valid-type]
     quaternion: Quaternion | None = None
     reference: Annotated[EarthAxes, Field(description="axes of the earth")] = "NED"
 
@@ -264,7 +246,7 @@ class AttitudeMap(InBody, sensor="attitude"):
 class DepthMap(SensorMap, sensor="depth"):
     """Depth."""
 
-    columns: Down
+    columns: _columns_of("depth")  # type: ignore[valid-type]
     position: Annotated[
         Lever | None,
         Field(description="[forward, starboard, down] from the vehicle's origin; the depth is corrected for it"),
@@ -287,10 +269,6 @@ class _SensorMaps(Settings):
         if not self.given():
             raise ValueError(f"expected at least one of {', '.join(type(self).model_fields)}")
         return self
-
-    def given(self) -> dict[str, SensorMap]:
-        """Return the given sensors by name."""
-        return {name: sensor for name, sensor in self if sensor is not None}
 
 
 def plain_map(sensor: str) -> type[SensorMap]:

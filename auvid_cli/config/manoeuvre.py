@@ -182,8 +182,7 @@ class ManoeuvreSettings(Settings):
     propeller: Annotated[Propeller | None, Field(description="revolutions and voltage, for own terms")] = None
     fin_trim: FinTrim = FinTrim()
     thrust_error: Annotated[
-        float,
-        Field(gt=-1, le=10, description="scale error of the recorded surge force; 0.1 means 10 % too large"),
+        float, Field(gt=-1, le=10, description="scale error of the recorded surge force; 0.1 means 10 % too large")
     ] = 0.0
     input_delay: Annotated[
         float, Amount("s"), Field(ge=0, le=10, description="time from a recorded input until it acts")

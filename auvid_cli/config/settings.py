@@ -1,6 +1,7 @@
 """Base class of all settings, and types that several settings share: positions, axes and spans of time."""
 
 import sys
+from collections.abc import Callable
 from itertools import pairwise
 from math import inf, isfinite
 from typing import Annotated, Any, TypeVar
@@ -17,6 +18,10 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, allow_inf_nan=False)
 
+    def given(self) -> dict[str, Any]:
+        """Return the settings that are not None, by name."""
+        return {name: value for name, value in self if value is not None}
+
 
 _Settings = TypeVar("_Settings", bound=Settings)
 
@@ -26,6 +31,15 @@ def make_settings(name: str, module: str, base: type[_Settings], meaning: str | 
     made = create_model(name, __base__=base, __module__=module, __doc__=meaning, **fields)
     setattr(sys.modules[module], name, made)
     return made
+
+
+def with_fields(**fields: Any) -> Callable[[type[_Settings]], type[_Settings]]:
+    """Return a decorator that adds fields from a table, each as type and default, to a settings class."""
+
+    def extended(base: type[_Settings]) -> type[_Settings]:
+        return create_model(base.__name__, __base__=base, __module__=base.__module__, __doc__=base.__doc__, **fields)
+
+    return extended
 
 
 def _three_lengths(value: Any) -> Any:
@@ -71,10 +85,8 @@ def parse_separate_spans(value: Any) -> tuple[tuple[float, float], ...]:
     return parsed
 
 
-def _null_if_open(end: float) -> float | None:
-    return end if isfinite(end) else None
-
-
-_End = Annotated[float, AllowInfNan(True), PlainSerializer(_null_if_open)]
+# An open end is written as null.
+_Serializer = PlainSerializer(lambda end: end if isfinite(end) else None, return_type=float | None)
+_End = Annotated[float, AllowInfNan(True), _Serializer]
 Spans = Annotated[tuple[tuple[_End, _End], ...], BeforeValidator(parse_spans)]
 SeparateSpans = Annotated[tuple[tuple[_End, _End], ...], BeforeValidator(parse_separate_spans)]

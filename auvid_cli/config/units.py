@@ -161,13 +161,13 @@ class Unit:
     unit: str
     check: ClassVar[SizeCheck] = staticmethod(check_size)
 
+    def parse(self, value: Any) -> Any:
+        """Return a quantity, or several, as numbers in the unit; ValueError if it is invalid or fails `check`."""
+        return type(self).check(parse_quantity(value, self.unit), self.unit)
+
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Parse the quantity and check its size before the field's own validation."""
-
-        def parse(value: Any) -> float:
-            return type(self).check(parse_quantity(value, self.unit), self.unit)
-
-        return core_schema.no_info_before_validator_function(parse, handler(source))
+        """Parse before the field's own validation."""
+        return core_schema.no_info_before_validator_function(self.parse, handler(source))
 
 
 class Amount(Unit):
@@ -179,13 +179,9 @@ class Amount(Unit):
 class AmountPerAxis(Amount):
     """SI unit of a field of amounts along three axes: one for all axes or a list of one each."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Parse the quantities before the field's own validation."""
-
-        def parse(value: Any) -> tuple[float, ...]:
-            return parse_components(value, self.unit, 3, type(self).check)
-
-        return core_schema.no_info_before_validator_function(parse, handler(source))
+    def parse(self, value: Any) -> tuple[float, ...]:
+        """Return one number for all axes or one for each."""
+        return parse_components(value, self.unit, 3, type(self).check)
 
 
 def expected(unit: str) -> str:

@@ -2,16 +2,16 @@
 
 from collections.abc import Iterator, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from auvid_cli.config.coefficients import Term, TermPrior, check_own_terms
 from auvid_cli.config.geometry import GeometrySettings
-from auvid_cli.config.settings import Settings, make_settings
+from auvid_cli.config.settings import Settings, make_settings, with_fields
 from auvid_cli.config.units import Amount, Unit
 from auvid_cli.errors import ConfigError
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.geometry import DerivedValue, coefficients_from_geometry
 from auvid_cli.vehicle.hull import Geometry
 from auvid_cli.vehicle.parameters import PARAMETERS, Actuator, Actuators
@@ -168,27 +168,20 @@ class _Table(Settings):
                 yield field.alias or name, entry
 
 
-if TYPE_CHECKING:
-    ParameterTable = CoefficientTable = _Table
-else:
-    ParameterTable = create_model(
-        "ParameterTable",
-        __base__=_Table,
-        **{
-            q.symbol: (_entry(q.unit, positive=q.symbol in _POSITIVE), Field(description=q.meaning)) for q in PARAMETERS
-        },
-    )
-    CoefficientTable = create_model(
-        "CoefficientTable",
-        __base__=_Table,
-        **{
-            c.symbol.replace("|", "_"): (
-                _entry(c.unit, CoefficientEntry) | None,
-                Field(None, alias=c.symbol, description=c.meaning),
-            )
-            for c in COEFFICIENTS
-        },
-    )
+@with_fields(
+    **{q.symbol: (_entry(q.unit, positive=q.symbol in _POSITIVE), Field(description=q.meaning)) for q in PARAMETERS}
+)
+class ParameterTable(_Table):
+    """Known parameters by symbol."""
+
+
+def _coefficient_field(c: Coefficient) -> Any:
+    return _entry(c.unit, CoefficientEntry) | None, Field(None, alias=c.symbol, description=c.meaning)
+
+
+@with_fields(**{c.symbol.replace("|", "_"): _coefficient_field(c) for c in COEFFICIENTS})
+class CoefficientTable(_Table):
+    """Coefficients by symbol."""
 
 
 class Size(Settings):

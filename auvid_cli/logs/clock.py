@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from auvid_cli.arrays import Array
 from auvid_cli.logs.formats.log import ColumnValues
 
-_HOUR = 3600.0  # s
-_DAY = 86400.0  # s
+HOUR = 3600.0  # s
+DAY = 86400.0  # s
 # A leap second is the second 60.
 _CLOCK = re.compile(r"\s*(?:(\d{1,2}):)?([0-5]?\d):((?:[0-5]?\d|60)(?:\.\d*)?)\s*", re.ASCII)
 _MAX_DATE = 9.2e9  # s since 1970 that fit into nanoseconds: the years 1679 to 2261
@@ -26,7 +26,7 @@ _MIN_INTERVAL_SHARE = 0.5  # share of the median interval
 _MIN_VARIATION = 0.02  # s
 _QUANTILES = (0.05, 0.95)
 _PLAYBACK_DELAY = 60.0  # s by which a log is later than its messages if it was played back
-_MIN_EPOCH = 1e8  # s; smaller times do not count from 1970
+MIN_EPOCH = 1e8  # s; smaller times do not count from 1970
 
 
 class Clock(NamedTuple):
@@ -87,7 +87,7 @@ def to_seconds(values: ColumnValues, factor: float, date_format: str | None = No
         raise ValueError(
             f"{first!r} is not a time: expected a number, mm:ss.s, HH:MM:SS.s or a date such as 2025-04-04T22:23:02Z"
         )
-    period = _DAY if clock[1] else _HOUR
+    period = DAY if clock[1] else HOUR
     return _unwrapped(np.fromiter((_clock_seconds(text) for text in values), np.float64, values.size), period)
 
 
@@ -194,7 +194,7 @@ def find_clock_drift(taken: Array, other: Array, names: tuple[str, str]) -> Cloc
     difference = taken - other
     later = float(np.median(difference))
     difference -= later
-    is_epoch = min(np.median(taken), np.median(other)) > _MIN_EPOCH
+    is_epoch = min(np.median(taken), np.median(other)) > MIN_EPOCH
     furthest = float(np.abs(difference).max())
     interval = float(np.median(np.abs(np.diff(other))))
     is_less_even = _unevenness(taken) > _unevenness(other)

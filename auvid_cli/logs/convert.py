@@ -15,7 +15,6 @@ from auvid_cli.data.netcdf import digest
 from auvid_cli.data.signals import gap_limit
 from auvid_cli.logs.formats.log import JoinedLog, Log
 from auvid_cli.logs.formats.open_log import open_log
-from auvid_cli.logs.formats.text_layout import TextLayout
 from auvid_cli.logs.frames import interpolate
 from auvid_cli.logs.measurements import ImportSummary, read_request, summary_of
 from auvid_cli.logs.requests import ColumnReader, MapErrors, MapMismatchError, Request, find_requests
@@ -84,9 +83,8 @@ def dataset_from_logs(settings: LogMap, tree: Tree, files: LogFiles) -> tuple[Da
     logs = dict[str, Log]()
     folder = tree.at.source.path.parent if tree.at.source.path is not None else Path()
     for name, paths in files.items():
-        of_map = settings.logs[name]
-        layout = TextLayout(of_map.delimiter, of_map.header_row, of_map.decimal, of_map.missing, of_map.names)
-        definitions = [folder / file for file in of_map.messages]
+        layout = settings.logs[name]
+        definitions = [folder / file for file in layout.messages]
         opened = [open_log(path, layout, definitions=definitions) for path in paths]
         logs[name] = opened[0] if len(opened) == 1 else JoinedLog(opened)
     conversion = convert(settings, tree, logs)
@@ -169,11 +167,7 @@ def thruster_force(percent: Array, full: float) -> Array:
 
 
 def _read_inputs(
-    settings: LogMap,
-    requests: dict[KeyPath, Request],
-    columns: ColumnReader,
-    sensors: SensorRecords,
-    errors: MapErrors,
+    settings: LogMap, requests: dict[KeyPath, Request], columns: ColumnReader, sensors: SensorRecords, errors: MapErrors
 ) -> tuple[InputRecord, list[ImportSummary], tuple[str, ...]]:
     """Return the inputs while the sensors measure, a summary of each column, and remarks on the inputs."""
     channels: dict[str, Channel] = {}

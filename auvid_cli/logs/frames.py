@@ -183,11 +183,8 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
     MapMismatchError
         If a necessary sensor is missing.
     """
-    values, attitude, gyroscope = (
-        record.values,
-        _complete_record(others, "attitude"),
-        _complete_record(others, "gyroscope"),
-    )
+    values = record.values
+    attitude, gyroscope = (_complete_record(others, name) for name in ("attitude", "gyroscope"))
     if sensor.frame in ("NED", "ENU"):
         if attitude is None:
             raise MapMismatchError(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.arrays import Array
 from auvid_cli.config.log_columns import LogSignal, RowChoice
 from auvid_cli.config.source_positions import KeyPath
-from auvid_cli.logs.clock import ClockDrift, Order, find_clock_drift, find_restarts, order_rows
+from auvid_cli.logs.clock import DAY, ClockDrift, Order, find_clock_drift, find_restarts, order_rows
 from auvid_cli.logs.formats.log import ColumnValues, Overlap, find_overlaps, is_code, rows_of_zeros
 from auvid_cli.logs.requests import ColumnReader, MapMismatchError, Request
 from auvid_cli.text import one_line
@@ -19,7 +19,6 @@ from auvid_cli.vehicle.rigid_body import MAX_SPEED, MAX_TURN_RATE
 _MAX_PLAUSIBLE = {"rad": 2.0 * np.pi, "rad/s": MAX_TURN_RATE, "m/s": MAX_SPEED, "m/s^2": 500.0}
 _MAX_INTERLEAVING = 1.0  # s, largest overlap of two files due to late messages
 _SAME_TIME = 1e-6  # s, largest rounding error of a time that several tables share
-_DAY = 86400.0  # s
 _MIN_INTERVAL = 1e-4  # s, smallest median interval; a higher rate has another unit of time
 _MIN_SPAN = 1.0  # s, shortest record
 _MAX_AMBIGUOUS = 0.1  # largest share of rows with the time of another row, but other values
@@ -68,16 +67,15 @@ def read_request(
     FileError
         If the log is damaged.
     """
-    raw = {component: columns.take(place) for component, (place, *_) in request.values.items()}
+    raw = {c: np.asarray(columns.take(place), np.float64) for c, (place, *_) in request.values.items()}
     flags = columns.take(request.valid) if request.valid is not None else None
-    uncoded = {component: np.asarray(own, np.float64) for component, own in raw.items()}
-    zeros = rows_of_zeros(uncoded) if drop_zeros else np.zeros(next(iter(uncoded.values())).size, np.bool_)
-    marks = {component: zeros | is_code(own, codes) for component, own in uncoded.items()}
+    length = next(iter(raw.values())).size
+    zeros = rows_of_zeros(raw) if drop_zeros else np.zeros(length, np.bool_)
+    marks = {component: zeros | is_code(own, codes) for component, own in raw.items()}
     try:
         seconds, rollovers, _ = columns.take_time(request)
     except ValueError as error:
         raise MapMismatchError((*request.path, "time"), one_line(str(error))) from None
-    length = next(iter(raw.values())).size
     if seconds.size != length:
         raise MapMismatchError(
             (*request.path, "time"),
@@ -113,7 +111,7 @@ def read_request(
     values, invalid = {}, np.zeros(time.size, dtype=bool)
     for component, (_, factor, _) in request.values.items():
         signal = signals[component]
-        numbers = to_si(raw.pop(component)[order.rows], signal, factor)
+        numbers = (raw.pop(component)[order.rows] - signal.centre) * (signal.sign * factor) + signal.offset
         # Infinite numbers mark missing measurements.
         outside = np.isinf(numbers) | marks[component][order.rows]
         if signal.limits is not None:
@@ -161,13 +159,13 @@ def _check_intervals(request: Request, time: Array) -> None:
         raise MapMismatchError((*request.path, "time"), f"{problem} by {request.time.place.column!r}: {hint}")
 
 
-def _check_stamps(request: Request, seconds: Array, order: Order, raw: Mapping[str, ColumnValues]) -> None:
+def _check_stamps(request: Request, seconds: Array, order: Order, raw: Mapping[str, Array]) -> None:
     """Raise MapMismatchError if many rows have the time of another row, but other values."""
     if order.duplicates <= _MAX_AMBIGUOUS * seconds.size:
         return
     rows = np.flatnonzero(np.isfinite(seconds))
     rows = rows[np.argsort(seconds[rows], kind="stable")]
-    values = np.column_stack([np.asarray(own, np.float64)[rows] for own in raw.values()])
+    values = np.column_stack([own[rows] for own in raw.values()])
     same_time = np.diff(seconds[rows]) == 0.0
     differs = ((values[1:] != values[:-1]) & ~(np.isnan(values[1:]) & np.isnan(values[:-1]))).any(axis=1)
     if (ambiguous := int(np.count_nonzero(same_time & differs))) > _MAX_AMBIGUOUS * rows.size:
@@ -186,11 +184,11 @@ def _no_times(request: Request, rows: int, times: int) -> MapMismatchError:
     return MapMismatchError((*request.path, "time"), f"{column!r} {problem}: name another time")
 
 
-def _overlaps(request: Request, seconds: Array, raw: Mapping[str, ColumnValues], files: Array | None) -> list[Overlap]:
+def _overlaps(request: Request, seconds: Array, raw: Mapping[str, Array], files: Array | None) -> list[Overlap]:
     """Return overlaps of the files of a log; MapMismatchError if they interleave for too long."""
     if files is None:
         return []
-    overlaps = find_overlaps(seconds, files, np.column_stack([np.asarray(own, np.float64) for own in raw.values()]))
+    overlaps = find_overlaps(seconds, files, np.column_stack([*raw.values()]))
     for file, begin, end, own in overlaps:
         if own and end - begin > _MAX_INTERLEAVING:
             span = f"{begin:.3f} to {end:.3f} s"
@@ -238,15 +236,6 @@ def together(parts: Sequence[MeasuredRows]) -> MeasuredRows:
         next((part.clock_drift for part in parts if part.clock_drift is not None), None),
         [overlap for part in parts for overlap in part.overlaps],
     )
-
-
-def to_si(raw: ColumnValues, signal: LogSignal, factor: float) -> Array:
-    """Return a signal in SI: sign x (raw - centre) x factor + offset."""
-    numbers = np.array(raw, np.float64)
-    numbers -= signal.centre
-    numbers *= signal.sign * factor
-    numbers += signal.offset
-    return numbers
 
 
 def is_chosen(ids: ColumnValues, choice: RowChoice) -> NDArray[np.bool_]:
@@ -317,8 +306,8 @@ def _drift_text(drift: ClockDrift) -> str:
 
 
 def _duration(seconds: float) -> str:
-    if seconds > 2.0 * _DAY:
-        return f"{seconds / _DAY:.3g} days"
+    if seconds > 2.0 * DAY:
+        return f"{seconds / DAY:.3g} days"
     return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.4g} s"
 
 

@@ -249,27 +249,23 @@ class _Finder:
         # An input may inherit the time from all inputs, or from the map.
         candidates: list[KeyPath] = [(*path[:length], "time") for length in range(len(path), 0, -1)]
         at = next((p for p in candidates if len(list(self._tree.descend(p))) == len(p) + 1), ("time",))
-        if source.table is not None:
-            other_table = self._table(at, log, source.table)
-            if other_table is None:
-                return None
-            table = other_table
-        column = self._column((*at, "column"), log, table, source.column, numbers=False)
+        of_times = self._table(at, log, table if source.table is None else source.table)
+        if of_times is None:
+            return None
+        column = self._column((*at, "column"), log, of_times, source.column, numbers=False)
         if column is None:
             return None
         factor = unit_factor(source.unit, "s") if source.unit else 1.0
         if not source.unit and not column.is_text:
             factor = self._header_factor(at, column, "s")
-        names = [column.name for column in self._tables[log][table]]
+        names = [column.name for column in self._tables[log][of_times]]
         other = {LOG_TIME: HEADER_STAMP, HEADER_STAMP: LOG_TIME}.get(column.name, "")
-        more = (Place(log, table, name) if name in names else None for name in (other, FILE))
-        fine: LogColumn | None = None
-        if source.nanoseconds is not None:
-            fine = self._column((*at, "nanoseconds"), log, table, source.nanoseconds, numbers=True)
-            if fine is None:
-                return None
-        nanoseconds = Place(log, table, fine.name) if fine is not None else None
-        place = Place(log, table, column.name)
+        more = (Place(log, of_times, name) if name in names else None for name in (other, FILE))
+        fine = source.nanoseconds and self._column(
+            (*at, "nanoseconds"), log, of_times, source.nanoseconds, numbers=True
+        )
+        nanoseconds = Place(log, of_times, fine.name) if fine else None
+        place = Place(log, of_times, column.name)
         return Times(place, factor, source.offset, nanoseconds, source.format, source.run, *more)
 
 

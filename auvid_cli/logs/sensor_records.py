@@ -125,12 +125,10 @@ def _within(time: Array, spans: Spans) -> NDArray[np.bool_]:
 def _check_common_time(records: dict[str, SensorRecord], origin: float, errors: MapErrors) -> None:
     for (name, first), (other, second) in combinations(records.items(), 2):
         if max(first.time[0], second.time[0]) > min(first.time[-1], second.time[-1]):
-            spans = (f"{kept.time[0] + origin:.3f} to {kept.time[-1] + origin:.3f} s" for kept in (first, second))
-            errors.add(
-                ("sensors", other),
-                "no time in common: {} is from {}, {} from {}; give one of them a time with an `offset`, or another "
-                "time".format(*(text for pair in zip((name, other), spans, strict=True) for text in pair)),
-            )
+            own, others = (f"{kept.time[0] + origin:.3f} to {kept.time[-1] + origin:.3f} s" for kept in (first, second))
+            spans = f"{name} is from {own}, {other} from {others}"
+            advice = "give one of them a time with an `offset`, or another time"
+            errors.add(("sensors", other), f"no time in common: {spans}; {advice}")
 
 
 def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, position: Array) -> Array:
@@ -208,10 +206,7 @@ def _summary(
     heading = [k for k, quantity in enumerate(SENSORS[name]) if quantity.symbol in _HEADINGS]
     furthest = float(np.nanmax(np.abs(record.values[:, heading]), initial=0.0))
     treatment = (
-        (
-            furthest > 2.0 * np.pi,
-            f"the heading reaches {furthest:.4g} rad: several turns, or degrees without a unit?",
-        ),
+        (furthest > 2.0 * np.pi, f"the heading reaches {furthest:.4g} rad: several turns, or degrees without a unit?"),
         (assumed_level, f"no measured roll: {assumed_level} transformed with a roll of 0"),
         (excluded, f"{excluded} samples in excluded spans set to missing"),
         (rows.invalid, f"{rows.invalid} rows invalid, or with a value beyond its limits: set to missing"),

@@ -44,11 +44,6 @@ _NUMBERS = "biuf"
 _TEXT = "UM"
 
 
-class _Shape(NamedTuple):
-    shape: tuple[int, ...]
-    is_text: bool
-
-
 class _Place(NamedTuple):
     """Array of a column, and the index of its row (`across`) or column if it has two dimensions."""
 
@@ -97,7 +92,7 @@ class ArrayLog(FileLog):
 
     @cached_property
     def _places(self) -> dict[str, dict[str, _Place]]:
-        shapes = {path: _Shape(array.shape, array.dtype.kind in _TEXT) for path, array in self._arrays()}
+        shapes = {path: (array.shape, array.dtype.kind in _TEXT) for path, array in self._arrays()}
         places = _tabulate(shapes)
         if not places:
             objects = "; ".join(map(_export, self._objects().items()))
@@ -132,9 +127,8 @@ class MatlabLog(ArrayLog):
     """A MATLAB file up to version 7."""
 
     def _arrays(self, variables: Collection[str] | None = None) -> Iterator[tuple[_Path, NDArray[Any]]]:
-        for variable in (
-            [name for name in self._content if not name.startswith("__")] if variables is None else variables
-        ):
+        own = [name for name in self._content if not name.startswith("__")]
+        for variable in own if variables is None else variables:
             yield from _flatten((variable,), self._content[variable])
 
     def _objects(self) -> dict[str, str]:
@@ -229,8 +223,9 @@ def _if_usable(path: _Path, array: NDArray[Any]) -> Iterator[tuple[_Path, NDArra
         yield path, array
 
 
-def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
-    vectors = {shape.shape[0] for shape in shapes.values() if len(shape.shape) == 1}
+def _tabulate(shapes: Mapping[_Path, tuple[tuple[int, ...], bool]]) -> dict[str, dict[str, _Place]]:
+    """Return the places of columns by table, from the shape of each array and whether it is text."""
+    vectors = {shape[0] for shape, _ in shapes.values() if len(shape) == 1}
     groups: dict[tuple[_Path, int], list[_Path]] = {}
     # Time may run along the rows: then a vector has the length of a row, or there are more columns than signals.
     across = {
@@ -238,8 +233,13 @@ def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
         for path, (shape, _) in shapes.items()
     }
     lengths = {path: shape[1] if across[path] else shape[0] for path, (shape, _) in shapes.items()}
-    short = _one_short(lengths)
-    timed = {(path[:-1], lengths[path]) for path in lengths if len(path) > 1 and _TIME.search(path[-1])}
+    timed = {(path[:-1], length) for path, length in lengths.items() if _TIME.search(path[-1])}
+    # Arrays without a time of their length next to them, but with one that is a sample longer.
+    short = {
+        path
+        for path, length in lengths.items()
+        if length > 1 and (path[:-1], length) not in timed and (path[:-1], length + 1) in timed
+    }
     for path, length in lengths.items():
         rows = length + (path in short)
         # A struct with its own time is a table of its own.
@@ -258,16 +258,6 @@ def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
                 for k in range(shape[0] if across[path] else shape[1]):
                     columns[f"{name}[{k}]"] = _Place(path, k, across[path], is_text, path in short)
     return tables
-
-
-def _one_short(lengths: Mapping[_Path, int]) -> set[_Path]:
-    """Return the arrays without a time of their length next to them, but with one that is a sample longer."""
-    times = {(path[:-1], length) for path, length in lengths.items() if _TIME.search(path[-1])}
-    return {
-        path
-        for path, length in lengths.items()
-        if length > 1 and (path[:-1], length) not in times and (path[:-1], length + 1) in times
-    }
 
 
 def _parent(paths: Sequence[_Path]) -> _Path:

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from auvid_cli.config.log_map import LogFile
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import ColumnValues, FileLog, LogColumn, Tables
 from auvid_cli.logs.formats.text_layout import (
@@ -23,7 +24,6 @@ from auvid_cli.logs.formats.text_layout import (
     MISSING_VALUES,
     UTF_16,
     Header,
-    TextLayout,
     is_filler,
     is_number,
     read_header,
@@ -47,10 +47,6 @@ class TextRows(NamedTuple):
     encoding: str
     is_cut: bool  # whether the last row is cut short
     repeated_headers: int
-
-    def numbers(self, header: Header) -> NDArray[np.int64]:
-        """Return the numbers of the lines with values, from 1."""
-        return np.setdiff1d(np.arange(header.line + 1, self.lines + 1), list(self.filler))
 
 
 def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
@@ -149,7 +145,7 @@ class DelimitedLog(FileLog):
     If a log has more than `max_bytes`, only its beginning is read, and `is_cut` is true.
     """
 
-    def __init__(self, path: Path, layout: TextLayout, max_bytes: int | None = None) -> None:
+    def __init__(self, path: Path, layout: LogFile, max_bytes: int | None = None) -> None:
         super().__init__(path)
         self._max_bytes = max_bytes
         self._missing = (*MISSING_VALUES, *layout.missing)
@@ -177,12 +173,9 @@ class DelimitedLog(FileLog):
 
     def remarks(self) -> tuple[str, ...]:
         """Return which rows are left out."""
-        rows, said = self._rows, []
-        if rows.is_cut:
-            said.append("the last row is cut short: left out")
-        if rows.repeated_headers:
-            said.append(f"{rows.repeated_headers} repeated headers skipped")
-        return tuple(said)
+        cut = ("the last row is cut short: left out",) if self._rows.is_cut else ()
+        repeated = self._rows.repeated_headers
+        return (*cut, f"{repeated} repeated headers skipped") if repeated else cut
 
     @cached_property
     def _rows(self) -> TextRows:
@@ -275,7 +268,8 @@ class DelimitedLog(FileLog):
             elif is_number(number, decimal) and not is_flag and (not suffix or number != field):
                 numbers.append(float(number.replace(decimal, ".")))
             else:
-                line = self._rows.numbers(self._header)[row]
+                lines = np.arange(self._header.line + 1, self._rows.lines + 1)
+                line = np.setdiff1d(lines, list(self._rows.filler))[row]
                 expected = "true or false" if is_flag else f"a number in {suffix}" if suffix else "a number"
                 raise FileError(f"{self.path}:{line}: {column.name!r} is {field!r}; expected {expected}")
         return np.array(numbers)

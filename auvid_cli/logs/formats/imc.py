@@ -7,7 +7,6 @@ CRC-16-IBM of both. Messages of numbers only are read together, as arrays; the o
 import struct
 import zlib
 from collections.abc import Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, FileLog, LogColumn, Tables
+from auvid_cli.logs.formats.log import LOG_TIME, LoadedLog
 
 _SYNC = b"\x54\xfe"
 _HEADER = {
@@ -37,7 +36,7 @@ _DTYPES = ("<u1", "<u2", "<u4", "<u8", "<i1", "<i2", "<i4", "<i8")
 _GZIP = b"\x1f\x8b"
 
 
-class LsfLog(FileLog):
+class LsfLog(LoadedLog):
     """Log of DUNE: a table for each kind of message with its numeric fields and sender, in SI.
 
     A kind of message with several senders has a table for each of them, named by system and entity: EulerAngles[30.21].
@@ -49,20 +48,8 @@ class LsfLog(FileLog):
 
         super().__init__(path)
         self._deserialize = imcpy.Packet.deserialize
-        self._remarks: list[str] = []
 
-    def remarks(self) -> tuple[str, ...]:
-        """Return damage that was skipped."""
-        return tuple(self._remarks) if self._messages else ()
-
-    def _find_tables(self) -> Tables:
-        return {table: tuple(map(LogColumn, fields)) for table, fields in self._messages.items()}
-
-    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
-        return {name: self._messages[table][name] for name, *_ in columns}
-
-    @cached_property
-    def _messages(self) -> dict[str, dict[str, NDArray[np.float64]]]:
+    def _load(self) -> dict[str, dict[str, NDArray[np.float64]]]:
         data, is_cut = _content(self.path)
         starts, damaged = _frames(data)
         if is_cut or (starts and starts[-1] + _size(data, starts[-1]) < len(data)):
@@ -154,19 +141,17 @@ def _size(data: bytes, start: int) -> int:
 def _frames(data: bytes) -> tuple[list[int], int]:
     """Return the offsets of messages, and the number of damaged spots between them."""
     starts: list[int] = []
-    damaged, at, end = 0, 0, len(data)
-    header = _HEADER_BYTES
-    unpack, after_damage = _START.unpack_from, False
-    while at + header <= end:
-        sync, _, size = unpack(data, at)
-        following = at + header + size + _FOOTER_BYTES
+    damaged, at, after_damage = 0, 0, False
+    while at + _HEADER_BYTES <= len(data):
+        sync, _, size = _START.unpack_from(data, at)
+        following = at + _HEADER_BYTES + size + _FOOTER_BYTES
         if sync == 0xFE54:
             is_followed = data[following : following + 2] == _SYNC
             if is_followed and not after_damage:
                 starts.append(at)
                 at = following
                 continue
-            if following <= end and _is_intact(data[at:following]):
+            if following <= len(data) and _is_intact(data[at:following]):
                 starts.append(at)
                 at, after_damage = following, False
                 continue
@@ -249,10 +234,10 @@ def _place(message: Any, name: str) -> tuple[str, int] | None:
     """Return type and offset of a number among the fields; None if it is not found."""
     before = message.clone() if hasattr(message, "clone") else message
     is_float = isinstance(getattr(before, name), float)
-    dtypes = ("<f4", "<f8") if is_float else _DTYPES
-    for dtype in dtypes:
+    for dtype in ("<f4", "<f8") if is_float else _DTYPES:
         # Values of which each byte differs from those of the other.
-        low, high = (np.frombuffer(bytes([k] * np.dtype(dtype).itemsize), dtype)[0].item() for k in (0x11, 0x22))
+        width = np.dtype(dtype).itemsize
+        low, high = (np.frombuffer(bytes([k] * width), dtype)[0].item() for k in (0x11, 0x22))
         written = []
         try:
             for value in (low, high):
@@ -263,7 +248,6 @@ def _place(message: Any, name: str) -> tuple[str, int] | None:
         if written[0].size != written[1].size:
             return None
         changed = np.flatnonzero(written[0] != written[1])
-        width = np.dtype(dtype).itemsize
         if changed.size == width and (np.diff(changed) == 1).all() and (written[0][changed] == 0x11).all():
             signed = not is_float and dtype[1] == "u" and _takes_negative(before, name)
             return f"<i{width}" if signed else dtype, int(changed[0])

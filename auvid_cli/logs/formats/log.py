@@ -42,7 +42,8 @@ class Log(ABC):
     def __init__(self, path: Path) -> None:
         self.path = path
         self.is_cut = False  # whether only the beginning is read
-        self.definitions: Sequence[Path] = ()  # definitions of messages, given in addition to those of the log
+        # Files such as ``dvl_msgs/msg/DVL.msg`` for the messages that a bag does not define.
+        self.definitions: Sequence[Path] = ()
         # For a suggested map, by table: column with the times, and offset to a common clock, s, with the reason.
         self.clocks: dict[str, str] = {}
         self.clock_offsets: dict[str, tuple[float, str]] = {}
@@ -110,6 +111,35 @@ class FileLog(Log):
 
     @abstractmethod
     def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]: ...
+
+
+class LoadedLog(FileLog):
+    """A log that is loaded as a whole before its tables are known."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._remarks: list[str] = []
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return parts of the log that are left out."""
+        return tuple(self._remarks) if self._contents else ()
+
+    def _find_tables(self) -> Tables:
+        return {
+            table: tuple(LogColumn(name, is_text=values.dtype.kind == "U") for name, values in columns.items())
+            for table, columns in self._contents.items()
+        }
+
+    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
+        return {column.name: self._contents[table][column.name] for column in columns}
+
+    @cached_property
+    def _contents(self) -> Mapping[str, Mapping[str, ColumnValues]]:
+        return self._load()
+
+    @abstractmethod
+    def _load(self) -> Mapping[str, Mapping[str, ColumnValues]]:
+        """Return the columns of each table by name; add to `_remarks` what is left out."""
 
 
 class JoinedLog(FileLog):

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import IO, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
 from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, FileLog, LogColumn, Tables
-from auvid_cli.logs.formats.text_layout import is_number
+from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, FileLog, LoadedLog, LogColumn, Tables
+from auvid_cli.logs.formats.text_layout import MISSING_VALUES, is_number
 
 T = TypeVar("T")
 _TIMESTAMP = "timestamp"  # us, of PX4
@@ -28,6 +27,7 @@ _TEXT_FORMATS = "nNZ"
 _INSTANCE = "I"  # column with the number of the sensor
 _Rows = list[list[str]]
 _KIND = "type"  # field with the kind of a message
+_CUT = "the last row is cut short: left out"
 _MAX_COLUMNS = 1000
 _MAX_ELEMENTS = 100  # elements of a list that become columns
 
@@ -56,7 +56,7 @@ class _BoundedFile:
         return result
 
 
-class ULogLog(FileLog):
+class ULogLog(LoadedLog):
     """Log of PX4: a table for each instance of a topic, SI; `LOG_TIME` is the time since power-on, s."""
 
     def __init__(self, path: Path) -> None:
@@ -65,51 +65,24 @@ class ULogLog(FileLog):
         super().__init__(path)
         self._reader = ULog
 
-    def _find_tables(self) -> Tables:
-        return {
-            table: (LogColumn(LOG_TIME), *(LogColumn(name) for name in fields if name != _TIMESTAMP))
-            for table, fields in self._topics.items()
-        }
-
-    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
-        fields = self._topics[table]
-        return {name: fields[_TIMESTAMP] * 1e-6 if name == LOG_TIME else fields[name] for name, *_ in columns}
-
-    @cached_property
-    def _topics(self) -> dict[str, dict[str, NDArray[np.float64]]]:
+    def _load(self) -> dict[str, dict[str, Array]]:
         refusing = damage_as_file_error(lambda reason: f"{self.path}: is a damaged ULog: {reason}")
         # pyulog prints its warnings on the output; drop them.
         with self.path.open("rb") as file, refusing, redirect_stdout(None):
             topics = self._reader(_BoundedFile(file)).data_list
-        return {
-            topic.name if topic.multi_id == 0 else f"{topic.name}[{topic.multi_id}]": {
-                name: np.asarray(values, np.float64) for name, values in topic.data.items()
-            }
-            for topic in topics
-            if _TIMESTAMP in topic.data
-        }
+        tables: dict[str, dict[str, Array]] = {}
+        for topic in topics:
+            fields = {name: np.asarray(values, np.float64) for name, values in topic.data.items()}
+            if _TIMESTAMP in fields:
+                name = topic.name if topic.multi_id == 0 else f"{topic.name}[{topic.multi_id}]"
+                tables[name] = {LOG_TIME: fields.pop(_TIMESTAMP) * 1e-6, **fields}
+        return tables
 
 
-class AlogLog(FileLog):
+class AlogLog(LoadedLog):
     """Log of pLogger (MOOS): a table for each variable with the time since the start of the log and the value."""
 
-    def _find_tables(self) -> Tables:
-        return {
-            name: (LogColumn(LOG_TIME), LogColumn(_VALUE, is_text=not self._is_numeric(name)))
-            for name in self._variables
-        }
-
-    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
-        times, values = self._variables[table]
-        arrays: dict[str, ColumnValues] = {LOG_TIME: np.array(times)}
-        arrays[_VALUE] = np.array(values, np.float64) if self._is_numeric(table) else np.array(values, np.str_)
-        return {name: arrays[name] for name, *_ in columns}
-
-    def _is_numeric(self, name: str) -> bool:
-        return all(map(is_number, self._variables[name][1]))
-
-    @cached_property
-    def _variables(self) -> dict[str, tuple[list[float], list[str]]]:
+    def _load(self) -> dict[str, dict[str, ColumnValues]]:
         variables: dict[str, tuple[list[float], list[str]]] = {}
         with self.path.open(encoding="utf-8", errors="replace") as file:
             for number, line in enumerate(file, 1):
@@ -121,7 +94,17 @@ class AlogLog(FileLog):
                 times, values = variables.setdefault(rest[0], ([], []))
                 times.append(float(time))
                 values.append(rest[2].strip() if len(rest) > 2 else "")
-        return variables
+        return {
+            name: {LOG_TIME: np.array(times), _VALUE: _values_of(texts)} for name, (times, texts) in variables.items()
+        }
+
+
+def _values_of(texts: Sequence[str]) -> ColumnValues:
+    return _numbers_of(texts) if all(map(is_number, texts)) else np.array(texts)
+
+
+def _numbers_of(texts: Sequence[str]) -> Array:
+    return np.array([np.nan if text in MISSING_VALUES else float(text) for text in texts], np.float64)
 
 
 class DataFlashTextLog(FileLog):
@@ -133,7 +116,7 @@ class DataFlashTextLog(FileLog):
 
     def remarks(self) -> tuple[str, ...]:
         """Return whether the last row is left out."""
-        return ("the last row is cut short: left out",) if self._messages[2] else ()
+        return (_CUT,) if self._messages[2] else ()
 
     def _find_tables(self) -> Tables:
         formats, rows, _ = self._messages
@@ -165,21 +148,16 @@ class DataFlashTextLog(FileLog):
             of_table = [row for row in of_table if row[names.index(_INSTANCE)] == instance]
         values: dict[str, ColumnValues] = {}
         for column in columns:
-            if column.name == LOG_TIME:
-                time = next(name for name in _TICKS_PER_SECOND if name in names)
-                values[LOG_TIME] = self._numbers(kind, time, of_table, names) / _TICKS_PER_SECOND[time]
-            elif column.is_text:
-                values[column.name] = np.array([row[names.index(column.name)] for row in of_table], np.str_)
+            is_time = column.name == LOG_TIME
+            name = next(name for name in _TICKS_PER_SECOND if name in names) if is_time else column.name
+            texts = [row[names.index(name)] for row in of_table]
+            if column.is_text:
+                values[name] = np.array(texts, np.str_)
+            elif wrong := [text for text in texts if not is_number(text)]:
+                raise FileError(f"{self.path}: {name} of {kind} is {wrong[0]!r}; expected a number")
             else:
-                values[column.name] = self._numbers(kind, column.name, of_table, names)
+                values[column.name] = _numbers_of(texts) / (_TICKS_PER_SECOND[name] if is_time else 1.0)
         return values
-
-    def _numbers(self, kind: str, name: str, rows: _Rows, names: Sequence[str]) -> np.ndarray:
-        texts = [row[names.index(name)] for row in rows]
-        wrong = next((text for text in texts if not is_number(text)), None)
-        if wrong is not None:
-            raise FileError(f"{self.path}: {name} of {kind} is {wrong!r}; expected a number")
-        return np.array([float(text or "nan") for text in texts])
 
     def _units(self, rows: dict[str, _Rows]) -> dict[str, list[str]]:
         """Return the units of the columns of each kind of message by the lines UNIT and FMTU."""
@@ -230,27 +208,15 @@ class DataFlashTextLog(FileLog):
                     yield number, line.rstrip("\r\n"), not line.endswith("\n")
 
 
-class JsonLinesLog(FileLog):
+class JsonLinesLog(LoadedLog):
     """A log with a table for each `type` of object; nested numbers have paths such as ``transducers[0].distance``.
 
     Flags are 1 and 0. Objects without numbers, such as answers to commands, are left out, as is a last line that is cut
     short.
     """
 
-    def remarks(self) -> tuple[str, ...]:
-        """Return whether the last row is left out."""
-        return ("the last row is cut short: left out",) if self._messages[1] else ()
-
-    def _find_tables(self) -> Tables:
-        return {table: tuple(map(LogColumn, columns)) for table, columns in self._messages[0].items()}
-
-    def _read(self, table: str, columns: Sequence[LogColumn]) -> dict[str, ColumnValues]:
-        return {column.name: self._messages[0][table][column.name] for column in columns}
-
-    @cached_property
-    def _messages(self) -> tuple[dict[str, dict[str, Array]], bool]:
+    def _load(self) -> dict[str, dict[str, Array]]:
         rows: dict[str, list[dict[str, float]]] = {}
-        is_cut = False
         with self.path.open(encoding="utf-8", errors="replace") as file:
             for number, line in enumerate(file, 1):
                 if not line.strip():
@@ -261,7 +227,7 @@ class JsonLinesLog(FileLog):
                 except (ValueError, RecursionError, OverflowError) as error:
                     if line.endswith("\n"):
                         raise FileError(f"{self.path}:{number}: no JSON object in this line: {error}") from error
-                    is_cut = True
+                    self._remarks.append(_CUT)
                     continue
                 if not isinstance(message, dict):
                     raise FileError(f"{self.path}:{number}: a JSON {type(message).__name__}; expected an object")
@@ -275,7 +241,7 @@ class JsonLinesLog(FileLog):
             if len(names) > _MAX_COLUMNS:
                 raise FileError(f"{self.path}: {table or 'objects'} with {len(names)} numbers; expected at most 1000")
             tables[table] = {name: np.array([row.get(name, np.nan) for row in of_table]) for name in names}
-        return tables, is_cut
+        return tables
 
 
 def _numbers(path: str, value: Any) -> Iterator[tuple[str, float]]:

@@ -3,16 +3,16 @@
 import re
 import zipfile
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from enum import Enum
-from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import assert_never
 
+from auvid_cli.config.log_map import LogFile
 from auvid_cli.data.files import damage_as_file_error
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import Log
-from auvid_cli.logs.formats.text_layout import UTF_16, TextLayout
+from auvid_cli.logs.formats.text_layout import UTF_16
 from auvid_cli.regular_files import check_regular_file
 
 _HEAD_BYTES = 4096
@@ -27,24 +27,25 @@ _MAVLINK_MARKERS = b"\xfe\xfd"
 
 
 class _Kind(Enum):
-    """Kind of a log: words, suffix that its library requires, extra of auvid that reads it, and first bytes."""
+    """Kind of a log: words, suffix that its library requires, module and class that read it, extra, and first bytes."""
 
-    BAG1 = "a ROS 1 bag", ".bag", "ros", b"#ROSBAG V2.0"
-    MCAP = "an MCAP bag", ".mcap", "ros", b"\x89MCAP0\r\n"
-    SQLITE = "a SQLite file such as a ROS 2 bag", ".db3", "ros", b"SQLite format 3\0"
-    MAT = "a MATLAB file", ".mat", "", b"MATLAB 5.0 MAT-file"
-    MAT_HDF5 = "a MATLAB 7.3 file", ".mat", "", b"MATLAB 7.3 MAT-file"
-    NPZ = "a NumPy archive", ".npz", "", b""
-    DATAFLASH = "an ArduPilot DataFlash log", ".bin", "ardupilot", b"\xa3\x95\x80"
-    TELEMETRY = "a MAVLink telemetry log", ".tlog", "ardupilot", b""
-    ULOG = "a PX4 log", ".ulg", "px4", b"ULog\x01\x12\x35"
-    LSF = "an IMC log", ".lsf", "imc", b"\x54\xfe"
-    ALOG = "a MOOS log", ".alog", "", b""
-    DATAFLASH_TEXT = "a DataFlash log as text", "", "", b"FMT, 128,"
-    JSON = "a log of JSON objects", "", "", b""
+    BAG1 = "a ROS 1 bag", ".bag", "ros.BagLog", "ros", b"#ROSBAG V2.0"
+    MCAP = "an MCAP bag", ".mcap", "ros.BagLog", "ros", b"\x89MCAP0\r\n"
+    SQLITE = "a SQLite file such as a ROS 2 bag", ".db3", "ros.BagLog", "ros", b"SQLite format 3\0"
+    MAT = "a MATLAB file", ".mat", "arrays.MatlabLog", "", b"MATLAB 5.0 MAT-file"
+    MAT_HDF5 = "a MATLAB 7.3 file", ".mat", "arrays.MatlabHdf5Log", "", b"MATLAB 7.3 MAT-file"
+    NPZ = "a NumPy archive", ".npz", "arrays.NumpyLog", "", b""
+    DATAFLASH = "an ArduPilot DataFlash log", ".bin", "ardupilot.DataFlashLog", "ardupilot", b"\xa3\x95\x80"
+    TELEMETRY = "a MAVLink telemetry log", ".tlog", "ardupilot.TelemetryLog", "ardupilot", b""
+    ULOG = "a PX4 log", ".ulg", "message_logs.ULogLog", "px4", b"ULog\x01\x12\x35"
+    LSF = "an IMC log", ".lsf", "imc.LsfLog", "imc", b"\x54\xfe"
+    ALOG = "a MOOS log", ".alog", "message_logs.AlogLog", "", b""
+    DATAFLASH_TEXT = "a DataFlash log as text", "", "message_logs.DataFlashTextLog", "", b"FMT, 128,"
+    JSON = "a log of JSON objects", "", "message_logs.JsonLinesLog", "", b""
 
-    def __init__(self, description: str, suffix: str, extra: str, magic: bytes) -> None:
-        self.description, self.suffix, self.extra, self.magic = description, suffix, extra, magic
+    def __init__(self, description: str, suffix: str, reader: str, extra: str, magic: bytes) -> None:
+        self.description, self.suffix, self.reader = description, suffix, reader
+        self.extra, self.magic = extra, magic
 
 
 _LOGS_OF_EXTRA = {"ros": "ROS bags", "ardupilot": "ArduPilot logs", "px4": "PX4 logs", "imc": "IMC logs"}
@@ -59,14 +60,14 @@ _ADVICE_BY_MAGIC = {
 
 
 def open_log(
-    path: Path, layout: TextLayout | None = None, max_bytes: int | None = None, definitions: Sequence[Path] = ()
+    path: Path, layout: LogFile | None = None, max_bytes: int | None = None, definitions: Sequence[Path] = ()
 ) -> Log:
     """Open a log, or a bag that is a folder.
 
     Parameters
     ----------
     path : pathlib.Path
-    layout : TextLayout, optional
+    layout : LogFile, optional
         Layout of a text log; unknown parts of it are detected.
     max_bytes : int, optional
         Size of the beginning of a text log that is read. Default: all of it is read.
@@ -90,15 +91,17 @@ def open_log(
     if kind is None:
         from auvid_cli.logs.formats.delimited import DelimitedLog
 
-        return DelimitedLog(path, layout or TextLayout(), max_bytes)
+        return DelimitedLog(path, layout or LogFile(), max_bytes)
     if kind.suffix and path.suffix.lower() != kind.suffix and not path.name.lower().endswith(f"{kind.suffix}.gz"):
         raise FileError(f"{path}: looks like {kind.description}, whose name must end in {kind.suffix}: rename it")
     return _open(path, kind, definitions)
 
 
 def _open(path: Path, kind: _Kind, definitions: Sequence[Path]) -> Log:
+    module, _, reader = kind.reader.partition(".")
     try:
-        return _reader(kind, definitions)(path)
+        # Imported here, because the libraries are optional and slow to load.
+        log: Log = getattr(import_module(f"auvid_cli.logs.formats.{module}"), reader)(path)
     except ModuleNotFoundError as error:
         if not kind.extra:
             raise
@@ -106,39 +109,9 @@ def _open(path: Path, kind: _Kind, definitions: Sequence[Path]) -> Log:
         raise FileError(
             f"reading {logs} needs the package {package}: run pip install '.[{kind.extra}]' in the clone of auvid"
         ) from error
-
-
-def _reader(kind: _Kind, definitions: Sequence[Path]) -> Callable[[Path], Log]:
-    match kind:
-        case _Kind.BAG1 | _Kind.MCAP | _Kind.SQLITE:
-            from auvid_cli.logs.formats.ros import BagLog
-
-            return partial(BagLog, definitions=definitions)
-        case _Kind.DATAFLASH | _Kind.TELEMETRY:
-            from auvid_cli.logs.formats.ardupilot import DataFlashLog, TelemetryLog
-
-            return DataFlashLog if kind is _Kind.DATAFLASH else TelemetryLog
-        case _Kind.LSF:
-            from auvid_cli.logs.formats.imc import LsfLog
-
-            return LsfLog
-        case _Kind.ULOG | _Kind.ALOG:
-            from auvid_cli.logs.formats.message_logs import AlogLog, ULogLog
-
-            return ULogLog if kind is _Kind.ULOG else AlogLog
-        case _Kind.DATAFLASH_TEXT:
-            from auvid_cli.logs.formats.message_logs import DataFlashTextLog
-
-            return DataFlashTextLog
-        case _Kind.JSON:
-            from auvid_cli.logs.formats.message_logs import JsonLinesLog
-
-            return JsonLinesLog
-        case _Kind.NPZ | _Kind.MAT | _Kind.MAT_HDF5:
-            from auvid_cli.logs.formats.arrays import MatlabHdf5Log, MatlabLog, NumpyLog
-
-            return {_Kind.NPZ: NumpyLog, _Kind.MAT: MatlabLog, _Kind.MAT_HDF5: MatlabHdf5Log}[kind]
-    assert_never(kind)
+    if kind.extra == "ros":
+        log.definitions = definitions
+    return log
 
 
 def _check_regular(path: Path) -> None:

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from functools import cached_property
 from itertools import islice
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,18 +31,7 @@ class _Topic(NamedTuple):
 
 
 class BagLog(Log):
-    """A bag. Messages are decoded by its own definitions, by those of ROS 2, or by given ones.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    definitions : sequence of pathlib.Path
-        Files such as ``dvl_msgs/msg/DVL.msg`` for the messages that the bag does not define.
-    """
-
-    def __init__(self, path: Path, definitions: Sequence[Path] = ()) -> None:
-        super().__init__(path)
-        self.definitions = definitions
+    """A bag. Messages are decoded by its own definitions, by those of ROS 2, or by the given `definitions`."""
 
     def tables(self) -> Tables:
         """Return the columns of each topic; the longest of the first messages determines the length of lists.

@@ -8,7 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from auvid_cli.config.log_columns import unit_factor
+from auvid_cli.config.log_columns import factor_if_known
+from auvid_cli.config.log_map import LogFile
 from auvid_cli.config.units import EXAMPLES, NUMBER
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LogColumn
@@ -88,14 +89,8 @@ def split_unit(field: str) -> tuple[str, str]:
 
 def find_suffix(values: Sequence[str], decimal: str, missing: Sequence[str]) -> str:
     """Return the first unit in cells that are all numbers with or without a unit; empty otherwise."""
-    units = []
-    for value in values:
-        if not is_number(value, decimal, missing):
-            _, unit = split_unit(value)
-            if not unit or not is_unit(unit):
-                return ""
-            units.append(unit)
-    return units[0] if units else ""
+    units = [split_unit(value)[1] for value in values if not is_number(value, decimal, missing)]
+    return units[0] if units and all(map(is_unit, units)) else ""
 
 
 def are_units(cells: Sequence[str], samples: Sequence[Sequence[str]]) -> bool:
@@ -127,34 +122,16 @@ def bare_unit(cell: str) -> str:
 @cache
 def is_unit(text: str) -> bool:
     """Whether a text is a unit of a quantity that vehicles log; a number is not."""
-    return not is_number(text) and any(_size(text, measured) is not None for measured in _MEASURED)
+    return not is_number(text) and any(factor_if_known(text, measured) is not None for measured in _MEASURED)
 
 
 def agreed_unit(where: str, heading: str, under: str, suffix: str) -> str:
     """Return the unit that heading, row of units and cells state; FileError (at `where`) if they disagree."""
     units = [unit for unit in (suffix, under, heading) if unit and is_unit(unit)]
     for measured in _MEASURED:
-        if len({_size(unit, measured) for unit in units}) > 1:
+        if len({factor_if_known(unit, measured) for unit in units}) > 1:
             raise FileError(f"{where} has more than one unit: {', '.join(dict.fromkeys(units))}")
     return units[0] if units else heading
-
-
-def _size(text: str, unit: str) -> float | None:
-    """Return the size of a unit in another unit; None for different quantities."""
-    try:
-        return unit_factor(text, unit)
-    except ValueError:
-        return None
-
-
-class TextLayout(NamedTuple):
-    """Stated parts of the layout of a text log; auvid detects a part that is None."""
-
-    delimiter: str | None = None  # a blank means any number of blanks and tabs
-    header_row: int | None = None  # line of the names, from 1
-    decimal: str | None = None  # decimal point, "." or ","
-    missing: tuple[str, ...] = ()  # marks of a missing number in addition to `MISSING_VALUES`
-    names: tuple[str, ...] = ()  # names of the columns, instead of those in the log
 
 
 class Header(NamedTuple):
@@ -187,7 +164,7 @@ def is_filler(line: str, delimiter: str) -> bool:
     return not line.replace(delimiter, "").strip() or line.lstrip().startswith(COMMENT_MARKS)
 
 
-def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
+def read_header(path: Path, lines: Sequence[str], layout: LogFile) -> Header:
     """Return the layout of a text log from its first lines and the stated parts of it.
 
     Raises

@@ -11,7 +11,7 @@ from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.found_sensors import FoundSensor, sensor_tracks, unwrapped, used_columns
 from auvid_cli.logs.suggest.known_formats import known_message
-from auvid_cli.logs.suggest.names import Match
+from auvid_cli.logs.suggest.names import SENSOR_OF, Match
 from auvid_cli.logs.suggest.numbered import correlation
 from auvid_cli.logs.suggest.relations import Relation, Signals, Track, fit_relation, on_grid
 from auvid_cli.logs.suggest.rows import found_in, tracks_of
@@ -26,15 +26,13 @@ _MIN_SECONDS = 60.0  # s, of a log that can contradict a name
 _MAX_LAG = 30.0  # s; signals that agree at such a lag have wrong times, not wrong names
 ANGLE_UNITS = (1.0, float(np.radians(1.0)))  # angles may be in rad or degrees
 # A rate is not among them, because the deflection of a fin may look like the rate that follows it.
-_SENSORS = {"attitude": ("phi", "theta", "psi"), "depth": ("down",)}
+_WANTED = ("phi", "theta", "psi", "down")
 _ANGLES = {rate: angle for angle, rate in RATES.items()}
-_SENSOR_OF = {"phi": "attitude", "theta": "attitude", "psi": "attitude", "down": "depth"}
 _ASKS = 0.3  # largest correlation at which a contradiction without a better column is a question
 _MIN_CORRELATION = 0.95
 _MAX_GAIN_ERROR = 0.1  # of the logarithm
 # Sizes of numbers in usual units: rad and deg; m and ft, because a pressure in mbar is nearly a depth in cm.
 _GAINS = {False: (1.0, float(np.degrees(1.0))), True: (1.0, 1.0 / 0.3048)}
-_MAX_COLUMNS = 40  # columns of a table that are tried; more are those of images and the like
 _CANDIDATE = "candidate"
 
 
@@ -53,8 +51,7 @@ def contradictions(tracks: Mapping[str, Track]) -> dict[str, tuple[str, float]]:
         it: nothing shows then which of both has the wrong name.
     """
     smooth = {symbol: Track(track.time, unwrapped(track.values)) for symbol, track in tracks.items()}
-    # Unwrapped angles keep their names from the interpolation of wrapped ones.
-    signals = on_grid({_plain(symbol): track for symbol, track in smooth.items()})
+    signals = on_grid(smooth, are_unwrapped=True)
     if signals is None or signals.step * next(iter(signals.values.values())).size < _MIN_SECONDS:
         return {}
     found: dict[str, tuple[str, float]] = {}
@@ -68,20 +65,16 @@ def contradictions(tracks: Mapping[str, Track]) -> dict[str, tuple[str, float]]:
     return {symbol: why for symbol, why in found.items() if symbol not in supported}
 
 
-def _plain(symbol: str) -> str:
-    return f"unwrapped.{symbol}"
-
-
 def _change(signals: Signals, symbol: str) -> Array:
-    return signals.change(signals.values[_plain(symbol)], _WINDOW)
+    return signals.change(signals.values[symbol], _WINDOW)
 
 
 def _pairs(signals: Signals) -> Iterator[tuple[str, str, list[tuple[Array, Array]]]]:
     """Yield two symbols, and the signals that should agree for one of the units of angles."""
-    rates = [rate for rate in RATES.values() if signals.has(_plain(rate))]
-    angles = [angle for angle in RATES if signals.has(_plain(angle))]
+    rates = [rate for rate in RATES.values() if signals.has(rate)]
+    angles = [angle for angle in RATES if signals.has(angle)]
     changes = {angle: _change(signals, angle) for angle in angles}
-    means = {rate: signals.mean(_plain(rate)) for rate in rates}
+    means = {rate: signals.mean(rate) for rate in rates}
     crossed = [
         (angle, rate)
         for angle in angles
@@ -99,12 +92,12 @@ def _pairs(signals: Signals) -> Iterator[tuple[str, str, list[tuple[Array, Array
         rate = RATES[angle]
         if rate in rates and not {angle, rate} & exchanged:
             yield angle, rate, [(changes[angle], means[rate])]
-    if signals.has(_plain("down"), _plain("u")) and "theta" in angles and "theta" not in exchanged:
-        sinking, u, theta = _change(signals, "down"), signals.mean(_plain("u")), signals.mean(_plain("theta"))
+    if signals.has("down", "u") and "theta" in angles and "theta" not in exchanged:
+        sinking, u, theta = _change(signals, "down"), signals.mean("u"), signals.mean("theta")
         climbs = [speed * np.sin(factor * theta) for factor in ANGLE_UNITS for speed in (u, 1.0)]
         # Axes of a DVL to starboard: its second component is the speed; axes of an attitude: its roll is the pitch.
         if "phi" in angles:
-            climbs += [np.sin(factor * signals.mean(_plain("phi"))) for factor in ANGLE_UNITS]
+            climbs += [np.sin(factor * signals.mean("phi")) for factor in ANGLE_UNITS]
         yield "down", "theta", [(sinking, climb) for climb in climbs]
 
 
@@ -137,19 +130,20 @@ def _largest_correlation(step: float, first: Array, other: Array) -> float:
     return float(sizes.max()) if sizes.max() > _AGREES else float(close.max())
 
 
-_SENSOR_OF |= dict.fromkeys("pqr", "gyroscope")
-
-
 class _Behaviour(NamedTuple):
     """A column that behaves like a component."""
 
     correlation: float
-    sensor: str
     component: str
     log: str
     table: str
     column: LogColumn
     words: str
+
+    @property
+    def sensor(self) -> str:
+        """Return the sensor of the component."""
+        return SENSOR_OF[self.component]
 
 
 def with_behaviour(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
@@ -166,9 +160,9 @@ def _without_contradicted(logs: Mapping[str, Log], sensors: Mapping[str, FoundSe
     """Return the sensors, with other columns for components that contradict the motion, where one fits."""
     tracks = sensor_tracks(logs, sensors)
     doubted = {symbol: why for symbol, why in contradictions(tracks).items() if _is_named(sensors, symbol)}
-    wanted = [(_SENSOR_OF[symbol], symbol) for symbol in doubted if _reference(symbol, tracks)]
+    wanted = [symbol for symbol in doubted if _reference(symbol, tracks)]
     best: dict[str, _Behaviour] = {}
-    for one in _behaviours(logs, sensors, wanted, tracks) if wanted else ():
+    for one in _behaviours(logs, sensors, wanted, tracks):
         if one.component not in best or one.correlation > best[one.component].correlation:
             best[one.component] = one
     changed = dict(sensors)
@@ -179,15 +173,13 @@ def _without_contradicted(logs: Mapping[str, Log], sensors: Mapping[str, FoundSe
             sensor = changed[one.sensor]
             old = _column_of(sensor, symbol)
             words = f"{one.words}; {old.name} does not agree with {other} (correlation {size:.2f})"
-            changed |= _without(logs, one.sensor, sensor, symbol)
-            left = changed[one.sensor] if changed[one.sensor].main.match.columns else None
-            changed[one.sensor] = _extended(logs, left, one._replace(words=words))
+            changed[one.sensor] = _extended(logs, _without(logs, sensor, symbol), one._replace(words=words))
     return changed
 
 
 def _is_named(sensors: Mapping[str, FoundSensor], symbol: str) -> bool:
     """Whether a component is mapped by the name of its column alone."""
-    sensor = sensors.get(_SENSOR_OF.get(symbol, ""))
+    sensor = sensors.get(SENSOR_OF.get(symbol, ""))
     parts = [part for part in sensor.parts if symbol in part.match.columns] if sensor is not None else []
     return bool(parts) and parts[0].match.message is None
 
@@ -196,17 +188,14 @@ def _column_of(sensor: FoundSensor, symbol: str) -> LogColumn:
     return next(part.match.columns[symbol] for part in sensor.parts if symbol in part.match.columns)
 
 
-def _without(logs: Mapping[str, Log], name: str, sensor: FoundSensor, symbol: str) -> dict[str, FoundSensor]:
-    """Return a sensor without a component, by its name."""
+def _without(logs: Mapping[str, Log], sensor: FoundSensor, symbol: str) -> FoundSensor | None:
+    """Return a sensor without a component; None if it has no other."""
     parts = []
     for part in sensor.parts:
         columns = {component: column for component, column in part.match.columns.items() if component != symbol}
         if columns:
-            parts.append(found_in(logs, name, part.log, part.match._replace(columns=columns)))
-    if not parts:
-        empty = sensor.main._replace(match=sensor.main.match._replace(columns={}))
-        return {name: sensor._replace(main=empty, apart=[])}
-    return {name: sensor._replace(main=parts[0], apart=parts[1:])}
+            parts.append(found_in(logs, part.sensor, part.log, part.match._replace(columns=columns)))
+    return sensor._replace(main=parts[0], apart=parts[1:]) if parts else None
 
 
 def _with_questions(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
@@ -214,13 +203,13 @@ def _with_questions(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor])
     asking = dict(sensors)
     for symbol, (other, size) in contradictions(sensor_tracks(logs, sensors)).items():
         if size < _ASKS and _is_named(sensors, symbol):
-            sensor = asking[_SENSOR_OF[symbol]]
+            sensor = asking[SENSOR_OF[symbol]]
             old = _column_of(sensor, symbol)
             text = (
                 f"a column; {old.name} does not agree with {other} (correlation {size:.2f}), and nothing shows which "
                 f"of both is wrong"
             )
-            asking[_SENSOR_OF[symbol]] = sensor._replace(questions=(*sensor.questions, (symbol, text)))
+            asking[SENSOR_OF[symbol]] = sensor._replace(questions=(*sensor.questions, (symbol, text)))
     return asking
 
 
@@ -228,16 +217,12 @@ def _with_missing(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -
     """Return the sensors, with missing components from columns that behave like them."""
     present = {component for sensor in sensors.values() for part in sensor.parts for component in part.match.columns}
     has_quaternion = "attitude" in sensors and sensors["attitude"].main.is_quaternion
-    missing = [
-        (sensor, component)
-        for sensor, components in _SENSORS.items()
-        for component in components
-        if component not in present and not (has_quaternion and sensor == "attitude")
-    ]
     tracks = sensor_tracks(logs, sensors)
-    missing = [(sensor, component) for sensor, component in missing if _reference(component, tracks)]
-    if not missing:
-        return dict(sensors)
+    missing = [
+        component
+        for component in _WANTED
+        if component not in present and not (has_quaternion and component in RATES) and _reference(component, tracks)
+    ]
     found = sorted(_behaviours(logs, sensors, missing, tracks), key=lambda one: one.correlation, reverse=True)
     extended = dict(sensors)
     taken = set[object]()
@@ -257,11 +242,10 @@ def _reference(component: str, tracks: Mapping[str, Track]) -> str:
 
 
 def _behaviours(
-    logs: Mapping[str, Log],
-    sensors: Mapping[str, FoundSensor],
-    missing: list[tuple[str, str]],
-    tracks: Mapping[str, Track],
+    logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], missing: list[str], tracks: Mapping[str, Track]
 ) -> Iterator[_Behaviour]:
+    if not missing:
+        return
     used = used_columns(sensors)
     for name, log in logs.items():
         for table, columns in names.distinct_tables(log.tables()).items():
@@ -271,19 +255,17 @@ def _behaviours(
             tried = [
                 column for column in columns if (name, table, column.name) not in used and names.may_measure(column)
             ]
-            if not tried or len(tried) > _MAX_COLUMNS:
+            if not tried or len(tried) > names.MAX_COLUMNS:
                 continue
             read = log.read(table, [column.name for column in tried])
             signals = tracks_of(log, table, {key: np.asarray(values, np.float64) for key, values in read.items()})
             for column in tried:
                 track = signals.get(column.name)
-                if track is None or not np.nanstd(
-                    track.values[np.isfinite(track.values)] if track.values.size else 0.0
-                ):
+                if track is None or not np.std(track.values[np.isfinite(track.values)]):
                     continue
-                for sensor, component in missing:
+                for component in missing:
                     if fit := _agreement(component, track, tracks):
-                        yield _Behaviour(fit[0], sensor, component, name, table, column, fit[1])
+                        yield _Behaviour(fit[0], component, name, table, column, fit[1])
 
 
 def _agreement(component: str, track: Track, tracks: Mapping[str, Track]) -> tuple[float, str] | None:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
 from auvid_cli.logs.frames import interpolate
+from auvid_cli.logs.suggest.names import SENSOR_OF
 from auvid_cli.logs.suggest.relations import CROSSED, RelationFit, Track, fit_relations
-from auvid_cli.vehicle.parameters import SENSORS
 
 # Signs of components in the usual axes; an attitude in FLU axes refers to ENU.
 USUAL_AXES = {"FRD": (1, 1, 1), "FLU": (1, -1, -1)}
@@ -30,7 +30,7 @@ _BELOW = 4.0  # evidence of a positive mean depth for the sign of the depth
 _ABOVE = 0.5
 _EXCHANGED = 6.0  # least excess of the crossed responses of fins over the others
 _STRENGTHS = ((8.0, "strong"), (2.5, "fair"))  # least log likelihood for each word
-_MIN_GRAVITY = 5.0  # m/s^2
+MIN_GRAVITY = 5.0  # m/s^2, mean specific force that shows the direction of gravity
 _MIN_SPEED = 0.2  # m/s
 _MIN_COURSES = 30  # rows with a speed above `_MIN_SPEED`
 _MIN_ALIGNMENT = 0.8  # mean resultant length of course minus heading
@@ -150,7 +150,7 @@ def weigh_evidence(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[s
         delays |= [late]
         sensor, delay = late
         tracks = {
-            symbol: track._replace(time=track.time - delay) if _sensor_of(symbol) == sensor else track
+            symbol: track._replace(time=track.time - delay) if SENSOR_OF.get(symbol) == sensor else track
             for symbol, track in tracks.items()
         }
         fits = [fit for fit in fit_relations(tracks) if CROSSED not in fit.symbols]
@@ -169,7 +169,7 @@ def _with_values(
     for symbol, positive, negative in (("down", _BELOW, -_ABOVE), ("u", _AHEAD, -_AHEAD), ("fz", -_GRAVITY, _GRAVITY)):
         if symbol in tracks and np.isfinite(tracks[symbol].values).any():
             mean = float(np.nanmean(tracks[symbol].values))
-            if symbol != "fz" or abs(mean) > _MIN_GRAVITY:
+            if symbol != "fz" or abs(mean) > MIN_GRAVITY:
                 of_symbol = full.setdefault(symbol, {})
                 score = positive if mean > 0.0 else negative if mean < 0.0 else 0.0
                 of_symbol["+"] = of_symbol.get("+", 0.0) + score
@@ -207,7 +207,7 @@ def speed_as_surge(tracks: Mapping[str, Track]) -> dict[str, Track]:
 def _latest_sensor(fits: Sequence[RelationFit], tracks: Mapping[str, Track]) -> tuple[str, float] | None:
     """Return the sensor with a delay, and the delay, s, from the relation with the largest correlation that has one."""
     for fit in sorted(fits, key=lambda fit: abs(fit.correlation), reverse=True):
-        first, other = _sensor_of(fit.symbols[0]), _sensor_of(fit.symbols[-1])
+        first, other = (SENSOR_OF.get(symbol, "") for symbol in (fit.symbols[0], fit.symbols[-1]))
         # Less than a sampling step is not significant.
         steps = [sampling_step(tracks[symbol]) for symbol in fit.symbols if symbol in tracks]
         if first != other and abs(fit.delay) >= max(_MIN_DELAY, *steps):
@@ -223,7 +223,3 @@ def sampling_step(track: Track) -> float:
     is_new = np.append(True, np.diff(values) != 0.0)
     new = time[is_new] if np.count_nonzero(is_new) > 1 else track.time
     return float(np.median(np.diff(new)))
-
-
-def _sensor_of(symbol: str) -> str:
-    return next((sensor for sensor, of in SENSORS.items() if symbol in [quantity.symbol for quantity in of]), "")

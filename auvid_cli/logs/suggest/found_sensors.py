@@ -1,13 +1,14 @@
 """Sensors that a log has: their columns, signals and flags; raw columns in place of their low-pass filtered copies."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from auvid_cli.arrays import Array
-from auvid_cli.logs.formats.log import Log, LogColumn
+from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.evidence import OVER_GROUND
 from auvid_cli.logs.suggest.relations import Track
@@ -31,7 +32,6 @@ _MAX_REST = 0.3  # unexplained share of the part of the copy that its own past d
 _MAX_ROUGHNESS = 0.7  # roughness of the copy, divided by that of the other column
 _MAX_GAIN_ERROR = 0.004  # less than that between a depth in m and a pressure in dbar
 _TURNS = (2.0 * np.pi, 360.0)
-_MAX_COLUMNS = 40  # columns of a table that are tried; more are those of images and the like
 _MAX_WRAP = 1.01  # largest range of a wrapped angle, turns
 
 
@@ -80,8 +80,10 @@ def is_over_ground(match: names.Match) -> bool:
     return names.is_over_ground(match.columns)
 
 
-def is_upside_down(roll: Array) -> bool:
+def is_upside_down(roll: Array | None) -> bool:
     """Whether a roll, rad, is that of a sensor that hangs upside down."""
+    if roll is None:
+        return False
     size = np.abs(np.arctan2(np.sin(roll), np.cos(roll)))
     return bool(np.isfinite(size).any()) and float(np.nanmedian(size)) > _UPSIDE_DOWN
 
@@ -92,12 +94,6 @@ def valid_value(found: Found, flags: Array) -> int:
         return found.match.message.valid
     largest = float(np.max(flags, initial=0.0, where=np.isfinite(flags)))
     return int(largest) if largest > 1.0 and not (flags == 1.0).any() else 1
-
-
-def _stated_flag(columns: Iterable[LogColumn], found: Found) -> str:
-    """Return the flag of a known message, if the table has it."""
-    message = found.match.message
-    return message.flag if message is not None and message.flag in [column.name for column in columns] else ""
 
 
 def used_columns(sensors: Mapping[str, FoundSensor]) -> set[tuple[str, str, str]]:
@@ -115,10 +111,11 @@ def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
     sharing = [
         other for other in sensors.values() if (other.main.log, other.main.match.table) == (main.log, main.match.table)
     ]
-    if stated := _stated_flag(log.tables()[main.match.table], main):
-        return stated
+    columns, message = log.tables()[main.match.table], main.match.message
+    if message is not None and message.flag and message.flag in [column.name for column in columns]:
+        return message.flag
     own = []
-    for column in log.tables()[main.match.table]:
+    for column in columns:
         flag = _FLAG.fullmatch(column.name)
         if flag is None:
             continue
@@ -132,24 +129,14 @@ def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
     return min(own, key=lambda name: name.count("."), default="")
 
 
-class Filtering(NamedTuple):
-    """How a column follows from another by a filter."""
-
-    rest: float  # share of its new part that the other column leaves unexplained
-    roughness: float  # size of its second differences, divided by that of the other column
-
-
 def with_unfiltered(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> dict[str, FoundSensor]:
     """Return the sensors, with a column of the same table in place of each one that is its filtered copy."""
     used = used_columns(sensors)
     replaced: dict[str, FoundSensor] = {}
     for name, sensor in sensors.items():
-        parts, notes = [], [*sensor.notes]
-        for part in sensor.parts:
-            raw, reasons = _unfiltered(logs, part, used)
-            parts.append(raw)
-            notes += reasons
-        replaced[name] = sensor._replace(main=parts[0], apart=parts[1:], notes=tuple(notes))
+        parts, reasons = zip(*(_unfiltered(logs, part, used) for part in sensor.parts), strict=True)
+        notes = (*sensor.notes, *chain.from_iterable(reasons))
+        replaced[name] = sensor._replace(main=parts[0], apart=[*parts[1:]], notes=notes)
     return replaced
 
 
@@ -161,30 +148,30 @@ def _unfiltered(logs: Mapping[str, Log], part: Found, used: set[tuple[str, str, 
         for column in log.tables()[table]
         if (part.log, table, column.name) not in used and names.may_measure(column)
     ]
-    if part.match.message is not None or part.is_quaternion or not 0 < len(tried) <= _MAX_COLUMNS:
+    if part.match.message is not None or part.is_quaternion or not 0 < len(tried) <= names.MAX_COLUMNS:
         return part, []
     read = log.read(table, [column.name for column in tried])
     columns, reasons = dict(part.match.columns), list[str]()
     for component, column in part.match.columns.items():
         found = [
-            (fit.roughness, other, fit)
+            (*fit, other)
             for other in tried
             if other.unit == column.unit
             and (fit := filtering(part.numbers[component], np.asarray(read[other.name], np.float64))) is not None
         ]
         if found:
-            _, raw, fit = min(found, key=lambda one: one[0])
+            _, rest, raw = min(found, key=lambda one: one[0])
             columns[component] = raw
             reasons.append(
                 f"check: {component} is {raw.name}, because {column.name} is a low-pass filtered copy of it: "
-                f"{fit.rest:.0%} of its changes have another cause"
+                f"{rest:.0%} of its changes have another cause"
             )
     if not reasons:
         return part, []
     return found_in(logs, part.sensor, part.log, part.match._replace(columns=columns)), reasons
 
 
-def filtering(copy: Array, other: Array) -> Filtering | None:
+def filtering(copy: Array, other: Array) -> tuple[float, float] | None:
     """Return how a column is a low-pass filtered copy of another with the same rows; None if it is not.
 
     Two sensors of one signal have noise of their own, so that neither explains the other's new part.
@@ -193,6 +180,12 @@ def filtering(copy: Array, other: Array) -> Filtering | None:
     ----------
     copy, other : ndarray, shape (n,)
         NaN where missing.
+
+    Returns
+    -------
+    tuple of float, or None
+        Size of the copy's second differences, divided by that of the other column; and the share of the copy's new
+        part that the other column leaves unexplained.
     """
     if copy.shape != other.shape or copy.size < _MIN_ROWS:
         return None
@@ -220,7 +213,7 @@ def filtering(copy: Array, other: Array) -> Filtering | None:
         return None
     own = 1.0 - float(weights[1 : 1 + _OWN_PAST].sum())
     gain = float(weights[1 + _OWN_PAST :].sum()) / own if own else np.inf
-    return Filtering(rest / alone, roughness[0] / roughness[1]) if abs(gain - 1.0) < _MAX_GAIN_ERROR else None
+    return (roughness[0] / roughness[1], rest / alone) if abs(gain - 1.0) < _MAX_GAIN_ERROR else None
 
 
 def unwrapped(values: Array) -> Array:

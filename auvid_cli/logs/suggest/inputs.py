@@ -207,7 +207,7 @@ def _opposites(fins: Mapping[str, FoundInput], evidence: Evidence) -> Iterator[C
         if not {*keys} <= {*fins}:
             continue
         one, other = (evidence.verdict.signs.get(key, 1) * fins[key].values for key in keys)
-        if _are_opposite(one, other):
+        if one.size == other.size and np.nanstd(one + other) < 0.5 * np.nanstd(one - other):
             opposite = f"{first} and {second} move in opposite directions"
             yield Comment(f"check: {opposite}, so one of them probably needs sign: -1")
 
@@ -235,15 +235,8 @@ def _possible_fins(logs: Mapping[str, Log]) -> Iterator[str]:
 
 def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInput]:
     """Return inputs by key: first those of the main table, then the missing ones from other tables."""
-    places = [
-        (name, columns)
-        for columns in find_columns(INPUT_NAMES, {main: logs[name].tables()[main]}, file=logs[name].path.stem)
-    ]
-    places += [
-        (log, columns)
-        for log in logs
-        for columns in find_columns(INPUT_NAMES, logs[log].tables(), file=logs[log].path.stem)
-    ]
+    tables = [(name, {main: logs[name].tables()[main]}), *((log, logs[log].tables()) for log in logs)]
+    places = [(log, match) for log, own in tables for match in find_columns(INPUT_NAMES, own, file=logs[log].path.stem)]
     inputs: dict[str, FoundInput] = {}
     for log, (table, columns, message) in places:
         new = {key: column for key, column in columns.items() if key not in inputs}
@@ -264,12 +257,6 @@ def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInp
 
 def _is_thrust(key: str) -> bool:
     return key.startswith(("thrust.", "surge_force"))
-
-
-def _are_opposite(first: Array, second: Array) -> bool:
-    if first.size != second.size:
-        return False
-    return float(np.nanstd(first + second)) < 0.5 * float(np.nanstd(first - second))
 
 
 def _thrust(inputs: Mapping[str, FoundInput]) -> Iterator[Line]:

@@ -65,6 +65,7 @@ def _vector(symbols: str, fields: str) -> dict[str, str]:
 _QUATERNION = "quaternion.w quaternion.x quaternion.y quaternion.z"
 _INSTANCE = r"(\[[\d.]+\])?"
 _VELOCITY = _vector("u v w", "velocity.x velocity.y velocity.z")
+_WATER_LINKED = ("fom", "altitude")
 _DEG = ("deg", "rad/s", "m/s", "m/s^2", "m")
 _SI = ("rad", "rad/s", "m/s", "m/s^2", "m")
 KNOWN_MESSAGES = (
@@ -115,11 +116,7 @@ KNOWN_MESSAGES = (
         marks=("DesRoll",),
     ),
     KnownMessage(
-        "ArduPilot",
-        "IMU",
-        _vector("p q r fx fy fz", "GyrX GyrY GyrZ AccX AccY AccZ"),
-        frame="FRD",
-        units=_SI,
+        "ArduPilot", "IMU", _vector("p q r fx fy fz", "GyrX GyrY GyrZ AccX AccY AccZ"), frame="FRD", units=_SI
     ),
     KnownMessage("ArduPilot", "GYR", _vector("p q r", "GyrX GyrY GyrZ"), frame="FRD", units=_SI),
     KnownMessage("ArduPilot", "ACC", _vector("fx fy fz", "AccX AccY AccZ"), frame="FRD", units=_SI),
@@ -134,23 +131,9 @@ KNOWN_MESSAGES = (
     KnownMessage("MOOS", "NAV_PITCH", {"theta": "value"}, Role.FILTER_OUTPUT),
     KnownMessage("MOOS", "NAV_ROLL", {"phi": "value"}, Role.FILTER_OUTPUT),
     KnownMessage("Water Linked", "position_local", {}, Role.FILTER_OUTPUT, marks=("std", "ts")),
-    KnownMessage(
-        "Water Linked",
-        "",
-        _VELOCITY,
-        frame="FRD",
-        units=_SI,
-        flag="velocity_valid",
-        marks=("fom", "altitude"),
-    ),
-    KnownMessage(
-        "Water Linked",
-        "",
-        _vector("u v w", "vx vy vz"),
-        frame="FRD",
-        units=_SI,
-        flag="velocity_valid",
-        marks=("fom", "altitude"),
+    *(
+        KnownMessage("Water Linked", "", fields, frame="FRD", units=_SI, flag="velocity_valid", marks=_WATER_LINKED)
+        for fields in (_VELOCITY, _vector("u v w", "vx vy vz"))
     ),
     KnownMessage("marine_acoustic_msgs", "", _VELOCITY, frame="FRD", units=_SI, marks=("velocity_mode", "dvl_type")),
     KnownMessage("uuv_simulator", "", _VELOCITY, units=_SI, marks=("velocity_covariance[0]", "altitude")),
@@ -172,11 +155,8 @@ def known_message(table: str, columns: Iterable[LogColumn], file: str = "") -> K
 @cache
 def _known(table: str, file: str, names: frozenset[str]) -> KnownMessage | None:
     for message in KNOWN_MESSAGES:
-        needed = {
-            *message.fields.values(),
-            *message.marks,
-            *({message.flag} if message.flag and not message.table else ()),
-        }
+        # A table with the name of a message may lack its flag.
+        needed = {*message.fields.values(), *message.marks, "" if message.table else message.flag} - {""}
         if message.table and not (
             re.fullmatch(message.table + _INSTANCE, table)
             or re.fullmatch(rf"(.*[_. -])?({message.table})(_\d+)?", file)
@@ -193,7 +173,6 @@ def known_columns(
 ) -> dict[str, LogColumn]:
     """Return the columns of a known message for the wanted components."""
     by_name = {column.name: column for column in columns}
-    fields = {
-        component: message.fields.get(f"quaternion.{component}" if is_quaternion else component) for component in wanted
-    }
+    prefix = "quaternion." if is_quaternion else ""
+    fields = {component: message.fields.get(f"{prefix}{component}") for component in wanted}
     return {component: by_name[field] for component, field in fields.items() if field is not None}

@@ -38,6 +38,7 @@ SENSOR_NAMES: dict[str, dict[str, str]] = {
     },
     "depth": {"down": r"down|(dfs_)?depth|position\.z|(tauch)?tiefe"},
 }
+SENSOR_OF = {component: sensor for sensor, wanted in SENSOR_NAMES.items() for component in wanted}
 # Velocity along north, east and down, by component of a DVL.
 EARTH_VELOCITY: dict[str, str] = {
     component: rf"(dvl_)?(v|vel|velocity)[_.]?({word[0]}|{word})|{word}_?(v|vel|velocity)"
@@ -72,18 +73,8 @@ NAMED_UNITS: dict[str, dict[str, str]] = {
     "rad/s": {"dps": "deg/s", "deg_s": "deg/s", "degs": "deg/s", "rad_s": "rad/s", "rads": "rad/s"}
     | {"degree_per_second": "deg/s", "radian_per_second": "rad/s"},
     "rad": {"deg": "deg", "degree": "deg", "degrees": "deg", "rad": "rad", "radian": "rad", "radians": "rad"},
-    "m/s": {
-        "m_s": "m/s",
-        "ms": "m/s",
-        "mps": "m/s",
-        "cm_s": "cm/s",
-        "mm_s": "mm/s",
-        "mms": "mm/s",
-        "kn": "knot",
-        "kts": "knot",
-        "knots": "knot",
-    }
-    | {"meter_per_second": "m/s"},
+    "m/s": {"m_s": "m/s", "ms": "m/s", "mps": "m/s", "meter_per_second": "m/s", "cm_s": "cm/s", "mm_s": "mm/s"}
+    | {"mms": "mm/s", "kn": "knot", "kts": "knot", "knots": "knot"},
     "m/s^2": {"m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2", "g": "g", "mg": "mg"},
     "m": {"m": "m", "cm": "cm", "mm": "mm", "ft": "ft", "meter": "m"},
     "percent": {"pct": "percent", "percent": "percent"},
@@ -118,6 +109,7 @@ _SET_POINT = re.compile(
     r"(^|[_./ ])(desired|target|goal|ref|reference|set_?points?|sp|cmd|command(ed|s)?|next)([_./ ]|$)"
 )
 _MAX_INSTANCES = 100
+MAX_COLUMNS = 40  # columns of a table whose values are read; more are those of images and the like
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")  # start of a word within DesiredHeading
 _FILTER_WORDS = (
     r"global_position_int|local_position|odom|ekf|[xn]kf\d|kalman|estimat|dead_?reckon|(^|[_./])nav(_|state|solution)"
@@ -188,7 +180,9 @@ def find_columns(
             matching = [c for c in numbers if any(_is_called(name, full_name) for name in _possible_names(table, c))]
             if matching:
                 # "velocity.x" rather than "target.velocity.x".
-                matches[component] = min(matching, key=_preference)
+                matches[component] = min(
+                    matching, key=lambda c: (is_filter_output("", c.name), "filt" in c.name.lower(), len(c.name))
+                )
         if matches:
             places.append(Match(table, matches))
     return sorted(places, key=lambda place: (*_rank(place), hint in place.table), reverse=True)
@@ -218,10 +212,6 @@ def without_names(logs: Mapping[str, Log]) -> str:
     arrays = [name for name in columns if re.fullmatch(r"data\[\d+\]|#\d+", name)]
     others = [name for name in columns if name not in arrays and not name.startswith("layout.")]
     return f"{arrays[0]} to {arrays[-1]}" if arrays and not others else ""
-
-
-def _preference(column: LogColumn) -> tuple[bool, bool, int]:
-    return is_filter_output("", column.name), "filt" in column.name.lower(), len(column.name)
 
 
 def is_set_point(table: str, name: str) -> bool:

@@ -64,11 +64,9 @@ def fin_channels(logs: Mapping[str, Log]) -> Iterator[list[FinChannel]]:
         for channels in (_of_columns(log, name, table, columns), _of_servos(log, name, table, columns))
         if 2 <= len(channels) <= _MAX_FINS
     ]
-    yield from sorted(found, key=lambda channels: channels[0].message is not None and _is_command(channels[0].message))
-
-
-def _is_command(message: KnownMessage) -> bool:
-    return message.role is not Role.MEASURED
+    yield from sorted(
+        found, key=lambda channels: (first := channels[0].message) is not None and first.role is not Role.MEASURED
+    )
 
 
 def _of_columns(log: Log, name: str, table: str, columns: Sequence[LogColumn]) -> list[FinChannel]:
@@ -167,11 +165,8 @@ def fin_roles(fins: Sequence[Track], yaw_rate: Track | None, pitch_rate: Track |
             own = 1 if correlation(angles[pair[0]], angles[k]) > 0.0 else -1
             reason = f"{together} move together, {what}" if len(pair) > 1 else what
             roles[k] = FinRole(name, sign * own, reason)
-    return [roles[k] for k in sorted(roles)] if len(roles) == len(fins) and _are_all_different(roles) else []
-
-
-def _are_all_different(roles: Mapping[int, FinRole]) -> bool:
-    return len({role.name for role in roles.values()}) == len(roles)
+    are_all_different = len({role.name for role in roles.values()}) == len(fins)
+    return [roles[k] for k in sorted(roles)] if are_all_different else []
 
 
 def _places(rudder: float, elevator: float) -> tuple[tuple[str, str], int, str]:
@@ -205,12 +200,6 @@ def _effects(grid: Array, rate: Track, heads: Sequence[Array]) -> Array | None:
     effects = effects[: len(heads)] / size[: len(heads)]
     largest = float(np.abs(effects).max())
     return effects / largest if explained > _CLEAR and largest > 0.0 else None
-
-
-def _numbered_quaternion(columns: Iterable[LogColumn]) -> list[LogColumn]:
-    """Return four columns such as q0 to q3; empty without them."""
-    found = numbered(_QUATERNION, columns)
-    return found if len(found) == 4 else []
 
 
 class Order(NamedTuple):
@@ -301,20 +290,15 @@ def numbered_attitude(logs: Mapping[str, Log], found: Mapping[str, FoundSensor])
     gyroscope = sensor_tracks(logs, {name: sensor for name, sensor in found.items() if name == "gyroscope"})
     for name, log in logs.items():
         for table, columns in distinct_tables(log.tables()).items():
-            four = _numbered_quaternion(columns)
-            if not four or known_message(table, columns, log.path.stem) is not None:
+            four = numbered(_QUATERNION, columns)
+            if len(four) != 4 or known_message(table, columns, log.path.stem) is not None:
                 continue
             read = log.read(table, [column.name for column in four])
-            tracks = tracks_of(
-                log, table, {str(k): np.asarray(values, np.float64) for k, values in enumerate(read.values())}
-            )
-            if len(tracks) == 4 and (
-                order := quaternion_order(
-                    tracks["0"].time,
-                    np.column_stack([track.values for track in tracks.values()]),
-                    list(gyroscope.values()),
-                )
-            ):
+            tracks = tracks_of(log, table, {key: np.asarray(values, np.float64) for key, values in read.items()})
+            if not tracks:
+                continue
+            time, values = tracks[four[0].name].time, np.column_stack([track.values for track in tracks.values()])
+            if order := quaternion_order(time, values, list(gyroscope.values())):
                 by_axis = dict(sorted(zip(order.axes, four, strict=True)))
                 main = found_in(logs, "attitude", name, Match(table, by_axis))
                 return {"attitude": FoundSensor(main, [], (f"order {order.axes}: {order.reason}",))}
@@ -338,9 +322,8 @@ def in_usual_order(found: Mapping[str, FoundSensor], tracks: Mapping[str, Track]
             columns = {key: main.match.columns[swap.get(key, key)] for key in main.match.columns}
             numbers = {key: main.numbers[swap.get(key, key)] for key in main.numbers}
             main = main._replace(match=main.match._replace(columns=columns), numbers=numbers)
-            usual[name] = found[name]._replace(
-                main=main, notes=(f"check: x and y are exchanged: {reason}",), is_exchanged=True
-            )
+            notes = (f"check: x and y are exchanged: {reason}",)
+            usual[name] = found[name]._replace(main=main, notes=notes, is_exchanged=True)
     return usual
 
 

@@ -16,7 +16,7 @@ _WINDOW = 0.6  # s, over which rates of angles are taken
 _MAX_DELAY = 1.0  # s
 _RESPONSE_TIMES = (1.0, 2.0)  # s after which the response to a fin is measured
 _LONG_WINDOW = 4.0  # s, for a rate that oscillates too much for `_RESPONSE_TIMES`
-_ANGLES = ("phi", "theta", "psi")
+ANGLES = ("phi", "theta", "psi")
 _MIN_WINDOWS = 12  # independent windows that a correlation needs
 _MIN_CORRELATION = 0.3
 _MAX_WEIGHT = 12.0
@@ -89,8 +89,8 @@ def fit_relations(tracks: Mapping[str, Track]) -> list[RelationFit]:
     return [*fits.values()]
 
 
-def on_grid(tracks: Mapping[str, Track]) -> "Signals | None":
-    """Return signals on one grid of times; None if they are too short."""
+def on_grid(tracks: Mapping[str, Track], are_unwrapped: bool = False) -> "Signals | None":
+    """Return signals, whose angles may be unwrapped already, on one grid of times; None if they are too short."""
     if not tracks:
         return None
     # Medians, because one sensor's clock may be days away.
@@ -99,8 +99,9 @@ def on_grid(tracks: Mapping[str, Track]) -> "Signals | None":
     grid = np.arange(begin, end + 0.5 * step, step)
     if grid.size < _MIN_WINDOWS:
         return None
+    wrapped = () if are_unwrapped else ANGLES
     values = {
-        symbol: interpolate(track.time, track.values[:, None], grid, is_angle=symbol in _ANGLES)[:, 0]
+        symbol: interpolate(track.time, track.values[:, None], grid, is_angle=symbol in wrapped)[:, 0]
         for symbol, track in tracks.items()
     }
     return Signals(values, step)

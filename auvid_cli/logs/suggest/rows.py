@@ -7,18 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
-from auvid_cli.config.log_columns import unit_factor
+from auvid_cli.config.log_columns import factor_if_known, unit_factor
 from auvid_cli.config.units import magnitude_of
 from auvid_cli.logs.clock import find_restarts, order_rows
 from auvid_cli.logs.formats.log import Log, LogColumn, find_codes, has_rows_of_zeros, is_code, rows_of_zeros
 from auvid_cli.logs.frames import euler_of_quaternion, in_forward_axes, quaternion_of_euler
 from auvid_cli.logs.suggest.names import QUATERNION_NAMES, Match, named_unit, standard_message
-from auvid_cli.logs.suggest.relations import Track
-from auvid_cli.logs.suggest.times import is_unit_of, one_sender, rows_of_sender, seconds_of, time_of
+from auvid_cli.logs.suggest.relations import ANGLES, Track
+from auvid_cli.logs.suggest.times import one_sender, rows_of_sender, seconds_of, time_of
 from auvid_cli.text import Flow, Phrase, YamlEntry
 from auvid_cli.vehicle.parameters import SENSORS
-
-_ANGLES: tuple[str, ...] = ("phi", "theta", "psi")
 
 
 def row_entries(logs: Mapping[str, Log], name: str, table: str, delay: float = 0.0) -> Iterator[YamlEntry]:
@@ -103,16 +101,16 @@ class Found(NamedTuple):
             quaternion = np.column_stack([self.numbers[axis] for axis in "wxyz"])
             if self.is_right_forward_up:
                 quaternion = in_forward_axes(quaternion)
-            return dict(zip(_ANGLES, euler_of_quaternion(quaternion).T, strict=True))
+            return dict(zip(ANGLES, euler_of_quaternion(quaternion).T, strict=True))
         si = SENSORS[self.sensor][0].unit
         factor = unit_factor(self.unit, si)
         most = magnitude_of(si).largest / factor
         values = {
             component: factor * np.where(np.abs(raw) <= most, raw, np.nan) for component, raw in self.numbers.items()
         }
-        if self.is_right_forward_up and {*values} == {*_ANGLES}:
-            quaternion = in_forward_axes(quaternion_of_euler(np.column_stack([values[symbol] for symbol in _ANGLES])))
-            values |= dict(zip(_ANGLES, euler_of_quaternion(quaternion).T, strict=True))
+        if self.is_right_forward_up and {*values} == {*ANGLES}:
+            quaternion = in_forward_axes(quaternion_of_euler(np.column_stack([values[symbol] for symbol in ANGLES])))
+            values |= dict(zip(ANGLES, euler_of_quaternion(quaternion).T, strict=True))
         return values
 
 
@@ -123,9 +121,9 @@ def found_in(logs: Mapping[str, Log], sensor: str, name: str, match: Match) -> F
     si = SENSORS[sensor][0].unit
     stated, comment = _stated_unit(list(match.columns.values()), si)
     message = match.message
-    unit = next((unit for unit in message.units if is_unit_of(unit, si)), "") if message is not None else ""
-    if message is not None and unit and not any(column.unit for column in match.columns.values()):
-        stated, comment = unit, f"unit of this message of {message.source}"
+    units = [unit for unit in (message.units if message is not None else ()) if factor_if_known(unit, si) is not None]
+    if message is not None and units and not any(column.unit for column in match.columns.values()):
+        stated, comment = units[0], f"unit of this message of {message.source}"
     if message is None and not stated and (kind := standard_message(logs[name].tables()[match.table])):
         stated, comment = si, f"check: {kind} is in SI units by REP 103"
     if (chosen := rows_of_sender(logs[name], match.table)) is not None:
@@ -161,15 +159,10 @@ def tracks_of(
 def _stated_unit(columns: Sequence[LogColumn], si: str) -> tuple[str, str]:
     """Return the unit that the log or the names of columns state, and the source; an empty unit without one."""
     units = {column.unit for column in columns}
-    comment = ""
-    if len(units) == 1 and (unit := units.pop()):
-        try:
-            unit_factor(unit, si)
-        except ValueError:
-            comment = f"the log states the unknown unit {unit!r}"
-        else:
-            return unit, "unit stated by the log"
+    stated = units.pop() if len(units) == 1 else ""
+    if stated and factor_if_known(stated, si) is not None:
+        return stated, "unit stated by the log"
     named = {named_unit(column.name, si) for column in columns}
     if len(named) == 1 and (unit := named.pop()):
         return unit, "check: unit by the name"
-    return "", comment
+    return "", f"the log states the unknown unit {stated!r}" if stated else ""

@@ -9,7 +9,7 @@ from auvid_cli.data.signals import estimate_noise, is_smoothed
 from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest import names
 from auvid_cli.logs.suggest.behaviour import with_behaviour
-from auvid_cli.logs.suggest.evidence import OVER_GROUND, ROTATED, TRIPLES, USUAL_AXES, Evidence
+from auvid_cli.logs.suggest.evidence import MIN_GRAVITY, OVER_GROUND, ROTATED, TRIPLES, USUAL_AXES, Evidence
 from auvid_cli.logs.suggest.found_sensors import (
     FoundSensor,
     flag_of,
@@ -30,7 +30,6 @@ from auvid_cli.vehicle.parameters import SENSORS
 
 _EARTH_AXES = {"FRD": "NED", "FLU": "ENU"}
 _HEADINGS = {"NED": "clockwise from north", "ENU": "anticlockwise from east"}
-_MIN_GRAVITY = 5.0  # m/s^2, mean specific force that shows the direction of gravity
 _MANY_REPEATS = 0.5  # share of rows that repeat the one before
 # Log likelihoods by conventions and names.
 _CONVENTION = 6.0  # axes of a standard message, or of a velocity with north and east in its names
@@ -78,8 +77,8 @@ def _with_units(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
     is_over_ground = "dvl" in sensors and names.is_over_ground(sensors["dvl"].main.match.columns)
     verdicts = possible_units(columns, is_over_ground)
     known = [
-        part._replace(units=verdict.units, comment="; ".join(filter(None, (part.comment, verdict.reason))))
-        for part, verdict in zip(parts, verdicts, strict=True)
+        part._replace(units=units, comment="; ".join(filter(None, (part.comment, reason))))
+        for part, (units, reason) in zip(parts, verdicts, strict=True)
     ]
     return {
         name: sensor._replace(main=own[0], apart=own[1:])
@@ -126,13 +125,7 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
                     expected.setdefault(name, {"FRD": _BODY_AXES})
     if "dvl" in sensors and is_over_ground(sensors["dvl"].main.match):
         expected["dvl"] = {OVER_GROUND: _CONVENTION}
-    attitude = sensors.get("attitude")
-    if (
-        attitude is not None
-        and "dvl" in sensors
-        and "phi" in (angles := attitude.main.si())
-        and is_upside_down(angles["phi"])
-    ):
+    if "dvl" in sensors and "attitude" in sensors and is_upside_down(sensors["attitude"].main.si().get("phi")):
         expected.setdefault("dvl", {"FLU": _HANGING})
     return expected
 
@@ -149,12 +142,9 @@ def _signs_of_exchanged(main: Found) -> tuple[float, float, float]:
 def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], evidence: Evidence) -> Iterator[Line]:
     """Yield the lines below `sensors:`."""
     for name, sensor in sensors.items():
-        comment = "check: by its name the output of a navigation filter, not a measurement"
-        yield YamlEntry(
-            name,
-            list(_sensor(logs, sensors, sensor, evidence)),
-            comment if sensor.main.match.is_filter_output else "",
-        )
+        is_output = sensor.main.match.is_filter_output
+        comment = "check: by its name the output of a navigation filter, not a measurement" if is_output else ""
+        yield YamlEntry(name, list(_sensor(logs, sensors, sensor, evidence)), comment)
     if not sensors and (unnamed := names.without_names(logs)):
         yield Comment(
             f"required: {unnamed} have no names: write sensors here, such as depth: {{columns: {{down: 'data[3]'}}}}"
@@ -208,12 +198,11 @@ def _frame(sensor: str, evidence: Evidence, convention: str) -> str:
     if sensor == "dvl" and evidence.over_ground:
         return evidence.over_ground
     signs = [evidence.verdict.signs.get(symbol, 0) for symbol in TRIPLES.get(sensor, ())]
-
-    def distance(axes: str) -> tuple[int, bool]:
-        n_reversed = sum(sign == -usual for sign, usual in zip(signs, USUAL_AXES[axes], strict=False))
-        return n_reversed, axes != convention
-
-    return min(USUAL_AXES, key=distance)
+    n_reversed = {
+        axes: sum(sign == -usual for sign, usual in zip(signs, of_axes, strict=False))
+        for axes, of_axes in USUAL_AXES.items()
+    }
+    return min(n_reversed, key=lambda axes: (n_reversed[axes], axes != convention))
 
 
 def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, evidence: Evidence) -> Iterator[Line]:
@@ -289,8 +278,7 @@ def _axes(log: Log, found: FoundSensor, frame: str, evidence: Evidence) -> Itera
         else:
             meaning = "check: NED (psi clockwise from north) or ENU (anticlockwise from east)?"
         yield YamlEntry("reference", reference, meaning)
-        angles = found.main.si()
-        if "phi" in angles and is_upside_down(angles["phi"]):
+        if is_upside_down(found.main.si().get("phi")):
             yield YamlEntry("mount", Phrase("upside down"), "check: roll is about 180 deg")
 
 
@@ -314,7 +302,7 @@ def _convention(log: Log, table: str) -> tuple[str, str] | None:
     for place in names.find_columns({"fz": names.SENSOR_NAMES["accelerometer"]["fz"]}, {table: columns}):
         column = place.columns["fz"].name
         up = np.asarray(log.read(table, [column])[column], np.float64)
-        if np.isfinite(up).any() and (mean := float(np.nanmean(up))) < -_MIN_GRAVITY:
+        if np.isfinite(up).any() and (mean := float(np.nanmean(up))) < -MIN_GRAVITY:
             return "FRD", f"{kind} is FLU by REP 103, but the mean of {column} is {mean:.3g}"
     return "FLU", f"{kind} is FLU by REP 103"
 

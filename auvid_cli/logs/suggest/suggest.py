@@ -22,9 +22,7 @@ from auvid_cli.vehicle.parameters import PARAMETERS
 
 MAX_TEXT = 64_000_000  # bytes that are read from a text log to recognise its columns
 _wrapper = textwrap.TextWrapper(110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
-_MAX_READ = 40  # unused columns of a table whose values are read; more are those of images and the like
 _SAME = 1e-6  # largest difference from a used column, divided by its spread
-_SENSOR_OF = {component: sensor for sensor, wanted in names.SENSOR_NAMES.items() for component in wanted}
 _UNKNOWN = "no name of a signal that a map has"
 
 
@@ -180,7 +178,7 @@ def _reasons(
     """Return the names of unused columns by the reason."""
     numbers = [column for column in unused if not column.is_text and not column.name.startswith("@")]
     read: dict[str, Array] = {}
-    if len(numbers) <= _MAX_READ:
+    if len(numbers) <= names.MAX_COLUMNS:
         of_table = log.read(table, [*(column.name for column in numbers), *used])
         read = {key: np.asarray(values, np.float64) for key, values in of_table.items() if values.dtype.kind != "U"}
     others = {key: read[key] for key in used if key in read}
@@ -191,7 +189,7 @@ def _reasons(
         reason = _reason(column, read.get(column.name), others)
         component = fields.get(column.name) or names.component_of(column)
         if reason == _UNKNOWN and component in in_map:
-            reason = f"another {_SENSOR_OF.get(component, component)}"
+            reason = f"another {names.SENSOR_OF.get(component, component)}"
         reasons.setdefault(reason, []).append(column.name)
     return reasons
 

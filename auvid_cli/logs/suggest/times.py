@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
-from auvid_cli.config.log_columns import unit_factor
-from auvid_cli.logs.clock import FARTHEST, find_restarts, slashed_date_formats, to_seconds
+from auvid_cli.config.log_columns import factor_if_known, unit_factor
+from auvid_cli.logs.clock import DAY, FARTHEST, HOUR, MIN_EPOCH, find_restarts, slashed_date_formats, to_seconds
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log
-from auvid_cli.logs.suggest.names import TimeColumn, distinct_tables, time_columns
+from auvid_cli.logs.suggest.names import MAX_COLUMNS, TimeColumn, distinct_tables, time_columns
 from auvid_cli.text import Flow, Phrase
 
-_HOUR = 3600.0  # s
-_DAY = 86400.0  # s
 # Counts of days: days from the epoch to 1970, usual numbers, and program.
 _DAY_COUNTS = ((719529, (7.0e5, 7.7e5), "MATLAB"), (25569, (3.0e4, 6.0e4), "Excel"))
 _MAX_DAY_STEP = 1e-3  # days between rows
@@ -24,9 +22,7 @@ _EVEN = 0.1  # unevenness of a clock that is even enough
 _MIN_ROWS = 10  # of a table whose span counts for the common clock
 _SENDER = re.compile(r"(?i)(.*\.)?(entity|sender|source|src_ent|frame_id|sensor(_?id)?|device(_?id)?|instance)")
 _MAX_SENDERS = 8
-_MAX_COLUMNS = 40  # columns of a table of several senders; more are those of images and the like
 _MIN_OVERLAP = 0.5  # share of a span that overlaps that of the common clock
-_MIN_EPOCH = 1e8  # s; smaller times do not count from 1970
 _QUANTILES = (0.02, 0.98)  # of the times of a table, because a clock may be set late
 
 
@@ -91,11 +87,8 @@ def one_sender(log: Log, table: str) -> tuple[str, str | float] | None:
             if _SENDER.fullmatch(column.name):
                 senders = log.read(table, [column.name])[column.name]
                 values, counts = np.unique(senders, return_counts=True)
-                if (
-                    1 < values.size <= _MAX_SENDERS
-                    and counts.min() >= _MIN_ROWS
-                    and _send_the_same(log, table, senders)
-                ):
+                are_senders = 1 < values.size <= _MAX_SENDERS and counts.min() >= _MIN_ROWS
+                if are_senders and _send_the_same(log, table, senders):
                     value = values[int(counts.argmax())]
                     log.senders[table] = column.name, str(value) if column.is_text else float(value)
                     break
@@ -105,7 +98,7 @@ def one_sender(log: Log, table: str) -> tuple[str, str | float] | None:
 def _send_the_same(log: Log, table: str, senders: ColumnValues) -> bool:
     """Whether all columns have numbers of each sender; otherwise the rows are those of different sensors."""
     names = [column.name for column in log.tables()[table] if not column.is_text]
-    if len(names) > _MAX_COLUMNS:
+    if len(names) > MAX_COLUMNS:
         return False
     numbers = log.read(table, names).values()
     return all(
@@ -157,7 +150,7 @@ def align_clocks(logs: Mapping[str, Log]) -> None:
         if chosen.period:
             moved = chosen.period * round((common[0] + common[1] - begin - end) / (2.0 * chosen.period))
             if _overlap((begin + moved, end + moved), common) > _MIN_OVERLAP:
-                whole = "hours" if chosen.period == _HOUR else "days"
+                whole = "hours" if chosen.period == HOUR else "days"
                 reason = f"check: a clock without {whole}; moved by whole {whole} to the times of the other logs"
                 log.clock_offsets[table] = (own + moved, reason)
                 continue
@@ -173,7 +166,7 @@ def _common_span(found: Iterable[Sequence[Times]]) -> tuple[float, float]:
 
     def rank(times: Times) -> tuple[int, float, bool, int]:
         sharing = sum(any(_overlap(other.span, times.span) > _MIN_OVERLAP for other in of) for of in found)
-        return sharing, times.period or np.inf, times.span[0] > _MIN_EPOCH, times.seconds.size
+        return sharing, times.period or np.inf, times.span[0] > MIN_EPOCH, times.seconds.size
 
     best = max((times for of in found for times in of), key=rank)
     spans = [times.span for of in found for times in of if _overlap(times.span, best.span) > _MIN_OVERLAP]
@@ -190,7 +183,7 @@ def _overlap(span: tuple[float, float], other: tuple[float, float]) -> float:
 def _own_offset(times: Times) -> float:
     """Return the offset that the map already adds to the times of a column, s."""
     offset = times.flow.get("offset")
-    return float(str(offset).removesuffix(" day")) * _DAY if offset is not None else 0.0
+    return float(str(offset).removesuffix(" day")) * DAY if offset is not None else 0.0
 
 
 def _candidates(log: Log, table: str) -> list[Times]:
@@ -225,8 +218,8 @@ def _times_by(log: Log, table: str, time: TimeColumn) -> Times | None:
             date_format = formats[0]
             flow["format"] = date_format if len(formats) == 1 else None
             comment = "check: format of the dates" if len(formats) == 1 else f"required: {' or '.join(formats)}"
-    elif column.unit and is_unit_of(column.unit, "s"):
-        factor = unit_factor(column.unit, "s")
+    elif column.unit and (size := factor_if_known(column.unit, "s")) is not None:
+        factor = size
     elif time.nanoseconds is not None:
         flow["nanoseconds"] = time.nanoseconds.name
     else:
@@ -234,7 +227,7 @@ def _times_by(log: Log, table: str, time: TimeColumn) -> Times | None:
         unit, epoch, comment = _unit_of_time(numbers if chosen is None else numbers[chosen], column.unit)
         flow["unit"], factor = unit, unit_factor(unit, "s")
         if epoch:
-            flow["offset"], offset = Phrase(f"-{epoch} day"), -epoch * _DAY
+            flow["offset"], offset = Phrase(f"-{epoch} day"), -epoch * DAY
     try:
         clock = to_seconds(raw, factor, date_format)
     except ValueError as error:
@@ -266,12 +259,3 @@ def _unit_of_time(numbers: Array, stated: str) -> tuple[str, int, str]:
     unit = "s" if step < 50.0 else "ms" if step < 5e3 else "us" if step < 5e6 else "ns"
     words = f"the log states the unit {stated!r}; " if stated else ""
     return unit, 0, f"check: {words}unit by the median step of {step:.4g}"
-
-
-def is_unit_of(unit: str, si: str) -> bool:
-    """Whether a text is a unit of the quantity of an SI unit."""
-    try:
-        unit_factor(unit, si)
-    except ValueError:
-        return False
-    return True

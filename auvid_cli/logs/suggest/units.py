@@ -45,13 +45,6 @@ class Columns(NamedTuple):
     stated: str  # unit that the log or a name states; empty without one
 
 
-class PossibleUnits(NamedTuple):
-    """Units that remain possible, the most probable first, and the reasons."""
-
-    units: tuple[str, ...]
-    reason: str
-
-
 class _Tie(NamedTuple):
     """A relation whose gain physics fixes."""
 
@@ -76,8 +69,10 @@ class _FittedTie(NamedTuple):
         return float(0.5 * (max(low - gain, gain - high, 0.0) / self.tie.tolerance) ** 2)
 
 
-def possible_units(parts: Sequence[Columns], is_over_ground: bool) -> list[PossibleUnits]:
-    """Return the units that ranges, gravity and kinematic relations leave possible for each part.
+def possible_units(parts: Sequence[Columns], is_over_ground: bool) -> list[tuple[tuple[str, ...], str]]:
+    """Return the units that remain possible for each part, the most probable first, and the reasons.
+
+    Ranges, gravity and kinematic relations exclude the others.
 
     Parameters
     ----------
@@ -108,7 +103,7 @@ def possible_units(parts: Sequence[Columns], is_over_ground: bool) -> list[Possi
         own = [tie for tie in ties if {*part.tracks} & {*tie.tie.relation.symbols}]
         wrong = [tie for tie in own if tie in contradicted]
         units = candidates[k] if wrong else tuple(dict.fromkeys(combinations[row][k] for row in likely))
-        results.append(PossibleUnits(units, _reason(part, units, excluded[k], own, wrong)))
+        results.append((units, _reason(part, units, excluded[k], own, wrong)))
     return results
 
 
@@ -120,7 +115,7 @@ def _ratio(part: Columns, unit: str, usual: str) -> float:
 def _candidates(part: Columns, excluded: Mapping[str, str]) -> tuple[str, ...]:
     if part.stated:
         return (part.stated,)
-    units = UNITS.get(SENSORS[part.sensor][0].unit, (SENSORS[part.sensor][0].unit,))
+    units = UNITS[SENSORS[part.sensor][0].unit]
     # If every unit is excluded, the ranges do not fit this log.
     return tuple(unit for unit in units if unit not in excluded) or units
 
@@ -151,18 +146,14 @@ def _excluded(part: Columns) -> dict[str, str]:
             low, high, size = (_MIN_SPEED if "u" in part.tracks else 0.0), MAX_SPEED, _size(part)
         case "m":
             low, high, size = _MIN_DEPTH, _MAX_DEPTH, _size(part)
-        case "m/s^2":
+        case _:  # m/s^2
             size = _specific_force(part)
             low, high = (1.0 - _NEAR_GRAVITY) * GRAVITY, (1.0 + _NEAR_GRAVITY) * GRAVITY
-        case _:
-            return {}
     excluded = {}
     for unit in UNITS[si]:
-        factor = unit_factor(unit, si)
-        if factor * size < low or factor * size > high:
-            excluded[unit] = (
-                f"{size:.3g} {unit} would be too {'small' if factor * size < low else 'large'} for a vehicle"
-            )
+        size_si = unit_factor(unit, si) * size
+        if word := "small" if size_si < low else "large" if size_si > high else "":
+            excluded[unit] = f"{size:.3g} {unit} would be too {word} for a vehicle"
     return excluded
 
 

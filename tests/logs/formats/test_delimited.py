@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from auvid_cli.config.log_map import LogFile
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import LogColumn
 from auvid_cli.logs.formats.open_log import open_log
-from auvid_cli.logs.formats.text_layout import TextLayout
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def opened(tmp_path):
     def write(text, name="log.csv", encoding="utf-8", **layout):
         path = tmp_path / name
         path.write_bytes(text if isinstance(text, bytes) else text.encode(encoding))
-        return open_log(path, TextLayout(**layout))
+        return open_log(path, LogFile(**layout))
 
     return write
 
@@ -161,7 +161,7 @@ def test_numbers_come_back_to_the_last_digit(tmp_path_factory, values, delimiter
     rows = [delimiter.join(repr(float(value)).replace(".", decimal) for value in row) for row in values]
     path = tmp_path_factory.mktemp("logs") / "log.csv"
     path.write_text("\n".join([delimiter.join("abc"), *rows]) + "\n")
-    found = open_log(path, TextLayout(delimiter=delimiter, decimal=decimal)).read("", ["a", "b", "c"])
+    found = open_log(path, LogFile(delimiter=delimiter, decimal=decimal)).read("", ["a", "b", "c"])
     np.testing.assert_array_equal(np.column_stack(list(found.values())), values)
 
 

@@ -6,13 +6,15 @@ import os
 import re
 import sys
 import zipfile
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.open_log import open_log
+from auvid_cli.logs.formats.log import Log
+from auvid_cli.logs.formats.open_log import _Kind, open_log
 
 
 def zipped(*names):
@@ -59,6 +61,12 @@ def test_text_log_may_have_any_name(tmp_path):
     path = tmp_path / "20210609.log"
     path.write_text("t,u\n1,2\n")
     np.testing.assert_array_equal(open_log(path).read("", ["u"])["u"], [2.0])
+
+
+@pytest.mark.parametrize("kind", _Kind)
+def test_every_kind_of_log_has_a_reader(kind):
+    module, _, reader = kind.reader.partition(".")
+    assert issubclass(getattr(import_module(f"auvid_cli.logs.formats.{module}"), reader), Log)
 
 
 def test_missing_file_raises_file_error(tmp_path):

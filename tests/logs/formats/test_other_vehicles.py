@@ -161,6 +161,12 @@ def test_moos_variables_have_tables(tmp_path):
         open_log(path).read("NAV_DEPTH", ["value"])
 
 
+def test_missing_number_of_moos_variable_is_nan(tmp_path):
+    path = tmp_path / "LOG_1.alog"
+    path.write_text(ALOG + "0.300   NAV_DEPTH       uSim       NA\n")
+    np.testing.assert_array_equal(open_log(path).read("NAV_DEPTH", ["value"])["value"], [1.5, 1.6, np.nan])
+
+
 def test_binary_glider_log_raises_file_error_with_tool(tmp_path):
     path = tmp_path / "unit.dbd"
     path.write_bytes(b"dbd_label:    DBD(dinkum_binary_data)file\nencoding_ver:    5\n" + bytes(range(9)))
