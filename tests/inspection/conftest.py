@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import pytest
 
+SLOW = "sensors.gyroscope.rate=50 Hz", "sensors.attitude.rate=50 Hz"
 MANOEUVRES = {
-    "spiral": ("manoeuvre.duration=120 s",),
+    "spiral": ("manoeuvre.duration=120 s", *SLOW),
     "long_spiral": (),
     "zigzag_20_20": (
         "manoeuvre={type: zigzag, duration: 120 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, "
         "approach: 10 s, input_rate: 25 Hz}",
+        *SLOW,
     ),
 }
 
