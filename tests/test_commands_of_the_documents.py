@@ -15,6 +15,7 @@ from auvid_cli.api import campaign
 from auvid_cli.cli.app import app
 from auvid_cli.cli.options import Group
 from auvid_cli.config import enums, loading
+from auvid_cli.fitting import search
 from auvid_cli.simulation import first_folder
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
@@ -57,10 +58,15 @@ def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
         text = text.replace("rate: 100 Hz", "rate: 25 Hz").replace(
             "duration: 300 s", "duration: 120 s\ninput_rate: 25 Hz"
         )
+        text = text.replace("integration_step: 0.02 s", "integration_step: 0.04 s")
         path.write_text(text, encoding="utf-8")
     monkeypatch.setattr(enums, "PACKAGE", configs.parent)
     monkeypatch.setattr(campaign, "N_PROBES", 1)
-    monkeypatch.setattr(first_folder, "MIN_DURATION", 120.0)
+    monkeypatch.setattr(first_folder, "MIN_DURATION", 90.0)
+    lines = first_folder.spiral_lines
+    monkeypatch.setattr(first_folder, "spiral_lines", lambda *settings: (*lines(*settings), "input_rate: 25 Hz"))
+    # How long a search goes on is not what pages show.
+    monkeypatch.setattr(search, "_MAX_LOOKS", 1)
 
 
 def write_log(path: Path) -> None:
