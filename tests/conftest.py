@@ -80,20 +80,22 @@ GENTLE = "manoeuvre=manoeuvres/spiral_gentle.yaml", "identification.prior.factor
 FEW_INPUTS = "manoeuvre.input_rate=25 Hz"
 # The period of these inputs; twice the default.
 LONG_STEP = "identification.integration_step=0.04 s"
+# Each is half the default.
+RATES = "sensors.gyroscope.rate=50 Hz", "sensors.attitude.rate=50 Hz"
 
 
 @pytest.fixture(scope="session")
 def experiment_with():
     """Function: the shipped spiral experiment, started gently, with overrides as on the command line.
 
-    Inputs of any manoeuvre change at 25 Hz, and estimators integrate in steps of 0.04 s, unless an override states the
-    rate or the step.
+    Inputs of any manoeuvre change at 25 Hz, gyroscope and attitude measure at 50 Hz, and estimators integrate in steps
+    of 0.04 s, unless an override states another rate or step.
     """
 
     @cache
     def load(*overrides: str) -> Experiment:
         few = () if any("input_rate" in override for override in overrides) else (FEW_INPUTS,)
-        return load_experiment(find_experiment(None), (*GENTLE, LONG_STEP, *overrides, *few))
+        return load_experiment(find_experiment(None), (*GENTLE, LONG_STEP, *RATES, *overrides, *few))
 
     return load
 

@@ -52,7 +52,8 @@ def distance_in_deviations(estimate, truth):
 @pytest.fixture(scope="module")
 def long_run(simulated_with):
     """A fifth of the default spiral, 60 s, with all measurements."""
-    return simulated_with("manoeuvre.duration=60 s", "manoeuvre.input_rate=100 Hz")
+    rates = "manoeuvre.input_rate=100 Hz", "sensors.gyroscope.rate=100 Hz", "sensors.attitude.rate=100 Hz"
+    return simulated_with("manoeuvre.duration=60 s", *rates)
 
 
 def in_chunks_of(measurements):
