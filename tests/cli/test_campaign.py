@@ -64,7 +64,7 @@ def runs(folder):
 
 @pytest.fixture(scope="module")
 def finished_with_traps(tmp_path_factory):
-    """Folder of a campaign in its own processes, the ended process, and the modules of the folder that were executed."""
+    """Folder of a campaign in its own processes, its result, and the modules of the folder that were executed."""
     folder = tmp_path_factory.mktemp("campaign")
     lay_traps(folder)
     (folder / "small.yaml").write_text(CAMPAIGN)
@@ -187,7 +187,7 @@ def test_killed_campaign_continues(tmp_path):
 
 @pytest.mark.slow
 def test_interrupted_campaign_reports_finished_runs(tmp_path):
-    (tmp_path / "small.yaml").write_text(CAMPAIGN.replace("seeds: 3", "seeds: 400"))
+    (tmp_path / "small.yaml").write_text(CAMPAIGN.replace("seeds: 3", "seeds: 100"))
     process = subprocess.Popen(
         command("small.yaml"),
         cwd=tmp_path,
@@ -205,7 +205,7 @@ def test_interrupted_campaign_reports_finished_runs(tmp_path):
     os.killpg(process.pid, signal.SIGINT)
     output, complaint = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "of 1600 runs are finished and kept" in output
+    assert "of 400 runs are finished and kept" in output
     assert complaint == "auvid: interrupted; files already written are complete\n"
 
 
