@@ -63,7 +63,8 @@ def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
     monkeypatch.setattr(campaign, "N_PROBES", 1)
     monkeypatch.setattr(first_folder, "MIN_DURATION", 90.0)
     lines = first_folder.spiral_lines
-    monkeypatch.setattr(first_folder, "spiral_lines", lambda *settings: (*lines(*settings), "input_rate: 25 Hz"))
+    monkeypatch.setattr(first_folder, "spiral_lines", lambda *settings: (*lines(*settings), "input_rate: 20 Hz"))
+    monkeypatch.setattr(first_folder, "_SENSORS", first_folder._SENSORS.replace("rate: 50 Hz", "rate: 20 Hz"))
 
 
 def write_log(path: Path) -> None:

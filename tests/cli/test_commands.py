@@ -58,6 +58,7 @@ def results(run_with_traps):
     return run_with_traps[:2]
 
 
+@pytest.mark.slow
 def test_run_executes_no_file_of_the_working_folder(run_with_traps):
     assert run_with_traps[2] == ""
 

@@ -24,7 +24,8 @@ def with_readings(dataset, name, change):
 
 def test_starts_are_near_truth_within_deviation(simulated_with, with_coefficients):
     # The truth between inputs is interpolated.
-    zigzag = simulated_with(ZIGZAG, "manoeuvre.duration=80 s", WHITE, DEPTH, "manoeuvre.input_rate=100 Hz", "seed=31")
+    rates = "manoeuvre.input_rate=100 Hz", "sensors.gyroscope.rate=100 Hz"
+    zigzag = simulated_with(ZIGZAG, "manoeuvre.duration=80 s", WHITE, DEPTH, *rates, "seed=31")
     wanted = np.linspace(5.0, 75.0, 200)
     states = filtered_initial_states(prepare(with_model(zigzag, with_coefficients(zigzag.truth.coefficients))), wanted)
     assert_allclose(states.time, wanted, atol=0.011)
