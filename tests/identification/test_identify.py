@@ -164,7 +164,6 @@ def test_the_exact_transition_of_the_ekf_is_at_least_as_good(short_run, short_es
     assert np.median(relative_errors(exact, short_run.truth)) < 0.05
 
 
-@pytest.mark.slow
 def test_lost_samples_do_no_harm(short_run, filter_name, rng):
     holed = short_run
     for name in ("dvl", "gyroscope", "attitude"):

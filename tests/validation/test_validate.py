@@ -272,7 +272,6 @@ def test_turn_without_roll_is_level_and_remarked(simulated_with, with_coefficien
         assert number.predicted == pytest.approx(number.measured, rel=0.01, abs=2e-3)
 
 
-@pytest.mark.slow
 def test_predictions_without_dvl_start_from_model_velocity(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "dvl"})
     validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=5)
