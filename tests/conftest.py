@@ -74,18 +74,28 @@ def pytest_generate_tests(metafunc):
         metafunc.parametrize("vehicle_file", VEHICLE_FILES, ids=[Path(name).stem for name in VEHICLE_FILES])
 
 
-# Short runs of tests start gently and from a wide prior, so that each estimator converges within seconds of data. Each
-# input is an integration step, so a quarter of the inputs takes a quarter of the time.
-GENTLE = "manoeuvre=manoeuvres/spiral_gentle.yaml", "manoeuvre.input_rate=25 Hz", "identification.prior.factor=3"
+# Short runs of tests start gently and from a wide prior, so that each estimator converges within seconds of data.
+GENTLE = "manoeuvre=manoeuvres/spiral_gentle.yaml", "identification.prior.factor=3"
+# Each input is an integration step, so a quarter of the usual inputs takes a quarter of the time.
+FEW_INPUTS = "manoeuvre.input_rate=25 Hz"
+# The period of these inputs; twice the default.
+LONG_STEP = "identification.integration_step=0.04 s"
+# Each is half the default.
+RATES = "sensors.gyroscope.rate=50 Hz", "sensors.attitude.rate=50 Hz"
 
 
 @pytest.fixture(scope="session")
 def experiment_with():
-    """Function: the shipped spiral experiment, started gently, with overrides as on the command line."""
+    """Function: the shipped spiral experiment, started gently, with overrides as on the command line.
+
+    Inputs of any manoeuvre change at 25 Hz, gyroscope and attitude measure at 50 Hz, and estimators integrate in steps
+    of 0.04 s, unless an override states another rate or step.
+    """
 
     @cache
     def load(*overrides: str) -> Experiment:
-        return load_experiment(find_experiment(None), (*GENTLE, *overrides))
+        few = () if any("input_rate" in override for override in overrides) else (FEW_INPUTS,)
+        return load_experiment(find_experiment(None), (*GENTLE, LONG_STEP, *RATES, *overrides, *few))
 
     return load
 
@@ -111,6 +121,7 @@ def multisine_with(simulated_with):
         "sensors.attitude={source: direct, rate: 5 Hz}",
         "sensors.gyroscope.rate=10 Hz",
         "sensors.dvl.rate=5 Hz",
+        "identification.integration_step=0.05 s",
     )
     return lambda *overrides: simulated_with(*quick, *overrides)
 

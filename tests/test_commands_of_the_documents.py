@@ -57,10 +57,14 @@ def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
         text = text.replace("rate: 100 Hz", "rate: 25 Hz").replace(
             "duration: 300 s", "duration: 120 s\ninput_rate: 25 Hz"
         )
+        text = text.replace("integration_step: 0.02 s", "integration_step: 0.04 s")
         path.write_text(text, encoding="utf-8")
     monkeypatch.setattr(enums, "PACKAGE", configs.parent)
     monkeypatch.setattr(campaign, "N_PROBES", 1)
-    monkeypatch.setattr(first_folder, "MIN_DURATION", 120.0)
+    monkeypatch.setattr(first_folder, "MIN_DURATION", 90.0)
+    lines = first_folder.spiral_lines
+    monkeypatch.setattr(first_folder, "spiral_lines", lambda *settings: (*lines(*settings), "input_rate: 20 Hz"))
+    monkeypatch.setattr(first_folder, "_SENSORS", first_folder._SENSORS.replace("rate: 50 Hz", "rate: 20 Hz"))
 
 
 def write_log(path: Path) -> None:
@@ -150,6 +154,9 @@ def test_fenced_commands_of_the_pages_run_in_order(datasets_of_the_pages):
                     for word in shlex.split(command, comments=True)[1:]
                     for name in (sorted(map(str, Path().glob(word))) if "*" in word else [word])
                 ]
+                if arguments[0] == "fit" and not {"--only", "--not"} & {*arguments}:
+                    # What a search finds is tested elsewhere.
+                    arguments += ["--only", "fin_trim"]
                 result = CliRunner().invoke(app, arguments)
                 if command.endswith("terms.yaml") and "No term is proposed" in done[-1][1]:
                     assert result.exit_code == 2, command  # The page says that there is no such file then.

@@ -1,6 +1,7 @@
 """Settings of the columns of a log: units, times and valid rows of its signals, and the inputs of the model."""
 
 from difflib import get_close_matches
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, create_model, field_validator, model_validator
@@ -26,6 +27,7 @@ _SPELLINGS = {
 }
 
 
+@lru_cache(maxsize=1024)
 def unit_factor(name: str, unit: str) -> float:
     """Return the size of a unit such as ``deg`` or ``Kn`` in an SI unit; an unknown unit is tried in lower case.
 

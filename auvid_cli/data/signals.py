@@ -93,7 +93,11 @@ def _second_differences(values: Array, is_angle: bool) -> Array:
 
 def quantisation_step(values: Array) -> float:
     """Return the step of which most differences of neighbouring values are multiples; 0 if there is none."""
-    levels = np.unique(values[np.isfinite(values)])
+    return step_between(np.unique(values[np.isfinite(values)]))
+
+
+def step_between(levels: Array) -> float:
+    """Return the `quantisation_step` of values that are finite, distinct and sorted."""
     differences = np.diff(levels)
     differences = differences[differences > _ROUNDING * np.abs(levels).max(initial=0.0)]
     if not differences.size:
@@ -164,7 +168,7 @@ def rounding_steps(record: SensorRecord) -> Array:
     """Return the quantisation step of each component, shape (c,); 0 where there is none."""
     levels = (np.unique(column[np.isfinite(column)]) for column in record.values.T)
     # Two levels are not yet a grid.
-    return np.array([quantisation_step(level) if level.size > 2 else 0.0 for level in levels])
+    return np.array([step_between(level) if level.size > 2 else 0.0 for level in levels])
 
 
 def _runs(record: SensorRecord) -> tuple[Array, Array, NDArray[np.int64]]:

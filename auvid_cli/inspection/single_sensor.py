@@ -11,7 +11,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 from auvid_cli.arrays import Array, wrap
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.signals import gap_limit, gaps, quantisation_step, stuck_times
+from auvid_cli.data.signals import gap_limit, gaps, step_between, stuck_times
 from auvid_cli.inspection.inspection import Mark, judged
 from auvid_cli.inspection.timing import clock_jumps
 from auvid_cli.vehicle.parameters import SENSORS, Quantity
@@ -126,7 +126,7 @@ def noise_floor(values: Array) -> float:
 def level_distance(values: Array) -> float:
     """Return the quantisation step of a signal; 0 if there is none, or only two levels."""
     levels = np.unique(values[:_MAX_LEVEL_SAMPLES])
-    return quantisation_step(levels) if levels.size > 2 else 0.0
+    return step_between(levels) if levels.size > 2 else 0.0
 
 
 def spike_sizes(time: Array, values: Array, noise: float) -> Array:

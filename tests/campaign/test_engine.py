@@ -1,12 +1,10 @@
 """Whatever happens to workers, each run is there once."""
 
-import json
 import multiprocessing
 import os
 import shutil
 import subprocess
 import sys
-import time
 from functools import partial
 from itertools import islice
 
@@ -64,34 +62,28 @@ def test_killed_worker_loses_and_repeats_no_run_and_none_listens(planned):
 
 @pytest.mark.slow
 def test_workers_with_own_folders_killed_in_turn_give_the_same_runs(planned, tmp_path):
-    plan = planned(MANY, "seeds=5")
-    address = ["--host", "127.0.0.1", "--port", "0"]
-    scheduler_file = tmp_path / "scheduler.json"
-    dask = [sys.executable, "-m", "dask"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    options = ["--scheduler-file", str(scheduler_file)]
-    started = [subprocess.Popen([*dask, "scheduler", *address, "--no-dashboard", *options], **quiet)]
+    plan, performed, started = planned(MANY, "seeds=4"), [], []
+    dask = LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address="127.0.0.1:0")
 
     def worker(number):
         folder = tmp_path / f"worker {number}"
         folder.mkdir()
         alone = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder)]
-        started.append(subprocess.Popen([*dask, "worker", *options, *alone], cwd=folder, **quiet))
+        command = [sys.executable, "-m", "dask", "worker", dask.scheduler_address, *alone]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        started.append(subprocess.Popen(command, cwd=folder, **quiet))
 
     try:
-        for number in range(3):
-            worker(number)
-        while not scheduler_file.exists():
-            time.sleep(0.05)
-        address = json.loads(scheduler_file.read_text(encoding="utf-8"))["address"]
-        performed = []
-        with dask_cluster(address) as cluster:
+        worker(0)
+        worker(1)
+        with dask, dask_cluster(dask.scheduler_address) as cluster:
             for number, group in enumerate(run_groups(cluster, plan.groups(), False)):
                 performed += group
-                if number < 3:
-                    # Each is replaced, as by a queue of jobs, so in the end none of the first three is left.
-                    started[1 + number].kill()
-                    worker(3 + number)
+                if number < 2:
+                    # Replaced once, as by a queue of jobs, so in the end none of the first two is left.
+                    started[number].kill()
+                if number == 0:
+                    worker(2)
     finally:
         for process in started:
             process.kill()

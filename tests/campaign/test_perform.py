@@ -20,6 +20,7 @@ name: short
 settings:
   manoeuvre: manoeuvres/spiral_gentle.yaml
   manoeuvre.duration: 20 s
+  manoeuvre.input_rate: 25 Hz
   sensors.attitude.source: direct
   identification.judge: false
 seeds: [4]
@@ -136,7 +137,11 @@ def replace_assumed(group, assumed):
 def test_fit_is_measured_with_what_it_added(planned):
     text = """\
 name: fit
-settings: {manoeuvre.duration: 30 s, sensors.attitude: {source: direct, rate: 10 Hz}, sensors.gyroscope.rate: 20 Hz}
+settings:
+  manoeuvre.duration: 30 s
+  manoeuvre.input_rate: 20 Hz
+  sensors.attitude: {source: direct, rate: 10 Hz}
+  sensors.gyroscope.rate: 20 Hz
 seeds: [3]
 filters: [{name: fit, filter: smoother, fit: true}]
 vary:

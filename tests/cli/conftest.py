@@ -1,5 +1,7 @@
 """Commands run in the test process, because a new process takes seconds to start."""
 
+import os
+import sys
 from contextlib import chdir
 from pathlib import Path
 
@@ -26,3 +28,25 @@ def assert_one_clear_complaint(result: Result, *words: str) -> None:
     assert result.stderr.startswith("auvid: ")
     for word in words:
         assert word in result.stderr
+
+
+# The command as pip installs it: Python searches the folder of the program first, not the working folder.
+PROGRAM = str(Path(sys.executable).with_name("auvid"))
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+_TRAPS = (
+    *("pickle", "signal", "struct", "socket", "random", "tempfile", "copyreg", "json", "logging", "ctypes", "string"),
+    *("numpy", "scipy", "h5py", "matplotlib", "numba", "dask", "distributed", "sitecustomize", "usercustomize"),
+    "pydantic",
+)
+
+
+def lay_traps(folder: Path) -> None:
+    """Fill a folder with modules that note that they were executed."""
+    for name in _TRAPS:
+        (folder / f"{name}.py").write_text(f"open({str(folder / 'executed')!r}, 'a').write({name!r} + ' ')\n")
+
+
+def executed_traps(folder: Path) -> str:
+    """Return the names of the modules of `lay_traps` that were executed."""
+    noted = folder / "executed"
+    return noted.read_text() if noted.exists() else ""

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 
 import pytest
 from distributed import LocalCluster
@@ -20,6 +21,17 @@ FILES = {"manoeuvre.yaml", "inputs.csv", "track.geojson", "timeline.md", "checkl
 @pytest.fixture(autouse=True)
 def quick(without_figures):
     """Figures are drawn in a test of their own."""
+
+
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory, leave_figures_out):
+    """Folder with a finished quick design in `mission`, and what the command printed; to be copied."""
+    folder = tmp_path_factory.mktemp("designed")
+    with pytest.MonkeyPatch.context() as patch:
+        leave_figures_out(patch)
+        result = auvid("design", *QUICK, cwd=folder)
+    assert result.exit_code == 0, result.output
+    return folder, result.stdout
 
 
 @pytest.mark.slow
@@ -83,8 +95,8 @@ def test_invalid_limit_is_one_line_with_its_option(options, words, tmp_path):
 
 
 @pytest.mark.slow
-def test_same_command_continues_search_and_other_settings_are_refused(tmp_path):
-    assert auvid("design", *QUICK, cwd=tmp_path).exit_code == 0
+def test_same_command_continues_search_and_other_settings_are_refused(designed, tmp_path):
+    shutil.copytree(designed[0], tmp_path, dirs_exist_ok=True)
     further = auvid("design", *QUICK[:-1], "2", "--overwrite", cwd=tmp_path)
     assert further.exit_code == 0, further.output
     assert "continues after 1 generations" in further.stdout
@@ -100,13 +112,12 @@ def test_same_command_continues_search_and_other_settings_are_refused(tmp_path):
 
 
 @pytest.mark.slow
-def test_given_dataset_adds_its_information(tmp_path):
+def test_given_dataset_adds_its_information(designed, tmp_path):
     write_dataset(tmp_path / "dive.h5", simulate(remus("manoeuvre.duration=30 s")))
-    plain = auvid("design", *QUICK, cwd=tmp_path)
     informed = auvid("design", *QUICK, "--given", "dive.h5", "--output", "second", cwd=tmp_path)
     assert informed.exit_code == 0, informed.output
     assert "information already available: dive.h5" in informed.stdout
-    means = [float(re.search(r"vehicle: ([\d.]+) % after 5 s", result.stdout)[1]) for result in (plain, informed)]
+    means = [float(re.search(r"vehicle: ([\d.]+) % after 5 s", text)[1]) for text in (designed[1], informed.stdout)]
     assert means[1] < 0.7 * means[0]
     write_dataset(
         tmp_path / "few.h5", simulate(remus("manoeuvre.duration=5 s", "identification.coefficients=[N_uudr]"))
@@ -120,13 +131,12 @@ def remus(*overrides):
 
 
 @pytest.mark.slow
-def test_dask_scheduler_gives_same_design(tmp_path):
-    assert auvid("design", *QUICK, "--output", "here", cwd=tmp_path).exit_code == 0
+def test_dask_scheduler_gives_same_design(designed, tmp_path):
     with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
         scheduler = "--scheduler", cluster.scheduler_address
         there = auvid("design", *QUICK, "--output", "there", *scheduler, cwd=tmp_path)
     assert there.exit_code == 0, there.output
-    texts = [(tmp_path / folder / "manoeuvre.yaml").read_text() for folder in ("here", "there")]
+    texts = [(folder / "manoeuvre.yaml").read_text() for folder in (designed[0] / "mission", tmp_path / "there")]
     assert texts[0] == texts[1]
 
 

@@ -1,62 +1,40 @@
-"""No Python file of the working folder is executed, whatever its name and whichever process looks for it."""
+"""No Python file of the working folder is executed, whatever its name and whichever process looks for it.
 
-import os
+Those of a run and of a campaign are in `test_commands.py` and `test_campaign.py`.
+"""
+
 import subprocess
-import sys
 
 import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
 
-NAMES = (
-    *("pickle", "signal", "struct", "socket", "random", "tempfile", "copyreg", "json", "logging", "ctypes", "string"),
-    *("numpy", "scipy", "h5py", "matplotlib", "numba", "dask", "distributed", "sitecustomize", "usercustomize"),
-)
-CAMPAIGN = """\
-name: small
-settings: {manoeuvre.duration: 5 s, identification.judge: false}
-seeds: 1
-filters: [ekf]
-"""
-SHORT = "--set=manoeuvre.duration=2 s"
+from .conftest import ENVIRONMENT, PROGRAM, auvid, executed_traps, lay_traps
 
 
 @pytest.fixture
-def trapped(tmp_path, tmp_path_factory):
+def trapped(tmp_path):
     """Function: runs auvid in a folder full of modules that note that they were executed; returns what did."""
-    for name in NAMES:
-        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'a').write({name!r} + ' ')\n")
-    # Start the command as pip installs it: Python searches the folder of the program first, not the working folder.
-    program = tmp_path_factory.mktemp("bin") / "auvid"
-    program.write_text("from auvid_cli.__main__ import main\nif __name__ == '__main__':\n    main()\n")
+    lay_traps(tmp_path)
 
     def run(*arguments: str) -> str:
-        environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
-        command = [sys.executable, program, *arguments]
-        ended = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        command = [PROGRAM, *arguments]
+        ended = subprocess.run(command, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, text=True, check=False)
         assert ended.returncode in (0, 1), ended.stderr
         assert "Traceback" not in ended.stderr
-        executed = tmp_path / "executed"
-        return executed.read_text() if executed.exists() else ""
+        return executed_traps(tmp_path)
 
     return run
 
 
 @pytest.mark.slow
-def test_run_executes_no_file_of_the_working_folder(trapped, tmp_path):
-    assert trapped("run", SHORT, "--filter=ekf", "-o", "out") == ""
-    assert (tmp_path / "out/report.html").is_file()
-    assert list((tmp_path / "out/figures").iterdir())
-    # The scan of the files that another process wrote.
-    assert trapped("check", "out") == ""
-
-
-@pytest.mark.slow
-def test_campaign_executes_no_file_of_the_working_folder(trapped, tmp_path):
-    (tmp_path / "campaign.yaml").write_text(CAMPAIGN)
-    assert trapped("campaign", "campaign.yaml", "-o", "out", "--workers=1") == ""
-    assert list((tmp_path / "out").rglob("*.parquet"))
+def test_scan_of_a_file_executes_no_file_of_the_working_folder(trapped, tmp_path):
+    """Another process wrote it, so that it is scanned in a child."""
+    simulated = auvid("simulate", "--set", "manoeuvre.duration=2 s", "-o", tmp_path / "out")
+    assert simulated.exit_code == 0
+    assert trapped("identify", "out/dataset.h5", "-f", "ekf") == ""
+    assert (tmp_path / "out/estimates/ekf.h5").is_file()
 
 
 def matlab_7_3(path, columns):

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvid_cli.config import enums
@@ -75,6 +75,7 @@ def test_linear_damping_of_lauv_is_included_at_trim_speed(experiment_text):
     bias=st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3),
     status=st.text(),
 )
+@settings(max_examples=15)
 def test_numbers_and_text_round_trip_exactly(experiment_text, noise, bias, status):
     plain = experiment_text("vt690")
     words = yaml.safe_dump({"value": 1e-5, "status": status}, default_flow_style=True, width=1e9).strip()

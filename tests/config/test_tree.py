@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvid_cli.config.source_positions import ConfigSource, Position, Tree, read_tree
@@ -157,5 +157,6 @@ DATA = st.recursive(SCALARS, lambda inner: st.lists(inner) | st.dictionaries(st.
 
 @pytest.mark.slow
 @given(st.dictionaries(st.text("abc", min_size=1), DATA))
+@settings(max_examples=15)
 def test_data_agrees_with_safe_loader(data):
     assert read(yaml.safe_dump(data)).data == yaml.safe_load(yaml.safe_dump(data))

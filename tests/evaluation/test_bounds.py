@@ -190,7 +190,7 @@ def test_coefficients_whose_model_diverges_have_no_bound_and_that_is_said(short_
 def unstable_run():
     """300 s of a vehicle that is unstable in open loop."""
     slow = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz"
-    return simulate(load_experiment(find_experiment("dive"), slow))
+    return simulate(load_experiment(find_experiment("dive"), (*slow, "manoeuvre.input_rate=20 Hz")))
 
 
 @pytest.fixture(scope="module")

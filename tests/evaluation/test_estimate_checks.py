@@ -42,7 +42,7 @@ def wild(time, values):
 def long_enough(simulated_with):
     """White noise only, long enough for every coefficient, and no drawing, from which this vehicle is far."""
     sensors = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=25 Hz"
-    return simulated_with("manoeuvre.duration=150 s", *sensors, "vehicle.geometry=null")
+    return simulated_with("manoeuvre.duration=100 s", *sensors, "vehicle.geometry=null")
 
 
 @pytest.fixture(scope="module")

@@ -92,8 +92,9 @@ def test_responses_end_at_divergence(linear_problem, events_of):
 @pytest.fixture(scope="module")
 def vehicle_problem(simulated_with):
     """5 s of the vehicle, and a state near the true one."""
+    rates = "sensors.gyroscope.rate=100 Hz", "sensors.attitude.rate=100 Hz"
     dataset = simulated_with(
-        "manoeuvre.duration=5 s", "manoeuvre.initial_speed=2 m/s", "manoeuvre.excitation.fade_in=0.5 s"
+        "manoeuvre.duration=5 s", "manoeuvre.initial_speed=2 m/s", "manoeuvre.excitation.fade_in=0.5 s", *rates
     )
     problem = augmented_problem(prepare(dataset))
     start = problem.prior.mean.copy()

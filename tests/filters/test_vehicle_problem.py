@@ -23,7 +23,7 @@ def problem_of(simulated_with, run_whole):
     """Function: what is handed to the square-root filter, and what came back."""
     dataset = simulated_with(
         "manoeuvre.duration=1.5 s", "manoeuvre.initial_speed=2 m/s", "manoeuvre.excitation.fade_in=0 s",
-        "identification.prior.factor=0.3",
+        "identification.prior.factor=0.3", "sensors.gyroscope.rate=100 Hz", "sensors.attitude.rate=100 Hz",
     )  # fmt: skip
 
     def capture(name):

@@ -133,10 +133,10 @@ ARM, TRIM = np.array([0.4, -0.1, 0.15]), np.array([0.012, -0.008])
 @pytest.fixture(scope="module")
 def off_centre(simulated_with):
     """A DVL ahead of the origin, and fins that are not where they are said to be."""
-    direct = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
+    direct = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=100 Hz"
     trim = f"manoeuvre.fin_trim={{rudder: {TRIM[0]}, elevator: {TRIM[1]}}}"
     return simulated_with(
-        "manoeuvre.duration=60 s", "manoeuvre.input_rate=100 Hz", direct, trim, f"sensors.dvl.arm={ARM.tolist()}"
+        "manoeuvre.duration=60 s", "manoeuvre.input_rate=100 Hz", *direct, trim, f"sensors.dvl.arm={ARM.tolist()}"
     )
 
 

@@ -24,7 +24,7 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS
 def dataset(multisine_with):
     """With process noise that makes the refits nearly linear."""
     noise = "identification.process_noise={velocity: 1e-2 m/s^2/Hz^0.5, rate: 1e-2 rad/s^2/Hz^0.5}"
-    return multisine_with(noise, "identification.prior.factor=1")
+    return multisine_with(noise, "identification.prior.factor=1", "identification.integration_step=0.02 s")
 
 
 @pytest.fixture(scope="module")

@@ -263,7 +263,7 @@ def test_output_error_refuses_a_disturbance(pushed):
         ("{}", r"must state the standard_deviation of a force or a moment"),
         (
             "{moment: {standard_deviation: [0, 0, 1], time_constant: [1, 1, 0.09]}}",
-            r"disturbance_N has a time_constant of 0.09 s; expected at least 0.1 s, 5 times integration_step",
+            r"disturbance_N has a time_constant of 0.09 s; expected at least 0.2 s, 5 times integration_step",
         ),
     ],
 )

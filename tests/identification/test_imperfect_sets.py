@@ -28,7 +28,7 @@ def average_error(dataset, estimate):
 
 @pytest.fixture(scope="module")
 def with_depth(simulated_with):
-    return simulated_with("manoeuvre.duration=60 s", DIRECT, DEPTH)
+    return simulated_with("manoeuvre.duration=60 s", DIRECT, DEPTH, "sensors.gyroscope.rate=100 Hz")
 
 
 @pytest.mark.slow

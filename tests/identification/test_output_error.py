@@ -35,7 +35,7 @@ NOISELESS = (
     "sensors.gyroscope={rate: 100 Hz, noise: 1e-12, standard_deviation: 1e-3}",
     "sensors.attitude={source: direct, rate: 100 Hz, noise: 1e-12, standard_deviation: 1e-3}",
 )
-SEEDS = 20
+SEEDS = 10
 
 
 @pytest.fixture(scope="module")

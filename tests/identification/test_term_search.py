@@ -60,14 +60,7 @@ def test_search_ends_without_further_terms(findings):
     second = [term for term in findings.scored if term.look == 2]
     assert second
     assert "N_|v|r" not in {term.term for term in second}
-
-
-@pytest.mark.slow
-def test_complete_model_has_no_missing_term(multisine_with):
-    findings = search_terms(prepare(multisine_with("manoeuvre.duration=30 s")), max_terms=1)
-    assert findings.found == ()
-    assert findings.experiment.vehicle.terms == ()
-    assert max(term.gain for term in findings.scored) == findings.scored[0].gain
+    assert max(term.gain for term in second) == second[0].gain
 
 
 def test_search_without_convergence_is_refused(multisine_with, with_settings):

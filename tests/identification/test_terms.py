@@ -83,8 +83,8 @@ def test_missing_roll_damping_biases_rolling_drag():
     settings = (
         "vehicle.terms=[{name: K_up, row: K, factors: [u, p], value: -5.707}, "
         "{name: X_vv, row: X, factors: [v, v], value: -50}, {name: X_ww, row: X, factors: [w, w], value: -50}]",
-        "manoeuvre.duration=60 s",
-        "sensors.attitude.source=direct",
+        *("manoeuvre.duration=60 s", "manoeuvre.input_rate=25 Hz"),
+        *("sensors.attitude={source: direct, rate: 25 Hz}", "sensors.gyroscope.rate=25 Hz"),
     )
     dataset = simulate(load_experiment(find_experiment("lrauv"), settings))
     true = dataset.experiment.vehicle.all_coefficients()

@@ -6,7 +6,7 @@ import pytest
 
 MANOEUVRES = {
     "spiral": ("manoeuvre.duration=120 s",),
-    "long_spiral": (),
+    "long_spiral": ("sensors.gyroscope.rate=100 Hz", "sensors.attitude.rate=100 Hz"),
     "zigzag_20_20": (
         "manoeuvre={type: zigzag, duration: 120 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, "
         "approach: 10 s, input_rate: 25 Hz}",

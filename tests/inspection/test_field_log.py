@@ -119,12 +119,16 @@ def test_dvl_near_the_nose_is_a_note(zigzag):
     assert "dvl_arm" in check.advice
 
 
+RATES = "manoeuvre.input_rate=100 Hz", "sensors.gyroscope.rate=100 Hz"
+
+
 @pytest.mark.slow
 def test_speed_lost_in_turns_leaves_heading_offset_undetermined(simulated_with):
     """Turns of a vehicle with a trimmed rudder slip more to one side, and slow it down on both."""
     survey = (
         "{type: lawnmower, duration: 240 s, speed: 1.5 m/s, leg: 20 s, turn_rate: 6 deg/s, autopilot: {speed: false}"
     )
-    dataset = simulated_with(f"manoeuvre={survey}, fin_trim: {{rudder: 1.3 deg}}}}", "sensors.attitude.source=direct")
+    attitude = "sensors.attitude={source: direct, rate: 100 Hz}"
+    dataset = simulated_with(f"manoeuvre={survey}, fin_trim: {{rudder: 1.3 deg}}}}", attitude, *RATES)
     checks = verdicts(dataset.without_truth())
     assert checks["dvl", "heading offset"].statistic == "undetermined: too little excitation"

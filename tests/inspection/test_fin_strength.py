@@ -24,11 +24,16 @@ def with_fins(dataset, factor):
     return replace(dataset, inputs=replace(dataset.inputs, values=dataset.inputs.values * [factor, factor, 1.0, 1.0]))
 
 
+@pytest.fixture(scope="module")
+def sound(sound_run):
+    """Verdicts on the long spiral without any fault."""
+    return verdicts(sound_run("long_spiral"))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, -0.5, 2.0])
-def test_wrong_fin_scale_fails_against_vehicle_file(factor, sound_run):
-    dataset = sound_run("long_spiral")
-    sound, changed = verdicts(dataset), verdicts(with_fins(dataset, factor))
+def test_wrong_fin_scale_fails_against_vehicle_file(factor, sound, sound_run):
+    changed = verdicts(with_fins(sound_run("long_spiral"), factor))
     for key in (RUDDER, ELEVATOR):
         assert sound[key].passed is True
         assert size(sound[key]) == pytest.approx(1.0, abs=0.12)
@@ -44,8 +49,9 @@ def test_doubled_coefficients_halve_the_strength(sound_run):
     doubled = {symbol: value * (2.0 if symbol.endswith(("dr", "de")) else 1.0) for symbol, value in values.items()}
     vehicle = dataset.experiment.vehicle.with_coefficients(doubled)
     told = replace(dataset, experiment=dataset.experiment.model_copy(update={"vehicle": vehicle}))
-    assert verdicts(told)[RUDDER].passed is False
-    assert size(verdicts(told)[RUDDER]) == pytest.approx(0.5 * size(verdicts(dataset)[RUDDER]), rel=0.02)
+    check = verdicts(told)[RUDDER]
+    assert check.passed is False
+    assert size(check) == pytest.approx(0.5 * size(verdicts(dataset)[RUDDER]), rel=0.02)
 
 
 @pytest.mark.slow

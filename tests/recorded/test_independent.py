@@ -39,6 +39,7 @@ pytestmark = [
 
 COLUMNS = {"gyroscope": "pqr", "dvl": "uvw", "attitude": ("phi", "theta", "psi")}
 # What the model leaves out, as white noise: with this the innovations of run E are as large as the filter says.
+ATTITUDE = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
 LOOSE = "identification.process_noise.velocity=3e-3", "identification.process_noise.rate=3e-3"
 
 # What `auvid terms` finds in run E, with this noise, in this order: some ten fits for each, so it is not searched here.
@@ -75,7 +76,7 @@ def vehicle():
 @pytest.fixture(scope="module")
 def recorded(vehicle, experiment_with):
     """Function: a run with the noise and the rates of Table III, commands before the lag of the fins."""
-    suite = experiment_with("sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}").sensors
+    suite = experiment_with(ATTITUDE, "sensors.gyroscope.rate=100 Hz").sensors
 
     def make(name: str, seed: int, *settings: str) -> Dataset:
         run = pd.read_csv(RUNS / f"{name}.csv.gz")

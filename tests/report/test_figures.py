@@ -177,7 +177,7 @@ def inches_beyond(figure):
     """How far a figure's drawing reaches over its edge, inches."""
     FigureCanvasAgg(figure)
     figure.set_dpi(30)
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     drawn, (width, height) = figure.get_tightbbox(), figure.get_size_inches()
     return max(-drawn.x0, -drawn.y0, drawn.x1 - width, drawn.y1 - height)
 

@@ -11,8 +11,9 @@ from auvid_cli.vehicle.equations import N_FACTORS, vehicle_constants
 
 @pytest.fixture(scope="session")
 def experiment_with(experiment_with):
-    """Function: the shipped spiral experiment as `tests/conftest.py` has it, with inputs at the usual rate."""
-    return lambda *overrides: experiment_with("manoeuvre.input_rate=100 Hz", *overrides)
+    """Function: the shipped spiral experiment as `tests/conftest.py` has it, with the usual rates."""
+    rates = "manoeuvre.input_rate=100 Hz", "sensors.gyroscope.rate=100 Hz", "sensors.attitude.rate=100 Hz"
+    return lambda *overrides: experiment_with(*rates, *overrides)
 
 
 @pytest.fixture(scope="session")

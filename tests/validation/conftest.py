@@ -15,7 +15,7 @@ ZIGZAG = "manoeuvre={type: zigzag, duration: 80 s, speed: 3.9 m/s, rudder: 20 de
 @pytest.fixture(scope="session")
 def zigzag(simulated_with):
     """With white noise only; do not change its arrays."""
-    return simulated_with(ZIGZAG, WHITE, DEPTH, "seed=31")
+    return simulated_with(ZIGZAG, WHITE, DEPTH, "seed=33")
 
 
 @pytest.fixture

@@ -10,6 +10,8 @@ from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.validation.initial_states import filtered_initial_states, own_of_each_run, with_model
 from auvid_cli.vehicle.rigid_body import Ballast
 
+from .conftest import DEPTH
+
 WHITE = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
 ZIGZAG = "manoeuvre={type: zigzag, duration: 40 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, approach: 5 s}"
 
@@ -20,7 +22,10 @@ def with_readings(dataset, name, change):
     return replace(dataset, sensors=dataset.sensors | {name: replace(record, time=time, values=values)})
 
 
-def test_starts_are_near_truth_within_deviation(zigzag, with_coefficients):
+def test_starts_are_near_truth_within_deviation(simulated_with, with_coefficients):
+    # The truth between inputs is interpolated.
+    rates = "manoeuvre.input_rate=100 Hz", "sensors.gyroscope.rate=100 Hz"
+    zigzag = simulated_with(ZIGZAG, "manoeuvre.duration=80 s", WHITE, DEPTH, *rates, "seed=31")
     wanted = np.linspace(5.0, 75.0, 200)
     states = filtered_initial_states(prepare(with_model(zigzag, with_coefficients(zigzag.truth.coefficients))), wanted)
     assert_allclose(states.time, wanted, atol=0.011)

@@ -18,6 +18,7 @@ from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS
 
 from .conftest import WHITE, ZIGZAG
 
+SLOW = "sensors.gyroscope.rate=25 Hz"
 CIRCLE = "manoeuvre={type: turning_circle, duration: 60 s, speed: 3.9 m/s, rudder: -15 deg, approach: 10 s}"
 
 
@@ -80,7 +81,7 @@ def test_truth_is_ignored(zigzag, with_coefficients):
 
 @pytest.mark.slow
 def test_spiral_estimate_predicts_zigzag(zigzag, identified):
-    validation = validate([zigzag], identified, starts=60)
+    validation = validate([zigzag], identified, starts=20)
     fits = free_fits(validation)
     assert min(fits["u"], fits["r"], fits["psi"]) > 90.0
     overshoots = np.array([(n.measured, n.predicted) for n in validation.manoeuvres])
@@ -92,7 +93,7 @@ def test_spiral_estimate_predicts_zigzag(zigzag, identified):
 @pytest.mark.slow
 def test_wrong_rudder_sign_is_worse_than_mean(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
-    validation = validate([zigzag], with_coefficients(true, N_uudr=-true["N_uudr"]), starts=30)
+    validation = validate([zigzag], with_coefficients(true, N_uudr=-true["N_uudr"]), starts=15)
     assert free_fits(validation)["r"] < 0.0
     assert {row.fit_percent < 0.0 for row in rows_of(validation, AHEAD) if row.signal == "r"} == {True}
     assert "better than constant velocity" in {check.check for check in validation.checks.failed()}
@@ -179,7 +180,7 @@ def test_estimated_gyroscope_bias_is_in_predictions(simulated_with, with_coeffic
     biased = simulated_with(ZIGZAG, WHITE, "seed=31", "sensors.gyroscope.bias=0.5 deg/s")
     plain = with_coefficients(biased.truth.coefficients)
     asking = replace(plain, experiment=experiment_with("identification.estimate.biases=[gyro]"))
-    before, after = (validate([biased], estimate, starts=30) for estimate in (plain, asking))
+    before, after = (validate([biased], estimate, starts=5) for estimate in (plain, asking))
     rates = [row for row in rows_of(after, FREE_RUN) if row.signal in "pqr"]
     assert [row.rmse for row in rates] == pytest.approx([row.noise for row in rates], rel=0.2)
     assert min(row.rmse / row.noise for row in rows_of(before, FREE_RUN) if row.signal in "pqr") > 2.0
@@ -193,13 +194,13 @@ def test_estimated_current_is_in_predictions(simulated_with):
     current = "manoeuvre.current_north=0.3 m/s", "manoeuvre.current_east=-0.2 m/s"
     asking = "identification.estimate.biases=[current]", "identification.estimate.current.walk=0"
     seen, unseen = (
-        simulated_with("manoeuvre.duration=60 s", WHITE, *current, *asking, f"seed={seed}") for seed in (1, 2)
+        simulated_with("manoeuvre.duration=60 s", WHITE, SLOW, *current, *asking, f"seed={seed}") for seed in (1, 2)
     )
     estimate = identify(seen, FilterName.SMOOTHER)
     _, errors = free_run(prepare(seen), estimate)
     # The mean absolute value of white noise is 0.8 of its standard deviation, 1 mm/s.
     assert max(error.mean_absolute_error for error in errors[:3]) < 2e-3
-    validation = validate([unseen], estimate, starts=30)
+    validation = validate([unseen], estimate, starts=20)
     velocities = [row for row in validation.predictions if row.signal in "uvw"]
     assert min(row.fit_percent for row in velocities) > 97.0
     assert max(row.rmse for row in velocities) < 1e-2
@@ -271,10 +272,9 @@ def test_turn_without_roll_is_level_and_remarked(simulated_with, with_coefficien
         assert number.predicted == pytest.approx(number.measured, rel=0.01, abs=2e-3)
 
 
-@pytest.mark.slow
 def test_predictions_without_dvl_start_from_model_velocity(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "dvl"})
-    validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=30)
+    validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=5)
     assert set(free_fits(validation)) == set(MOTION_AND_DEPTH_SYMBOLS[3:])
     assert free_fits(validation)["r"] > 90.0
 
@@ -307,7 +307,7 @@ def test_errors_on_own_data_widen_bands(zigzag, simulated_with, undisturbed, exp
     mass = 1.05 * undisturbed.experiment.vehicle.known_parameters()["m"]
     heavier = experiment_with(NO_NOISE, f"vehicle.parameters.m={mass}")
     estimate = replace(undisturbed, experiment=heavier)
-    without, with_own = (validate([zigzag], estimate, training, starts=40) for training in (None, own))
+    without, with_own = (validate([zigzag], estimate, training, starts=20) for training in (None, own))
 
     def share(validation):
         return np.mean([row.share_within_band for row in rows_of(validation, AHEAD) if row.signal in "vr"])
@@ -338,7 +338,7 @@ def test_segments_and_runs_are_combined(zigzag, simulated_with, undisturbed):
     circle = simulated_with(CIRCLE, WHITE, "seed=5")
     segments = [zigzag.sensors_between(2.0, 40.0), zigzag.sensors_between(45.0, 45.3), circle]
     together = validate(segments, undisturbed, starts=30)
-    alone = [validate([segment], undisturbed, starts=30) for segment in (segments[0], circle)]
+    alone = [validate([segment], undisturbed, starts=5) for segment in (segments[0], circle)]
     measured = [sum(row.measurements for row in rows_of(each, FREE_RUN)) for each in (together, *alone)]
     assert measured[0] == measured[1] + measured[2]
     assert {number.manoeuvre for number in together.manoeuvres} == {"zigzag 20", "turning circle 15"}
@@ -354,6 +354,6 @@ def test_segments_and_runs_are_combined(zigzag, simulated_with, undisturbed):
 @pytest.mark.slow
 def test_yaw_rate_without_gyroscope_is_compared_with_attitude(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "gyroscope"})
-    validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=30)
+    validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=5)
     assert free_fits(validation)["r"] > 90.0
     assert any("no gyroscope measures r" in remark for remark in validation.remarks)
