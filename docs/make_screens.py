@@ -22,6 +22,7 @@ _CKF = f"identify {_SPIRAL} --filter ckf --set identification.judge=false"
 _ZIGZAG = "validate results/spiral/estimates/ckf.h5 results/zigzag/dataset.h5"
 _SURVEY = "results/survey/dataset.h5"
 _FIT = f"fit {_SURVEY} --use 0:320"
+_TEST = f"validate results/survey/estimates/smoother.h5 {_SURVEY} --use 321:"
 _SEEN = f"{_SURVEY} --use 0:320 --set lateral.yaml"
 _BY_HAND = f"validate results/by_hand/estimates/smoother.h5 {_SURVEY} --use 321: -o results/by_hand"
 _IMPORT = "simulate field --as-log -o field", "import --map field/map.yaml"
@@ -29,6 +30,7 @@ _IMPORT = "simulate field --as-log -o field", "import --map field/map.yaml"
 _BEFORE = {
     _ZIGZAG: ("run", "simulate --set manoeuvre=manoeuvres/zigzag_20_20.yaml --seed 2 -o results/zigzag"),
     _FIT: _IMPORT,
+    _TEST: (_FIT,),
     _BY_HAND: (
         *_IMPORT,
         f"tune {_SEEN} -o results/by_hand",
@@ -49,7 +51,7 @@ class Screen(NamedTuple):
     @property
     def is_slow(self) -> bool:
         """Whether the command takes minutes."""
-        return self.command in (_FIT, _BY_HAND)
+        return self.command in (_FIT, _TEST, _BY_HAND)
 
 
 SCREENS = (
@@ -122,6 +124,7 @@ SCREENS = (
             "next: ",
         ),
     ),
+    Screen("own-log", "test", _TEST, ("Yaw rate in turns", "Sway in turns")),
     Screen("own-log", "by hand", _BY_HAND, ("Yaw rate in turns", "Sway in turns")),
     Screen(
         "how-to/validate",
