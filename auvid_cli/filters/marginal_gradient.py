@@ -94,17 +94,17 @@ def _gradients(
             scratch = np.zeros((n_moving + adjoint.root.shape[1], n_moving))
             variance = problem.sensors.variance[timeline.measurement_sensor] / forward_pass.weight
             _backward_pass(timeline, motion, forward_pass, adjoint, before, variance, by_transition, by_rows, scratch)
-            nominal = columns(timeline, about)
             # A measurement depends on the state at its event, a transition on that at the previous one.
             measured_at = 1 + np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
             by_states = np.zeros((1 + timeline.time.size, n_moving))
             by_states[-1] = by_last
             sample = TransitionSample.of(timeline, interval)
+            nominal = columns(sample.timeline, about)
             by_sample = sample.sums(by_transition)
             shift = partial(_shifted, problem, timeline, sample.timeline, about)
             states = ((state,) for state in range(n_moving))
             for state, shifted in enumerate(computed_ahead(shift, states, filtered.trajectory)):
-                effects = columns(timeline, shifted)
+                effects = columns(sample.timeline, shifted)
                 difference = effects.on_states[sample.events] - nominal.on_states[sample.events]
                 by_process = np.einsum("ki,kij->kj", by_sample[..., state], difference)
                 difference = effects.on_measurements - nominal.on_measurements
