@@ -37,11 +37,9 @@ _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 # Step of a state in difference quotients; transitions are nearly polynomials of the state.
 _STATE_STEP = 1e-4  # SI
-# Interval of the transitions whose derivatives represent all, s. The motion changes slowly, but effects of faults need
-# not: for these, all transitions represent themselves, unless the data are long. Then this many represent all.
+# Interval of the transitions whose derivatives represent all, s, and largest number of them: the motion changes slowly.
 _TRANSITION_INTERVAL = 0.2
 _MOST_TRANSITIONS = 10_000
-_LONG_DATA = 1000.0  # s
 
 
 def marginal_step(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> Array:
@@ -73,8 +71,7 @@ def _gradients(
     total = np.zeros(n_states + (0 if faults is None else len(faults.labels)))
     initial, moving, scale = list[Array](), list[ArrayStore](), 2.0 / _STATE_STEP
     duration = sum(next(iter(reversed(data))).time[-1] - next(iter(data)).time[0] for data in problem.segments)
-    shortest = duration / _MOST_TRANSITIONS if duration > _LONG_DATA else 0.0
-    interval = max(shortest, _TRANSITION_INTERVAL if faults is None else 0.0)
+    interval = max(_TRANSITION_INTERVAL, duration / _MOST_TRANSITIONS)
     for segment in range(len(problem.segments)):
 
         def columns(timeline: Timeline, about: Linearised, segment: int = segment) -> FaultEffects:
