@@ -64,7 +64,7 @@ def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
     monkeypatch.setattr(first_folder, "MIN_DURATION", 90.0)
     lines = first_folder.spiral_lines
     monkeypatch.setattr(first_folder, "spiral_lines", lambda *settings: (*lines(*settings), "input_rate: 20 Hz"))
-    monkeypatch.setattr(first_folder, "_SENSORS", first_folder._SENSORS.replace("rate: 50 Hz", "rate: 20 Hz"))
+    monkeypatch.setattr(first_folder, "SENSORS", first_folder.SENSORS.replace("rate: 50 Hz", "rate: 20 Hz"))
 
 
 def write_log(path: Path) -> None:
@@ -155,7 +155,7 @@ def test_fenced_commands_of_the_pages_run_in_order(datasets_of_the_pages):
                     for name in (sorted(map(str, Path().glob(word))) if "*" in word else [word])
                 ]
                 if arguments[0] == "fit" and not {"--only", "--not"} & {*arguments}:
-                    # What a search finds is tested elsewhere.
+                    # Tests of the search check what it finds.
                     arguments += ["--only", "fin_trim"]
                 result = CliRunner().invoke(app, arguments)
                 if command.endswith("terms.yaml") and "No term is proposed" in done[-1][1]:

@@ -25,7 +25,7 @@ _KINDS = {
 # The name of a temporary file contains the machine and the process that writes it.
 _PREFIX = f".auvid-{hashlib.sha256(platform.node().encode()).hexdigest()[:8]}-"
 _TEMPORARY = re.compile(rf"{re.escape(_PREFIX)}(\d+)-[0-9a-f]{{16}}")
-_LOCK_PATIENCE = 1.0  # s
+LOCK_PATIENCE = 1.0  # s
 _REPORT_FIGURES = ("path", "estimates", "convergence", "motion_errors", "free_runs", "innovations")
 _OTHER_FIGURES = (
     *("identifiability_bounds", "identifiability_correlation", "timeline"),
@@ -215,7 +215,7 @@ def locked(folder: Path) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
-    lock = FileLock(folder / ".lock", timeout=_LOCK_PATIENCE)
+    lock = FileLock(folder / ".lock", timeout=LOCK_PATIENCE)
     # Some network disks have no locks.
     with _cannot("written", folder), suppress(NotImplementedError):
         folder.mkdir(parents=True, exist_ok=True)

@@ -220,7 +220,7 @@ def most_likely_noise(
     start : Trajectory, optional
         First trajectory, near that of the marginal estimate; by default the most probable one.
     first : NoiseFactors, optional
-        Of a part of the data: the search begins with its factors and parameters.
+        Result of a search on a part of the data. This search begins with its factors and parameters.
     """
     likelihood, x, trajectory = _Likelihood(problem, groups, on_pass), np.zeros(len(groups)), start
     if first is not None:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from auvid_cli.arrays import Array
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import InputRecord, SensorRecord
-from auvid_cli.data.signals import gap_limit, repeats, step_between
+from auvid_cli.data.signals import gap_limit, repeats, rounding_steps
 from auvid_cli.inspection.inspection import judged
 
 _MAX_JITTER = 0.5  # share of the median interval
@@ -28,8 +28,7 @@ def new_measurement_rate(record: SensorRecord) -> float:
     if starts.size < 2:
         return 0.0
     present = np.isfinite(record.values).any(axis=1)
-    levels = (np.unique(column[np.isfinite(column)]) for column in record.values.T)
-    if any(level.size > 2 and step_between(level) > 0.0 for level in levels):
+    if (rounding_steps(record) > 0.0).any():
         return 1.0 / float(np.median(np.diff(starts)))
     return starts.size / int(present.sum()) / float(np.median(np.diff(record.time[present])))
 

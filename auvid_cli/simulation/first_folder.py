@@ -39,7 +39,7 @@ MIN_DURATION = 300.0  # s
 _DURATION = 150.0  # times of travel along the vehicle's length: four periods of the lowest frequency of the rudder
 _MAX_EXCESS_MASS = 0.15  # difference of mass and displaced water, share; estimated nose and tail have this error
 _DEFAULT_SPEED = 1.5  # m/s, if neither the user nor the vehicle file gives one
-_SENSORS = """\
+SENSORS = """\
 # Sensors of a small survey vehicle: replace rates and noise (standard deviations) by those of your sensors.
 # `auvid list sensors` lists other suites; the reference explains all keys.
 name: first sensors
@@ -348,7 +348,7 @@ def _folder(folder: Path, vehicle_text: str, speed: float | None, origin: str, a
     }
     texts = {
         "vehicle.yaml": vehicle_text,
-        "sensors.yaml": _SENSORS,
+        "sensors.yaml": SENSORS,
         "experiment.yaml": _EXPERIMENT % values,
         "map.yaml": _MAP % values,
         "README.md": _README % values,

@@ -1,6 +1,7 @@
 """Commands run in the test process, because a new process takes seconds to start."""
 
 import os
+import subprocess
 import sys
 from contextlib import chdir
 from pathlib import Path
@@ -40,13 +41,13 @@ _TRAPS = (
 )
 
 
-def lay_traps(folder: Path) -> None:
-    """Fill a folder with modules that note that they were executed."""
+def run_among_traps(folder: Path, *arguments: str) -> tuple[subprocess.CompletedProcess[str], str]:
+    """Run auvid in a folder full of modules that note that they were executed; return the process and their names."""
     for name in _TRAPS:
         (folder / f"{name}.py").write_text(f"open({str(folder / 'executed')!r}, 'a').write({name!r} + ' ')\n")
-
-
-def executed_traps(folder: Path) -> str:
-    """Return the names of the modules of `lay_traps` that were executed."""
+    command = [PROGRAM, *arguments]
+    ended = subprocess.run(command, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, timeout=300)
+    assert ended.returncode in (0, 1), ended.stderr
+    assert "Traceback" not in ended.stderr
     noted = folder / "executed"
-    return noted.read_text() if noted.exists() else ""
+    return ended, noted.read_text() if noted.exists() else ""

@@ -15,7 +15,7 @@ from auvid_cli.campaign.cluster import Cluster
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 
-from .conftest import ENVIRONMENT, PROGRAM, assert_one_clear_complaint, auvid, executed_traps, lay_traps
+from .conftest import PROGRAM, assert_one_clear_complaint, auvid, run_among_traps
 
 CAMPAIGN = """\
 name: small
@@ -66,12 +66,10 @@ def runs(folder):
 def finished_with_traps(tmp_path_factory):
     """Folder of a campaign in its own processes, its result, and the modules of the folder that were executed."""
     folder = tmp_path_factory.mktemp("campaign")
-    lay_traps(folder)
     (folder / "small.yaml").write_text(CAMPAIGN)
-    whole = command("small.yaml", "--keep-estimates")
-    result = subprocess.run(whole, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, timeout=300)
+    result, executed = run_among_traps(folder, *command("small.yaml", "--keep-estimates")[1:])
     assert result.returncode == 0, result.stderr
-    return folder, result, executed_traps(folder)
+    return folder, result, executed
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import pytest
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.parameters import N_MOTION
 
-from .conftest import ENVIRONMENT, PROGRAM, assert_one_clear_complaint, auvid, executed_traps, lay_traps
+from .conftest import assert_one_clear_complaint, auvid, run_among_traps
 
 SHORT = ["--set", "manoeuvre.duration=12 s", "--set", "identification.judge=false"]
 
@@ -30,7 +30,7 @@ def leftovers(folder):
 
 
 def written(folder):
-    """Files of a folder except the modules of `lay_traps`."""
+    """Files of a folder except the modules of `run_among_traps`."""
     return [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".py"]
 
 
@@ -46,11 +46,9 @@ def test_linear_algebra_uses_one_thread():
 def run_with_traps(tmp_path_factory):
     """Folder of a run in its own process, the ended process, and the modules of the folder that were executed."""
     folder = tmp_path_factory.mktemp("run")
-    lay_traps(folder)
-    command = [PROGRAM, "run", *SHORT, "--filter", "ckf", "--filter", "tukf"]
-    result = subprocess.run(command, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, timeout=300)
+    result, executed = run_among_traps(folder, "run", *SHORT, "--filter", "ckf", "--filter", "tukf")
     assert result.returncode == 0, result.stderr
-    return folder, result, executed_traps(folder)
+    return folder, result, executed
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from .conftest import assert_one_clear_complaint, auvid
 @pytest.fixture
 def impatient(monkeypatch):
     """Commands of this process wait for a lock for a moment instead of a second."""
-    monkeypatch.setattr(files, "_LOCK_PATIENCE", 0.02)
+    monkeypatch.setattr(files, "LOCK_PATIENCE", 0.02)
 
 
 @pytest.mark.slow

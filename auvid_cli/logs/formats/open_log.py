@@ -26,7 +26,7 @@ _JSON_LINE = re.compile(rb'(\xef\xbb\xbf)?\s*\{\s*"')
 _MAVLINK_MARKERS = b"\xfe\xfd"
 
 
-class _Kind(Enum):
+class LogKind(Enum):
     """Kind of a log: words, suffix that its library requires, module and class that read it, extra, and first bytes."""
 
     BAG1 = "a ROS 1 bag", ".bag", "ros.BagLog", "ros", b"#ROSBAG V2.0"
@@ -85,7 +85,7 @@ def open_log(
             raise FileError(f"{path}: folder without metadata.yaml; expected a ROS 2 bag or a file: give a file in it")
         for part in path.iterdir():
             _check_regular(part)
-        return _open(path, _Kind.SQLITE, definitions)
+        return _open(path, LogKind.SQLITE, definitions)
     _check_regular(path)
     kind = _kind_of(path)
     if kind is None:
@@ -97,7 +97,7 @@ def open_log(
     return _open(path, kind, definitions)
 
 
-def _open(path: Path, kind: _Kind, definitions: Sequence[Path]) -> Log:
+def _open(path: Path, kind: LogKind, definitions: Sequence[Path]) -> Log:
     module, _, reader = kind.reader.partition(".")
     try:
         # Imported here, because the libraries are optional and slow to load.
@@ -121,7 +121,7 @@ def _check_regular(path: Path) -> None:
         raise FileError(f"{path}: {error}") from None
 
 
-def _kind_of(path: Path) -> _Kind | None:
+def _kind_of(path: Path) -> LogKind | None:
     """Return the kind of a file; None for delimited text."""
     try:
         with path.open("rb") as file:
@@ -133,12 +133,12 @@ def _kind_of(path: Path) -> _Kind | None:
             head = zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(head, _HEAD_BYTES)
             if _is_text(head):
                 return None
-            if head.startswith(_Kind.LSF.magic):
-                return _Kind.LSF
+            if head.startswith(LogKind.LSF.magic):
+                return LogKind.LSF
             raise FileError(f"{path}: compressed file without text; expected text inside: unpack it with gunzip first")
     except (OSError, EOFError, zlib.error) as error:
         raise FileError(f"{path}: cannot be read: {error}") from error
-    for kind in _Kind:
+    for kind in LogKind:
         if kind.magic and head.startswith(kind.magic):
             return kind
     for magic, advice in _ADVICE_BY_MAGIC.items():
@@ -148,29 +148,29 @@ def _kind_of(path: Path) -> _Kind | None:
         raise FileError(
             f"{path}: looks like a log of a Slocum glider: convert it with dbd2asc, and use the output of that"
         )
-    if path.suffix.lower() == _Kind.ALOG.suffix and _is_text(head):
-        return _Kind.ALOG
+    if path.suffix.lower() == LogKind.ALOG.suffix and _is_text(head):
+        return LogKind.ALOG
     if zipfile.is_zipfile(path):
         return _kind_of_zip(path)
     if head.startswith(b"PK\x03\x04"):
         raise FileError(f"{path}: looks like a NumPy archive or another zip file that is cut short: copy it again")
     if len(head) > 8 and head[8] in _MAVLINK_MARKERS and not _is_text(head):
-        return _Kind.TELEMETRY
+        return LogKind.TELEMETRY
     if head.startswith(UTF_16):
         return None
     if not _is_text(head):
         raise FileError(f"{path}: unknown kind of file; expected {_READABLE}")
-    return _Kind.JSON if _JSON_LINE.match(head) else None
+    return LogKind.JSON if _JSON_LINE.match(head) else None
 
 
-def _kind_of_zip(path: Path) -> _Kind:
+def _kind_of_zip(path: Path) -> LogKind:
     with (
         damage_as_file_error(lambda reason: f"{path}: is a damaged archive: {reason}"),
         zipfile.ZipFile(path) as archive,
     ):
         names = archive.namelist()
     if any(name.endswith(".npy") for name in names):
-        return _Kind.NPZ
+        return LogKind.NPZ
     if any(name.startswith("xl/") for name in names):
         raise FileError(f"{path}: looks like an Excel workbook: save it as CSV")
     raise FileError(f"{path}: is a zip archive: unpack it first")

@@ -14,7 +14,7 @@ import pytest
 
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import Log
-from auvid_cli.logs.formats.open_log import _Kind, open_log
+from auvid_cli.logs.formats.open_log import LogKind, open_log
 
 
 def zipped(*names):
@@ -63,7 +63,7 @@ def test_text_log_may_have_any_name(tmp_path):
     np.testing.assert_array_equal(open_log(path).read("", ["u"])["u"], [2.0])
 
 
-@pytest.mark.parametrize("kind", _Kind)
+@pytest.mark.parametrize("kind", LogKind)
 def test_every_kind_of_log_has_a_reader(kind):
     module, _, reader = kind.reader.partition(".")
     assert issubclass(getattr(import_module(f"auvid_cli.logs.formats.{module}"), reader), Log)
