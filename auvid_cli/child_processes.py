@@ -164,7 +164,12 @@ class _Worker:
 
     def call(self, request: tuple[Any, ...]) -> tuple[Any, Exception | None]:
         """Return the result of a function, or its error."""
-        self._pipe.send(request)
+        arrays = list[pickle.PickleBuffer]()
+        pickled = pickle.dumps(request, protocol=5, buffer_callback=arrays.append)
+        self._pipe.send((pickled, len(arrays)))
+        # Each is sent from its own memory: a copy of all of them could be the largest part of this process.
+        for array in arrays:
+            self._pipe.send_bytes(array.raw())
         return self._pipe.recv()
 
     def end(self) -> None:
@@ -181,9 +186,10 @@ def _serve(pipe: Connection) -> None:
     end_with_parent()
     with suppress(EOFError, OSError):
         while True:
-            request = pipe.recv_bytes()
+            request, n_arrays = pipe.recv()
+            arrays = [pipe.recv_bytes() for _ in range(n_arrays)]
             try:
-                function, arguments, options = pickle.loads(request)
+                function, arguments, options = pickle.loads(request, buffers=arrays)
                 pipe.send((function(*arguments, **options), None))
             except Exception as error:
                 pipe.send((None, error))

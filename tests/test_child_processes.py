@@ -1,5 +1,6 @@
 """Child processes, with and without what only POSIX and only Linux offer."""
 
+import operator
 import os
 import signal
 import subprocess
@@ -7,6 +8,7 @@ import sys
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from auvid_cli.child_processes import WorkerDied, Workers, start_python
@@ -68,6 +70,13 @@ def test_error_in_a_worker_is_raised_and_the_worker_kept():
         with pytest.raises(TypeError):
             workers.submit(threading.Lock).result()
         assert workers.submit(os.getpid).result() == process
+
+
+@pytest.mark.parametrize("layout", [lambda a: a, np.transpose, lambda a: a[:, 1:3], lambda a: a[:0]])
+def test_arrays_reach_a_worker_unchanged(layout):
+    array = layout(np.arange(12.0).reshape(3, 4))
+    with Workers(1, "spawn") as workers:
+        np.testing.assert_array_equal(workers.submit(operator.itemgetter(0), [array]).result(), array)
 
 
 def test_worker_that_dies_is_replaced():

@@ -1,9 +1,9 @@
 """Innovations of a sensor: the differences of measurements and predictions, their sums and autocorrelation."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +96,10 @@ class Innovations:
         put_arrays(self, "/innovations", **arrays, **({} if self.weight is None else {"weight": 2}))
         if self.all_statistics is not None:
             check_type("all_statistics", self.all_statistics, InnovationStatistics)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Without what is computed later, which may be while a thread sends the innovations to another process.
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def check(self, sensor: str, is_fit: bool) -> None:
         """Raise an InvalidDataError if values are impossible; NaN is a missing or rejected one.

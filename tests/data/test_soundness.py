@@ -386,3 +386,11 @@ def test_dataset_and_estimate_are_pickled(dataset, estimate):
     for thing in (dataset, estimate):
         for made in (pickle.loads(pickle.dumps(thing)), copy.deepcopy(thing), copy.copy(thing)):
             assert made.experiment == thing.experiment
+
+
+def test_what_innovations_computed_is_not_pickled(estimate):
+    # A thread that pickled it meanwhile would stop: the dictionary changed its size.
+    innovations = next(iter(estimate.innovations.values()))
+    before = pickle.dumps(innovations)
+    assert innovations.autocorrelation.samples.any()
+    assert pickle.dumps(innovations) == before
