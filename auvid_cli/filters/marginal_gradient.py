@@ -74,12 +74,10 @@ def _gradients(
     interval = max(_TRANSITION_INTERVAL, duration / _MOST_TRANSITIONS)
     for segment in range(len(problem.segments)):
 
-        def columns(timeline: Timeline, about: Linearised, segment: int = segment) -> FaultEffects:
-            """Return the effects of parameters, moving states and faults on a chunk."""
-            if faults is None:
-                return FaultEffects(about.transition, about.rows)
-            pairs = zip((about.transition, about.rows), faults.effects(segment, timeline, about), strict=True)
-            return FaultEffects(*(np.concatenate(pair, axis=-1) for pair in pairs))
+        def columns(timeline: Timeline, about: Linearised, segment: int = segment) -> tuple[FaultEffects, ...]:
+            """Return the effects of parameters and moving states on a chunk, and those of faults."""
+            of_states = FaultEffects(about.transition, about.rows)
+            return (of_states,) if faults is None else (of_states, faults.effects(segment, timeline, about))
 
         adjoint = Adjoint.zeros(n_moving, with_variance=True)
         moving.append(ArrayStore())
@@ -101,14 +99,17 @@ def _gradients(
             shift = partial(_shifted, problem, timeline, sample.timeline, about)
             states = ((state,) for state in range(n_moving))
             for state, shifted in enumerate(computed_ahead(shift, states, filtered.trajectory)):
-                effects = columns(sample.timeline, shifted)
-                difference = effects.on_states[sample.events] - nominal.on_states[sample.events]
-                by_process = np.einsum("ki,kij->kj", by_sample[..., state], difference)
-                difference = effects.on_measurements - nominal.on_measurements
-                by_sensors = np.einsum("kc,kcj->kj", by_rows[..., state], difference)
-                total += by_process.sum(axis=0) + by_sensors.sum(axis=0)
-                by_states[sample.events] += by_process[:, n:n_states]
-                np.add.at(by_states, measured_at, by_sensors[:, n:n_states])
+                sums = list[Array]()
+                for effects, unshifted in zip(columns(sample.timeline, shifted), nominal, strict=True):
+                    difference = effects.on_states[sample.events] - unshifted.on_states[sample.events]
+                    by_process = np.einsum("ki,kij->kj", by_sample[..., state], difference)
+                    difference = effects.on_measurements - unshifted.on_measurements
+                    by_sensors = np.einsum("kc,kcj->kj", by_rows[..., state], difference)
+                    sums.append(by_process.sum(axis=0) + by_sensors.sum(axis=0))
+                    if len(sums) == 1:
+                        by_states[sample.events] += by_process[:, n:]
+                        np.add.at(by_states, measured_at, by_sensors[:, n:])
+                total += np.concatenate(sums)
             moving[-1].append(scale * by_states[1:])
             by_last = by_states[0]
         moving[-1].reverse()

@@ -77,6 +77,9 @@ class VehicleFaults:
             and fault.regressor not in modelled_terms
         )
         self._faults = *others, *(DELAY_FAULTS[symbol] for symbol in delays)
+        # With the coefficients of a trajectory in `effects`.
+        without = factors(dict.fromkeys(problem.coefficients.symbols, 0.0), of_vehicle=problem.coefficients)
+        self._vehicle = FaultedVehicle(problem.known, without, problem.coefficients.terms, *self._mounted())
 
         rates = np.concatenate([segment.timelines.input_rate() for segment in problem.segments])
         sizes = np.abs(rates, out=rates)
@@ -89,9 +92,8 @@ class VehicleFaults:
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
         """Return the effects of the faults on a chunk of a segment, along a trajectory."""
-        vehicle = self._problem.coefficients
-        coefficients = factors(self._problem.held | self._identified(about.parameters), of_vehicle=vehicle)
-        model = FaultedVehicle(self._problem.known, coefficients, vehicle.terms, *self._mounted())
+        identified = self._problem.held | self._identified(about.parameters)
+        model = self._vehicle.with_coefficients(factors(identified, of_vehicle=self._problem.coefficients))
         # Rows of the inputs that hold during the chunk.
         of_chunk = np.concatenate([timeline.substep_input, timeline.event_input])
         first_input = int(of_chunk.min())

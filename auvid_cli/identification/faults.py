@@ -1,6 +1,8 @@
 """Models of faults for the score tests of the smoother, and the vehicle that they disturb."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from copy import copy
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -82,14 +84,22 @@ class FaultedVehicle:
         arm: Sequence[float] = (0.0, 0.0, 0.0),
         earth_field: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
-        self._parameters, self._coefficients, self._terms = parameters, coefficients, terms
+        self._parameters, self.coefficients, self._terms = parameters, coefficients, terms
         self._constants = vehicle_constants(parameters, terms)
+        self._inverse_mass = np.linalg.inv(mass_matrix(parameters))
         self._arm, self._earth_field = np.array(arm), np.array(earth_field)
+        self._changed = cache(self._changed_constants)
+
+    def with_coefficients(self, coefficients: Array) -> "FaultedVehicle":
+        """Return the vehicle with other coefficients."""
+        other = copy(self)
+        other.coefficients = coefficients
+        return other
 
     def rates(self, motion: Array, inputs: Array, ballast: Array, constants: Array | None = None) -> Array:
         """Return the time derivative of motions, shape (n, 9); with the constants of another vehicle if given."""
         rates = np.empty(motion.shape)
-        lanes = np.repeat(self._coefficients, LANES)
+        lanes = np.repeat(self.coefficients, LANES)
         arrays = (np.ascontiguousarray(values) for values in (motion, inputs, ballast))
         constants = self._constants if constants is None else constants
         _fill_in_rates(*arrays, lanes, constants, rates, np.zeros(N_BLOCK + N_SLOPE))
@@ -109,10 +119,8 @@ class FaultedVehicle:
 
     def by_parameter(self, at: Motion, symbol: str) -> Array:
         """Return the change of the rates per unit of a known parameter, shape (n, 9), by a difference quotient."""
-        value = self._parameters[symbol]
-        step = _PARAMETER_STEP * abs(value) or _PARAMETER_STEP
-        changed = vehicle_constants({**self._parameters, symbol: value + step}, self._terms)
-        return (self.rates(at.motion, at.inputs, at.ballast, changed) - at.rates) / step
+        constants, step = self._changed(symbol)
+        return (self.rates(at.motion, at.inputs, at.ballast, constants) - at.rates) / step
 
     def by_ballast(self, at: Motion, change: Array) -> Array:
         """Return the change of the rates if the ballast increases by `change`, shape (n, 9); it is linear."""
@@ -125,8 +133,14 @@ class FaultedVehicle:
     def by_force(self, at: Motion, row: int, force: Array) -> Array:
         """Return the change of the rates due to a force, N, or moment, N m, in a row of X Y Z K M N, shape (n, 9)."""
         rates = np.zeros((len(force), N_MOTION))
-        rates[:, :6] = force[:, None] * np.linalg.inv(mass_matrix(self._parameters))[:, row]
+        rates[:, :6] = force[:, None] * self._inverse_mass[:, row]
         return rates
+
+    def _changed_constants(self, symbol: str) -> tuple[Array, float]:
+        """Return the constants of the vehicle with another value of a known parameter, and the step to this value."""
+        value = self._parameters[symbol]
+        step = _PARAMETER_STEP * abs(value) or _PARAMETER_STEP
+        return vehicle_constants({**self._parameters, symbol: value + step}, self._terms), step
 
 
 @compiled(types.void(_matrix, _matrix, _matrix, _vector, _vector, _matrix, _vector))
