@@ -172,6 +172,10 @@ def identify_into(
     names = list(dict.fromkeys(filters))
     others = other_estimates(folder, prepared.experiment, prepared.dataset.sha256, names)
     refuse_unless(overwrite, next(iter(others.values()), ""))
+    for name in prepared.experiment.identification.estimate.without_effect():
+        progress.message(
+            f"note: identification.estimate.{name} has no effect: {name} is not in identification.estimate.biases"
+        )
     paths = {name: folder / "estimates" / f"{name.value}.h5" for name in names}
     recorded = _record_in_parallel(prepared, paths, progress, on_estimate)
     estimates = with_considered_errors(recorded)

@@ -341,6 +341,12 @@ class AugmentedStates(Settings):
         """Return the blocks to estimate, each once."""
         return tuple(block for name in dict.fromkeys(self.biases) for block in self.blocks_of(name))
 
+    def without_effect(self) -> tuple[str, ...]:
+        """Return the names of errors that are not estimated, although their settings differ from the defaults."""
+        fields = type(self).model_fields
+        unused = (name.value for name in BiasName if name not in self.biases)
+        return tuple(name for name in unused if getattr(self, name) != fields[name].default)
+
 
 _EVERYTHING = AugmentedStates.model_validate(
     {
