@@ -23,7 +23,7 @@ from auvid_cli.report.text_tables import narrowed, print_texts, render_markdown
 _MAX_ROWS = 40  # on the screen; the files have all
 _SCREEN_DIGITS = 3
 # Columns left out on a narrow terminal, in this order.
-_DROPPED_COLUMNS = "by chance", "error / bound", "5 - 95 %", "sd / bound", "in 2 sd %", "NEES"
+_DROPPED_COLUMNS = "by chance", "error / bound", "5 - 95 %", "sd / bound", "in 2 sd %", "NEES", "runs"
 # Meaning of each heading that needs one.
 _MEANINGS = {
     "inconsistent %": "Inconsistent: share of the runs with prediction errors much larger than the filter expects.",
@@ -196,7 +196,7 @@ def _spread(findings: CampaignSummary, filters: Mapping[str, str]) -> list[parts
         return []
     low = float(np.floor(np.log10(known.min())))
     high = max(float(np.ceil(np.log10(min(known.max(), _MAX_ERROR)))), low + 1.0)
-    across = parts.Axis(low, high, _LEFT, _WIDTH - 60.0)
+    across = parts.Axis(low, high, _LEFT, _WIDTH - 80.0)
     drawn = cells[:_MAX_DRAWN]
     bottom = _TOP + _ROW * len(drawn)
     shapes = parts.decades(across, _TOP, bottom)

@@ -167,7 +167,7 @@ def _draw_distance(axes: Axes, true: _Track, others: list[_Track]) -> None:
         distance = np.linalg.norm(track.position[some] - at, axis=1)
         axes.plot(time, distance, **track.line, zorder=2.0 + 0.1 * position)
     axes.set_yscale("log")
-    style.plain_decades(axes.yaxis)
+    style.plain_log_ticks(axes.yaxis)
     axes.set_xlabel("time (s)", fontsize=9)
     axes.set_ylabel("position error (m)", fontsize=9)
 

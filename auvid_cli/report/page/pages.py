@@ -91,7 +91,7 @@ def _convergence(estimates: Sequence[Estimate], true: dict[str, float]) -> list[
         ]
     if distances.plots:
         content += [
-            parts.Words([f"Distance of each estimate from the {reference} value, in per cent of it."]),
+            parts.Words([f"Distance of each estimate from the {reference} value, in percent of it."]),
             distances,
         ]
     return content
