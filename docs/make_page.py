@@ -4,10 +4,10 @@ Takes half a minute of processor time. `--slow` also fits the log of the tutoria
 """
 
 import argparse
-import io
 import os
 import shutil
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal, NamedTuple
@@ -42,15 +42,14 @@ class _Picture(NamedTuple):
     is_slow: bool = False
 
 
+_FIT = (
+    "simulate field --as-log -o field",
+    "import --map field/map.yaml",
+    "fit results/survey/dataset.h5 --use 0:320",
+)
 _PICTURES = (
     _Picture("page", ("run",), "results/spiral/report.html", "#convergence", _run),
-    _Picture(
-        "fit",
-        ("simulate field --as-log -o field", "import --map field/map.yaml", "fit results/survey/dataset.h5 --use 0:320"),
-        "results/survey/fit.html",
-        "#steps",
-        is_slow=True,
-    ),
+    _Picture("fit", _FIT, "results/survey/fit.html", "#steps", is_slow=True),
 )
 
 
@@ -80,7 +79,7 @@ def _take(browser: Browser, picture: _Picture, folder: Path) -> None:
         assert box is not None
         bottom = box["y"] + box["height"] + tab.evaluate("scrollY") + _MARGIN
         shot = tab.screenshot(full_page=True, clip={"x": 0, "y": 0, "width": _WIDTH, "height": bottom})
-        with Image.open(io.BytesIO(shot)) as image:
+        with Image.open(BytesIO(shot)) as image:
             save(image, IMAGES / f"{picture.name}{suffix}.png")
         tab.close()
 
