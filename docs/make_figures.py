@@ -37,6 +37,7 @@ _PICTURES = {
     "mission.png": "mission/figures/mission.png",
     "designed.png": "results/designed/figures/identifiability_bounds.png",
     "spread.png": "results/campaigns/noise/figures/spread.png",
+    "map.png": "results/campaigns/noise/figures/map.png",
 }
 
 

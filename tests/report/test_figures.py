@@ -261,6 +261,12 @@ def test_limits_of_classes_are_named(identifiability):
     assert all(left.x1 < right.x0 for left, right in pairwise(extents))
 
 
+def test_durations_are_labelled_with_plain_numbers(identifiability):
+    percent = identifiability.growth[0][1]
+    figure = bounds_figure(identifiability._replace(growth=[(time, percent) for time in (2.5, 50.05, 3600.0)]))
+    assert [label.get_text() for label in figure.axes[1].get_xticklabels()] == ["3600", "50", "2.5"]
+
+
 def test_means_of_free_run_residuals_are_within_the_noise_where_the_model_is_right(dataset):
     figure = free_run_figure(dataset.sensors, {"ckf": FreeRun(TIME, motion_at(TIME))})
     assert len(figure.axes) == 9

@@ -168,7 +168,7 @@ def _tick_durations(axes: Axes, times: list[float]) -> None:
     for time in sorted(times, reverse=True):
         if time > 0.0 and (not kept or time < _APART * kept[-1]):
             kept.append(time)
-    axes.set_xticks(kept, [f"{time:.3g}" for time in kept])
+    axes.set_xticks(kept, [f"{time:.0f}" if time >= 10.0 else f"{time:.2g}" for time in kept])
     axes.xaxis.set_minor_locator(NullLocator())
 
 

@@ -151,7 +151,8 @@ def test_the_page_of_a_campaign_draws_every_run_that_ended(monkeypatch):
     dots = [shape for shape in drawing.shapes if isinstance(shape, Dot)]
     assert [dot.says for dot in dots] == ["ckf: 1 %", "ckf: 10 %", "<b>: 1 %", "<b>: 1e+06 %"]
     assert dots[0].x < dots[1].x < dots[3].x
-    assert "33% lost" in {shape.text for shape in drawing.shapes if isinstance(shape, TextLabel)}
+    (lost,) = [shape for shape in drawing.shapes if isinstance(shape, TextLabel) and shape.text == "33% lost"]
+    assert drawing.width - lost.x >= 8.0 * len("100% lost")  # px of a letter
     elements = Elements(render_page(page))
     assert elements.texts("b") == elements.texts("u") == elements.texts("i") == []
     assert page.subtitle == "5 runs, 3 seeds"
