@@ -139,7 +139,7 @@ def test_identify_uses_settings_of_dataset_file(results, tmp_path):
 
 def test_identify_names_settings_of_errors_that_are_not_estimated(results, tmp_path):
     (tmp_path / "mission.h5").write_bytes((results[0] / "results/spiral/dataset.h5").read_bytes())
-    settings = "{biases: [gyro], gyro: {walk: 1e-5 rad/s/s^0.5}, dvl: {scale_spread: 1 %}}"
+    settings = "{biases: [gyro], gyro: {walk: 1e-5 rad/s/s^0.5}, dvl: {scale_spread: 0.01}}"
     command = "identify", "mission.h5", "-f", "ckf", "--set", f"identification.estimate={settings}", *SHORT[2:]
     result = auvid(*command, cwd=tmp_path)
     assert result.exit_code == 0, result.stderr
