@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal, NamedTuple
 
-from PIL import Image
+from PIL import Image, ImageOps
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from docs.make_figures import IMAGES, run_all, save
@@ -80,7 +80,8 @@ def _take(browser: Browser, picture: _Picture, folder: Path) -> None:
         bottom = box["y"] + box["height"] + tab.evaluate("scrollY") + _MARGIN
         shot = tab.screenshot(full_page=True, clip={"x": 0, "y": 0, "width": _WIDTH, "height": bottom})
         with Image.open(BytesIO(shot)) as image:
-            save(image, IMAGES / f"{picture.name}{suffix}.png")
+            # A frame separates it from the page that shows it.
+            save(ImageOps.expand(image, 1, "#808080"), IMAGES / f"{picture.name}{suffix}.png")
         tab.close()
 
 
