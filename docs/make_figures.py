@@ -1,4 +1,4 @@
-"""Make the pictures of the how-to pages: `python -m docs.make_figures`. Takes four minutes of processor time."""
+"""Make the pictures of the how-to pages: `python -m docs.make_figures`. Takes three minutes of processor time."""
 
 import shlex
 import subprocess

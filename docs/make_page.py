@@ -1,6 +1,6 @@
 """Take pictures of the pages of results, light and dark, with Chromium: `python -m docs.make_page`.
 
-Takes half a minute of processor time. `--slow` also fits the log of the tutorial, which takes four minutes more.
+Takes half a minute of processor time. `--slow` also fits the log of the tutorial, which takes three minutes more.
 """
 
 import argparse
