@@ -12,13 +12,13 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from auvid_cli.config.enums import FigureFormat, FilterName
-from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.dataset import SensorRecord, TruthRecord
 from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.errors import FileError
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FreeRun, Identifiability
 from auvid_cli.report.figures import workers
 from auvid_cli.report.figures.coefficients import bounds_figure, convergence_figure, correlation_figure
-from auvid_cli.report.figures.draw import FigureQueue, FreeRunRequest
+from auvid_cli.report.figures.draw import FigureQueue, FreeRunRequest, MotionErrorRequest
 from auvid_cli.report.figures.motion import motion_error_figure, motion_figure, path_figure
 from auvid_cli.report.figures.style import new_figure, plain_log_ticks
 from auvid_cli.report.figures.validation import free_run_figure, innovation_figure
@@ -321,6 +321,25 @@ def test_component_measured_in_few_rows_of_a_long_record_is_drawn(dataset, estim
     FigureQueue(tmp_path, submit, EVERY_FORMAT).add_free_runs(replace(dataset, sensors=sensors), evaluation)
     (drawn,) = (request for request in requests if isinstance(request, FreeRunRequest))
     assert np.isfinite(drawn.sensors["gyroscope"].values[:, 2]).any()
+
+
+def test_truth_of_a_long_run_is_sent_where_the_estimates_are(dataset, estimates, tmp_path):
+    size = 300_000
+    time = np.linspace(0.0, TIME[-1], size)
+    motion = np.sin(np.outer(300.0 * time, np.arange(1.0, 10.0)))
+    truth = TruthRecord(time, motion, np.zeros((size, 3)), TRUE)
+    requests = []
+
+    def submit(work, request, *rest):
+        requests.append(request)
+        return Future()
+
+    FigureQueue(tmp_path, submit, EVERY_FORMAT).add_estimates(replace(dataset, truth=truth), estimates)
+    (drawn,) = (request for request in requests if isinstance(request, MotionErrorRequest))
+    assert drawn.truth.time.size < 0.5 * size
+    for estimate in estimates:
+        shown = np.interp(estimate.time, drawn.truth.time, drawn.truth.motion[:, 8])
+        np.testing.assert_array_equal(shown, np.interp(estimate.time, time, motion[:, 8]))
 
 
 def test_heading_of_a_compass_is_no_missing_measurement(dataset, estimates):

@@ -1,6 +1,6 @@
 """Requests for figures, and the queue that draws them in other processes."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from pathlib import Path
@@ -187,10 +187,11 @@ class FigureQueue:
             self._add("estimates", EstimateRequest(symbols, courses, true))
             self._add("convergence", ConvergenceRequest(symbols, courses, true))
         motions = [estimate.history(MOTION_SYMBOLS) for estimate in estimates]
-        if dataset.truth is not None or estimates:
-            self._add("path", PathRequest(dataset.truth, motions))
-        if dataset.truth is not None and estimates:
-            self._add("motion_errors", MotionErrorRequest(dataset.truth, motions))
+        truth = None if dataset.truth is None else _at_times(dataset.truth, motions)
+        if truth is not None or estimates:
+            self._add("path", PathRequest(truth, motions))
+        if truth is not None and estimates:
+            self._add("motion_errors", MotionErrorRequest(truth, motions))
 
     def add_free_runs(self, dataset: Dataset, evaluation: "Evaluation") -> None:
         """Draw measurements minus free runs, if any sensor measures the motion."""
@@ -276,6 +277,17 @@ def _with_yaw_rate(sensors: dict[str, SensorRecord]) -> dict[str, SensorRecord]:
         return sensors
     values = np.column_stack([np.full((rate.time.size, 2), np.nan), rate.values])
     return sensors | {"gyroscope": SensorRecord(rate.time, values, np.full(3, rate.deviation))}
+
+
+def _at_times(truth: TruthRecord, motions: Iterable[EstimateHistory]) -> TruthRecord:
+    """Return about `_MAX_SAMPLES` rows of the truth, and those before and after each time of the motions."""
+    n = truth.time.size
+    rows = [np.arange(0, n, 1 + n // _MAX_SAMPLES)]
+    for motion in motions:
+        after = np.searchsorted(truth.time, motion.time)
+        rows += [np.maximum(after - 1, 0), np.minimum(after, n - 1)]
+    some = np.unique(np.concatenate(rows))
+    return TruthRecord(truth.time[some], truth.motion[some], truth.position[some], truth.coefficients)
 
 
 def _thinned(record: SensorRecord) -> SensorRecord:
