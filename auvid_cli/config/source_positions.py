@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from yaml.constructor import SafeConstructor
 
 from auvid_cli.text import shortened
 
@@ -180,8 +181,8 @@ class Tree:
         return replace(self, content=content)
 
 
-# Campaigns and notebooks read the same files many times.
-@lru_cache(maxsize=32)
+# Campaigns and notebooks read the same files many times; each override is a source, too.
+@lru_cache(maxsize=256)
 def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
     """Read a YAML document safely; return its tree and its errors.
 
@@ -189,9 +190,8 @@ def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
     """
     start = Position(source, 1, 1)
     try:
-        loader = _Loader(source)
-        root = loader.get_single_node()
-        return (loader.tree(root) if root else Tree(None, start)), tuple(loader.mistakes)
+        root, builder = _composed(source.text), _TreeBuilder(source)
+        return (builder.tree(root) if root else Tree(None, start)), tuple(builder.mistakes)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         message = ", ".join(part for part in (error.context, error.problem) if part)
@@ -202,6 +202,12 @@ def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
     return Tree(None, start, readable=False), (mistake,)
 
 
+# This takes most of the time, and a dataset and its estimates contain the same settings.
+@lru_cache(maxsize=64)
+def _composed(text: str) -> yaml.Node | None:
+    return _Loader(text).get_single_node()
+
+
 class _Loader(yaml.SafeLoader):
     """PyYAML's loader with plain rules for scalars: 010 is not 8, 1:30 is not 90, and a date is text."""
 
@@ -210,11 +216,9 @@ class _Loader(yaml.SafeLoader):
         for first, kinds in yaml.SafeLoader.yaml_implicit_resolvers.items()
     }
 
-    def __init__(self, source: ConfigSource) -> None:
-        super().__init__(source.text)
-        self.source = source
-        self.mistakes: list[Mistake] = []
-        self._composed = self._depth = self._values = 0
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._composed = self._depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """Compose the next node; raise an error as soon as the text is too large or unsafe."""
@@ -231,6 +235,16 @@ class _Loader(yaml.SafeLoader):
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node
+
+
+class _TreeBuilder(SafeConstructor):
+    """Trees of the nodes of a source, and the mistakes found in them."""
+
+    def __init__(self, source: ConfigSource) -> None:
+        super().__init__()
+        self.source = source
+        self.mistakes: list[Mistake] = []
+        self._values = 0
 
     def tree(self, node: yaml.Node, path: KeyPath = (), above: tuple[yaml.Node, ...] = ()) -> Tree:
         """Return the tree of a node; `above` are the nodes that contain it. Each use of an alias counts."""
