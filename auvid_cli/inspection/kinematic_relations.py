@@ -22,6 +22,7 @@ _MAX_ROWS = 20_000  # largest number of samples in a regression
 _MIN_WINDOWS = 15  # smallest number of windows in a regression
 _HUBER_TUNING = 1.345  # robust standard deviations: 95 % as efficient as least squares for Gaussian noise
 _HUBER_ITERATIONS = 12
+_MIN_SHARE = 1e-10  # of a direction of the further regressors in the largest; less is rounding
 _MIN_POWER = 1e-20  # unexplained share of a regressor's power; less is rounding
 
 
@@ -190,7 +191,7 @@ def fit(
     if windows < _MIN_WINDOWS + len(others):
         return None
     y, x, *rows = columns[:, complete[:: 1 + complete.size // _MAX_ROWS]]
-    further = np.stack([*(_unit(row) for row in rows), *[np.ones(y.size)] * constant], axis=1)
+    further = _basis(np.stack([*(_unit(row) for row in rows), *[np.ones(y.size)] * constant], axis=1))
     weighted = _weighted(y, x, further, np.ones(y.size))
     for _ in range(_HUBER_ITERATIONS):
         residual = np.abs(weighted.residual)
@@ -221,9 +222,9 @@ class _Weighted(NamedTuple):
 
 
 def _weighted(y: Array, x: Array, further: Array, weights: Array) -> _Weighted:
-    root = np.sqrt(weights)[:, None]
-    both = np.stack([y, x], axis=1)
-    y, x_unexplained = (both - further @ np.linalg.lstsq(root * further, root * both, rcond=1e-10)[0]).T
+    both, weighted = np.stack([y, x], axis=1), weights[:, None] * further
+    # `further` is orthonormal, so that these normal equations are as well conditioned as the weights.
+    y, x_unexplained = (both - further @ np.linalg.solve(weighted.T @ further, weighted.T @ both)).T
     share = weights / weights.sum()
     power = float(share @ x_unexplained**2)
     gain = 0.0
@@ -235,6 +236,12 @@ def _weighted(y: Array, x: Array, further: Array, weights: Array) -> _Weighted:
     leverage = share * x_unexplained**2
     evenness = power**2 / (x.size * float(leverage @ leverage)) if power > 0.0 else 0.0
     return _Weighted(gain, residual, float(share @ residual**2), power, float(share @ y**2), evenness)
+
+
+def _basis(columns: Array) -> Array:
+    """Return orthonormal columns that span the same space."""
+    basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    return basis[:, sizes > _MIN_SHARE * sizes.max(initial=0.0)]
 
 
 def _unit(values: Array) -> Array:
