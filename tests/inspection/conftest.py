@@ -4,12 +4,15 @@ from dataclasses import replace
 
 import pytest
 
+# Half and a quarter of the usual samples.
+SLOW = tuple(f"sensors.{name}.rate=25 Hz" for name in ("gyroscope", "accelerometer"))
 MANOEUVRES = {
-    "spiral": ("manoeuvre.duration=120 s",),
+    "spiral": ("manoeuvre.duration=120 s", *SLOW),
     "long_spiral": ("sensors.gyroscope.rate=100 Hz", "sensors.attitude.rate=100 Hz"),
     "zigzag_20_20": (
         "manoeuvre={type: zigzag, duration: 120 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, "
         "approach: 10 s, input_rate: 25 Hz}",
+        *SLOW,
     ),
 }
 
