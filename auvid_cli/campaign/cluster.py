@@ -194,7 +194,7 @@ def local_cluster(workers: int) -> Iterator[Cluster]:
     """
     with Workers(workers, "spawn", _ATTEMPTS) as executor:
         try:
-            for started in [executor.submit(_version) for _ in range(workers)]:
+            for started in [executor.submit(installed_version) for _ in range(workers)]:
                 started.result()
         except (WorkerDied, MemoryError) as error:
             raise ClusterError(
@@ -229,7 +229,7 @@ def dask_client(scheduler: str, start_time: float = START_TIME) -> "Iterator[Cli
         try:
             client = stack.enter_context(Client(scheduler, timeout=start_time / 2))
             client.wait_for_workers(1, timeout=start_time)
-            versions = set(client.run(_version).values())  # pyright: ignore[reportAttributeAccessIssue]
+            versions = set(client.run(installed_version).values())  # pyright: ignore[reportAttributeAccessIssue]
         except ModuleNotFoundError as error:
             raise ClusterError(f"--scheduler {scheduler}: its workers have no auvid: {error}") from None
         except (OSError, TimeoutError, TypeError, ValueError) as error:
@@ -255,7 +255,8 @@ def dask_cluster(scheduler: str, start_time: float = START_TIME) -> Iterator[Clu
         yield Cluster(client.get_executor(pure=False), n_workers)
 
 
-def _version() -> str:
+def installed_version() -> str:
+    """Return the version of auvid in this process."""
     return __version__
 
 

@@ -5,9 +5,10 @@ from statistics import mean, stdev
 
 import pytest
 
-from auvid_cli.campaign.plan import MAX_GROUP, CampaignPlan
+from auvid_cli.campaign.plan import MAX_GROUP
 from auvid_cli.config.campaign import dump_campaign, load_campaign
 from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.loading import validated
 from auvid_cli.errors import ConfigError
 
 GRID = """\
@@ -124,18 +125,18 @@ def test_other_version_changes_the_identity(planned, monkeypatch):
 
 
 def test_mistake_is_found_without_resolving_all_combinations(planned, monkeypatch):
-    resolved = []
-    resolve = CampaignPlan._resolve
-    monkeypatch.setattr(CampaignPlan, "_resolve", lambda *some: resolved.append(0) or resolve(*some))
+    """Two for each combination, the data and the assumptions of the filter, and one of the campaign."""
+    checked = []
+    monkeypatch.setattr("auvid_cli.campaign.plan.validated", lambda *some: checked.append(0) or validated(*some))
     text = "name: big\nseeds: 2\nfilters: [ckf]\nvary:\n"
     text += "".join(
         f"  - {{setting: sensors.{one}.rate, values: [1, 2, 3]}}\n" for one in ("dvl", "gyroscope", "attitude")
     )
-    plan = planned(text)
-    assert (plan.n_runs, len(resolved)) == (54, 7)
-    (group,) = plan.examples(1)
+    big = planned(text)
+    assert (big.n_runs, len(checked)) == (54, 1 + 2 * 7)
+    (group,) = big.examples(1)
     assert len(group.runs) == 1
-    assert len(resolved) == 8
+    assert len(checked) == 1 + 2 * 8
 
 
 def test_axes_with_the_same_setting_are_refused(planned):

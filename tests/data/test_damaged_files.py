@@ -8,7 +8,6 @@ import h5py
 import numpy as np
 import pytest
 
-from auvid_cli.data import dataset_file
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.data.files import locked, replacing, write_text
@@ -169,10 +168,14 @@ class Interrupted(Exception):
 
 
 def test_failed_write_leaves_no_file(dataset, tmp_path, monkeypatch):
-    def fail(group, truth, units):
-        raise Interrupted
+    create_group = h5py.Group.create_group
 
-    monkeypatch.setattr(dataset_file, "_write_truth", fail)
+    def fail_at_truth(group, name):
+        if name == "truth":
+            raise Interrupted
+        return create_group(group, name)
+
+    monkeypatch.setattr(h5py.Group, "create_group", fail_at_truth)
     with pytest.raises(Interrupted):
         write_dataset(tmp_path / "dataset.h5", dataset)
     assert list(tmp_path.iterdir()) == []
