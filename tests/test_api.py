@@ -98,6 +98,7 @@ def seconds(simulated_with):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_figures")
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_docstring_is_complete_and_its_example_runs(name, here, short_run, seconds, estimate, other, capsys):
     function = getattr(auvid, name)
