@@ -4,7 +4,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numba import njit
 
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
@@ -18,11 +17,12 @@ from auvid_cli.filters.problem import (
     empty_records,
 )
 from auvid_cli.numerics import LANES
+from tests.filters.compile_later import compile_later
 
 N_AXES = 2
 
 
-@njit(PROCESS_SIGNATURE)
+@compile_later(PROCESS_SIGNATURE)
 def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     """Two carts: positions, then velocities; acceleration = mixing @ parameters + input, constant in a substep."""
     n_parameters = constants.size // N_AXES
@@ -36,7 +36,7 @@ def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration
             moving[(N_AXES + axis) * LANES + k] = velocity + duration * acceleration
 
 
-@njit(TRANSITION_SIGNATURE)
+@compile_later(TRANSITION_SIGNATURE)
 def _transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """The same for one state, and its derivative."""
     n_parameters = constants.size // N_AXES
@@ -143,7 +143,7 @@ def linear_problem(request):
     mixing = rng.standard_normal((N_AXES, n_parameters)) / np.sqrt(n_parameters)
     density = rng.uniform(0.05, 0.3, 2 * N_AXES)
 
-    process = Process(_advance, _transition, mixing.ravel(), np.zeros(0, dtype=np.int64), density)
+    process = Process(_advance(), _transition(), mixing.ravel(), np.zeros(0, dtype=np.int64), density)
 
     substeps = [0, *rng.integers(1, 4, n_events - 1)]
     durations = rng.uniform(0.01, 0.4, sum(substeps))
@@ -175,7 +175,7 @@ def linear_problem(request):
     return SimpleNamespace(process=process, sensors=sensors, timeline=timeline, prior=prior, mixing=mixing)
 
 
-@njit(OBSERVATION_SIGNATURE)
+@compile_later(OBSERVATION_SIGNATURE)
 def _observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
     """A distance, a rate with an unknown scale under an input, and a product of states; of sensor 0."""
     for k in range(n_lanes):
@@ -201,7 +201,7 @@ def _jacobian(state):
     return matrix
 
 
-@njit(LINEARISATION_SIGNATURE)
+@compile_later(LINEARISATION_SIGNATURE)
 def _linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
     first = mean.size - 4
     x, y, u, v = mean[first], mean[first + 1], mean[first + 2], mean[first + 3]
@@ -223,7 +223,7 @@ def _linearise(mean, sensor, inputs, constants, selection, predicted, matrix, sc
 def nonlinear_problem(linear_problem):
     """The carts, measured by a nonlinear sensor and a linear one."""
     p = linear_problem
-    p.process = p.process._replace(observe=_observe, linearise=_linearise)
+    p.process = p.process._replace(observe=_observe(), linearise=_linearise())
     p.sensors = p.sensors._replace(nonlinear=np.array([True, False]))
     p.prior = Gaussian(0.2 * p.prior.mean, 0.2 * p.prior.factor)
     p.plain_observe, p.jacobian = _plain_observe, _jacobian

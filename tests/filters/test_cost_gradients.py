@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numba import njit
 from scipy.optimize import minimize
 
 from auvid_cli.filters.fault_scores import FaultEffects
@@ -19,6 +18,7 @@ from auvid_cli.filters.problem import (
     Timeline,
 )
 from auvid_cli.filters.smoother import most_probable
+from tests.filters.compile_later import compile_later
 
 N, STEP, THRUST, DRAG, DENSITY, NOISE = 400, 0.1, 1.0, 0.5, 0.4, 0.05
 START, SPREAD = 1.4, 0.3
@@ -26,14 +26,14 @@ CHUNK = 70
 GRID = np.linspace(-0.2, 3.0, 321)
 
 
-@njit(PROCESS_SIGNATURE)
+@compile_later(PROCESS_SIGNATURE)
 def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     """A velocity under a constant thrust and a drag by its square."""
     for k in range(n_lanes):
         moving[k] += duration * (1.0 - parameters[k] * moving[k] ** 2)
 
 
-@njit(TRANSITION_SIGNATURE)
+@compile_later(TRANSITION_SIGNATURE)
 def _transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     matrix[1, 0], matrix[1, 1] = 0.0, 1.0
     for duration in substep_duration:
@@ -75,7 +75,7 @@ def problem_of(measured, cut):
             measurement=measured[first:last, None].copy(),
         )
 
-    process = Process(_advance, _transition, np.zeros(1), np.zeros(0, dtype=np.int64), np.array([DENSITY]))
+    process = Process(_advance(), _transition(), np.zeros(1), np.zeros(0, dtype=np.int64), np.array([DENSITY]))
     no = np.zeros((1, 1), dtype=np.bool_)
     sensors = Sensors(np.array([[[0.0, 1.0]]]), np.full((1, 1), NOISE**2), no, no[0])
     segments = [

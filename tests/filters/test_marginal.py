@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numba import njit
 from scipy.optimize import minimize
 
 from auvid_cli.filters.fault_scores import FaultEffects
@@ -24,19 +23,20 @@ from auvid_cli.filters.problem import (
 )
 from auvid_cli.filters.smoother import most_probable, run_smoother
 from auvid_cli.numerics import LANES
+from tests.filters.compile_later import compile_later
 
 N, STEP, DENSITY, NOISE = 400, 0.5, 1.0, 0.7
 TRUE = np.array([0.6, 0.3])
 
 
-@njit(PROCESS_SIGNATURE)
+@compile_later(PROCESS_SIGNATURE)
 def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     """A velocity that decays at the rate of the first parameter."""
     for k in range(n_lanes):
         moving[k] *= 1.0 - duration * parameters[k]
 
 
-@njit(TRANSITION_SIGNATURE)
+@compile_later(TRANSITION_SIGNATURE)
 def _transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     for j in range(3):
         matrix[2, j] = 1.0 if j == 2 else 0.0
@@ -46,14 +46,14 @@ def _transition(mean, inputs, substep_input, substep_duration, constants, select
         mean[2] *= 1.0 - duration * mean[0]
 
 
-@njit(OBSERVATION_SIGNATURE)
+@compile_later(OBSERVATION_SIGNATURE)
 def _observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
     """A scale that is off by the second parameter."""
     for k in range(n_lanes):
         predicted[k] = (1.0 + parameters[LANES + k]) * moving[k]
 
 
-@njit(LINEARISATION_SIGNATURE)
+@compile_later(LINEARISATION_SIGNATURE)
 def _linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
     predicted[0] = (1.0 + mean[1]) * mean[2]
     matrix[0, 0], matrix[0, 1], matrix[0, 2] = 0.0, mean[2], 1.0 + mean[1]
@@ -85,8 +85,8 @@ def problem_of(measured, cut):
             measurement=measured[2 * first : 2 * last, None].copy(),
         )
 
-    process = Process(_advance, _transition, np.zeros(1), np.zeros(0, dtype=np.int64), np.array([DENSITY]))
-    process = process._replace(observe=_observe, linearise=_linearise)
+    process = Process(_advance(), _transition(), np.zeros(1), np.zeros(0, dtype=np.int64), np.array([DENSITY]))
+    process = process._replace(observe=_observe(), linearise=_linearise())
     matrix = np.zeros((2, 1, 3))
     matrix[1, 0, 2] = 1.0
     sensors = Sensors(matrix, np.full((2, 1), NOISE**2), np.zeros((2, 1), dtype=np.bool_), np.array([True, False]))

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numba import njit
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal
@@ -26,6 +25,7 @@ from auvid_cli.filters.problem import (
     Sensors,
     Timeline,
 )
+from tests.filters.compile_later import compile_later
 
 GROUPS = (NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3)), NoiseGroup(sensor=0))
 
@@ -68,14 +68,14 @@ def test_wrong_noise_is_estimated(linear_problem, moments_of_measurements, rng):
     assert (np.abs(np.log(found.factor * wrong))[1:] < 1.0).all()
 
 
-@njit(PROCESS_SIGNATURE)
+@compile_later(PROCESS_SIGNATURE)
 def _fade(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     """A velocity that forgets at a rate that is known."""
     for k in range(n_lanes):
         moving[k] *= np.exp(-constants[0] * duration)
 
 
-@njit(TRANSITION_SIGNATURE)
+@compile_later(TRANSITION_SIGNATURE)
 def _fading(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     left = np.exp(-constants[0] * substep_duration.sum())
     matrix[1, 0], matrix[1, 1] = 0.0, left
@@ -118,7 +118,7 @@ def test_density_is_that_of_noise_that_acts_all_along(rng):
         measurement=measured[:, None],
     )
     # The parameter does nothing.
-    process = Process(_fade, _fading, np.array([rate]), np.zeros(0, dtype=np.int64), np.array([2.0]))
+    process = Process(_fade(), _fading(), np.array([rate]), np.zeros(0, dtype=np.int64), np.array([2.0]))
     linear = np.zeros((1, 1), dtype=np.bool_)
     sensors = Sensors(np.array([[[0.0, 1.0]]]), np.full((1, 1), noise**2), linear, linear[0])
     problem = JointProblem(process, sensors, [[timeline]], Gaussian(np.zeros(2), np.eye(2)))

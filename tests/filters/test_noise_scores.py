@@ -4,13 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numba import njit
 from numpy.testing import assert_allclose
 
 from auvid_cli.filters.linear_smoother import LinearSmoothing, Trajectory
 from auvid_cli.filters.noise_likelihood import scaled
 from auvid_cli.filters.noise_scores import NoiseGroup, noise_scores
 from auvid_cli.filters.problem import TRANSITION_SIGNATURE, Gaussian, JointProblem, joint_gaussian
+from tests.filters.compile_later import compile_later
 
 N_MOVING = 4
 GROUPS = (NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3)), NoiseGroup(sensor=0), NoiseGroup(sensor=1))
@@ -111,7 +111,7 @@ def test_the_slope_by_an_initial_deviation_is_that_of_the_likelihood(problem):
     assert_allclose(scores.slope, differences(problem, at, STATIONARY), rtol=1e-6, atol=1e-6)
 
 
-@njit(TRANSITION_SIGNATURE)
+@compile_later(TRANSITION_SIGNATURE)
 def _fading_carts(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """Two positions that parameters and two speeds move; the speeds fade, at the rates behind the mixing."""
     elapsed, n_parameters = substep_duration.sum(), mean.size - N_MOVING
@@ -140,7 +140,7 @@ def fading(problem, with_decay):
     process, n = problem.process, problem.n_parameters
     decay = np.concatenate([np.zeros(2), RATES]) if with_decay else np.zeros(0)
     process = process._replace(
-        transition=_fading_carts, constants=np.concatenate([process.constants, RATES]), decay=decay
+        transition=_fading_carts(), constants=np.concatenate([process.constants, RATES]), decay=decay
     )
     factor = problem.prior.factor.copy()
     for place in problem.indices:
