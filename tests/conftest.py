@@ -80,15 +80,15 @@ GENTLE = "manoeuvre=manoeuvres/spiral_gentle.yaml", "identification.prior.factor
 FEW_INPUTS = "manoeuvre.input_rate=25 Hz"
 # The period of these inputs; twice the default.
 LONG_STEP = "identification.integration_step=0.04 s"
-# Each is half the default.
-RATES = "sensors.gyroscope.rate=50 Hz", "sensors.attitude.rate=50 Hz"
+# Each is a quarter of the default.
+RATES = "sensors.gyroscope.rate=25 Hz", "sensors.attitude.rate=25 Hz"
 
 
 @pytest.fixture(scope="session")
 def experiment_with():
     """Function: the shipped spiral experiment, started gently, with overrides as on the command line.
 
-    Inputs of any manoeuvre change at 25 Hz, gyroscope and attitude measure at 50 Hz, and estimators integrate in steps
+    Inputs of any manoeuvre change at 25 Hz, gyroscope and attitude measure at 25 Hz, and estimators integrate in steps
     of 0.04 s, unless an override states another rate or step.
     """
 

@@ -133,7 +133,7 @@ def test_several_datasets_and_segments_are_judged_together(results, simulated_wi
     assert result.exit_code == 0, result.output
     with (tmp_path / "out/tables/validation.csv").open(encoding="utf-8") as file:
         free = {row["signal"]: row for row in csv.DictReader(file) if row["kind"] == "free_run"}
-    rate = 50.0
+    rate = 25.0
     assert float(free["p"]["measurements"]) == pytest.approx(2 * (18.0 + 31.5) * rate, rel=0.05)
     assert read_dataset(tmp_path / "out/dataset.h5").sha256 == read_dataset(results / "circle.h5").sha256
     own = run(estimate, results / "circle.h5", results / "dataset.h5", "-o", tmp_path / "own")

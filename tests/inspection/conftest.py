@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-# Half and a quarter of the usual samples.
-SLOW = tuple(f"sensors.{name}.rate=25 Hz" for name in ("gyroscope", "accelerometer"))
+# Jumps of the attitude are judged by how much it moves between samples.
+ATTITUDE = "sensors.attitude.rate=50 Hz"
+SLOW = ATTITUDE, "sensors.accelerometer.rate=25 Hz"
 MANOEUVRES = {
     "spiral": ("manoeuvre.duration=120 s", *SLOW),
     "long_spiral": ("sensors.gyroscope.rate=100 Hz", "sensors.attitude.rate=100 Hz"),

@@ -8,11 +8,13 @@ import pytest
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.inspection.inspect import inspect_dataset
 
+from .conftest import ATTITUDE
+
 
 @pytest.fixture(scope="module")
 def dive(simulated_with):
     """A spiral with a depth sensor of 5 Hz and 1 cm, from where the vehicle truly was; no accelerometer."""
-    dataset = simulated_with("sensors.attitude.source=direct")
+    dataset = simulated_with("sensors.attitude.source=direct", ATTITUDE)
     assert dataset.truth is not None
     time = np.arange(0.0, 300.0, 0.2)
     down = np.interp(time, dataset.truth.time, dataset.truth.position[:, 2])

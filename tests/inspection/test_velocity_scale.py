@@ -9,6 +9,8 @@ from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.kinematic_relations import Grid, Signals
 from auvid_cli.inspection.velocity import velocity_checks
 
+from .conftest import ATTITUDE
+
 MULTISINE = "manoeuvre=manoeuvres/multisine.yaml"
 DEPTH = "sensors.depth={{rate: {} Hz, noise: 1 cm}}"
 
@@ -17,7 +19,9 @@ DEPTH = "sensors.depth={{rate: {} Hz, noise: 1 cm}}"
 def scale_of(simulated_with, changed):
     """Return a function: check of a run with a depth sensor of a rate, with velocities multiplied by a factor."""
 
-    simulated = cache(lambda *settings: simulated_with(MULTISINE, *settings).without_truth())
+    simulated = cache(
+        lambda *settings: simulated_with(MULTISINE, ATTITUDE, "sensors.gyroscope.rate=50 Hz", *settings).without_truth()
+    )
 
     def run(*settings, rate=10, factor=1.0):
         dataset = simulated(DEPTH.format(rate), *settings)

@@ -8,6 +8,7 @@ import pytest
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 DEPTH = "sensors.depth={rate: 5 Hz, noise: 2 cm}"
+FAST = "sensors.gyroscope.rate=50 Hz"
 WHITE = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
 ZIGZAG = "manoeuvre={type: zigzag, duration: 80 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, approach: 8 s}"
 
@@ -15,7 +16,7 @@ ZIGZAG = "manoeuvre={type: zigzag, duration: 80 s, speed: 3.9 m/s, rudder: 20 de
 @pytest.fixture(scope="session")
 def zigzag(simulated_with):
     """With white noise only; do not change its arrays."""
-    return simulated_with(ZIGZAG, WHITE, DEPTH, "seed=33")
+    return simulated_with(ZIGZAG, WHITE, DEPTH, FAST, "seed=33")
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from auvid_cli.validation.results import AHEAD, FREE_RUN
 from auvid_cli.validation.validate import validate
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS
 
-from .conftest import WHITE, ZIGZAG
+from .conftest import FAST, WHITE, ZIGZAG
 
 SLOW = "sensors.gyroscope.rate=25 Hz"
 CIRCLE = "manoeuvre={type: turning_circle, duration: 60 s, speed: 3.9 m/s, rudder: -15 deg, approach: 10 s}"
@@ -303,7 +303,7 @@ def test_too_short_data_are_refused(zigzag, with_coefficients):
 @pytest.mark.slow
 def test_errors_on_own_data_widen_bands(zigzag, simulated_with, undisturbed, experiment_with):
     """A mass 5 % off: what comes of it is seen on a spiral, and expected of the zigzag in proportion."""
-    own = simulated_with("manoeuvre.duration=100 s", WHITE, "seed=32")
+    own = simulated_with("manoeuvre.duration=100 s", WHITE, FAST, "seed=32")
     mass = 1.05 * undisturbed.experiment.vehicle.known_parameters()["m"]
     heavier = experiment_with(NO_NOISE, f"vehicle.parameters.m={mass}")
     estimate = replace(undisturbed, experiment=heavier)
