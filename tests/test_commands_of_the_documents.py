@@ -48,16 +48,16 @@ def commands(block: str) -> Iterator[list[str]]:
 
 @pytest.fixture
 def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
-    """Settings for 120 s at 25 Hz without the slowest filters and the judge; a trial run of a campaign; no figures."""
+    """Settings for 120 s at 10 Hz without the slowest filters and the judge; a trial run of a campaign; no figures."""
     configs = shutil.copytree(enums.shipped_configs(), tmp_path / "package/configs")
     for path in (*configs.glob("*.yaml"), *configs.glob("manoeuvres/*.yaml"), *configs.glob("sensors/*.yaml")):
         text = path.read_text(encoding="utf-8").replace("[ekf, ckf, tukf", "[ckf, tukf")
         # Of so short a run the errors of an AHRS, which last, are doubted with reason.
         text = re.sub("(, smoother)?, output_error]", "]", text).replace("  filters: [", "  judge: false\n  filters: [")
-        text = text.replace("rate: 100 Hz", "rate: 25 Hz").replace(
-            "duration: 300 s", "duration: 120 s\ninput_rate: 25 Hz"
+        text = text.replace("rate: 100 Hz", "rate: 10 Hz").replace(
+            "duration: 300 s", "duration: 120 s\ninput_rate: 10 Hz"
         )
-        text = text.replace("integration_step: 0.02 s", "integration_step: 0.04 s")
+        text = text.replace("integration_step: 0.02 s", "integration_step: 0.1 s")
         path.write_text(text, encoding="utf-8")
     monkeypatch.setattr(enums, "PACKAGE", configs.parent)
     monkeypatch.setattr(campaign, "N_PROBES", 1)
@@ -72,7 +72,7 @@ def write_log(path: Path) -> None:
     run = simulate(
         loading.load_experiment(
             loading.find_experiment(None),
-            ("seed=5", "sensors.dvl.rate=25 Hz", "sensors.attitude.source=direct", "manoeuvre.input_rate=25 Hz"),
+            ("seed=5", "sensors.dvl.rate=10 Hz", "sensors.attitude.source=direct", "manoeuvre.input_rate=10 Hz"),
         )
     )
     columns = {"time": run.inputs.time}
