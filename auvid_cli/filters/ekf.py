@@ -35,8 +35,8 @@ from auvid_cli.filters.problem import (
 Kind = tuple[int, int]
 # Events from one check for a positive definite covariance to the next.
 _CHECK_INTERVAL = 50
-# Events that are checked together.
-_BLOCK = 500
+# Events that are checked together; results do not depend on it.
+BLOCK = 500
 # Raised by the inversion or factorisation of a matrix that is singular, not positive definite or not finite.
 _MATRIX_ERRORS = (np.linalg.LinAlgError, ValueError)
 
@@ -377,8 +377,8 @@ def run_extended_filter(
 
 def _run(ekf: ProcessEkf, part: _Part, n_events: int) -> tuple[int, int]:
     """Filter a chunk; returns the number of good events, and the failure after them or `OK`."""
-    for first in range(0, n_events, _BLOCK):
-        last = min(first + _BLOCK, n_events)
+    for first in range(0, n_events, BLOCK):
+        last = min(first + BLOCK, n_events)
         before = ekf.x.copy(), ekf.P
         if part.filter_block(first, last):
             continue

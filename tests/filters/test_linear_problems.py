@@ -129,7 +129,7 @@ def test_block_size_of_ekf_changes_nothing(together, broken, linear_problem, run
         measurement[linear_problem.timeline.measurement_offset[20]] = np.inf
         linear_problem = with_timeline(linear_problem, measurement=measurement)
     whole = run("ekf", linear_problem)
-    monkeypatch.setattr(ekf, "_BLOCK", together)
+    monkeypatch.setattr(ekf, "BLOCK", together)
     parts = run("ekf", linear_problem)
     assert (parts.n_good, parts.failure) == (whole.n_good, whole.failure)
     assert (whole.failure != OK) == broken
