@@ -112,10 +112,10 @@ def simulated_with(experiment_with):
 
 @pytest.fixture(scope="session")
 def multisine_with(simulated_with):
-    """Function: 30 s of a multisine with few measurements, and overrides."""
+    """Function: 24 s of a multisine with few measurements, and overrides."""
     quick = (
         "manoeuvre=manoeuvres/multisine.yaml",
-        "manoeuvre.duration=30 s",
+        "manoeuvre.duration=24 s",
         "manoeuvre.initial_speed=3.9 m/s",
         "manoeuvre.input_rate=10 Hz",
         "sensors.attitude={source: direct, rate: 5 Hz}",

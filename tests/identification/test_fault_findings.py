@@ -245,7 +245,7 @@ def test_thrust_and_ballast_that_drift_and_are_estimated_as_constants_are_named(
     bias, name, changed, rate, multisine_with
 ):
     """By two thousandths of the thrust, a tenth of a newton or of a newton metre in 40 s."""
-    dataset = multisine_with(f"identification.estimate.biases=[{bias}]")
+    dataset = multisine_with(f"identification.estimate.biases=[{bias}]", "manoeuvre.duration=30 s")
     steady, drifting = (identify(data, FilterName.SMOOTHER) for data in (dataset, changed(dataset, rate)))
     before, found = (
         {str(test.fault): test for test in estimate.faults}[f"drift of the {name}"] for estimate in (steady, drifting)

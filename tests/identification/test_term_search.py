@@ -16,7 +16,7 @@ PLANTED = f'vehicle.terms=[{{name: "N_|v|r", row: N, factors: ["|v|", r], value:
 @pytest.fixture(scope="module")
 def planted(multisine_with):
     """Data of a vehicle with the term, and the model without."""
-    return _without_terms(multisine_with(PLANTED, "manoeuvre.duration=30 s"))
+    return _without_terms(multisine_with(PLANTED, "manoeuvre.duration=20 s"))
 
 
 def _without_terms(dataset):
