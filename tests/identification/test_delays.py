@@ -96,7 +96,8 @@ def test_delays_of_raw_sensors_are_found_to_ten_milliseconds(simulated_with):
     """Delays of an accelerometer off the origin and of a three-axis magnetometer, without an AHRS."""
     late = {"accelerometer": 0.04, "magnetic_field": -0.03}
     dataset = simulated_with(
-        "manoeuvre.duration=12 s",
+        "manoeuvre.duration=8 s",
+        "manoeuvre.input_rate=20 Hz",
         "sensors.accelerometer={rate: 20 Hz, noise: 1 cm/s^2, position: [0.4 m, -0.2 m, 0.1 m]}",
         "sensors.magnetometer=null",
         "sensors.attitude.source=direct",

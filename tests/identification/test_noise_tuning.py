@@ -14,7 +14,7 @@ from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.run import identify
 
 FEW = "identification.coefficients=[X_u|u|, N_url, N_uudr]"
-SLOW = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz"
+SLOW = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz", "manoeuvre.input_rate=20 Hz"
 
 
 @pytest.fixture(scope="module")
