@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from auvid_cli.config.enums import FormatName
-from auvid_cli.config.loading import dump_experiment
+from auvid_cli.config.loading import given_settings
 from auvid_cli.errors import ConfigError
 from auvid_cli.export.functions import MSS_NOTES, inputs_of, matlab_text, mss_text, python_text
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
@@ -265,7 +265,7 @@ def json_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) ->
         },
         "terms": [size._asdict() for size in model.term_sizes],
         "lost": {"terms": [size._asdict() for size in losses.terms], "notes": losses.notes},
-        "provenance": model.origin._asdict() | {"settings": yaml.safe_load(dump_experiment(model.experiment))},
+        "provenance": model.origin._asdict() | {"settings": given_settings(model.experiment)},
     }
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
