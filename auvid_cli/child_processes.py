@@ -26,6 +26,9 @@ _PARENT = "AUVID_PARENT"
 _SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 _PR_SET_PDEATHSIG = 1
 _POLL_INTERVAL = 0.2  # s
+# Access right and time limit of Windows: to wait for the end of a process, without limit.
+_SYNCHRONIZE = 0x100000
+_INFINITE = 0xFFFFFFFF
 _GRACE = 1.0  # s, for workers to end after SIGTERM
 # Held while the environment is changed, because all threads share it.
 _lock = threading.RLock()
@@ -87,7 +90,7 @@ class Workers(Executor):
     method : str
         Start method of `multiprocessing`.
     attempts : int, default 1
-        Number of workers that may die in one call before it raises `WorkerDied`.
+        Number of workers that are tried for one call before it raises `WorkerDied`.
     """
 
     def __init__(self, count: int, method: str, attempts: int = 1) -> None:
@@ -167,7 +170,7 @@ class _Worker:
         arrays = list[pickle.PickleBuffer]()
         pickled = pickle.dumps(request, protocol=5, buffer_callback=arrays.append)
         self._pipe.send((pickled, len(arrays)))
-        # Each is sent from its own memory: a copy of all of them could be the largest part of this process.
+        # Each is sent from its own memory. A copy of all could be most of the memory of this process.
         for array in arrays:
             self._pipe.send_bytes(array.raw())
         return self._pipe.recv()
@@ -208,7 +211,13 @@ def end_with_parent() -> None:
 
 
 def _exit_after(parent: int) -> None:
-    # An orphan gets another parent.
-    while os.getppid() == parent:
-        time.sleep(_POLL_INTERVAL)
+    if sys.platform == "win32":
+        # The number of the parent stays the same after its end, but Windows can wait for the end of a process.
+        kernel = ctypes.WinDLL("kernel32")
+        kernel.OpenProcess.restype = ctypes.c_void_p
+        kernel.WaitForSingleObject(ctypes.c_void_p(kernel.OpenProcess(_SYNCHRONIZE, False, parent)), _INFINITE)
+    else:
+        # An orphan gets another parent.
+        while os.getppid() == parent:
+            time.sleep(_POLL_INTERVAL)
     os._exit(1)

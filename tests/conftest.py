@@ -251,6 +251,12 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(20180417)
 
 
+def pytest_runtest_setup(item):
+    """Skip tests that need POSIX elsewhere."""
+    if os.name != "posix" and item.get_closest_marker("posix"):
+        pytest.skip("needs POSIX")
+
+
 def pytest_configure():
     """Collect garbage seldom, as the commands do, because the imported modules are many objects that stay."""
     gc.set_threshold(50_000)

@@ -36,7 +36,7 @@ def output_of(*arguments: str) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="kills")
+@pytest.mark.posix
 @pytest.mark.parametrize("platform", [sys.platform, "another"])
 def test_child_ends_with_killed_parent(platform):
     # Its output ends when the last process that has it has ended.

@@ -27,9 +27,9 @@ from auvid_cli.data.results import refuse_unless
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.export.formats import FORMATS, check_stem, file_stem
-from auvid_cli.export.losses import caveats, caveats_of, unsupported_lines
 from auvid_cli.export.model import model_found_by
 from auvid_cli.export.recording import RECORDING_LOSSES, topics_of, write_mcap
+from auvid_cli.export.unsupported_features import caveats, caveats_of, unsupported_lines
 
 
 class Export(NamedTuple):
@@ -51,14 +51,14 @@ def _model_export(
     if target.is_of_a_run:
         raise ConfigError(f"{target}: is a format of runs; expected a format of models. Use export_run")
     form, model = FORMATS[target], model_found_by(estimate, dataset, sha256, reference)
-    losses = form.losses(model)
+    unsupported = form.unsupported(model)
 
     def text(file: Path) -> str:
         check_stem(target, file.stem)
-        return form.file_text(model, losses, file.stem)
+        return form.file_text(model, unsupported, file.stem)
 
     name = f"{file_stem(model.experiment.vehicle.name, model.filter)}{form.suffix}"
-    remarks = [*caveats(model), *unsupported_lines(losses)]
+    remarks = [*caveats(model), *unsupported_lines(unsupported)]
     return Export(name, remarks, lambda file: write_text(file, text(file))), text
 
 

@@ -49,13 +49,13 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
     """Return the consistency of every sensor, in the order of the estimate."""
     results = []
     for name, innovations in estimate.innovations.items():
-        tally = innovations.sums()
-        components = tally.components.sum()
+        sums = innovations.sums()
+        components = sums.components.sum()
         # A chi-squared variable of n components has mean n and variance 2 n.
         scatter = _QUANTILE * float(np.sqrt(2.0 / components)) if components else float("nan")
-        counts = tally.measurements, tally.rejected, innovations.mean_weight()
+        counts = sums.measurements, sums.rejected, innovations.mean_weight()
         results.append(
-            SensorConsistency(estimate.filter, name, *counts, tally.mean_nis, max(1.0 - scatter, 0.0), 1.0 + scatter)
+            SensorConsistency(estimate.filter, name, *counts, sums.mean_nis, max(1.0 - scatter, 0.0), 1.0 + scatter)
         )
     return results
 
@@ -70,25 +70,25 @@ def status_of(estimate: Estimate) -> str:
     if not estimate.completed:
         return estimate.status
     for sensor in estimate.innovations:
-        tally = estimate.statistics(sensor).sums
-        if tally.squares.sum() > LARGEST_MEAN_NIS * tally.components.sum():
-            return _belied(sensor, tally.mean_nis, "")
-        for start, nis in windowed_nis(tally):
+        sums = estimate.statistics(sensor).sums
+        if sums.squares.sum() > LARGEST_MEAN_NIS * sums.components.sum():
+            return _belied(sensor, sums.mean_nis, "")
+        for start, nis in windowed_nis(sums):
             if nis > LARGEST_NIS_IN_WINDOW:
                 return _belied(sensor, nis, f" from t = {start:.0f} s on for {NIS_WINDOW:.0f} s")
     return estimate.status
 
 
-def windowed_nis(tally: InnovationSums) -> Array:
+def windowed_nis(sums: InnovationSums) -> Array:
     """Return start, s, and mean NIS per component of every `NIS_WINDOW` that has enough measurements to tell.
 
     Returns
     -------
     ndarray, shape (k, 2)
     """
-    enough = np.flatnonzero(tally.components >= _FEWEST_COMPONENTS)
-    starts = tally.start + NIS_WINDOW * enough.astype(np.float64)
-    return np.stack([starts, tally.squares[enough] / tally.components[enough]], axis=1).astype(np.float64)
+    enough = np.flatnonzero(sums.components >= _FEWEST_COMPONENTS)
+    starts = sums.start + NIS_WINDOW * enough.astype(np.float64)
+    return np.stack([starts, sums.squares[enough] / sums.components[enough]], axis=1).astype(np.float64)
 
 
 def _belied(sensor: str, nis: float, when: str) -> str:
@@ -100,9 +100,9 @@ def _belied(sensor: str, nis: float, when: str) -> str:
 
 def mean_nis(estimate: Estimate) -> float:
     """Return the normalised innovation squared per component, over all sensors."""
-    tallies = [innovations.sums() for innovations in estimate.innovations.values()]
-    components = sum(float(tally.components.sum()) for tally in tallies)
-    return sum(float(tally.squares.sum()) for tally in tallies) / components if components else float("nan")
+    of_sensors = [innovations.sums() for innovations in estimate.innovations.values()]
+    components = sum(float(sums.components.sum()) for sums in of_sensors)
+    return sum(float(sums.squares.sum()) for sums in of_sensors) / components if components else float("nan")
 
 
 def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
@@ -121,10 +121,10 @@ def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
     return checks
 
 
-def _nis(filter_name: str, sensor: str, tally: InnovationSums, is_ahrs: bool) -> Check:
+def _nis(filter_name: str, sensor: str, sums: InnovationSums, is_ahrs: bool) -> Check:
     """Check the mean NIS; the stated noise of an AHRS is enlarged on purpose, so that only a large NIS counts."""
-    components = int(tally.components.sum())
-    nis = tally.mean_nis
+    components = int(sums.components.sum())
+    nis = sums.mean_nis
     tails = 0.5 + _CONFIDENCE / 2, 0.5 - _CONFIDENCE / 2
     low, high = (float(chdtri(components, tail)) / components for tail in tails)
     is_small = nis < low - _TOLERANCE
@@ -152,10 +152,10 @@ def _overstated_noise(sensor: str) -> str:
     )
 
 
-def _nis_in_windows(filter_name: str, sensor: str, tally: InnovationSums) -> Check:
-    windows = windowed_nis(tally)
+def _nis_in_windows(filter_name: str, sensor: str, sums: InnovationSums) -> Check:
+    windows = windowed_nis(sums)
     if not windows.size:
-        windows = np.array([[tally.start, 0.0]])
+        windows = np.array([[sums.start, 0.0]])
     start, largest = windows[windows[:, 1].argmax()]
     return Check.of(
         filter_name,
@@ -256,7 +256,7 @@ def _uncorrelated(
     filter_name: str,
     sensor: str,
     name: str,
-    tally: InnovationSums,
+    sums: InnovationSums,
     correlations: dict[str, float],
     meaning: str,
     advice: str,
@@ -267,9 +267,9 @@ def _uncorrelated(
     A sensor whose stated noise is more than twice its scatter only gets a note; an AHRS passes, because this is why its
     noise is enlarged.
     """
-    limit = _LARGEST_CORRELATION + 3.0 / np.sqrt(tally.measurements)
+    limit = _LARGEST_CORRELATION + 3.0 / np.sqrt(sums.measurements)
     check = Check.of_values(filter_name, sensor, name, correlations, limit=limit, meaning=meaning, advice=advice)
-    small = tally.squares.sum() < 0.25 * tally.components.sum()
+    small = sums.squares.sum() < 0.25 * sums.components.sum()
     if check.passed is not False or not small:
         return check
     if is_ahrs:
@@ -348,9 +348,9 @@ def noise_cause(sensor: str, statistics: InnovationStatistics, or_less_process_n
     and, for each component, -n / 2 log(1 - R^2) by its memory, less the number of its coefficients (Akaike, IEEE Trans.
     Autom. Control 19(6), 1974).
     """
-    tally, (correlation, samples) = statistics
-    nis = tally.mean_nis
-    by_size = 0.5 * float(tally.components.sum()) * (nis - 1.0 - np.log(nis)) if nis > 0.0 else 0.0
+    sums, (correlation, samples) = statistics
+    nis = sums.mean_nis
+    by_size = 0.5 * float(sums.components.sum()) * (nis - 1.0 - np.log(nis)) if nis > 0.0 else 0.0
     explained = np.array([_explained_by_the_past(row) for row in correlation])
     by_memory = float(np.sum(np.maximum(-0.5 * samples * np.log1p(-explained) - N_LAGS, 0.0)))
     if nis < 1.0 and by_memory <= by_size:

@@ -68,7 +68,7 @@ def reversed_fins(estimate: Estimate, sigmas: float) -> list[str]:
 
 
 def unlike_the_vehicle_file(estimate: Estimate, sigmas: float) -> list[str]:
-    """Return those of fins that have the opposite sign of the vehicle file."""
+    """Return the coefficients of fins whose sign is opposite to that in the vehicle file."""
     stated = estimate.experiment.vehicle.coefficients.by_symbol()
     return _contradicting(estimate, {symbol: stated[symbol] for symbol in FINS if symbol in stated}, sigmas)
 
@@ -330,7 +330,7 @@ def _noises(reference: Estimate) -> Iterator[Cause]:
         if not beyond:
             continue
         cause = noise_cause(sensor, of_sensor)
-        # With more noise stated than there is, standard deviations are too large rather than too small.
+        # If more noise is stated than there is, standard deviations are too large, which misleads nobody.
         if statistics.nis >= 0.0 or cause.lasts:
             remedy = f"they look like {cause.name}: {cause.remedy}"
             yield Cause(cause.gain, f"innovations of {sensor} {beyond}", remedy)
@@ -419,8 +419,8 @@ class Whiteness(NamedTuple):
 
 def whiteness(of_sensor: InnovationStatistics) -> Whiteness:
     """Compare innovations with white noise; where there are few, NIS alone."""
-    tally, (correlation, samples) = of_sensor
-    squares, components = float(tally.squares.sum()), float(tally.components.sum())
+    sums, (correlation, samples) = of_sensor
+    squares, components = float(sums.squares.sum()), float(sums.components.sum())
     if not components:
         return Whiteness(0.0, 0.0, 0.0)
     enough = samples >= _MIN_MEASUREMENTS

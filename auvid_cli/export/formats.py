@@ -12,15 +12,15 @@ from auvid_cli.config.enums import FormatName
 from auvid_cli.config.loading import given_settings
 from auvid_cli.errors import ConfigError
 from auvid_cli.export.functions import MSS_NOTES, inputs_of, matlab_text, mss_text, python_text
-from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
-from auvid_cli.export.losses import (
+from auvid_cli.export.gazebo import gazebo_text, gazebo_unsupported
+from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
+from auvid_cli.export.unsupported_features import (
     UnsupportedFeatures,
     caveats,
     heading_lines,
     line_comments,
     unsupported_features,
 )
-from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
 from auvid_cli.text import printable
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import PARAMETERS
@@ -179,7 +179,7 @@ def _number(value: float) -> str:
     return "np.inf" if value == float("inf") else repr(value)
 
 
-def simulator_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
+def simulator_text(model: IdentifiedModel, unsupported: UnsupportedFeatures, name: str) -> str:
     """Return the Python module of a vehicle with this name; it needs only NumPy."""
     vehicle, actuation = model.experiment.vehicle, model.actuation
     parameters = vehicle.known_parameters()
@@ -200,12 +200,12 @@ def simulator_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: st
     ]
     propulsion = {"thrust": parameters["X_prop"], "torque": parameters["K_prop"]}
     body = _CLASS.format(name=name, length=vehicle.size.length, controls=controls, **propulsion)
-    return python_text(model, losses, name) + "\n".join(lines) + _ACTUATORS + body
+    return python_text(model, unsupported, name) + "\n".join(lines) + _ACTUATORS + body
 
 
-def holoocean_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
+def holoocean_text(model: IdentifiedModel, unsupported: UnsupportedFeatures, name: str) -> str:
     """Return the Python module for HoloOcean; it needs only NumPy."""
-    return python_text(model, losses, name) + _FUNCTION
+    return python_text(model, unsupported, name) + _FUNCTION
 
 
 SCHEMA_VERSION = 2
@@ -215,7 +215,7 @@ _MAX_VEHICLE_NAME = 32
 _CALLED_BY_NAME = {FormatName.PYTHON, FormatName.MATLAB, FormatName.HOLOOCEAN, FormatName.SIMULATOR, FormatName.MSS}
 
 
-def json_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
+def json_text(model: IdentifiedModel, unsupported: UnsupportedFeatures, name: str) -> str:
     """Return the JSON file; numbers in SI, angles in radians."""
     vehicle = model.experiment.vehicle
     parameters = vehicle.known_parameters()
@@ -264,13 +264,13 @@ def json_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) ->
             "rms_of_change": model.actuation.changes,
         },
         "terms": [size._asdict() for size in model.term_sizes],
-        "lost": {"terms": [size._asdict() for size in losses.terms], "notes": losses.notes},
+        "lost": {"terms": [size._asdict() for size in unsupported.terms], "notes": unsupported.notes},
         "provenance": model.origin._asdict() | {"settings": given_settings(model.experiment)},
     }
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def yaml_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
+def yaml_text(model: IdentifiedModel, unsupported: UnsupportedFeatures, name: str) -> str:
     """Return the vehicle file; entries that were not estimated stay the same."""
     before = model.experiment.vehicle.model_dump(mode="json", by_alias=True, exclude_none=True)
     units = {quantity.symbol: quantity.unit for quantity in PARAMETERS}
@@ -299,7 +299,7 @@ def yaml_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) ->
     if not any(vehicle["actuators"].values()):
         del vehicle["actuators"]
     text = yaml.safe_dump(vehicle, sort_keys=False, width=160, default_flow_style=None, allow_unicode=True)
-    return line_comments("#", heading_lines(model, losses)) + text
+    return line_comments("#", heading_lines(model, unsupported)) + text
 
 
 def _estimated(coefficient: IdentifiedCoefficient, model: IdentifiedModel) -> dict[str, Any]:
@@ -326,13 +326,13 @@ class Format(NamedTuple):
     """An export format."""
 
     suffix: str  # suffix of its files, unique
-    losses: Callable[[IdentifiedModel], UnsupportedFeatures]  # returns the parts of a model that it cannot hold
-    # Returns the file from the model, these losses, and a printable file name without suffix
+    unsupported: Callable[[IdentifiedModel], UnsupportedFeatures]  # returns the parts of a model that it cannot hold
+    # Returns the file from the model, these features, and a printable file name without suffix
     text: Callable[[IdentifiedModel, UnsupportedFeatures, str], str]
 
-    def file_text(self, model: IdentifiedModel, losses: UnsupportedFeatures, stem: str) -> str:
+    def file_text(self, model: IdentifiedModel, unsupported: UnsupportedFeatures, stem: str) -> str:
         """Return the text of a file; `stem` may contain any characters."""
-        return self.text(model, losses, printable(stem))
+        return self.text(model, unsupported, printable(stem))
 
 
 FORMATS = {
@@ -340,7 +340,7 @@ FORMATS = {
     FormatName.JSON: Format(".json", lambda model: UnsupportedFeatures((), ()), json_text),
     FormatName.PYTHON: Format(".py", unsupported_features, python_text),
     FormatName.MATLAB: Format(".m", unsupported_features, matlab_text),
-    FormatName.SDF: Format(".sdf", gazebo_losses, gazebo_text),
+    FormatName.SDF: Format(".sdf", gazebo_unsupported, gazebo_text),
     FormatName.HOLOOCEAN: Format("_holoocean.py", partial(unsupported_features, notes=HOLOOCEAN_NOTES), holoocean_text),
     FormatName.SIMULATOR: Format(
         "_simulator.py",

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from auvid_cli.export.losses import UnsupportedFeatures, certainty, heading_lines, line_comments
 from auvid_cli.export.model import FACTOR_INPUTS, IdentifiedModel
+from auvid_cli.export.unsupported_features import UnsupportedFeatures, certainty, heading_lines, line_comments
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUTS, MOTION_SYMBOLS, PARAMETERS, Quantity
 from auvid_cli.vehicle.rigid_body import mass_matrix
@@ -146,7 +146,7 @@ def _term(coefficient: Coefficient) -> str:
     return " * ".join([identifier(coefficient.symbol), *factors])
 
 
-def matlab_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
+def matlab_text(model: IdentifiedModel, unsupported: UnsupportedFeatures, name: str) -> str:
     """Return the MATLAB function; `name` is that of the file without ``.m``."""
     signals = [f"{symbol} = motion({i})" for i, symbol in enumerate(MOTION_SYMBOLS, 1) if symbol != "psi"]
     inputs = inputs_of(model)
@@ -155,7 +155,7 @@ def matlab_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) 
     help_text = _MATLAB_HELP.format(name=name, example=example, **_in_words(inputs))
     lines = [
         f"function derivative = {name}(motion, inputs)\n",
-        line_comments("%", [*help_text.splitlines(), *_fin_signs(model), *heading_lines(model, losses)]),
+        line_comments("%", [*help_text.splitlines(), *_fin_signs(model), *heading_lines(model, unsupported)]),
         _matlab_constants(model),
         *(f"{statement};\n" for statement in [*signals, *_matlab_acceleration(model)]),
         "derivative = [acceleration; phi_rate; theta_rate; psi_rate];\n",
@@ -190,7 +190,7 @@ def _matlab_acceleration(model: IdentifiedModel) -> list[str]:
     ]
 
 
-def python_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
+def python_text(model: IdentifiedModel, unsupported: UnsupportedFeatures, name: str) -> str:
     """Return the Python module."""
     rows = ",\n".join(f"        {row!r}" for row in mass_rows(model))
     deviations = [
@@ -202,7 +202,7 @@ def python_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) 
     lines = [
         # Without this line the name of a vehicle could declare another encoding.
         "# coding: utf-8\n",
-        line_comments("#", [*heading_lines(model, losses), *_fin_signs(model)]),
+        line_comments("#", [*heading_lines(model, unsupported), *_fin_signs(model)]),
         "\nfrom math import cos, sin\n\nimport numpy as np\n\n",
         f"# Rigid-body and added mass, kg, kg m, kg m^2.\nMASS = np.array(\n    [\n{rows},\n    ]\n)\n",
         *(f"{c.name} = {c.value!r}  # {c.remark}\n" for c in constants(model)),
@@ -219,7 +219,7 @@ def python_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) 
     return "".join(lines)
 
 
-def mss_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
+def mss_text(model: IdentifiedModel, unsupported: UnsupportedFeatures, name: str) -> str:
     """Return the function of a vessel of MSS; `name` is that of the file without ``.m``."""
     inputs = inputs_of(model)
     help_text = _MSS_HELP.format(name=name, **_in_words(inputs))
@@ -245,7 +245,7 @@ def mss_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> 
     ]
     lines = [
         f"function [xdot, U, M] = {name}(x, ui, Vc, betaVc, w_c)\n",
-        line_comments("%", [*help_text.splitlines(), *_fin_signs(model), *heading_lines(model, losses)]),
+        line_comments("%", [*help_text.splitlines(), *_fin_signs(model), *heading_lines(model, unsupported)]),
         _matlab_constants(model),
         *(statement + ("\n" if statement.startswith(("%", "if ")) else ";\n") for statement in body),
         "end\n",

@@ -7,8 +7,14 @@ from xml.etree import ElementTree
 import numpy as np
 
 from auvid_cli.arrays import Array
-from auvid_cli.export.losses import UnsupportedFeatures, certainty, heading_lines, unsupported_features, xml_comment
 from auvid_cli.export.model import FinSurface, IdentifiedModel, fin_surfaces
+from auvid_cli.export.unsupported_features import (
+    UnsupportedFeatures,
+    certainty,
+    heading_lines,
+    unsupported_features,
+    xml_comment,
+)
 from auvid_cli.text import printable
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient
 
@@ -130,7 +136,7 @@ def _add_lift(body: ElementTree.Element, hull: str, surface: FinSurface, model: 
         child_of(system, coefficient, "0")
 
 
-def gazebo_losses(model: IdentifiedModel) -> UnsupportedFeatures:
+def gazebo_unsupported(model: IdentifiedModel) -> UnsupportedFeatures:
     """Return terms without an element, effects of the fin surfaces, and an inertia that Gazebo would refuse."""
     fin_symbols = {symbol for fin in fin_links(model) for symbol in fin.surface.symbols}
     lost = [c.symbol for c in model.coefficient_set if not _has_element(c) and c.symbol not in fin_symbols]
@@ -143,7 +149,7 @@ def gazebo_losses(model: IdentifiedModel) -> UnsupportedFeatures:
     return unsupported_features(model, lost, notes)
 
 
-def gazebo_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) -> str:
+def gazebo_text(model: IdentifiedModel, unsupported: UnsupportedFeatures, name: str) -> str:
     """Return the file of a model with hull and fins."""
     size, parameters = model.experiment.vehicle.size, model.experiment.vehicle.known_parameters()
     gravity = parameters["W"] / parameters["m"]
@@ -170,7 +176,7 @@ def gazebo_text(model: IdentifiedModel, losses: UnsupportedFeatures, name: str) 
             child_of(system, _element(coefficient), as_text(_sign_after_turn(coefficient) * identified.value))
     add_fins(body, _LINK, model)
     ElementTree.indent(root)
-    heading = indent(xml_comment([*heading_lines(model, losses), *_advice(gravity, size.density)]), "  ")
+    heading = indent(xml_comment([*heading_lines(model, unsupported), *_advice(gravity, size.density)]), "  ")
     return f'<?xml version="1.0"?>\n<!--\n{heading}\n-->\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
 

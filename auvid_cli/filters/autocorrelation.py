@@ -38,7 +38,7 @@ _MIN_PAIRS = 0.5
 # Constant of Bartlett's window in Andrews's rule.
 _BARTLETT = 1.1447
 # Size of the influences kept for the second pass.
-_CACHE_SIZE = 2**27  # bytes
+CACHE_SIZE = 2**27  # bytes
 
 
 class Influence(NamedTuple):
@@ -283,7 +283,7 @@ def corrected_deviation(
     under_test = np.flatnonzero(removed)
     kind = np.zeros(nominal.size, dtype=np.int64)
     kind[under_test] = 1 + np.arange(under_test.size)
-    segments = [_InfluenceCache(segment, _CACHE_SIZE // len(segments)) for segment in segments]
+    segments = [_InfluenceCache(segment, CACHE_SIZE // len(segments)) for segment in segments]
     sums, joint, duration = _first_pass(removed, under_test, segments, n_channels)
     variance, correlated, time_constant = (values[:, kind].copy() for values in _fit_autocovariance(sums))
     variance *= sums.white

@@ -33,7 +33,7 @@ _N_AHEAD = 2
 # Fewest chunks of data for which they do. With fewer, they cost more than they save where the other cores are in use.
 _MANY = 24
 # Forward passes kept for the backward pass; other chunks are filtered twice.
-_CACHE_SIZE = 2**28  # bytes
+CACHE_SIZE = 2**28  # bytes
 # Smallest share of the chunks for which a cache is worth its memory.
 _MIN_CACHED = 0.2
 # Smallest decrease of the cost worth another iteration, in squares of standard deviations: in the last step no
@@ -134,7 +134,7 @@ class LinearSmoothing:
         # Number of states that deviate.
         self._n = self._n_parameters + problem.n_moving
         self._cache, self._cached_trajectory = dict[tuple[int, int], tuple[Linearised, ForwardPass]](), None
-        self._cache_size = cache * _CACHE_SIZE
+        self._cache_size = cache * CACHE_SIZE
         # The trajectory of all linearisations in the cache: noise changes forward passes only.
         self._linearised_trajectory: Trajectory | None = None
 

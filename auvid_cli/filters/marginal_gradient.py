@@ -37,8 +37,9 @@ _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 # Step of a state in difference quotients; transitions are nearly polynomials of the state.
 _STATE_STEP = 1e-4  # SI
-# Interval of the transitions whose derivatives represent all, s, and largest number of them: the motion changes slowly.
+# s; interval of the transitions whose derivatives represent all, because the motion changes slowly.
 _TRANSITION_INTERVAL = 0.2
+# Largest number of these transitions.
 _MOST_TRANSITIONS = 10_000
 
 
@@ -81,7 +82,7 @@ def _gradients(
 
         adjoint = Adjoint.zeros(n_moving, with_variance=True)
         moving.append(ArrayStore())
-        # Gradient by the state before the later chunk.
+        # Gradient by the state before the chunk that was processed last, which is later in time.
         by_last = np.zeros(n_moving)
         conditional = ConditionalFilter(problem, smoothing, filtered, segment)
         for timeline, about, motion, before, forward_pass in conditional.backward():
@@ -201,7 +202,7 @@ def _backward_pass(timeline, motion, forward_pass, adjoint, before, variance, by
 
 
 class GradientResponse(NamedTuple):
-    """Negative change of the estimate if a gradient is added to half the cost."""
+    """Change of the estimate if a gradient is subtracted from half the cost."""
 
     parameters: Array  # shape (n_parameters,)
     innovations: list[ArrayStore]  # shape (n_measurements, c); by segment and chunk; zero if missing
@@ -254,7 +255,7 @@ def _propagate(timeline, about, forward_pass, gradient, moved, shown, scratch):
     Parameters
     ----------
     moved : ndarray, shape (n,)
-        Effect on the filtered state, times minus one, before the chunk; afterwards at its end.
+        Minus the effect on the filtered state before the chunk; afterwards at its end.
     shown : ndarray, shape (n_measurements, c)
         Filled in: effect on innovations; zero if missing.
     scratch : ndarray, shape (n_moving,)

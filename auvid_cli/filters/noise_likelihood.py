@@ -27,23 +27,26 @@ _MAX_CHANGE = 0.2
 _MAX_STEP = 2.0
 # Largest log factor.
 _MAX_LOG_FACTOR = 14.0
-# Relative tolerance of the decrease of the log-likelihood at the end of an interval, and maximum number of evaluations.
+# Relative tolerance of the decrease of the log-likelihood at the end of an interval.
 _DECREASE_TOLERANCE = 0.1
+# Maximum number of evaluations to find that end.
 _MAX_EVALUATIONS = 12
 MAX_TRAJECTORIES = 10
 # Maximum number of passes for the first motion given the parameters of a part of the data.
 _FIRST_PASSES = 5
-# Size of the cache, in usual ones: each linearisation serves some ten passes. On 47 minutes with one, a third of the
-# passes was computed again.
+# Size of the cache, as a multiple of the usual one, with which a third of the passes over 47 minutes was repeated.
 _CACHES = 2
-# Approximate share of the whole search that precedes the intervals, and share of it that remains after each trajectory.
+# Approximate share of the whole search that precedes the intervals.
 _SEARCH_SHARE = 0.75
+# Share of that search that remains after each trajectory.
 _REMAINING = 0.5
+# Maximum number of steps of one climb.
 _MAX_STEPS = 40
 # Negligible information, which keeps matrices invertible.
 _MIN_INFORMATION = 1e-9
-# Smallest increase of the log-likelihood worth another step, and in a coarse search.
+# Smallest increase of the log-likelihood that is worth another step.
 _MIN_INCREASE = 0.01
+# The same in a coarse search.
 _COARSE_INCREASE = 0.3
 # Largest gain in the log of the marginal posterior by the last step of the trajectory at convergence, and largest last
 # change of the log-likelihood of a coarse search.
@@ -54,7 +57,7 @@ _PATIENCE = 2
 _INTERVAL_DECREASE = 1.92
 # Half width of a 95 % interval, in standard deviations.
 _INTERVAL_DEVIATIONS = 1.96
-# Half width, in log factors, of an interval that may include no noise.
+# Half width, in log factors, from which on an interval may reach zero noise.
 _WIDE = 0.5
 # Increase of the log of a time constant that makes it practically infinite.
 _LONG = 5.0
@@ -162,7 +165,7 @@ class _Likelihood:
             return None
         filtered, convergence, gain = found
         if not is_coarse:
-            # The error of a rough objective can hide that the parameters still move.
+            # A rough objective can show no gain while the parameters still move.
             gain = 0.0 if convergence is None else 0.5 * convergence.cost_decrease
         return filtered.trajectory, gain
 
@@ -310,7 +313,7 @@ def _climb(
         if current is None or log_likelihood(current) > enough:
             break
         scores = likelihood.scores(current)
-        # A log factor at its minimum does not decrease, nor one of negligible noise: less of it slows the smoother.
+        # Noise at its minimum, or negligible noise, is not reduced: smaller noise slows the smoother.
         moves = (scores.slope > 0.0) | (x > minimum) & (scores.slope < -_MIN_INCREASE)
         moves = moves if free is None else moves & free
         information = scores.information * np.outer(moves, moves) + np.diag(~moves)

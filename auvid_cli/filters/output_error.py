@@ -36,9 +36,9 @@ from auvid_cli.filters.workspace import cubature
 # Smallest variance of a residual, relative to the noise; with a smaller one the fit meets the measurement exactly.
 _ROUNDING = 1e-9
 # Events of the first span of a segment, some 40 s at 100 Hz: enough to correct the parameters of a CKF.
-_FIRST_SPAN = 4000
+FIRST_SPAN = 4000
 # Events of the first span from the prior's parameters, with which the motion departs from the true one in seconds.
-_FIRST_SPAN_FROM_PRIOR = 250
+FIRST_SPAN_FROM_PRIOR = 250
 # Maximum number of evaluations for a span of the data; its fit is only the start of the fit of the next span.
 _EVALUATIONS_OF_SPAN = 10
 # Largest distance of a fit from its start or from another fit, in standard deviations; beyond, other starts are tried.
@@ -158,7 +158,9 @@ def run_output_error(
 
     fits: list[LeastSquaresFit] = []
     for start in _starts(problem):
-        fit = _fit_growing_spans(fit_first, np.clip(start.state, *box), start.span, longest, max_evaluations)
+        fit = _fit_growing_spans(
+            fit_first, np.clip(start.state, *box), start.span or FIRST_SPAN, longest, max_evaluations
+        )
         if use_prior:
             fit = fit._replace(information=fit.information.join(Information.of_gaussian(prior, fit.state)))
         references = [start, *(_Start(other.state) for other in fits if other.converged)]
@@ -184,7 +186,7 @@ class _Start(NamedTuple):
 
     state: Array  # shape (n,); joint state
     deviation: Array | float = 0.0  # shape (n_parameters,), or 0; standard deviations of its parameters
-    span: int = _FIRST_SPAN  # number of events to fit first
+    span: int | None = None  # number of events to fit first; by default `FIRST_SPAN`
 
 
 def _is_near(fit: LeastSquaresFit, start: _Start, n_parameters: int) -> bool:
@@ -202,7 +204,7 @@ def _starts(problem: JointProblem) -> Iterator[_Start]:
     """Yield starts with the parameters of a CKF, of the prior, and of a smoother."""
     if (filtered := _ckf(problem)) is not None:
         yield filtered
-    yield _Start(problem.prior.mean, span=_FIRST_SPAN_FROM_PRIOR)
+    yield _Start(problem.prior.mean, span=FIRST_SPAN_FROM_PRIOR)
     # Compiled code that is seldom needed here.
     from auvid_cli.filters.linear_smoother import LinearSmoothing
     from auvid_cli.filters.smoother import most_probable
@@ -261,11 +263,11 @@ def _report(problem: JointProblem, sizes: Sequence[int], best: LeastSquaresFit, 
         return FilterOutcome(covariance, n_good, NOT_CONVERGED)
     nominal = uncertainty.deviation(np.eye(problem.n_parameters, best.state.size))
     n_channels = problem.sensors.variance.size
-    corrected = corrected_deviation(nominal, influences(problem, best.state, uncertainty), n_channels)
+    corrected = corrected_deviation(nominal, influence_functions(problem, best.state, uncertainty), n_channels)
     return FilterOutcome(covariance, n_good, OK, corrected=corrected)
 
 
-def influences(problem: JointProblem, state: Array, uncertainty: Uncertainty) -> list[Iterable[Influence]]:
+def influence_functions(problem: JointProblem, state: Array, uncertainty: Uncertainty) -> list[Iterable[Influence]]:
     """Return the influence functions of each segment on parameters fitted with a joint state."""
     return [_SegmentInfluences(problem, uncertainty, state, segment) for segment in range(len(problem.segments))]
 

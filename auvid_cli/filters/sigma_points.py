@@ -48,7 +48,9 @@ def four_products(pairs: int) -> Callable:
     return products
 
 
-_in_whole_tile, _in_half_tile, _in_quarter_tile = (four_products(pairs) for pairs in (PAIRS, FEWER[1], FEWER[0]))
+_in_whole_tile = four_products(PAIRS)
+_in_half_tile = four_products(FEWER[1])
+_in_quarter_tile = four_products(FEWER[0])
 
 
 @compiled(inline=True)

@@ -381,19 +381,19 @@ def _corrected_deviation(
     nominal, n = np.sqrt(np.diagonal(filtered.final.covariance())[: problem.n_parameters]), problem.n_parameters
     n_channels = problem.sensors.variance.size
     if faults is None or scores is None:
-        return corrected_deviation(nominal, influences(problem, smoothing, filtered), n_channels), None
+        return corrected_deviation(nominal, influence_functions(problem, smoothing, filtered), n_channels), None
     own, observable = np.sqrt(np.diagonal(scores.information)), np.diagonal(scores.information) > 0.0
     removed = np.where(np.abs(scores.score) > _SIGNIFICANT * own, scores.score, 0.0)
     deviation = corrected_deviation(
         np.append(nominal, 1.0 / np.where(observable, own, np.inf)),
-        influences(problem, smoothing, filtered, (faults, scores)),
+        influence_functions(problem, smoothing, filtered, (faults, scores)),
         n_channels,
         np.append(np.zeros(n), removed),
     )
     return deviation[:n], scores._replace(inflation=np.where(observable, deviation[n:] * own, 1.0))
 
 
-def influences(
+def influence_functions(
     problem: JointProblem,
     smoothing: LinearSmoothing,
     filtered: Filtered,

@@ -83,11 +83,11 @@ class ModelMaker:
         if not addition.is_time:
             return self.tuned(settings, additions, model.motion)
         # A score test is exact for small delays only. Corrections with the present noise are quick, so they come first.
-        settled = self.settled(Model(settings, additions, model.evidence, model.motion), {addition.key})
-        tuned = self.tuned(settled.settings, settled.additions, settled.motion)
+        corrected = self.with_corrected_times(Model(settings, additions, model.evidence, model.motion), {addition.key})
+        tuned = self.tuned(corrected.settings, corrected.additions, corrected.motion)
         if tuned is None:
             return None
-        corrected, distance = self._with_corrected_times(tuned, {addition.key})
+        corrected, distance = self._once_corrected(tuned, {addition.key})
         return tuned if distance < 1.0 else self.tuned(corrected.settings, corrected.additions, corrected.motion)
 
     def without_addition(self, model: Model, addition: Addition) -> Model | None:
@@ -101,15 +101,15 @@ class ModelMaker:
         rest = tuple(each for each in identification.estimated(model.settings.vehicle) if each not in symbols)
         return self.tuned(model.settings.with_identification(coefficients=rest), model.additions, model.motion)
 
-    def settled(self, model: Model, keys: Collection[tuple[str, str]]) -> Model:
+    def with_corrected_times(self, model: Model, keys: Collection[tuple[str, str]]) -> Model:
         """Return a model with delays moved to the zero of their score tests, with the present noise."""
         for _ in range(_MAX_CORRECTIONS):
-            model, distance = self._with_corrected_times(model, keys)
+            model, distance = self._once_corrected(model, keys)
             if distance < _SMALL_CORRECTION:
                 break
         return model
 
-    def _with_corrected_times(self, model: Model, keys: Collection[tuple[str, str]]) -> tuple[Model, float]:
+    def _once_corrected(self, model: Model, keys: Collection[tuple[str, str]]) -> tuple[Model, float]:
         """Return a model with delays moved to the zero of their score tests, and the largest move in deviations."""
         estimate = self.estimate(model)
         settings, additions, largest = model.settings, model.additions, 0.0

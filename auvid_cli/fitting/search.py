@@ -1,8 +1,8 @@
 """Search for the model of a dataset.
 
-Look, start loose, improve, simplify, judge: `fit_model` reads as these steps. Evidence is the log marginal likelihood,
-with trajectory and parameters integrated out and the noise at its maximum, less half the logarithm of the number of
-measurements for each number that has no prior (Schwarz, Ann. Stat. 6(2), 1978).
+`fit_model` inspects the data, finds the process noise, adds errors and terms, removes needless ones, and judges.
+Evidence is the log marginal likelihood, with trajectory and parameters integrated out and the noise at its maximum,
+less half the logarithm of the number of measurements for each number that has no prior (Schwarz, Ann. Stat. 6(2), 1978).
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -35,7 +35,7 @@ from auvid_cli.identification.run import identify
 _FIRST_PASSES = 8
 # Factors on the stated process noise at the start, so that the smoother converges with a wrong model; the next one is
 # tried if no trajectory follows the data.
-_LOOSE = 100.0, 10.0, 1.0
+_LARGE_FACTORS = 100.0, 10.0, 1.0
 _MAX_LOOKS = 8
 _N_THREADS = 2  # that try additions
 # Distance of a new error from 0 from which its model is fitted until it converges, in standard deviations of its prior.
@@ -117,7 +117,8 @@ def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None
     except KeyboardInterrupt:
         stopped = _INTERRUPTED
     if search.model is None:
-        raise DataError(f"auvid fit: {stopped or 'no trajectory follows these data'} before a first model was found")
+        reason = f"{stopped} before a first model was found" if stopped else "no trajectory follows these data"
+        raise DataError(f"auvid fit: {reason}")
     return search.finish(stopped)
 
 
@@ -179,7 +180,7 @@ class _Search:
             for name in ("velocity", "rate", "attitude", "depth")
             if name != "depth" or name in self._prepared.measuring
         ]
-        for factor in _LOOSE:
+        for factor in _LARGE_FACTORS:
             noise = self._least.times(factor, names)
             self.model = self._maker.tuned(self._prepared.experiment.with_identification(process_noise=noise), ())
             if self.model is not None:
@@ -245,13 +246,13 @@ class _Search:
             self.steps += rows
 
     def _tried(self, start: Model, addition: Addition) -> _Trial:
-        """Return the model with an addition, unless it is not plausible, or a term that predicts new data worse."""
+        """Try an addition; refuse one that is not plausible, and a term that does not predict new data better."""
         begin, other, refused = thread_time(), self._maker.with_addition(start, addition), ""
         gain = None if other is None else other.evidence - start.evidence
         if other is not None and gain is not None and gain >= WORTH:
             refused = self._refusal(other, addition)
             if addition.family == "term":
-                # Other terms bend to the data as well. One that the vehicle has also predicts new data better.
+                # Any term fits the data better. One that the vehicle has also predicts new data better.
                 held_out = self._maker.held_out_gain(start, other)
                 if held_out < MIN_HELD_OUT_GAIN:
                     other, gain = None, min(held_out, 0.0)
@@ -267,7 +268,8 @@ class _Search:
     def simplify(self) -> None:
         """Take away additions that the others make unnecessary, until each one is needed."""
         assert self.model is not None, "a search starts with a model"
-        needed = self.model.additions[-1:]  # without it, the model is one that has lost already
+        # The last addition is needed: the model without it was already worse.
+        needed = self.model.additions[-1:]
         while (without := self._without_one(self.model, needed)) is not None:
             self._estimate, self.model, needed = None, without, ()
         self._leave_at_zero(self.model)
@@ -312,7 +314,7 @@ class _Search:
         assert self.model is not None, "a search starts with a model"
         keys = {addition.key for addition in self.model.additions if addition.is_time}
         if keys:
-            self.model, self._estimate = self._maker.settled(self.model, keys), None
+            self.model, self._estimate = self._maker.with_corrected_times(self.model, keys), None
 
     def finish(self, stopped: str) -> Fit:
         """Fit the best model to all data, and judge it."""

@@ -38,17 +38,17 @@ def sink(moving, place, n_lanes, duration):
 
 
 @compiled()
-def reset_sensitivity(sensitivity, sinking):
+def reset_sensitivity(sensitivity, depth_derivative):
     """Set the sensitivity of the motion to the unit matrix, and that of the depth to zero."""
     for i in range(N_MOTION):
         for j in range(sensitivity.shape[1]):
             sensitivity[i, j] = 1.0 if i == j else 0.0
-    for j in range(sinking.size):
-        sinking[j] = 0.0
+    for j in range(depth_derivative.size):
+        depth_derivative[j] = 0.0
 
 
 @compiled()
-def sink_rate(motion, sensitivity, duration, sinking):
+def sink_rate(motion, sensitivity, duration, depth_derivative):
     """Add the derivative of the vertical velocity times the duration, and in the last element the change of depth."""
     u, v, w = motion[0], motion[1], motion[2]
     sin_phi, cos_phi = sine_cosine(motion[6])
@@ -58,15 +58,15 @@ def sink_rate(motion, sensitivity, duration, sinking):
     for j in range(n_columns):
         turning = cos_theta * along * sensitivity[6, j] - (sin_theta * across + cos_theta * u) * sensitivity[7, j]
         moving = cos_theta * (sin_phi * sensitivity[1, j] + cos_phi * sensitivity[2, j])
-        sinking[j] += duration * (turning + moving - sin_theta * sensitivity[0, j])
-    sinking[n_columns] += duration * (cos_theta * across - sin_theta * u)
+        depth_derivative[j] += duration * (turning + moving - sin_theta * sensitivity[0, j])
+    depth_derivative[n_columns] += duration * (cos_theta * across - sin_theta * u)
 
 
 class _Workspace(NamedTuple):
     """Derivatives by the initial disturbances, accumulated over the substeps of one state."""
 
     by_force: Array  # shape (9, 6); derivative of the motion by the initial force or moment of each axis
-    sinking: Array  # shape (7,); derivative of the depth by these, then the change of depth
+    depth_derivative: Array  # shape (7,); derivative of the depth by these, then the change of depth
     remaining: Array  # shape (6,); share of each initial force or moment that has not decayed
     # Shape (9, N_COLUMNS + terms); derivative of the motion after one substep by that before it, and by the factors
     step: Array
@@ -85,7 +85,7 @@ def _workspace(scratch, terms):
     step = _SINKING + N_MOTION * columns
     return _Workspace(
         by_force=scratch[_REMAINING:_BY_FORCE].reshape(N_MOTION, _N_AXES),
-        sinking=scratch[_BY_FORCE:_SINKING],
+        depth_derivative=scratch[_BY_FORCE:_SINKING],
         remaining=scratch[:_REMAINING],
         step=scratch[_SINKING:step].reshape(N_MOTION, columns),
         copy=scratch[step : step + N_MOTION * columns].reshape(N_MOTION, columns),
@@ -158,8 +158,8 @@ def reset_disturbance(constants, scratch):
     for i in range(N_MOTION):
         for axis in range(_N_AXES):
             work.by_force[i, axis] = 0.0
-    for j in range(work.sinking.size):
-        work.sinking[j] = 0.0
+    for j in range(work.depth_derivative.size):
+        work.depth_derivative[j] = 0.0
     for axis in range(_N_AXES):
         work.remaining[axis] = 1.0
 
@@ -199,7 +199,7 @@ def disturbed_step(mean, coefficients, inputs, constants, duration, sensitivity,
     work, moving = _workspace(scratch, n_terms(constants)), mean[first_moving_row(constants) :]
     motion, step = moving[:N_MOTION], work.step
     if depth_is_state(constants):
-        sink_rate(motion, work.by_force, 0.5 * duration, work.sinking)
+        sink_rate(motion, work.by_force, 0.5 * duration, work.depth_derivative)
     push(moving, 1, constants, 1, 0.5 * duration, moving, 1)
     _push_derivative(constants, 0.5 * duration, work.remaining, work.by_force)
     for i in range(N_MOTION):
@@ -216,7 +216,7 @@ def disturbed_step(mean, coefficients, inputs, constants, duration, sensitivity,
     push(moving, 1, constants, 1, 0.5 * duration, moving, 1)
     _push_derivative(constants, 0.5 * duration, work.remaining, work.by_force)
     if depth_is_state(constants):
-        sink_rate(motion, work.by_force, 0.5 * duration, work.sinking)
+        sink_rate(motion, work.by_force, 0.5 * duration, work.depth_derivative)
 
 
 @compiled()
@@ -239,7 +239,7 @@ def fill_in_forces(constants, scratch, matrix):
                 matrix[first + i, row] = work.by_force[i, axis]
             matrix[row, row] = work.remaining[axis]
             if depth_is_state(constants):
-                matrix[row_of(constants, ROW.down), row] = work.sinking[axis]
+                matrix[row_of(constants, ROW.down), row] = work.depth_derivative[axis]
 
 
 @compiled()

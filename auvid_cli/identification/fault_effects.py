@@ -39,8 +39,8 @@ _THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
 _FINS = tuple(INPUT_SYMBOLS.index(name) for name in ("rudder", "elevator"))
 # Quantile of the changes of an input that separates small changes, which may be reactions, from planned ones.
 _SMALL_QUANTILE = 0.98
-# Least decrease of the sum of squares of the innovations by errors within the tolerances for which it is judged without
-# them, in standard deviations of this sum.
+# Innovations are judged without errors within the tolerances if these decrease their sum of squares by at least so many
+# standard deviations of that sum.
 _MIN_DECREASE = 0.5
 _LENGTHS = ("centre_of_gravity", "trim")  # tolerances of parameters that are not shares of their values
 
@@ -77,7 +77,7 @@ class VehicleFaults:
             and fault.regressor not in modelled_terms
         )
         self._faults = *others, *(DELAY_FAULTS[symbol] for symbol in delays)
-        # With the coefficients of a trajectory in `effects`.
+        # `effects` puts in the coefficients of each trajectory.
         without = factors(dict.fromkeys(problem.coefficients.symbols, 0.0), of_vehicle=problem.coefficients)
         self._vehicle = FaultedVehicle(problem.known, without, problem.coefficients.terms, *self._mounted())
 
@@ -128,7 +128,7 @@ class VehicleFaults:
         begin = (until - timeline.substep_duration)[timeline.substep_offset[before]]
         whole = until[timeline.substep_offset[before + 1] - 1] - begin
         in_substeps = motion_at(before, substep_input, (until - 0.5 * timeline.substep_duration - begin) / whole)
-        # To the end of an event's substeps, an effect on the motion in their middle grows by half of the transition.
+        # An effect in the middle of an event's substeps reaches their end through half of the transition.
         n = about.parameters.size
         rows = np.arange(n + self._motion_rows.start, n + self._motion_rows.stop)
         halfway = 0.5 * (np.eye(rows.size) + about.transition[has_substeps][:, self._motion_rows][..., rows])

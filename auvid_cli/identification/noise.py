@@ -43,7 +43,8 @@ SettingsClass = TypeVar("SettingsClass", bound=Settings)
 _LEAST_SENSOR_FACTOR = 0.1
 # A search on longer data begins with a coarse one on a part of them.
 _LONG_DATA = 600.0  # s
-_PART, _WINDOW = 300.0, 60.0  # s; length of the part, and of the windows of which it consists
+_PART = 300.0  # s; length of the part
+_WINDOW = 60.0  # s; length of the windows of which it consists
 # Factor on the shortest time constant and the smallest level that settings accept: a rounded estimate is accepted too.
 _MARGIN = 1.01
 

@@ -62,7 +62,7 @@ class _Workspace(NamedTuple):
     coefficients: Array  # shape (N_FACTORS + terms,); coefficients, estimated or held, actuator errors and ballast
     # Shape (9, N_COLUMNS + terms); derivative of the motion by the initial motion and by the coefficients
     sensitivity: Array
-    sinking: Array  # shape (N_COLUMNS + terms + 1,); derivative of the depth, then its change
+    depth_derivative: Array  # shape (N_COLUMNS + terms + 1,); derivative of the depth, then its change
     block: Array  # shape (N_BLOCK + LANES,); motion and depth in the first lane
     coefficient_block: Array  # shape (N_COEFFICIENT_BLOCK + terms * LANES,)
     step: Array  # for a Runge-Kutta step, with or without the transition matrix
@@ -76,24 +76,24 @@ def _scratch_size(terms: int) -> int:
 
 @compiled(types.UniTuple(types.int64, 4)(types.int64))
 def _ends(terms):
-    """Return the ends of coefficients, sensitivity, sinking and coefficient block in the scratch."""
+    """Return the ends of coefficients, sensitivity, derivative of the depth and coefficient block in the scratch."""
     columns = N_COLUMNS + terms
     coefficients = _BLOCK + N_FACTORS + terms
     sensitivity = coefficients + N_MOTION * columns
-    sinking = sensitivity + columns + 1
-    return coefficients, sensitivity, sinking, sinking + N_COEFFICIENT_BLOCK + terms * LANES
+    depth_derivative = sensitivity + columns + 1
+    return coefficients, sensitivity, depth_derivative, depth_derivative + N_COEFFICIENT_BLOCK + terms * LANES
 
 
 @compiled(inline=True)
 def _workspace(scratch, terms):
-    coefficients, sensitivity, sinking, coefficient_block = _ends(terms)
+    coefficients, sensitivity, depth_derivative, coefficient_block = _ends(terms)
     disturbance = scratch.size - disturbance_work(terms)
     return _Workspace(
         coefficients=scratch[_BLOCK:coefficients],
         sensitivity=scratch[coefficients:sensitivity].reshape(N_MOTION, N_COLUMNS + terms),
-        sinking=scratch[sensitivity:sinking],
+        depth_derivative=scratch[sensitivity:depth_derivative],
         block=scratch[:_BLOCK],
-        coefficient_block=scratch[sinking:coefficient_block],
+        coefficient_block=scratch[depth_derivative:coefficient_block],
         step=scratch[coefficient_block:disturbance],
         disturbance=scratch[disturbance:],
     )
@@ -131,24 +131,24 @@ def _exact_transition(mean, inputs, substep_input, substep_duration, constants, 
     work, n_columns = _workspace(scratch, n_terms(constants)), N_COLUMNS + n_terms(constants)
     depth, motion = row_of(constants, ROW.down), mean[first_moving_row(constants) :][:N_MOTION]
     fill_in_all(mean, constants, selection, work.coefficients)
-    reset_sensitivity(work.sensitivity, work.sinking)
+    reset_sensitivity(work.sensitivity, work.depth_derivative)
     if is_disturbed(constants):
         reset_disturbance(constants, work.disturbance)
     for substep in range(substep_duration.size):
         held, duration = inputs[substep_input[substep]], substep_duration[substep]
         if depth_is_state(constants):
-            sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
+            sink_rate(motion, work.sensitivity, 0.5 * duration, work.depth_derivative)
         step = work.coefficients, held, constants, duration, work.sensitivity
         if is_disturbed(constants):
             disturbed_step(mean, *step, work.disturbance, work.step)
         else:
             transition_step(motion, *step, work.step)
         if depth_is_state(constants):
-            sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
+            sink_rate(motion, work.sensitivity, 0.5 * duration, work.depth_derivative)
     _fill_in(work.sensitivity, constants, selection, matrix)
     if depth_is_state(constants):
-        mean[depth] += work.sinking[n_columns]
-        fill_in_row(work.sinking, constants, selection, matrix[depth])
+        mean[depth] += work.depth_derivative[n_columns]
+        fill_in_row(work.depth_derivative, constants, selection, matrix[depth])
     if is_disturbed(constants):
         fill_in_forces(constants, work.disturbance, matrix)
 
@@ -164,9 +164,9 @@ def first_order_transition(mean, inputs, substep_input, substep_duration, consta
     for substep in range(substep_duration.size):
         elapsed += substep_duration[substep]
     if depth_is_state(constants):
-        reset_sensitivity(sensitivity, work.sinking)
-        sink_rate(motion, sensitivity, elapsed, work.sinking)
-        fill_in_row(work.sinking, constants, selection, matrix[depth])
+        reset_sensitivity(sensitivity, work.depth_derivative)
+        sink_rate(motion, sensitivity, elapsed, work.depth_derivative)
+        fill_in_row(work.depth_derivative, constants, selection, matrix[depth])
     motion_jacobian(
         motion, work.coefficients, inputs[substep_input[0]], constants, sensitivity, sensitivity, N_COLUMNS, work.step
     )

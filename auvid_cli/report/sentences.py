@@ -20,7 +20,7 @@ _EXCITATION = {
     "the horizontal plane": "turn to both sides with clear movements of the rudder",
     "roll": "change the roll moment, and record the roll rate",
 }
-_HELD = "coefficients of "
+_COEFFICIENTS_OF = "coefficients of "
 
 
 def judgement_sentences(judgements: Mapping[str, Judgement], with_sound: bool) -> list[str]:
@@ -149,7 +149,7 @@ def fit_sentences(fit: Fit) -> list[str]:
 
 def held_motions(fit: Fit) -> list[str]:
     """Return the motions whose coefficients were held."""
-    return [step.what.removeprefix(_HELD) for step in fit.steps if step.action == "hold"]
+    return [step.what.removeprefix(_COEFFICIENTS_OF) for step in fit.steps if step.action == "hold"]
 
 
 def measure_next_time(fit: Fit) -> Iterator[str]:

@@ -43,7 +43,8 @@ _FactorRows = namedtuple(
 _AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
 _RUDDER, _ELEVATOR, _THRUST, _N = (SIGNALS.index(name) for name in ("rudder", "elevator", "thrust", "n"))
 _ONE = 2 * len(SIGNALS)
-_LANES, _TWO_ROWS, _FOUR_ROWS = (rows * LANES for rows in (1, 2, 4))
+_TWO_ROWS = 2 * LANES
+_FOUR_ROWS = 4 * LANES
 N_BLOCK = N_MOTION * LANES
 N_SLOPE = N_BLOCK + LANES
 
@@ -247,7 +248,7 @@ def _accelerate(value, first, second, shares, n_lanes, rates):
     """
     share0, share1, share2 = shares
     # The compiler cannot infer this limit.
-    for k in range(min(n_lanes, _LANES)):
+    for k in range(min(n_lanes, LANES)):
         force = value[k] * _value(first, k) * _value(second, k)
         rates[k] += share0 * force
         rates[_TWO_ROWS + k] += share1 * force

@@ -162,6 +162,7 @@ def test_dry_run_writes_nothing(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.posix
 def test_killed_campaign_continues(tmp_path):
     (tmp_path / "small.yaml").write_text(CAMPAIGN.replace("seeds: 3", "seeds: 5"))
     process = subprocess.Popen(command("small.yaml"), cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)

@@ -44,7 +44,7 @@ def test_help_is_the_same_by_both_names_and_shows_examples(name):
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_example_parses(example):
+def test_example_of_the_help_is_accepted(example):
     program, name, *arguments = shlex.split(example)
     assert program == "auvid"
     command = typer.main.get_command(app).commands[name]

@@ -52,6 +52,7 @@ with locked(Path(sys.argv[1])):
     assert result.exit_code == 0, result.output
 
 
+@pytest.mark.posix
 def test_killed_command_releases_lock(tmp_path):
     code = """
 import os, signal, sys

@@ -22,6 +22,7 @@ def shell(command, **environment):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["--version", "--help", "simulate --dry-run"])
+@pytest.mark.posix
 def test_full_device_is_one_line(command):
     result = shell(f"{command} > /dev/full")
     assert (result.returncode, result.stderr) == (2, COMPLAINT)
@@ -37,6 +38,7 @@ def test_full_device_is_one_line(command):
         ("--help >/dev/full 2>&1", 2),
     ],
 )
+@pytest.mark.posix
 def test_closed_streams_give_exit_code(redirection, code):
     result = shell(redirection)
     assert (result.returncode, result.stdout, result.stderr) == (code, "", "")
@@ -61,8 +63,10 @@ def end_swallowed(number):
         signal.raise_signal(number)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_swallowed_signal_still_ends_command(number):
+@pytest.mark.posix
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_swallowed_signal_still_ends_command(name):
+    number = getattr(signal, name)
     with pytest.raises(SystemExit) as ended:
         end_swallowed(number)
     assert ended.value.code == 128 + number
@@ -94,6 +98,7 @@ def test_interrupt_that_a_library_turns_into_an_error_is_an_interrupt(capsys):
     assert capsys.readouterr().err == "auvid: interrupted; files already written are complete\n"
 
 
+@pytest.mark.posix
 def test_ignored_signal_stays_ignored():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:

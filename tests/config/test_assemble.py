@@ -143,7 +143,8 @@ def test_broken_link_with_name_of_shipped_experiment_is_not_replaced(tmp_path, m
         read_source(find_experiment("spiral"))
 
 
-@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
+@pytest.mark.parametrize("make", [lambda path: os.mkfifo(path), lambda path: path.symlink_to("/dev/zero")])
+@pytest.mark.posix
 def test_pipe_or_device_raises(tmp_path, make):
     make(tmp_path / "e.yaml")
     with pytest.raises(ValueError, match="pipe or a device"):

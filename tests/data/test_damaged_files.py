@@ -199,6 +199,7 @@ except FileError as error:
 
 
 @pytest.mark.slow
+@pytest.mark.posix
 def test_full_disk_keeps_the_earlier_file(dataset, tmp_path):
     """In a process of its own: the limit holds for everything that a process writes."""
     source, path = tmp_path / "source.h5", tmp_path / "results" / "dataset.h5"

@@ -35,6 +35,7 @@ def names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
+@pytest.mark.posix
 def test_next_write_removes_files_of_killed_writer(tmp_path):
     result = subprocess.run([sys.executable, "-c", KILLED, tmp_path / "a.txt"], check=False)
     assert result.returncode == -signal.SIGKILL
@@ -59,6 +60,7 @@ def test_failed_write_keeps_the_earlier_file(tmp_path):
     assert (names(tmp_path), path.read_text()) == ({"a.txt"}, "before")
 
 
+@pytest.mark.posix
 def test_hidden_files_of_the_user_stay(tmp_path):
     (tmp_path / ".notes").write_text("mine")
     (tmp_path / ".auvid-link").symlink_to(tmp_path / ".notes")
@@ -73,14 +75,19 @@ def make_socket(path: Path) -> None:
         one.bind(os.path.relpath(path))
 
 
+def make_pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
 def link_to_device(path: Path) -> None:
     path.symlink_to("/dev/null")
 
 
 @pytest.mark.parametrize(
     ("make", "kind"),
-    [(os.mkfifo, "a pipe"), (Path.mkdir, "a folder"), (make_socket, "a socket"), (link_to_device, "a device")],
+    [(make_pipe, "a pipe"), (Path.mkdir, "a folder"), (make_socket, "a socket"), (link_to_device, "a device")],
 )
+@pytest.mark.posix
 def test_pipe_device_or_folder_is_not_replaced(make, kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "a.txt"

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from auvid_cli.export.functions import matlab_text, python_text
-from auvid_cli.export.losses import unsupported_features
+from auvid_cli.export.unsupported_features import unsupported_features
 
 seeds = st.integers(0, 2**32 - 1)
 

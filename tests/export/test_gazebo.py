@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
+from auvid_cli.export.gazebo import gazebo_text, gazebo_unsupported
 from auvid_cli.export.model import surface_changes
 from auvid_cli.vehicle.rigid_body import rotation_matrix
 
@@ -25,7 +25,7 @@ def plain(model_with):
 
 
 def read(model):
-    text = gazebo_text(model, gazebo_losses(model), "vehicle")
+    text = gazebo_text(model, gazebo_unsupported(model), "vehicle")
     return text, ElementTree.fromstring(text)
 
 
@@ -251,19 +251,19 @@ def test_dart_acceleration_equals_the_core(skewed, derivative_of, draw):
 
 def test_fin_without_force_is_lost(model_with):
     model = model_with("vehicle.coefficients.Y_uudr=0")
-    losses, (_, root) = gazebo_losses(model), read(model)
-    assert [term.symbol for term in losses.terms] == ["Y_uudr", "N_uudr"]
+    unsupported, (_, root) = gazebo_unsupported(model), read(model)
+    assert [term.symbol for term in unsupported.terms] == ["Y_uudr", "N_uudr"]
     assert [*surfaces_of(root)] == ["elevator_joint"]
-    assert "elevator at x" in " ".join(losses.notes)
-    assert "rudder at x" not in " ".join(losses.notes)
+    assert "elevator at x" in " ".join(unsupported.notes)
+    assert "rudder at x" not in " ".join(unsupported.notes)
 
 
 def test_losses_have_their_sizes(skewed):
-    losses = gazebo_losses(skewed)
-    assert tuple(term.symbol for term in losses.terms) == OTHERS
-    assert all(term in skewed.term_sizes for term in losses.terms)
+    unsupported = gazebo_unsupported(skewed)
+    assert tuple(term.symbol for term in unsupported.terms) == OTHERS
+    assert all(term in skewed.term_sizes for term in unsupported.terms)
     text, _ = read(skewed)
-    for term in losses.terms:
+    for term in unsupported.terms:
         assert f"{term.symbol} in {term.row}: {term.rms:.3g} {term.unit}, {term.percent:.3g} %" in text
 
 
@@ -277,8 +277,8 @@ def test_other_coefficients_have_standard_deviations(model_with):
 
 def test_impossible_inertia_is_noted(model_with):
     heavy_below = model_with("vehicle.parameters.zG=0.2")
-    assert "Gazebo refuses the inertia" in " ".join(gazebo_losses(heavy_below).notes)
-    assert "Gazebo refuses the inertia" not in " ".join(gazebo_losses(model_with()).notes)
+    assert "Gazebo refuses the inertia" in " ".join(gazebo_unsupported(heavy_below).notes)
+    assert "Gazebo refuses the inertia" not in " ".join(gazebo_unsupported(model_with()).notes)
 
 
 @pytest.mark.parametrize("name", ["one--two", "one -->", "<b> & ---"])

@@ -22,7 +22,7 @@ HALF_TURN = np.diag([1.0, -1.0, -1.0])
 
 def read(model, folder):
     path = folder / "model.py"
-    path.write_text(holoocean_text(model, FORMATS[FormatName.HOLOOCEAN].losses(model), "model"), encoding="utf-8")
+    path.write_text(holoocean_text(model, FORMATS[FormatName.HOLOOCEAN].unsupported(model), "model"), encoding="utf-8")
     return runpy.run_path(str(path))
 
 

@@ -25,8 +25,8 @@ from auvid_cli.export.formats import (
     yaml_text,
 )
 from auvid_cli.export.functions import matlab_text, mss_text, python_text
-from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
-from auvid_cli.export.losses import unsupported_features
+from auvid_cli.export.gazebo import gazebo_text, gazebo_unsupported
+from auvid_cli.export.unsupported_features import unsupported_features
 
 HOSTILE = (
     "  x\nimport os; os.system('true')\n#",
@@ -101,8 +101,10 @@ def test_vehicle_file_keeps_the_text(text, tame):
 @hostile
 def test_gazebo_model_has_the_same_elements(text, tame):
     model = named(tame, text)
-    written = gazebo_text(model, gazebo_losses(model), text)
-    root, as_it_was = (ElementTree.fromstring(each) for each in (written, gazebo_text(tame, gazebo_losses(tame), "m")))
+    written = gazebo_text(model, gazebo_unsupported(model), text)
+    root, as_it_was = (
+        ElementTree.fromstring(each) for each in (written, gazebo_text(tame, gazebo_unsupported(tame), "m"))
+    )
     assert [(each.tag, each.text) for each in root.iter()] == [(each.tag, each.text) for each in as_it_was.iter()]
     assert written.isascii() or written.replace("\n", "").isprintable()
 
@@ -111,7 +113,7 @@ def test_gazebo_model_has_the_same_elements(text, tame):
 @hostile
 def test_json_keeps_the_text(text, tame):
     model = named(tame, text)
-    held = json.loads(json_text(model, FORMATS[FormatName.JSON].losses(model), "m"))
+    held = json.loads(json_text(model, FORMATS[FormatName.JSON].unsupported(model), "m"))
     assert (held["vehicle"], held["provenance"]["settings"]["vehicle"]["notes"]) == (text, [text])
 
 

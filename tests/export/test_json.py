@@ -6,14 +6,14 @@ from auvid_cli.config.enums import FormatName
 from auvid_cli.config.loading import parse_experiment
 from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.export.formats import FORMATS, json_text
-from auvid_cli.export.losses import unsupported_lines
 from auvid_cli.export.model import Actuation, EstimatedState
+from auvid_cli.export.unsupported_features import unsupported_lines
 
 LAGGING = ActuatorSettings.model_validate({"fins": {"time_constant": "0.1 s"}})
 
 
 def written(model):
-    return json.loads(json_text(model, FORMATS[FormatName.JSON].losses(model), "identified"))
+    return json.loads(json_text(model, FORMATS[FormatName.JSON].unsupported(model), "identified"))
 
 
 def test_json_is_complete(model_with):
@@ -51,7 +51,7 @@ def test_json_has_states_gain_and_lag(model_with):
     assert held["actuators"]["rms_of_change"] == {"N_uudr": 2.5}
     assert held["covariance"]["order"][-3:] == ["N_uudr", "thrust_scale", "bias_q"]
     assert np.shape(held["covariance"]["values"]) == (23, 23)
-    assert unsupported_lines(FORMATS[FormatName.JSON].losses(model)) == ["Nothing is lost."]
+    assert unsupported_lines(FORMATS[FormatName.JSON].unsupported(model)) == ["Nothing is lost."]
 
 
 def test_settings_are_those_of_the_estimate(model_with):
@@ -65,4 +65,4 @@ def test_settings_are_those_of_the_estimate(model_with):
 def test_json_loses_nothing(model_with):
     model = model_with()
     assert written(model)["lost"] == {"terms": [], "notes": []}
-    assert unsupported_lines(FORMATS[FormatName.JSON].losses(model)) == ["Nothing is lost."]
+    assert unsupported_lines(FORMATS[FormatName.JSON].unsupported(model)) == ["Nothing is lost."]

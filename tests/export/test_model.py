@@ -7,8 +7,8 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.export.losses import UnsupportedFeatures, caveats, heading_lines
 from auvid_cli.export.model import Origin, acting_inputs, identified_model
+from auvid_cli.export.unsupported_features import UnsupportedFeatures, caveats, heading_lines
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, N_COEFFICIENTS
 

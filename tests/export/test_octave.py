@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from auvid_cli.config.enums import FormatName
 from auvid_cli.export.formats import FORMATS
 from auvid_cli.export.functions import matlab_text, mss_text
-from auvid_cli.export.losses import unsupported_features
+from auvid_cli.export.unsupported_features import unsupported_features
 from auvid_cli.vehicle.rigid_body import euler_rates, rotation_matrix
 
 OCTAVE = shutil.which("octave-cli")
@@ -30,7 +30,7 @@ def results(skewed, cases, tmp_path_factory):
     folder = tmp_path_factory.mktemp("octave")
     (folder / "bare.m").write_text(matlab_text(skewed, unsupported_features(skewed), "bare"), encoding="utf-8")
     (folder / "vessel.m").write_text(
-        mss_text(skewed, FORMATS[FormatName.MSS].losses(skewed), "vessel"), encoding="utf-8"
+        mss_text(skewed, FORMATS[FormatName.MSS].unsupported(skewed), "vessel"), encoding="utf-8"
     )
     script = ["format long"]
     for motion, inputs in cases:

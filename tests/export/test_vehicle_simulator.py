@@ -26,7 +26,7 @@ LAGGED = Actuation(1.25, 10.0, ACTUATORS, {"Y_uudr": 1.0, "Z_uude": 1.0, "M_uude
 
 def read(model, folder):
     path = folder / "model.py"
-    path.write_text(simulator_text(model, FORMATS[FormatName.SIMULATOR].losses(model), "model"), encoding="utf-8")
+    path.write_text(simulator_text(model, FORMATS[FormatName.SIMULATOR].unsupported(model), "model"), encoding="utf-8")
     return runpy.run_path(str(path))["Vehicle"]
 
 
@@ -86,7 +86,7 @@ def test_main_loop_of_the_simulator_runs(model_with, tmp_path):
 
 def test_simulator_has_gain_and_actuators(model_with, tmp_path, derivative_of):
     model = model_with(actuation=LAGGED)
-    lines = " ".join(FORMATS[FormatName.SIMULATOR].losses(model).notes)
+    lines = " ".join(FORMATS[FormatName.SIMULATOR].unsupported(model).notes)
     assert "actuators are lost" not in lines
     assert "gain" not in lines
     vehicle = read(model, tmp_path)()

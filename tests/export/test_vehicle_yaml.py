@@ -5,7 +5,7 @@ import yaml
 
 from auvid_cli.config.loading import find_experiment, load_experiment
 from auvid_cli.export.formats import yaml_text
-from auvid_cli.export.losses import unsupported_features
+from auvid_cli.export.unsupported_features import unsupported_features
 
 
 @pytest.fixture(scope="module")

@@ -67,7 +67,7 @@ class Counted:
 def test_cached_influences_are_computed_once(regression, monkeypatch, room, times):
     influences = regression.influences(regression.noise(np.random.default_rng(2), 0.5, 1.0), (300, 1000))
     kept = corrected_deviation(regression.nominal, [influences], CHANNELS)
-    monkeypatch.setattr("auvid_cli.filters.autocorrelation._CACHE_SIZE", room)
+    monkeypatch.setattr("auvid_cli.filters.autocorrelation.CACHE_SIZE", room)
     counted = Counted(influences)
     np.testing.assert_array_equal(corrected_deviation(regression.nominal, [counted], CHANNELS), kept)
     assert counted.times == times

@@ -44,7 +44,7 @@ def test_smoother_influences_sum_to_the_covariance(problem):
     found = answer.trajectory.parameters + answer.final.mean[:n]
     factor = problem.prior.factor[:n, :n]
     known = np.linalg.inv(factor @ factor.T)
-    variance, moved = explained(smoother.influences(problem, smoothing, answer))
+    variance, moved = explained(smoother.influence_functions(problem, smoothing, answer))
     size = np.sqrt(np.diagonal(covariance))
     assert_allclose(
         variance / np.outer(size, size),
@@ -62,7 +62,7 @@ def test_output_error_influences_sum_to_the_covariance(problem):
     fit = fit_free_motion(problem, problem.prior.mean, problem.prior, whole, 1e-12, 20)
     joint = fit.information.join(Information.of_gaussian(problem.prior, fit.state))
     uncertainty, known = joint.uncertainty(), np.linalg.inv(problem.prior.factor @ problem.prior.factor.T)
-    variance, moved = explained(output_error.influences(problem, fit.state, uncertainty))
+    variance, moved = explained(output_error.influence_functions(problem, fit.state, uncertainty))
     covariance = uncertainty.root @ uncertainty.root.T
     size = np.sqrt(np.diagonal(covariance))[:n]
     left = (covariance - covariance @ known @ covariance)[:n, :n]

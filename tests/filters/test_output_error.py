@@ -112,7 +112,7 @@ def test_on_chunk_receives_every_chunk_once(linear_problem, run_whole):
 @pytest.mark.parametrize("first", [1, 4, 11])
 def test_first_span_changes_nothing(first, linear_problem, run_whole, monkeypatch):
     whole = run_whole(fit_one, linear_problem)
-    monkeypatch.setattr("auvid_cli.filters.output_error._FIRST_SPAN", first)
+    monkeypatch.setattr("auvid_cli.filters.output_error.FIRST_SPAN", first)
     grown = run_whole(fit_one, linear_problem)
     assert grown.failure == OK
     difference = (grown.records.mean - whole.records.mean) / whole.records.standard_deviation
@@ -219,7 +219,7 @@ def test_too_few_evaluations_do_not_converge(nonlinear_problem, run_whole):
 @pytest.mark.slow
 def test_fit_of_a_shorter_span_does_not_converge(linear_problem, run_whole, monkeypatch):
     whole = run_whole(fit_one, linear_problem)
-    monkeypatch.setattr("auvid_cli.filters.output_error._FIRST_SPAN", 8)
+    monkeypatch.setattr("auvid_cli.filters.output_error.FIRST_SPAN", 8)
     culprits = []
     for limit in range(1, 16):
         history = run_whole(partial(fit_one, max_evaluations=limit), linear_problem)

@@ -82,7 +82,7 @@ def test_a_linear_problem_is_solved_as_by_one_big_system(chunk, linear_problem, 
 def test_same_numbers_from_memory_file_and_second_pass(chunk, linear_problem, run_whole, monkeypatch):
     whole = run_whole(smooth_one, linear_problem, chunk=chunk)
     monkeypatch.setattr("auvid_cli.arrays.MAX_IN_MEMORY", 0)
-    monkeypatch.setattr("auvid_cli.filters.linear_smoother._CACHE_SIZE", 0)
+    monkeypatch.setattr("auvid_cli.filters.linear_smoother.CACHE_SIZE", 0)
     filed = run_whole(smooth_one, linear_problem, chunk=chunk)
     assert_array_equal(filed.covariance, whole.covariance)
     for name, rows in whole.records._asdict().items():

@@ -410,7 +410,7 @@ def test_unwrapping_passes_over_gaps():
     assert result[-1] == pytest.approx(12.0)
 
 
-def test_limits():
+def test_limits_of_axes_ignore_what_is_not_finite_and_have_a_margin():
     assert value_range(np.array([np.nan, np.inf])) is None
     assert value_range(np.array([1.0, np.nan]), np.array([-2.0])) == (-2.0, 1.0)
     assert with_margin(3.0, 3.0) == pytest.approx((2.85, 3.15))

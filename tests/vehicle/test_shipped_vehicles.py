@@ -39,7 +39,7 @@ def test_its_hull_displaces_about_its_buoyancy(vehicle):
 
 
 @pytest.mark.parametrize("symbol", ["X_u|u|", "Y_v|v|", "Z_w|w|", "K_p|p|", "M_q|q|", "N_r|r|"])
-def test_drag_brakes(vehicle, symbol):
+def test_drag_coefficients_are_negative(vehicle, symbol):
     assert vehicle.all_coefficients()[symbol] < 0.0
 
 

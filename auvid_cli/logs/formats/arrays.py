@@ -127,15 +127,16 @@ class MatlabLog(ArrayLog):
     """A MATLAB file up to version 7."""
 
     def _arrays(self, variables: Collection[str] | None = None) -> Iterator[tuple[_Path, NDArray[Any]]]:
-        own = [name for name in self._content if not name.startswith("__")]
+        own = [name for name in self.content if not name.startswith("__")]
         for variable in own if variables is None else variables:
-            yield from _flatten((variable,), self._content[variable])
+            yield from _flatten((variable,), self.content[variable])
 
     def _objects(self) -> dict[str, str]:
-        return dict(_opaque(self._content))
+        return dict(_opaque(self.content))
 
     @cached_property
-    def _content(self) -> dict[str, Any]:
+    def content(self) -> dict[str, Any]:
+        """Return the variables of the file by name."""
         # In another process, because a damaged file may crash the reader.
         with self._refusing_damage(), Workers(1, "spawn") as worker:
             return worker.submit(loadmat, self.path, struct_as_record=False, squeeze_me=True).result()

@@ -1,4 +1,4 @@
-"""Columns that contradict what their name says about the motion, and columns that behave as one that is missing."""
+"""Columns that contradict their name, and columns that can replace a missing one."""
 
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
@@ -48,7 +48,7 @@ def contradictions(tracks: Mapping[str, Track]) -> dict[str, tuple[str, float]]:
     -------
     dict
         The other symbol and the largest correlation with it at any lag, by symbol. Both signals of a pair may be in
-        it: nothing shows then which of both has the wrong name.
+        it: the data do not show then which one has the wrong name.
     """
     smooth = {symbol: Track(track.time, unwrapped(track.values)) for symbol, track in tracks.items()}
     signals = on_grid(smooth, are_unwrapped=True)
@@ -105,7 +105,7 @@ def _is_clear(signals: Signals, tracks: Mapping[str, Track], symbol: str, change
     """Whether a signal and its counterpart change clearly more than their noise."""
     noise = estimate_noise(tracks[symbol].values).standard_deviation
     spread = float(np.nanstd(change))
-    # The counterpart must not be mere noise either: neighbours on the grid agree then.
+    # The counterpart must exceed its noise, too. Then it agrees with itself a little later.
     known = other[np.isfinite(other)]
     lag = max(1, round(_WINDOW / signals.step))
     is_steady = known.size > 2 * lag and correlation(known[:-lag], known[lag:]) > _STEADY
@@ -206,8 +206,8 @@ def _with_questions(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor])
             sensor = asking[SENSOR_OF[symbol]]
             old = _column_of(sensor, symbol)
             text = (
-                f"a column; {old.name} does not agree with {other} (correlation {size:.2f}), and nothing shows which "
-                f"of both is wrong"
+                f"a column; {old.name} does not agree with {other} (correlation {size:.2f}), and the data do not show "
+                f"which one is wrong"
             )
             asking[SENSOR_OF[symbol]] = sensor._replace(questions=(*sensor.questions, (symbol, text)))
     return asking

@@ -291,7 +291,7 @@ def _at_times(truth: TruthRecord, motions: Iterable[EstimateHistory]) -> TruthRe
 
 
 def _thinned(record: SensorRecord) -> SensorRecord:
-    """Return about `_MAX_SAMPLES` rows, and as many of each component, because their rows may differ."""
+    """Return about `_MAX_SAMPLES` rows, and as many where each component is known, because these rows may differ."""
     every = 1 + record.time.size // _MAX_SAMPLES
     of_components = [np.flatnonzero(known)[::every] for known in np.isfinite(record.values).T]
     rows = np.unique(np.concatenate([np.arange(0, record.time.size, every), *of_components]))

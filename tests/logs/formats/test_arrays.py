@@ -194,8 +194,8 @@ def test_object_of_old_matlab_file_is_named(tmp_path, monkeypatch):
     opaque = np.array([(b"when", b"MCOS", b"datetime", np.zeros(6, np.uint32))], fields).view(MatlabOpaque)
     path = tmp_path / "log.mat"
     savemat(path, {"t": TIME})
-    monkeypatch.setattr(arrays.MatlabLog, "_content", {"t": TIME, "None": opaque})
+    monkeypatch.setattr(arrays.MatlabLog, "content", {"t": TIME, "None": opaque})
     assert "when is a datetime of MATLAB" in open_log(path).remarks()[0]
-    monkeypatch.setattr(arrays.MatlabLog, "_content", {"None": opaque})
+    monkeypatch.setattr(arrays.MatlabLog, "content", {"None": opaque})
     with pytest.raises(FileError, match=r"when is a datetime of MATLAB.*posixtime"):
         open_log(path).tables()

@@ -76,6 +76,7 @@ def test_missing_file_raises_file_error(tmp_path):
         open_log(tmp_path)
 
 
+@pytest.mark.posix
 def test_pipe_or_device_raises_file_error(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
     for path in (tmp_path / "pipe.csv", Path("/dev/zero")):

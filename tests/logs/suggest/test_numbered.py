@@ -90,7 +90,7 @@ class TestCases:
     def suggested(self, *files):
         return yaml.safe_load(suggest([open_log(CASES / file) for file in files], Path()))
 
-    def test_x_tail(self):
+    def test_fins_of_an_x_tail_are_found_by_number(self):
         fins = self.suggested("x_tail/log.csv")["inputs"]["fins"]
         assert {name: fin["column"] for name, fin in fins.items()} == {
             "upper_right": "fin1_deg",
@@ -111,7 +111,7 @@ class TestCases:
         assert sensors["dvl"]["columns"]["w"] == {"column": "velocity.z", "sign": -1}
         assert sensors["gyroscope"]["columns"]["r"] == {"column": "angular_velocity.z", "sign": -1}
 
-    def test_pulses(self):
+    def test_pulses_of_servos_become_fins_and_thrust(self):
         inputs = self.suggested("pwm_fins/log.csv")["inputs"]
         assert (inputs["rudder"]["column"], inputs["rudder"]["centre"]) == ("servo_rudder_pwm", 1500)
         assert inputs["thrust"]["share"]["column"] == "thruster_pwm"

@@ -51,7 +51,7 @@ def unsupported_features(
     symbols : collection of str
         Coefficients that the format cannot hold.
     notes : tuple of str
-        Further losses.
+        Further unsupported.
     holds_gain : bool
         Whether the format has the gain of the propeller.
     holds_actuators : bool
@@ -65,15 +65,15 @@ def unsupported_features(
     )
 
 
-def unsupported_lines(losses: UnsupportedFeatures) -> list[str]:
+def unsupported_lines(unsupported: UnsupportedFeatures) -> list[str]:
     """Return losses in words, a line each."""
-    if not any(losses):
+    if not any(unsupported):
         return ["Nothing is lost."]
     opening = "No term of the equations of motion is lost."
-    if losses.terms:
+    if unsupported.terms:
         opening = "Terms that are lost, RMS along the estimated motion and share of all terms of their row:"
-    terms = [f"  {t.symbol} in {t.row}: {t.rms:.3g} {t.unit}, {t.percent:.3g} %" for t in losses.terms]
-    return [opening, *terms, *losses.notes]
+    terms = [f"  {t.symbol} in {t.row}: {t.rms:.3g} {t.unit}, {t.percent:.3g} %" for t in unsupported.terms]
+    return [opening, *terms, *unsupported.notes]
 
 
 def _gain_lines(model: IdentifiedModel) -> list[str]:
@@ -119,8 +119,8 @@ def _state_lines(model: IdentifiedModel) -> list[str]:
     return lines
 
 
-def heading_lines(model: IdentifiedModel, losses: UnsupportedFeatures) -> list[str]:
-    """Return vehicle, filter, origin, caveats and losses, a line each."""
+def heading_lines(model: IdentifiedModel, unsupported: UnsupportedFeatures) -> list[str]:
+    """Return vehicle, filter, origin, caveats and unsupported, a line each."""
     experiment, origin = model.experiment, model.origin
     return [
         f"{experiment.vehicle.name}: coefficients identified by {model.filter}",
@@ -130,7 +130,7 @@ def heading_lines(model: IdentifiedModel, losses: UnsupportedFeatures) -> list[s
         f"(experiment {experiment.name}, seed {experiment.seed}).",
         *caveats(model),
         _parameter_line(model),
-        *unsupported_lines(losses),
+        *unsupported_lines(unsupported),
     ]
 
 

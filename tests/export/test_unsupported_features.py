@@ -3,8 +3,8 @@ import pytest
 from auvid_cli.config.enums import FormatName
 from auvid_cli.config.vehicle import ActuatorSettings
 from auvid_cli.export.formats import FORMATS
-from auvid_cli.export.losses import unsupported_lines
 from auvid_cli.export.model import Actuation, EstimatedState
+from auvid_cli.export.unsupported_features import unsupported_lines
 
 STATES = (
     EstimatedState("thrust_scale", "1", 0.2, 0.0123),
@@ -31,8 +31,8 @@ def model(model_with):
 
 @pytest.mark.parametrize("target", WITHOUT_ACTUATORS)
 def test_lossy_format_states_its_losses(target, model):
-    losses = FORMATS[target].losses(model)
-    text = FORMATS[target].text(model, losses, "model")
+    unsupported = FORMATS[target].unsupported(model)
+    text = FORMATS[target].text(model, unsupported, "model")
     expected = (
         "multiply the stated surge force by 1.2; this changes it by 14.5 N RMS along the estimated motion.",
         "put fins of dead band 0.01, time constant 0.1 and a propeller of saturation 80 between the commands and the",
@@ -45,13 +45,13 @@ def test_lossy_format_states_its_losses(target, model):
         "  trim_moment: -4.7 N*m, standard deviation 0.01 N*m",
     )
     for sentence in expected:
-        assert sentence in "\n".join(unsupported_lines(losses))
+        assert sentence in "\n".join(unsupported_lines(unsupported))
         assert sentence in text
 
 
 @pytest.mark.parametrize("target", POOR)
 def test_losses_name_only_estimated_parts(target, model_with):
-    lines = unsupported_lines(FORMATS[target].losses(model_with()))
+    lines = unsupported_lines(FORMATS[target].unsupported(model_with()))
     assert not [
         line
         for line in lines
@@ -62,10 +62,10 @@ def test_losses_name_only_estimated_parts(target, model_with):
 @pytest.mark.parametrize("target", POOR)
 def test_covariances_are_mentioned_once(target, model):
     form = FORMATS[target]
-    assert form.text(model, form.losses(model), "model").count("covariances") == 1
+    assert form.text(model, form.unsupported(model), "model").count("covariances") == 1
 
 
 def test_vehicle_file_loses_gain_but_not_actuators(model):
-    lines = " ".join(unsupported_lines(FORMATS[FormatName.YAML].losses(model)))
+    lines = " ".join(unsupported_lines(FORMATS[FormatName.YAML].unsupported(model)))
     assert "gain" in lines
     assert "actuators" not in lines
