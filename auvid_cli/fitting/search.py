@@ -2,7 +2,7 @@
 
 `fit_model` inspects the data, finds the process noise, adds errors and terms, removes needless ones, and judges.
 Evidence is the log marginal likelihood, with trajectory and parameters integrated out and the noise at its maximum,
-less half the logarithm of the number of measurements for each number that has no prior (Schwarz, Ann. Stat. 6(2), 1978).
+less half the logarithm of the number of measurements for each number without a prior (Schwarz, Ann. Stat. 6(2), 1978).
 """
 
 from collections.abc import Callable, Collection, Sequence

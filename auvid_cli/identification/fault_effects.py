@@ -182,7 +182,7 @@ class VehicleFaults:
 
 
 def fault_tests(
-    outcome: FilterOutcome, header: EstimateHeader, scale: Array, whole: Mapping[str, float]
+    outcome: FilterOutcome, header: EstimateHeader, scale: Array, whole: Mapping[Fault, float]
 ) -> tuple[tuple[FaultTest, ...], ConsideredErrors | None]:
     """Return the test of each fault with an effect on the data and of each alternative estimate, and all their effects.
 
@@ -194,7 +194,7 @@ def fault_tests(
     scale : ndarray, shape (n,)
         SI value of one unit of each component of the state.
     whole : mapping
-        Size of a fault of which its tolerance is a share, by its name, SI.
+        SI value of which the tolerance of a fault is a share.
     """
     deviation, tests, considered = np.sqrt(np.diagonal(outcome.covariance)), list[FaultTest](), None
     if outcome.faults is not None:
@@ -205,7 +205,7 @@ def fault_tests(
 
 
 def sizes_within_tolerances(
-    faults: FaultScores, header: EstimateHeader, whole: Mapping[str, float], n_components: int
+    faults: FaultScores, header: EstimateHeader, whole: Mapping[Fault, float], n_components: int
 ) -> Array | None:
     """Return the most likely sizes of all faults together, SI; 0 for those without a tolerance.
 
@@ -235,7 +235,7 @@ def sizes_within_tolerances(
 
 
 def _score_tests(
-    outcome: FilterOutcome, faults: FaultScores, header: EstimateHeader, scale: Array, whole: Mapping[str, float]
+    outcome: FilterOutcome, faults: FaultScores, header: EstimateHeader, scale: Array, whole: Mapping[Fault, float]
 ) -> tuple[list[FaultTest], ConsideredErrors]:
     deviation = np.sqrt(np.diagonal(outcome.covariance))
     coefficients, spread = header.coefficient_rows, header.experiment.identification.estimate.delay.spread
@@ -296,7 +296,7 @@ def _considered(
     return considered._replace(covariance=second_moments(faults, np.where(hidden, smallest, tolerance)))
 
 
-def tolerance_of(model: FaultModel, experiment: RunSettings, whole: Mapping[str, float]) -> float:
+def tolerance_of(model: FaultModel, experiment: RunSettings, whole: Mapping[Fault, float]) -> float:
     """Return the standard deviation of a known quantity before any data, SI; 0 if it is not expected to be wrong."""
     vehicle, settings = experiment.vehicle, experiment.identification.tolerances
     symbol, is_held = model.parameter, model.fault.kind is FaultKind.HELD_COEFFICIENT
@@ -312,7 +312,7 @@ def tolerance_of(model: FaultModel, experiment: RunSettings, whole: Mapping[str,
         return size * abs(vehicle.stated_coefficients()[symbol])
     if model.parameter and model.tolerance not in _LENGTHS:
         return size * abs(vehicle.known_parameters()[symbol])
-    return size * whole.get(str(model.fault), 1.0)
+    return size * whole.get(model.fault, 1.0)
 
 
 def _test_of_alternative(

@@ -283,12 +283,13 @@ class _Progress:
         return self.nis_sum / max(self.n_components, 1)
 
     @property
-    def whole_faults(self) -> dict[str, float]:
+    def whole_faults(self) -> dict[Fault, float]:
         """Return sizes of faults: damping that is all linear in speed, and no thrust, at the mean speed, SI."""
         header, speed = self._run.header, self.speed_sum / max(self.n_valid, 1)
         final = header.held | dict(zip(header.state, self._latest.mean[-1].tolist(), strict=True))
-        linear = {term: abs(final[symbol]) * speed for term, symbol in _LINEAR.items()}
-        return linear | {str(Fault(FaultKind.THRUST_FADE)): 1.0 / speed if speed else 0.0}
+        damping = ((Fault(FaultKind.MISSING_TERM, term), symbol) for term, symbol in _LINEAR.items())
+        linear = {fault: abs(final[symbol]) * speed for fault, symbol in damping}
+        return linear | {Fault(FaultKind.THRUST_FADE): 1.0 / speed if speed else 0.0}
 
     def finish(self) -> None:
         """Pass the last valid state on, unless it was kept anyway."""

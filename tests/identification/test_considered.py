@@ -10,7 +10,7 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.config.identification import Tolerances
 from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.data.estimate_file import read_estimate, write_estimate
-from auvid_cli.data.faults import Fault
+from auvid_cli.data.faults import Fault, FaultKind
 from auvid_cli.evaluation.accuracy import contributors_text
 from auvid_cli.filters.fault_scores import second_moments
 from auvid_cli.filters.problem import FaultScores
@@ -137,7 +137,8 @@ def test_tolerances_are_a_word_or_numbers():
 )
 def test_tolerance_of_a_fault_is_stated_or_a_share_or_a_size(fault, settings, expected, experiment_with):
     (model,) = (model for model in FAULTS if str(model.fault) == fault)
-    whole = {"X_u": 20.0, "N_r": 140.0, "thrust that falls with speed": 1.0 / 3.9}
+    damping = {Fault(FaultKind.MISSING_TERM, "X_u"): 20.0, Fault(FaultKind.MISSING_TERM, "N_r"): 140.0}
+    whole = damping | {Fault(FaultKind.THRUST_FADE): 1.0 / 3.9}
     assert_allclose(tolerance_of(model, experiment_with(*settings), whole), expected, rtol=1e-4)
 
 
