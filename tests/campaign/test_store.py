@@ -268,7 +268,7 @@ def test_device_is_refused(tmp_path, place):
     """None of these can be read completely."""
     (tmp_path / place).mkdir()
     (tmp_path / place / "a.parquet").symlink_to("/dev/null")
-    with pytest.raises(FileError, match=r"a\.parquet: .* is a pipe or a device, not a regular file"):
+    with pytest.raises(FileError, match=r"a\.parquet: .*pipe or a device"):
         Store(tmp_path, COLUMNS)
 
 

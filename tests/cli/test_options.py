@@ -36,7 +36,7 @@ def test_open_span_has_null(texts, meant):
 
 @pytest.mark.parametrize("wrong", ["80", ":", " : ", "", "1:2:3", "::", "a:b", "3 m:"])
 def test_invalid_span_is_an_error(wrong):
-    with pytest.raises(ConfigError, match=r"--use .*: expected BEGIN:END in seconds, such as 0:80") as complaint:
+    with pytest.raises(ConfigError, match=r"--use .*: expected BEGIN:END") as complaint:
         spans(["0:1", wrong])
     assert str(complaint.value).startswith(f"--use {wrong}: ")
 

@@ -50,7 +50,7 @@ def test_quantity_is_converted_to_si(stated, unit, si):
 
 @pytest.mark.parametrize("value", ["7 furlong", "7 Hz 3", "7 hz", "", "Hz", "7 kg", True, None, [7], {"a": 7}])
 def test_invalid_frequency_raises_with_example(value):
-    with pytest.raises(ValueError, match=r"^expected a frequency such as '7 Hz' or a bare number in Hz, got "):
+    with pytest.raises(ValueError, match=r"^expected a frequency .*'7 Hz'.* in Hz, got "):
         parse_quantity(value, "Hz")
 
 
@@ -114,7 +114,7 @@ def test_components_are_parsed(value, expected):
 
 @pytest.mark.parametrize("value", [[], [1, 2], [1, 2, 3, 4]])
 def test_wrong_number_of_components_raises(value):
-    with pytest.raises(ValueError, match=f"a list of 1 or 3, got a list of {len(value)}"):
+    with pytest.raises(ValueError, match=f"1 or 3, .*{len(value)}"):
         parse_components(value, "m", 3)
 
 
@@ -128,7 +128,7 @@ def test_field_with_unit_converts_quantity():
         speed: Annotated[float, Unit("m/s")]
 
     assert Model.model_validate({"speed": "10 cm/s"}).speed == 0.1
-    with pytest.raises(ValidationError, match=r"expected a speed such as '0.1 cm/s' or a bare number in m/s"):
+    with pytest.raises(ValidationError, match=r"expected a speed .*'0.1 cm/s'.* in m/s"):
         Model.model_validate({"speed": "1 s"})
 
 

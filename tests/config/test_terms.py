@@ -145,7 +145,7 @@ def test_coefficients_with_estimate_false_are_fixed(text):
     assert parse_experiment(dump_experiment(experiment), "test") == experiment
     named = parse_experiment(text, "test", (fixed_coefficient, fixed_term, "identification.coefficients=[M_w|w|]"))
     assert named.identification.estimated(named.vehicle) == ("M_w|w|",)
-    with pytest.raises(ConfigError, match=r"bounds names M_w\|w\|, which is not among the coefficients to estimate"):
+    with pytest.raises(ConfigError, match=r"bounds names M_w\|w\|, .*not among"):
         parse_experiment(text, "test", (fixed_coefficient, "identification.output_error.bounds.M_w|w|=[-1, 1]"))
 
 

@@ -93,9 +93,7 @@ def test_thruster_share_without_unit_must_look_like_percent(converted, largest, 
     log = MemoryLog(**{"imu": imu(rates, angles), "in": {"t": TIME, "cmd": wave, "stated": (wave, "%")}})
     inputs = f"{{table: in, thrust: {{share: {share}, full: 8 N}}}}"
     if refused:
-        with pytest.raises(
-            ConfigError, match=r"inputs\.thrust\.share: reaches only 1\.5 and has no unit: state `unit: '1'`"
-        ):
+        with pytest.raises(ConfigError, match=r"inputs\.thrust\.share: .*1\.5.* `unit: '1'`"):
             converted(log, GYROSCOPE % "", inputs=inputs)
     else:
         found = converted(log, GYROSCOPE % "", inputs=inputs)

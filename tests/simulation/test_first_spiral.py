@@ -52,7 +52,7 @@ def test_fast_vehicle_gets_less_excitation(monkeypatch):
     monkeypatch.setattr("auvid_cli.simulation.first_folder.MIN_DURATION", 60.0)
     vehicle = outlined(1, 0.2, 22, 0.08, 0.006)
     assert 0.0 < first_spiral(vehicle, 4.0).excitation < 1.0
-    with pytest.raises(ConfigError, match=r"boat: cannot follow the gentlest spiral at 20 m/s"):
+    with pytest.raises(ConfigError, match=r"boat: .*spiral at 20 m/s"):
         first_spiral(vehicle, 20.0)
 
 

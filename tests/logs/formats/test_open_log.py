@@ -80,7 +80,7 @@ def test_missing_file_raises_file_error(tmp_path):
 def test_pipe_or_device_raises_file_error(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
     for path in (tmp_path / "pipe.csv", Path("/dev/zero")):
-        with pytest.raises(FileError, match="is a pipe or a device, not a regular file"):
+        with pytest.raises(FileError, match="pipe or a device"):
             open_log(path)
 
 
@@ -103,5 +103,5 @@ def test_missing_package_raises_file_error(tmp_path, monkeypatch, package, reade
 def test_git_lfs_pointer_raises_file_error_with_command(tmp_path):
     path = tmp_path / "dive_0.db3"
     path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0123\nsize 175083520\n")
-    with pytest.raises(FileError, match="Git LFS pointer, not the log: run git lfs pull"):
+    with pytest.raises(FileError, match="git lfs pull"):
         open_log(path)
