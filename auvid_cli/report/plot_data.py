@@ -18,6 +18,7 @@ from auvid_cli.vehicle.parameters import (
     MOTION,
     MOTION_AND_DEPTH,
     MOTION_AND_DEPTH_SYMBOLS,
+    MOTION_SYMBOLS,
     Quantity,
     state_of,
 )
@@ -366,7 +367,8 @@ def travelled_paths(truth: TruthRecord | None, motions: Iterable[EstimateHistory
     Parameters
     ----------
     motions : iterable of EstimateHistory
-        Histories of the nine motion states; one that is not finite from its second time has no path.
+        Histories of the nine motion states, and of the depth where it is estimated, which then replaces that of dead
+        reckoning. One that is not finite from its second time has no path.
     """
     paths, start = list[TravelledPath](), np.zeros(3)
     if truth is not None:
@@ -375,7 +377,10 @@ def travelled_paths(truth: TruthRecord | None, motions: Iterable[EstimateHistory
             paths.append(TravelledPath(None, truth.time[known], truth.position[known]))
             start = paths[0].position[0]
     for motion in motions:
-        position = start + dead_reckoned(motion.time, motion.mean)
+        columns = [motion.state.index(symbol) for symbol in MOTION_SYMBOLS]
+        position = start + dead_reckoned(motion.time, motion.mean[:, columns])
+        if DEPTH.symbol in motion.state:
+            position[:, 2] = motion.mean[: len(position), motion.state.index(DEPTH.symbol)]
         if len(position) > 1:
             paths.append(TravelledPath(motion.filter, motion.time[: len(position)], position))
     return paths

@@ -15,7 +15,7 @@ from auvid_cli.data.estimate import Estimate, EstimateHistory
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.report.figures import workers
 from auvid_cli.report.figures.workers import Submit, draw_and_save
-from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_SYMBOLS, SENSORS, Quantity, state_of
+from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -186,7 +186,7 @@ class FigureQueue:
             courses = [estimate.history(symbols) for estimate in estimates]
             self._add("estimates", EstimateRequest(symbols, courses, true))
             self._add("convergence", ConvergenceRequest(symbols, courses, true))
-        motions = [estimate.history(MOTION_SYMBOLS) for estimate in estimates]
+        motions = [estimate.history(MOTION_AND_DEPTH_SYMBOLS) for estimate in estimates]
         truth = None if dataset.truth is None else _at_times(dataset.truth, motions)
         if truth is not None or estimates:
             self._add("path", PathRequest(truth, motions))

@@ -29,7 +29,7 @@ from auvid_cli.report.plot_data import (
     with_margin,
 )
 from auvid_cli.report.table import filter_label, symbol_math
-from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
+from auvid_cli.vehicle.parameters import DEPTH, MOTION, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
 
 _HEIGHT = 5.8
 _PATH_POINTS = 1000
@@ -71,9 +71,9 @@ def path_figure(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> 
         style.show_message(plan, "no finite position")
         return figure
     profile = figure.add_subplot(grid[1, 1] if has_distance else grid[1:, 1])
-    _draw_in_space(views, tracks, _depth_name(truth))
+    _draw_in_space(views, tracks, _depth_name(truth, estimates))
     _draw_plan(plan, tracks)
-    _draw_profile(profile, tracks, _depth_name(truth))
+    _draw_profile(profile, tracks, _depth_name(truth, estimates))
     if has_distance:
         _draw_distance(figure.add_subplot(grid[2, 1]), tracks[0], tracks[1:])
     ends = [Line2D([], [], label=label, **_end(marker, face)) for label, marker, face in _ENDS]
@@ -101,9 +101,10 @@ def _as_far_as_others(position: Array, first: Array) -> Array:
     return position[: int(beyond.argmax())] if beyond.any() else position
 
 
-def _depth_name(truth: TruthRecord | None) -> str:
-    """Return the label of the depth; without truth it is integrated from the start and drifts."""
-    return "depth (m)" if truth is not None else "depth below the start (m)"
+def _depth_name(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> str:
+    """Return the label of the depth; without truth and depth sensor it is integrated from the start and drifts."""
+    is_known = truth is not None or all(DEPTH.symbol in estimate.state for estimate in estimates)
+    return "depth (m)" if is_known else "depth below the start (m)"
 
 
 def _draw_in_space(axes: Axes3D, tracks: list[_Track], depth_name: str) -> None:

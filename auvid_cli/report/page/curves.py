@@ -22,7 +22,7 @@ from auvid_cli.report.plot_data import (
 )
 from auvid_cli.report.table import filter_label
 from auvid_cli.text import sentence
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
+from auvid_cli.vehicle.parameters import DEPTH, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity
 
 _MOTION_PARTS = 700  # content of a run whose extremes are drawn
 _MAX_RESIDUALS = 100_000  # about as many as a free run keeps
@@ -138,7 +138,9 @@ def path_parts(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list
         f"{track.label} {np.linalg.norm(track.position[-1] - tracks[0].position[-1]):.3g} m" for track in tracks[1:]
     )
     words = "The path of an estimate is dead reckoning: the estimated velocity, rotated by the attitude and integrated"
-    words += " from the true start." if truth is not None else " from its start. It drifts, also in depth."
+    words += " from the true start." if truth is not None else " from its start. It drifts."
+    is_known = all(DEPTH.symbol in estimate.state for estimate in estimates)
+    words += " The depth is the estimated one." if is_known else " The depth drifts, too."
     if ends and truth is not None:
         words += f" Position errors at the end: {ends}."
     says = f"Paths of {', '.join(track.label for track in tracks)} in space."
@@ -147,7 +149,7 @@ def path_parts(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list
 
 def _tracks(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list[parts.PathTrack]:
     tracks = []
-    for track in travelled_paths(truth, (estimate.history(MOTION_SYMBOLS) for estimate in estimates)):
+    for track in travelled_paths(truth, (estimate.history(MOTION_AND_DEPTH_SYMBOLS) for estimate in estimates)):
         names = ("truth", "true") if track.filter is None else (filter_label(track.filter), track.filter)
         tracks.append(parts.PathTrack(*names, track.position[spaced(len(track.position), _MAX_POINTS)]))
     return tracks

@@ -180,14 +180,19 @@ def test_the_path_of_an_estimate_begins_at_the_true_start(known):
     assert [track.label for track in path_parts(None, [estimate])[-1].tracks] == ["CKF"]
 
 
-def test_the_path_is_the_same_whatever_states_stand_behind_the_motion(known):
+def test_an_estimated_depth_replaces_that_of_dead_reckoning(known):
     estimate = make_estimate("ckf")
     depth = np.linspace(0.0, 50.0, TIME.size)[:, None]
-    beside = replace(
-        estimate, state=(*estimate.state, "down"), unit=(*estimate.unit, "m"), mean=np.hstack([estimate.mean, depth])
-    )
-    plain, deeper = (path_parts(known.truth, [each])[-1].tracks[1].position for each in (estimate, beside))
-    np.testing.assert_array_equal(plain, deeper)
+    columns = {name: np.hstack([getattr(estimate, name), depth]) for name in ("mean", "standard_deviation")}
+    deeper = replace(estimate, state=(*estimate.state, "down"), unit=(*estimate.unit, "m"), **columns)
+    for truth in (None, known.truth):
+        plain, other = (path_parts(truth, [each])[-1].tracks[-1].position for each in (estimate, deeper))
+        np.testing.assert_array_equal(other[:, :2], plain[:, :2])
+        assert np.ptp(plain[:, 2]) < 40.0
+        np.testing.assert_allclose(np.ptp(other[:, 2]), 50.0)
+    says = [path_parts(None, [each])[0].sentences[0] for each in (estimate, deeper)]
+    assert "depth drifts" in says[0]
+    assert "depth is the estimated one" in says[1]
 
 
 def test_a_filter_that_diverged_has_its_verdict_and_no_numbers_that_it_has_not(known):
