@@ -56,7 +56,7 @@ _HORIZON_NOISE = {"color": "0.35", "linewidth": 0.9, "linestyle": (0, (1, 2))}
 _OTHERS = {
     "constant_velocity_rmse": ("unchanged", {"color": "#E69F00", "linestyle": (0, (5, 2)), "marker": "v"}),
     "prior_rmse": ("prior", {"color": "#7A3E9D", "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"}),
-    "vehicle_file_rmse": ("vehicle file", {"color": "#009E73", "linestyle": (0, (9, 2)), "marker": "D"}),
+    "vehicle_file_rmse": ("vehicle file", {"color": "#8C5A2B", "linestyle": (0, (9, 2)), "marker": "D"}),
 }
 
 
