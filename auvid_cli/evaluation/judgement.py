@@ -326,7 +326,7 @@ def _noises(reference: Estimate) -> Iterator[Cause]:
         if statistics.nis > LARGEST_NIS:
             beyond = f"are larger than expected (NIS exceeds 1 by {statistics.nis:.1f} sigma)"
         elif statistics.portmanteau > LARGEST_PORTMANTEAU and statistics.correlation > largest_correlation:
-            beyond = f"are correlated in time ({statistics.portmanteau:.0f} sigma, Ljung-Box)"
+            beyond = f"are correlated in time ({statistics.portmanteau:.0f} sigma)"
         if not beyond:
             continue
         cause = noise_cause(sensor, of_sensor)

@@ -251,7 +251,7 @@ _NOISE_CELLS: dict[Column, Callable[[TunedNoise], Cell]] = {
 
 _BEFORE_AND_AFTER = (
     "NIS: squared prediction error / expected variance; 1 is right. Correlated in time: successive prediction "
-    f"errors are similar (Ljung-Box); above {LARGEST_PORTMANTEAU:g} sigma it is more than chance."
+    f"errors are similar; above {LARGEST_PORTMANTEAU:g} sigma it is more than chance."
 )
 _OF_AHRS = (
     "The attitude is that of an AHRS: its errors are always correlated in time. This alone does not make an estimate "
