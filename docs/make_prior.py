@@ -111,7 +111,7 @@ def table(rows: pd.DataFrame) -> list[str]:
 def lateral_table(rows: pd.DataFrame) -> list[str]:
     """Compare the priors on a run that tells little of heave and pitch; errors are of the fits that settled."""
     lines = [
-        "| prior | seeds | sound | did not settle | error, median of X, Y, K, N, % | of all 22, % | within 2 sd | "
+        "| prior | seeds | sound | did not converge | error, median of X, Y, K, N, % | of all 22, % | within 2 sd | "
         "identified of 22 |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]

@@ -39,7 +39,7 @@ def against_reference(found: CampaignSummary, settings: dict[str, object]) -> st
             said.setdefault(row["conclusion"].replace(other, "it"), []).append(other)
     words = {
         "tie": "tie",
-        "no difference found": "cannot be told",
+        "no difference found": "no difference found",
         "it is better": "better",
         f"{_REFERENCE} is better": "worse",
         "it diverges more often": "lost more often",
