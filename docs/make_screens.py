@@ -1,6 +1,6 @@
 """Write the screen samples of the pages from what the commands print: `python -m docs.make_screens`.
 
-Takes two minutes of processor time. `--slow` also fits the log of the tutorial, which takes five more.
+Takes four minutes of processor time. `--slow` also fits the log of the tutorial, which takes five more.
 """
 
 import argparse
@@ -26,9 +26,24 @@ _TEST = f"validate results/survey/estimates/smoother.h5 {_SURVEY} --use 321:"
 _SEEN = f"{_SURVEY} --use 0:320 --set lateral.yaml"
 _BY_HAND = f"validate results/by_hand/estimates/smoother.h5 {_SURVEY} --use 321: -o results/by_hand"
 _IMPORT = "simulate field --as-log -o field", "import --map field/map.yaml"
+_INIT = "init mine --length '2 m' --diameter '20 cm' --mass '60 kg' --fin-span '10 cm' --fin-area '120 cm^2'"
+_BIASED = (
+    "run --set sensors=sensors/table_iii_bias.yaml --set 'identification.estimate.biases=[gyro, attitude]'"
+    " -o results/biased"
+)
+_TERMS = "terms results/lacking/dataset.h5 --set 'vehicle.terms=[]'"
+# A term is simulated that the model lacks.
+_LACKING = (
+    "simulate --set manoeuvre=manoeuvres/multisine.yaml --set 'manoeuvre.duration=90 s'"
+    " --set 'manoeuvre.initial_speed=3.9 m/s' --set 'sensors.gyroscope={rate: 20 Hz, noise: 0.1 deg/s}'"
+    " --set 'sensors.attitude={source: direct, rate: 10 Hz, noise: 0.1 deg}'"
+    " --set 'sensors.dvl={rate: 5 Hz, noise: 0.5 cm/s}' --set identification.prior.factor=3"
+    """ --set 'vehicle.terms=[{name: N_|v|r, row: N, factors: ["|v|", r], value: -120 kg*m/rad}]' -o results/lacking"""
+)
 # Commands that must run before another one.
 _BEFORE = {
     _ZIGZAG: ("run", "simulate --set manoeuvre=manoeuvres/zigzag_20_20.yaml --seed 2 -o results/zigzag"),
+    _TERMS: (_LACKING,),
     _FIT: _IMPORT,
     _TEST: (_FIT,),
     _BY_HAND: (
@@ -102,6 +117,14 @@ SCREENS = (
         ("CKF diverged",),
     ),
     Screen("explanation/verdicts", "unjudged", f"{_CKF} -o results/u", ("CKF unjudged",)),
+    Screen(
+        "how-to/own-vehicle",
+        "first folder",
+        _INIT,
+        (" buoyancy", " inertia about x", " inertia about y", " spiral: speed", " spiral: largest", "mine: ", "next: "),
+    ),
+    Screen("how-to/sensor-errors", "biased run", _BIASED, (_VERDICTS, "EKF", "CKF", "TUKF", "smoother", "smoother: ")),
+    Screen("how-to/own-terms", "search", _TERMS, ("step", r"1 +N_\|v\|r", r"1 +N_\|r\|v", "1 +N_r ", "Found: ")),
     Screen("quick-start", "prediction", _ZIGZAG, ("Yaw rate in turns", "Sway in turns", "The model of")),
     Screen("own-log", "step", _FIT, ("look 1, candidate 2", "look 1: kept")),
     Screen(

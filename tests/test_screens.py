@@ -19,7 +19,7 @@ SHORTER = {
     r"^run\b(?!.*duration)": "run --set 'manoeuvre.duration=30 s'",
     "--use [0-9:]+": "--use 0:20",
 }
-LONG = ("fit", "validate")
+LONG = ("fit", "terms", "validate")
 
 
 def shown(screen: Screen) -> str:
