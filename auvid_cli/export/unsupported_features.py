@@ -138,7 +138,7 @@ def _parameter_line(model: IdentifiedModel) -> str:
     """Return the values of the known parameters without which the coefficients are wrong."""
     known = model.experiment.vehicle.known_parameters()
     values = ", ".join(f"{q.symbol} = {known[q.symbol]:.5g} {q.unit}" for q in PARAMETERS if known[q.symbol])
-    return f"The coefficients go with these parameters; change none of them alone: {values}."
+    return f"The coefficients were computed with these parameters; change none of them alone: {values}."
 
 
 def caveats(model: IdentifiedModel) -> list[str]:

@@ -166,7 +166,7 @@ def test_doubt_of_one_coefficient_is_no_caveat_of_all(model):
 def test_heading_names_the_parameters_and_the_speed_of_the_coefficients(model):
     at_one_speed = replace(model, speed_remarks=("X_u|u| holds at one speed.",))
     lines = heading_lines(at_one_speed, UnsupportedFeatures((), ()))
-    (parameters,) = (line for line in lines if "go with these parameters" in line)
+    (parameters,) = (line for line in lines if "with these parameters" in line)
     known = model.experiment.vehicle.known_parameters()
     assert f"Izz = {known['Izz']:.5g} kg*m^2" in parameters
     assert "X_u|u| holds at one speed." in lines
