@@ -1,6 +1,6 @@
 """Write the screen samples of the pages from what the commands print: `python -m docs.make_screens`.
 
-Takes four minutes of processor time. `--slow` also fits the log of the tutorial, which takes five more.
+Takes two minutes of processor time. `--slow` also fits the log of the tutorial, which takes five more.
 """
 
 import argparse
