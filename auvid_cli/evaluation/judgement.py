@@ -330,7 +330,7 @@ def _noises(reference: Estimate) -> Iterator[Cause]:
         if not beyond:
             continue
         cause = noise_cause(sensor, of_sensor)
-        # If more noise is stated than there is, standard deviations are too large, which misleads nobody.
+        # If more noise is stated than there is, standard deviations are too large: that is harmless.
         if statistics.nis >= 0.0 or cause.lasts:
             remedy = f"they look like {cause.name}: {cause.remedy}"
             yield Cause(cause.gain, f"innovations of {sensor} {beyond}", remedy)

@@ -100,17 +100,17 @@ def _gradients(
             shift = partial(_shifted, problem, timeline, sample.timeline, about)
             states = ((state,) for state in range(n_moving))
             for state, shifted in enumerate(computed_ahead(shift, states, filtered.trajectory)):
-                sums = list[Array]()
+                derivatives = list[tuple[Array, Array]]()
                 for effects, unshifted in zip(columns(sample.timeline, shifted), nominal, strict=True):
                     difference = effects.on_states[sample.events] - unshifted.on_states[sample.events]
                     by_process = np.einsum("ki,kij->kj", by_sample[..., state], difference)
                     difference = effects.on_measurements - unshifted.on_measurements
-                    by_sensors = np.einsum("kc,kcj->kj", by_rows[..., state], difference)
-                    sums.append(by_process.sum(axis=0) + by_sensors.sum(axis=0))
-                    if len(sums) == 1:
-                        by_states[sample.events] += by_process[:, n:]
-                        np.add.at(by_states, measured_at, by_sensors[:, n:])
-                total += np.concatenate(sums)
+                    derivatives.append((by_process, np.einsum("kc,kcj->kj", by_rows[..., state], difference)))
+                total += np.concatenate([process.sum(axis=0) + sensors.sum(axis=0) for process, sensors in derivatives])
+                # The first pair is that of parameters and moving states.
+                by_process, by_sensors = derivatives[0]
+                by_states[sample.events] += by_process[:, n:]
+                np.add.at(by_states, measured_at, by_sensors[:, n:])
             moving[-1].append(scale * by_states[1:])
             by_last = by_states[0]
         moving[-1].reverse()

@@ -34,7 +34,7 @@ _MAX_EVALUATIONS = 12
 MAX_TRAJECTORIES = 10
 # Maximum number of passes for the first motion given the parameters of a part of the data.
 _FIRST_PASSES = 5
-# Size of the cache, as a multiple of the usual one, with which a third of the passes over 47 minutes was repeated.
+# Size of the cache, as a multiple of the default. A cache of 1 repeats a third of the passes over 47 minutes.
 _CACHES = 2
 # Approximate share of the whole search that precedes the intervals.
 _SEARCH_SHARE = 0.75

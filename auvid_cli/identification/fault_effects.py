@@ -39,8 +39,8 @@ _THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
 _FINS = tuple(INPUT_SYMBOLS.index(name) for name in ("rudder", "elevator"))
 # Quantile of the changes of an input that separates small changes, which may be reactions, from planned ones.
 _SMALL_QUANTILE = 0.98
-# Innovations are judged without errors within the tolerances if these decrease their sum of squares by at least so many
-# standard deviations of that sum.
+# Smallest decrease of the innovations' sum of squares by errors within the tolerances, in standard deviations of that
+# sum. From this decrease on, the innovations are judged without these errors.
 _MIN_DECREASE = 0.5
 _LENGTHS = ("centre_of_gravity", "trim")  # tolerances of parameters that are not shares of their values
 
