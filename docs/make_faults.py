@@ -260,7 +260,7 @@ def result(case: str, seed: int) -> pd.DataFrame:
             {
                 "grade": str(judgement.grade),
                 "named": "" if named is None else str(named.fault),
-                "alternatives": "" if named is None else named.alternatives,
+                "alternatives": "" if named is None else "; ".join(map(str, named.alternatives)),
                 "largest": max(off.values(), default=np.nan),
                 "largest_by_data": max(by_data, default=np.nan),
                 "identified": len(kept),

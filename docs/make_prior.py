@@ -76,8 +76,8 @@ def outcome(case: str, seed: int) -> pd.DataFrame:
     off = np.array([c.estimate - c.true for c in there if c.true])
     size, deviation = np.array([[c.true, c.standard_deviation] for c in there]).T
     row = {
-        "grade": summary.grade,
-        "reason": summary.reason,
+        "grade": str(summary.judgement.grade),
+        "reason": summary.judgement.reason,
         "median_percent": 100.0 * np.median(np.abs(off / size)),
         "lateral_percent": 100.0 * np.median(np.abs(off / size)[[c.coefficient[0] in _ROWS for c in there]]),
         "within": np.mean(np.abs(off) <= 2.0 * deviation),

@@ -301,6 +301,11 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         """Whether the filter reached the end of the data."""
         return self.status == "completed"
 
+    @property
+    def unconverged(self) -> bool:
+        """Whether an iteration ended before it converged."""
+        return self.status.startswith("unconverged")
+
     def statistics(self, sensor: str) -> InnovationStatistics:
         """Return the statistics by which a sensor is judged: less what errors within the tolerances explain."""
         return self.explained[sensor] if sensor in self.explained else self.innovations[sensor].statistics()

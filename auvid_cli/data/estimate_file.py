@@ -248,10 +248,11 @@ def _read_statistics(sensor: str, group: h5py.Group) -> InnovationStatistics:
 
 
 def _write_faults(group: h5py.Group, faults: tuple[FaultTest, ...]) -> None:
-    texts = np.array([str(test.fault) for test in faults], dtype=object)
+    rows = [test.row() for test in faults]
+    texts = np.array([row[0] for row in rows], dtype=object)
     netcdf.write_dimension(group, "fault", texts, "possible fault of the data or the model")
-    for name, kind, meaning in _FAULT_COLUMNS:
-        values = np.array([getattr(test, name) for test in faults], dtype=kind)
+    for column, (name, kind, meaning) in enumerate(_FAULT_COLUMNS, 1):
+        values = np.array([row[column] for row in rows], dtype=kind)
         netcdf.write_variable(group, name, values, ("fault",), meaning)
 
 
@@ -263,7 +264,7 @@ def _read_faults(group: h5py.Group) -> tuple[FaultTest, ...]:
     ]
     try:
         rows = zip(netcdf.read_names(group, "fault"), *columns, strict=True)
-        return tuple(FaultTest(Fault.parse(text), *row) for text, *row in rows)
+        return tuple(FaultTest.from_row(*row) for row in rows)
     except ValueError:
         raise ValueError("/faults has columns of different lengths") from None
 

@@ -2,7 +2,7 @@
 
 import re
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -242,11 +242,10 @@ class FaultTest(NamedTuple):
         much as their tolerances allow; negative if unknown.
     rank : int
         1 for the first fault that is needed to explain the data, 2 for the next, and so on; 0 if it is not needed.
-    alternatives : str
-        Other faults that these data cannot tell from it, separated by "; "; empty if it is not needed.
-    moved : str
-        Coefficients that it moves by more than their total standard deviation, separated by spaces; empty if it is
-        not needed.
+    alternatives : tuple of Fault
+        Other faults that these data cannot tell from it; empty if it is not needed.
+    moved : tuple of str
+        Coefficients that it moves by more than their total standard deviation; empty if it is not needed.
     """
 
     fault: Fault
@@ -258,8 +257,19 @@ class FaultTest(NamedTuple):
     tolerance: float = 0.0
     significance: float = -1.0
     rank: int = 0
-    alternatives: str = ""
-    moved: str = ""
+    alternatives: tuple[Fault, ...] = ()
+    moved: tuple[str, ...] = ()
+
+    def row(self) -> tuple[object, ...]:
+        """Return the values as cells of a table: alternatives separated by "; ", coefficients by spaces."""
+        return str(self.fault), *self[1:-2], "; ".join(map(str, self.alternatives)), " ".join(self.moved)
+
+    @classmethod
+    def from_row(cls, fault: str, *values: Any) -> "FaultTest":
+        """Return the test of a `row`, whose last cells may be missing; ValueError if a fault is unknown."""
+        test = cls(Fault.parse(fault), *values)
+        alternatives = map(Fault.parse, filter(None, "".join(test.alternatives).split("; ")))
+        return test._replace(alternatives=tuple(alternatives), moved=tuple("".join(test.moved).split()))
 
     @property
     def excess(self) -> float:
@@ -274,7 +284,8 @@ class FaultTest(NamedTuple):
     def __str__(self) -> str:
         name = f"{self.fault} has another {self.coefficient}" if self.fault.is_alternative else str(self.fault)
         if self.alternatives:
-            name = f"{', '.join((name, *self.alternatives.split('; ')[:-1]))} or {self.alternatives.split('; ')[-1]}"
+            *others, last = map(str, self.alternatives)
+            name = f"{', '.join((name, *others))} or {last}"
         factor, shown = degrees_for(self.unit)
         unit = "" if shown == "1" else f" {shown}"
         # Alone it may look small, and be needed all the same if the other faults are in the data too.

@@ -20,7 +20,7 @@ from auvid_cli.evaluation.accuracy import (
 from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.innovations import SensorConsistency, mean_nis, sensor_consistency, status_of
-from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among, with_considered_errors
+from auvid_cli.evaluation.judgement import Judgement, judge, reference_among, with_considered_errors
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.identification.prepared_data import PreparedData
 
@@ -39,6 +39,8 @@ class FilterSummary(NamedTuple):
         RMSE / |true value| over the coefficients, dimensionless; None as above.
     mean_nis : float
         Mean normalised innovation squared of a component.
+    judgement : Judgement
+        In the file: grade, reason, remedy, and the doubted coefficients separated by spaces.
     """
 
     filter: str
@@ -50,10 +52,13 @@ class FilterSummary(NamedTuple):
     steps: int
     microseconds_per_step: float
     status: str
-    grade: str
-    reason: str
-    remedy: str
-    doubted: str
+    judgement: Judgement
+
+    def row(self) -> tuple[object, ...]:
+        """Return the cells of the row."""
+        doubted = self.judgement.doubted
+        of_judgement = (str(self.judgement.grade), self.judgement.reason, self.judgement.remedy)
+        return (*self[:-1], *of_judgement, "all" if doubted is None else " ".join(doubted))
 
 
 class Evaluation(NamedTuple):
@@ -70,19 +75,21 @@ class Evaluation(NamedTuple):
 
     def judgements(self) -> dict[str, Judgement]:
         """Return the judgement of each filter."""
-        return {row.filter: Judgement(Grade(row.grade), row.reason, row.remedy, row.doubted) for row in self.summary}
+        return {row.filter: row.judgement for row in self.summary}
 
     def tables(self) -> dict[str, NamedRows]:
         """Return the rows of each CSV file, by its name."""
         return {
             "coefficients": NamedRows(CoefficientResult._fields, self.coefficients),
-            "summary": NamedRows(FilterSummary._fields, self.summary),
+            "summary": NamedRows(
+                (*FilterSummary._fields[:-1], *Judgement._fields), [row.row() for row in self.summary]
+            ),
             "velocity_error": NamedRows(VelocityError._fields, self.velocity_errors),
             "consistency": NamedRows(SensorConsistency._fields, self.consistency),
             "sensor_errors": NamedRows(SensorErrorResult._fields, self.sensor_errors),
             "faults": NamedRows(
                 ("filter", *FaultTest._fields, "z"),
-                [(name, str(test.fault), *test[1:], test.z) for name, test in self.faults],
+                [(name, *test.row(), test.z) for name, test in self.faults],
             ),
         }
 
@@ -121,7 +128,7 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
                 steps,
                 estimate.cpu_time / steps * 1e6,
                 status_of(estimate),
-                *judgement,
+                judgement,
             )
         )
         evaluation.velocity_errors.extend(errors)

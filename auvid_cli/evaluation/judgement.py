@@ -131,7 +131,7 @@ def advice_on_divergence(estimate: Estimate) -> str:
     settings = estimate.experiment.identification
     if remedy := advice_on_nonlinearity(estimate):
         return remedy
-    if estimate.status.startswith("unconverged"):
+    if estimate.unconverged:
         return _remedy_of_unconverged(estimate)
     if estimate.is_free_run_fit:
         by_prior = ", or use the prior (--set identification.output_error.use_prior=true)"
@@ -192,18 +192,18 @@ class Judgement(NamedTuple):
         Reason of the grade; empty if sound.
     remedy : str
         Advice.
-    doubted : str
-        Coefficients that the doubt concerns, separated by spaces; "all" for all of them.
+    doubted : tuple of str or None
+        Coefficients that the doubt concerns; None for all of them.
     """
 
     grade: Grade
     reason: str = ""
     remedy: str = ""
-    doubted: str = "all"
+    doubted: tuple[str, ...] | None = None
 
     def trusts(self, symbol: str) -> bool:
         """Whether a coefficient may be used."""
-        in_part = self.grade is Grade.DOUBTFUL and self.doubted != "all" and symbol not in self.doubted.split()
+        in_part = self.grade is Grade.DOUBTFUL and self.doubted is not None and symbol not in self.doubted
         return self.grade is Grade.SOUND or in_part
 
     @property
@@ -278,7 +278,7 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
         doubt
         or _doubt_of_distance(estimate, reference)
         or _doubt_of_vehicle(estimate)
-        or Judgement(Grade.SOUND, doubted="")
+        or Judgement(Grade.SOUND, doubted=())
     )
 
 
@@ -303,18 +303,18 @@ def _doubt_of_data(reference: Estimate) -> Judgement | None:
     if worst is None:
         return None
     doubted = _doubted(reference, causes)
-    named = f"; coefficients in doubt: {doubted.replace(' ', ', ')}" if doubted else _MOVES_NONE
-    which = "" if doubted == "all" else named
+    named = f"; coefficients in doubt: {', '.join(doubted)}" if doubted else _MOVES_NONE
+    which = "" if doubted is None else named
     return Judgement(Grade.DOUBTFUL, f"{worst.name}{which}", worst.remedy, doubted)
 
 
-def _doubted(reference: Estimate, causes: Sequence[Cause]) -> str:
-    """Return the coefficients that the needed faults move, if these explain the data; else all."""
+def _doubted(reference: Estimate, causes: Sequence[Cause]) -> tuple[str, ...] | None:
+    """Return the coefficients that the needed faults move, if these explain the data; None for all otherwise."""
     needed = [test for test in reference.faults if test.rank]
     others = [test for test in reference.faults if test.fault.is_alternative and _is_significant(test)]
     if others or not needed or len(causes) > 1:
-        return "all"
-    return " ".join(dict.fromkeys(symbol for test in needed for symbol in test.moved.split()))
+        return None
+    return tuple(dict.fromkeys(symbol for test in needed for symbol in test.moved))
 
 
 def _noises(reference: Estimate) -> Iterator[Cause]:

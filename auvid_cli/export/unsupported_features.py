@@ -155,7 +155,7 @@ def caveats_of(judgement: Judgement) -> list[str]:
     if judgement.grade is Grade.SOUND:
         return []
     # A doubt may concern some coefficients, or none.
-    is_about_all = judgement.grade is not Grade.DOUBTFUL or judgement.doubted == "all"
+    is_about_all = judgement.grade is not Grade.DOUBTFUL or judgement.doubted is None
     return [f"Do not rely on these values, {judgement}." if is_about_all else f"The estimate is {judgement}."]
 
 

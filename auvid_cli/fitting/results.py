@@ -1,7 +1,8 @@
 """Result of a search for a model: its steps, its settings, and its estimate."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import yaml
 
@@ -9,26 +10,32 @@ from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.checks import NamedRows
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.fitting.additions import Addition
 
 if TYPE_CHECKING:
     import pandas as pd
 
 # Settings below `identification` that a search changes.
 _CHANGED = "coefficients", "prior", "estimate", "delays", "process_noise", "measurement_noise", "noise", "smoother"
+FitAction: TypeAlias = Literal["as asked", "hold", "start", "add", "remove", "leave at 0", "end"]
 
 
 class FitStep(NamedTuple):
     """A step of the search; a row of ``fit_steps.csv``."""
 
     look: int  # 0 for the start; all steps of a look start from the same model
-    action: str  # as asked, hold, start, add, remove, leave at 0, or end
-    what: str
+    action: FitAction
+    what: Addition | str  # what was added or removed; words for any other step
     size: str  # estimated values with their standard deviations and units; angles in degrees; empty if unknown
     gain: float | None  # increase of the log marginal likelihood, net of the numbers that it takes; None for a start
     kept: bool
     judged_before: str  # judgement of the model before the look
     judged_after: str  # judgement of the model with the change; empty if it was not kept
     cpu_time: float  # s
+
+    def concerns(self, additions: Iterable[Addition]) -> bool:
+        """Whether the step is about one of these additions, of any size."""
+        return isinstance(self.what, Addition) and self.what.key in {addition.key for addition in additions}
 
 
 @dataclass(frozen=True)
@@ -51,13 +58,13 @@ class Fit:
     @property
     def added(self) -> tuple[str, ...]:
         """Return the additions that the model has."""
-        removed = [step.what for step in self.steps if step.kept and step.action == "remove"]
-        kept = [step.what for step in self.steps if step.kept and step.action == "add" and step.what not in removed]
-        return tuple(dict.fromkeys(kept))
+        kept = [str(step.what) for step in self.steps if step.kept and step.action == "add"]
+        removed = {str(step.what) for step in self.steps if step.kept and step.action == "remove"}
+        return tuple(what for what in dict.fromkeys(kept) if what not in removed)
 
     def rows(self) -> NamedRows:
         """Return a row for each step."""
-        return NamedRows(FitStep._fields, self.steps)
+        return NamedRows(FitStep._fields, [step._replace(what=str(step.what)) for step in self.steps])
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return a table with a row for each step."""

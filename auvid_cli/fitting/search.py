@@ -26,7 +26,7 @@ from auvid_cli.fitting.candidates import WORTH, Candidate, by_kind, candidates, 
 from auvid_cli.fitting.look import refuse_contradictions, with_still_planes_held
 from auvid_cli.fitting.models import Model, ModelMaker
 from auvid_cli.fitting.quick_fits import joint_answer, smoothed, thinned, training_part, trial_text, try_on_held_out
-from auvid_cli.fitting.results import Fit, FitStep
+from auvid_cli.fitting.results import Fit, FitAction, FitStep
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.problem_setup import Motion
 from auvid_cli.identification.run import identify
@@ -230,7 +230,7 @@ class _Search:
                 so_far = f"{best[0]}, {gain:+.0f}" if best is not None and gain > 0.0 else "no addition"
                 self._on_step(f"look {self._look}, candidate {number} of {len(trials)}: {addition}; best: {so_far}")
                 tried = trial.result()
-                row = self._step("add", str(addition), tried.gain, False, before)
+                row = self._step("add", addition, tried.gain, False, before)
                 rows.append(row._replace(size=tried.refused, cpu_time=tried.cpu_time))
                 if tried.model is not None:
                     models.append((addition, tried.model))
@@ -241,7 +241,7 @@ class _Search:
             best = max(models, key=lambda pair: pair[1].evidence, default=None)
             if best is not None and best[1].evidence - self.model.evidence >= WORTH:
                 self.steps = [step._replace(kept=step.kept and step.look < self._look) for step in self.steps]
-                rows = [row._replace(kept=row.what == str(best[0])) for row in rows]
+                rows = [row._replace(kept=row.concerns([best[0]])) for row in rows]
                 self._estimate, self.model = None, best[1]
             self.steps += rows
 
@@ -290,7 +290,7 @@ class _Search:
             other = self._maker.without_addition(model, addition)
             loss = None if other is None else other.evidence - model.evidence
             is_better = loss is not None and loss > -WORTH
-            self.steps.append(self._step("remove", str(addition), loss, is_better, ""))
+            self.steps.append(self._step("remove", addition, loss, is_better, ""))
             if is_better:
                 return other
         return None
@@ -341,14 +341,14 @@ class _Search:
 
     def steps_with_sizes(self, estimate: Estimate) -> tuple[FitStep, ...]:
         """Return the steps after the errors that the settings asked for; an addition replaced later is not kept."""
-        additions = {} if self.model is None else {str(addition): addition for addition in self.model.additions}
+        additions = () if self.model is None else self.model.additions
         asked = (Addition(name.value) for name in self._dataset.experiment.identification.estimate.biases)
-        sizes = {str(addition): size_text(estimate, addition) for addition in asked if not addition.is_time}
+        sizes = {addition: size_text(estimate, addition) for addition in asked if not addition.is_time}
         removed = {step.what for step in self.steps if step.kept and step.action == "remove"}
         steps = [FitStep(0, "as asked", what, size, None, True, "", "", 0.0) for what, size in sizes.items() if size]
         for step in self.steps:
-            if step.kept and step.what in additions:
-                step = step._replace(size=size_text(estimate, additions[step.what]))
+            if step.kept and (own := [addition for addition in additions if step.concerns([addition])]):
+                step = step._replace(size=size_text(estimate, own[0]))
             elif step.kept and step.action == "add" and step.what not in removed:
                 step = step._replace(kept=False)
             steps.append(step)
@@ -379,7 +379,13 @@ class _Search:
             return "", stopped  # no trajectory follows the first two thirds
 
     def note(
-        self, action: str, what: str, gain: float | None, kept: bool, before: str, judgement: Judgement | None = None
+        self,
+        action: FitAction,
+        what: str,
+        gain: float | None,
+        kept: bool,
+        before: str,
+        judgement: Judgement | None = None,
     ) -> None:
         """Add a step."""
         self.steps.append(self._step(action, what, gain, kept, before, judgement))
@@ -393,7 +399,13 @@ class _Search:
         ]
 
     def _step(
-        self, action: str, what: str, gain: float | None, kept: bool, before: str, judgement: Judgement | None = None
+        self,
+        action: FitAction,
+        what: Addition | str,
+        gain: float | None,
+        kept: bool,
+        before: str,
+        judgement: Judgement | None = None,
     ) -> FitStep:
         now = process_time()
         elapsed, self._last = now - self._last, now

@@ -268,9 +268,9 @@ def _score_tests(
                 moves = np.abs(considered.effect[coefficients, place] * fault.likely_size)
                 # Compared with the total without this fault, which otherwise includes its size.
                 total = considered.given(place).total_deviation(of_data)
-                moved = [header.state[row] for row, by in zip(coefficients, moves, strict=True) if by > total[row]]
-                others = [str(faults.labels[g].fault) for g in fault.alternatives]
-                test = test._replace(rank=rank, moved=" ".join(moved), alternatives="; ".join(others))
+                moved = (header.state[row] for row, by in zip(coefficients, moves, strict=True) if by > total[row])
+                others = (faults.labels[g].fault for g in fault.alternatives)
+                test = test._replace(rank=rank, moved=tuple(moved), alternatives=tuple(others))
         tests.append(test)
     return tests, considered
 

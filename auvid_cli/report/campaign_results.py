@@ -16,6 +16,7 @@ from auvid_cli.data.checks import csv_cell
 from auvid_cli.data.files import write_text
 from auvid_cli.report.page import parts
 from auvid_cli.report.page.sections import campaign_provenance
+from auvid_cli.report.plot_data import MAX_ERROR
 from auvid_cli.report.screen import print_files
 from auvid_cli.report.table import Cell, Column, Table, number, setting_text, tabulated, text_column
 from auvid_cli.report.text_tables import narrowed, print_texts, render_markdown
@@ -44,7 +45,6 @@ _LEFT = 170.0
 _WIDTH = 560.0
 _TOP = 12.0
 _MAX_DRAWN = 24  # combinations that are drawn
-_MAX_ERROR = 1e3  # %, larger errors are drawn at the edge
 
 
 def write_findings(findings: CampaignSummary, folder: Path) -> list[Path]:
@@ -195,7 +195,7 @@ def _spread(findings: CampaignSummary, filters: Mapping[str, str]) -> list[parts
     if not known.size:
         return []
     low = float(np.floor(np.log10(known.min())))
-    high = max(float(np.ceil(np.log10(min(known.max(), _MAX_ERROR)))), low + 1.0)
+    high = max(float(np.ceil(np.log10(min(known.max(), MAX_ERROR)))), low + 1.0)
     across = parts.Axis(low, high, _LEFT, _WIDTH - 80.0)
     drawn = cells[:_MAX_DRAWN]
     bottom = _TOP + _ROW * len(drawn)

@@ -280,7 +280,7 @@ def runs(evaluation: Evaluation) -> Table:
         Column("CPU time s"): lambda row: row.cpu_time_s,
         Column("steps"): lambda row: row.steps,
         Column("µs/step"): lambda row: row.microseconds_per_step,
-        text_column("judgement"): lambda row: row.grade,
+        text_column("judgement"): lambda row: str(row.judgement.grade),
     }
     notes = tuple(judgement_sentences(evaluation.judgements(), with_sound=False))
     table = tabulated("runs", "Error, cost and judgement", evaluation.summary, cells, notes)

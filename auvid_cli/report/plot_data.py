@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.arrays import Array, wrap
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import EstimateHistory, Innovations
-from auvid_cli.evaluation.results import FreeRun
+from auvid_cli.evaluation.results import FreeRun, Identifiability
 from auvid_cli.report.table import unit_text
 from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.vehicle.parameters import (
@@ -40,6 +40,10 @@ _HIGHEST = 1e3  # %, unless lines end higher
 _ABOVE = 3.0  # times the largest end of a line
 _BELOW = 0.03  # times the smallest band
 _SPAN = 1e9  # largest ratio of the limits
+# Larger errors of the runs of a campaign are drawn at this one, %.
+MAX_ERROR = 1e3
+# Length of the longest bar of the bounds, and of a bar without a bound, %.
+_MAX_BOUND = 1e4
 
 
 class Scale(NamedTuple):
@@ -351,6 +355,23 @@ def horizon_plots(predictions: Sequence[Prediction]) -> list[HorizonPlot]:
         }
         plots.append(HorizonPlot(quantity, scale, np.array([row.horizon_s for row in rows]), errors))
     return plots
+
+
+class BoundsPlot(NamedTuple):
+    """Cramér-Rao bounds in percent of the coefficients, for a logarithmic axis."""
+
+    percents: Array  # shape (n,), from all data; limited
+    times: Array  # shape (k,), s
+    growth: Array  # shape (k, n), from the data until each time; NaN where there is hardly a bound
+
+
+def bounds_plot(identifiability: Identifiability) -> BoundsPlot:
+    """Return the bounds of all coefficients, and how they fall with the duration."""
+    percents = np.array([bound.percent for bound in identifiability.bounds])
+    times = np.array([time for time, _ in identifiability.growth])
+    growth = np.array([percent for _, percent in identifiability.growth])
+    drawable = (growth > 0.0) & (growth < _MAX_BOUND)
+    return BoundsPlot(np.clip(percents, 1e-6, _MAX_BOUND), times, np.where(drawable, growth, np.nan))
 
 
 class TravelledPath(NamedTuple):

@@ -5,9 +5,11 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from typing import NamedTuple
 
 from auvid_cli.config.enums import JUDGE
+from auvid_cli.config.extra_states import BiasName
 from auvid_cli.data.checks import Check
 from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.fitting.additions import Addition
 from auvid_cli.fitting.results import Fit, FitStep
 from auvid_cli.report.table import Cell, Column, Table, filter_label, tabulated, text_column
 from auvid_cli.text import sentence
@@ -139,7 +141,7 @@ def fit_sentences(fit: Fit) -> list[str]:
     lines += [f"{step.what}: {step.size}." for step in fit.steps if step.kept and step.size]
     if held := ", ".join(held_motions(fit)):
         lines.append(f"Held at the vehicle file's values, because these data hardly have such motion: {held}.")
-    zeros = [step.what for step in fit.steps if step.action == "leave at 0" and step.kept]
+    zeros = [str(step.what) for step in fit.steps if step.action == "leave at 0" and step.kept]
     lines += [f"Left at 0, as in the vehicle file, because these data do not need them: {zero}." for zero in zeros]
     lines += [f"Unexplained: {cause}." for cause in fit.unexplained]
     if fit.stopped:
@@ -149,7 +151,7 @@ def fit_sentences(fit: Fit) -> list[str]:
 
 def held_motions(fit: Fit) -> list[str]:
     """Return the motions whose coefficients were held."""
-    return [step.what.removeprefix(_COEFFICIENTS_OF) for step in fit.steps if step.action == "hold"]
+    return [str(step.what).removeprefix(_COEFFICIENTS_OF) for step in fit.steps if step.action == "hold"]
 
 
 def measure_next_time(fit: Fit) -> Iterator[str]:
@@ -163,7 +165,7 @@ def measure_next_time(fit: Fit) -> Iterator[str]:
         yield f"For {', '.join(weak)}, which are not identified: `auvid design --at ESTIMATE` finds a better manoeuvre."
     if "gyroscope" not in fit.estimate.innovations:
         yield "Record a gyroscope: without one, the yaw rate is known from the heading only."
-    if any(step.what == "scale of the thrust" for step in fit.steps if step.kept):
+    if any(step.concerns([Addition(BiasName.THRUST.value)]) for step in fit.steps if step.kept):
         yield "Record the thrust, or measure it at known revolutions: drag and thrust are only known together."
 
 
@@ -173,7 +175,7 @@ def steps_tables(fit: Fit) -> list[Table]:
     cells: dict[Column, Callable[[FitStep], Cell]] = {
         Column("look"): lambda step: step.look,
         text_column("step"): lambda step: step.action,
-        text_column("what"): lambda step: step.what,
+        text_column("what"): lambda step: str(step.what),
         text_column("size ± standard deviation"): lambda step: step.size or None,
         Column("gain in evidence"): lambda step: None if step.gain is None else f"{step.gain:+.1f}",
         text_column("judged before"): lambda step: step.judged_before or None,

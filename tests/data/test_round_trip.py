@@ -193,7 +193,12 @@ def test_thinned_innovations_keep_autocorrelation_of_all(estimate, write_estimat
 def test_faults_are_read_back(estimate, write_estimate, tmp_path):
     faults = (
         FaultTest(Fault.parse("bias of r"), "rad/s", 1e-4, 2e-5, "N_url", 0.5),
-        FaultTest(Fault.parse("Y_|v|r"), "kg/rad", -3.0, 1.0, "Y_url", 2.25),
+        FaultTest(
+            *(Fault.parse("Y_|v|r"), "kg/rad", -3.0, 1.0, "Y_url", 2.25),
+            rank=1,
+            alternatives=(Fault.parse("delay of the DVL"), Fault.parse("scale of r")),
+            moved=("Y_url", "N_|v|r"),
+        ),
     )
     write_estimate(tmp_path / "estimate.h5", replace(estimate, faults=faults))
     back = read_estimate(tmp_path / "estimate.h5")

@@ -156,10 +156,10 @@ def test_inconsistent_estimate_has_a_caveat(estimate, dataset):
 
 
 def test_doubt_of_one_coefficient_is_no_caveat_of_all(model):
-    doubtful = Judgement(Grade.DOUBTFUL, "a bias of the gyroscope", doubted="N_r|r|")
+    doubtful = Judgement(Grade.DOUBTFUL, "a bias of the gyroscope", doubted=("N_r|r|",))
     (caveat,) = caveats(replace(model, judgement=doubtful, speed_remarks=()))
     assert caveat.startswith("The estimate is doubtful: a bias of the gyroscope")
-    (caveat,) = caveats(replace(model, judgement=doubtful._replace(doubted="all"), speed_remarks=()))
+    (caveat,) = caveats(replace(model, judgement=doubtful._replace(doubted=None), speed_remarks=()))
     assert caveat.startswith("Do not rely on these values, doubtful: ")
 
 

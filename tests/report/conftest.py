@@ -142,7 +142,7 @@ def evaluation_of(dataset: Dataset, estimates: list[Estimate], blown_up: tuple[s
                 steps,
                 estimate.cpu_time / steps * 1e6,
                 estimate.status,
-                *judgement,
+                judgement,
             )
         )
         evaluation.free_runs[estimate.filter] = run

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.fitting.additions import Addition
 from auvid_cli.fitting.results import Fit, FitStep
 from auvid_cli.report.page.pages import fit_page
 from auvid_cli.report.page.render import write_page
@@ -14,8 +15,8 @@ from auvid_cli.report.sentences import fit_sentences, measure_next_time, steps_t
 STEPS = (
     FitStep(0, "hold", "coefficients of the vertical plane", "", None, True, "", "", 0.1),
     FitStep(0, "start", "process noise from the data", "", None, True, "", "doubtful", 10.25),
-    FitStep(1, "add", "current", "current_north 0.149 +- 0.001 m/s", 2400.0, True, "doubtful", "sound", 21.0),
-    FitStep(1, "add", "scale of the thrust", "", 310.0, False, "doubtful", "", 8.0),
+    FitStep(1, "add", Addition("current"), "current_north 0.149 +- 0.001 m/s", 2400.0, True, "doubtful", "sound", 21.0),
+    FitStep(1, "add", Addition("thrust"), "", 310.0, False, "doubtful", "", 8.0),
     FitStep(1, "end", "fit to all data", "", None, True, "", "sound", 30.0),
 )
 

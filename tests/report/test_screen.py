@@ -6,6 +6,7 @@ import pytest
 from rich.console import Console
 
 from auvid_cli.data.checks import Check
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.results import CoefficientBound, Identifiability
 from auvid_cli.report.screen import print_checks, print_files, print_identifiability, print_summary
 from auvid_cli.report.text_tables import printed as printed_number
@@ -129,7 +130,7 @@ def test_without_truth_estimates_and_deviations_only(evaluation):
 
 def test_the_reason_of_a_divergence_is_printed(evaluation):
     reason = "at t = 0.200 s: [odd] reason"
-    rows = [row._replace(grade="diverged", reason=reason) for row in evaluation.summary]
+    rows = [row._replace(judgement=Judgement(Grade.DIVERGED, reason)) for row in evaluation.summary]
     assert f"EKF, CKF, TUKF diverged: {reason}." in printed(evaluation._replace(summary=rows), 100)
 
 
@@ -140,8 +141,8 @@ def test_files_are_counted_by_folder():
 
 
 def test_an_inconsistent_filter_is_named_so(evaluation):
-    judged = {"grade": "inconsistent", "reason": "innovations of dvl are 9 times as large as the filter says"}
-    changed = evaluation._replace(summary=[row._replace(**judged) for row in evaluation.summary])
+    judged = Judgement(Grade.INCONSISTENT, "innovations of dvl are 9 times as large as the filter says")
+    changed = evaluation._replace(summary=[row._replace(judgement=judged) for row in evaluation.summary])
     text = printed(changed, 100)
     assert text.count("inconsistent:") == 1
     # In the table, and in the sentence below it.
@@ -150,8 +151,9 @@ def test_an_inconsistent_filter_is_named_so(evaluation):
 
 def test_what_differs_is_said_of_each_filter_by_itself(evaluation):
     ekf, ckf, tukf = evaluation.summary
-    rows = [ekf._replace(grade="doubtful", reason="it is far off", remedy="use another"), ckf]
-    text = printed(evaluation._replace(summary=[*rows, tukf._replace(grade="unjudged", reason="nobody did")]), 100)
+    rows = [ekf._replace(judgement=Judgement(Grade.DOUBTFUL, "it is far off", "use another")), ckf]
+    rows.append(tukf._replace(judgement=Judgement(Grade.UNJUDGED, "nobody did")))
+    text = printed(evaluation._replace(summary=rows), 100)
     assert "EKF doubtful: it is far off; use another." in text
     assert "TUKF unjudged: nobody did." in text
     assert "CKF sound" not in text

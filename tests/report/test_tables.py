@@ -2,6 +2,7 @@ import re
 
 import pytest
 
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.report.layout import estimates, lay_out, write_tables
 from auvid_cli.report.table import Unidentified, UnitCell, number, symbol_math, unit_latex, unit_text
 from auvid_cli.report.table_iv import published, published_filters, table_iv
@@ -162,10 +163,10 @@ def test_latex_escapes_what_it_must():
 
 
 def test_a_diverged_filter_is_said_to_be_and_has_dashes(evaluation):
-    judged = {"grade": "diverged", "reason": "at t = 0.200 s: not finite"}
+    judged = Judgement(Grade.DIVERGED, "at t = 0.200 s: not finite")
     first = evaluation.summary[0]
     changed = evaluation._replace(
-        summary=[first._replace(**judged, average_steady_state_error_percent=None), *evaluation.summary[1:]],
+        summary=[first._replace(judgement=judged, average_steady_state_error_percent=None), *evaluation.summary[1:]],
         coefficients=[
             row._replace(rmse=None, steady_state_error_percent=None, estimate=float("nan"))
             if row.filter == "ekf"

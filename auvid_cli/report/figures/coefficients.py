@@ -36,12 +36,10 @@ _LINES = dict(zip((label for _, label in CLASSES), ("-", (0, (6, 2)), (0, (3, 1,
 _APART = 0.7
 _MIN_LABELLED = 0.05  # smallest correlation with a number
 _DARK = 0.6  # smallest correlation with a dark colour
-_MAX_PERCENT = 1e4  # length of the longest bar, and of a bar without a bound
 _FILTER_HATCHES = ("", "////", "xxxx", "....", "----", "++++", "oo")
 # Share of the distance between two groups that the boxes of a group fill.
 _WIDTH = 0.8
 _MAX_PANELS = 12
-_MAX_ERROR = 1e3  # %
 _MIN_RUNS = 4  # for quartiles
 _MIN_SPAN = 4.0  # ratio of the limits of the axis
 
@@ -124,12 +122,11 @@ def bounds_figure(identifiability: Identifiability) -> Figure:
     n = len(identifiability.bounds)
     figure = style.new_figure(style.WIDTH, 0.26 * max(n, 6) + 1.4)
     bars, growth = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
-    percents = np.array([min(bound.percent, _MAX_PERCENT) for bound in identifiability.bounds])
-    smallest = max(float(percents.min()), 1e-6)
-    for place, (bound, percent) in enumerate(zip(identifiability.bounds, percents, strict=True)):
+    plot = plot_data.bounds_plot(identifiability)
+    for place, (bound, percent) in enumerate(zip(identifiability.bounds, plot.percents, strict=True)):
         bars.barh(place, percent, **_filled(bound.label))
     bars.set_xscale("log")
-    bars.set_xlim(0.3 * smallest, 3.0 * max(float(percents.max()), CLASSES[-2][0]))
+    bars.set_xlim(0.3 * float(plot.percents.min()), 3.0 * max(float(plot.percents.max()), CLASSES[-2][0]))
     _tidy_log(bars)
     bars.set_yticks(range(n), [symbol_math(bound.coefficient) for bound in identifiability.bounds])
     bars.set_ylim(n - 0.4, -0.6)
@@ -138,14 +135,12 @@ def bounds_figure(identifiability: Identifiability) -> Figure:
         over = bars.get_xaxis_transform()
         bars.text(limit, 1.005, f"{limit:g} %", transform=over, ha="center", va="bottom", fontsize=7, color="0.3")
     bars.set_xlabel("Cramér-Rao bound (% of the value)", fontsize=9)
-    times = [time for time, _ in identifiability.growth]
-    for j, bound in enumerate(identifiability.bounds):
-        series = [min(percent[j], _MAX_PERCENT) for _, percent in identifiability.growth]
-        growth.plot(times, series, **_stroked(bound.label))
+    for bound, series in zip(identifiability.bounds, plot.growth.T, strict=True):
+        growth.plot(plot.times, series, **_stroked(bound.label))
     growth.set_yscale("log")
     growth.set_xscale("log")
     _tidy_log(growth)
-    _tick_durations(growth, times)
+    _tick_durations(growth, plot.times.tolist())
     style.head(growth, "bound over duration, each coefficient")
     growth.set_xlabel("duration (s)", fontsize=9)
     growth.set_ylabel("bound (%)", fontsize=9)
@@ -262,7 +257,7 @@ def _draw_runs(
     """Draw a box of the errors of each cell or, if they are too few for quartiles, marks, and the share of failures."""
     boxed: list[tuple[float, Array]] = []
     for place, cell in cells:
-        errors = np.minimum(cell.errors, _MAX_ERROR)
+        errors = np.minimum(cell.errors, plot_data.MAX_ERROR)
         if errors.size >= _MIN_RUNS:
             boxed.append((place, errors))
         else:
@@ -306,7 +301,7 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     wide = min(n, 3)
     figure = style.new_figure(1.0 + wide * (0.62 * len(cols) + 0.9), -(-n // wide) * (0.42 * len(rows) + 1.0) + 0.5)
     panels = np.atleast_1d(figure.subplots(-(-n // wide), wide, sharex=True, sharey=True, squeeze=False)).ravel()
-    errors = table["steady_state_error_percent"].clip(upper=_MAX_ERROR).dropna().to_numpy(dtype=np.float64)
+    errors = table["steady_state_error_percent"].clip(upper=plot_data.MAX_ERROR).dropna().to_numpy(dtype=np.float64)
     # Decades; NaN without a completed run.
     lowest, highest = np.log10([errors.min(), errors.max()]) if errors.size else (0.0, 0.0)
     image = None
@@ -324,7 +319,7 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
                 ("inconsistent", "mean"),
             )
         )
-        decades = np.log10(np.minimum(error, _MAX_ERROR))
+        decades = np.log10(np.minimum(error, plot_data.MAX_ERROR))
         image = axes.imshow(decades, vmin=lowest, vmax=highest, cmap="viridis_r", aspect="auto")
         for i, j in np.ndindex(len(rows), len(cols)):
             text = _rounded(float(error[i, j])) if np.isfinite(error[i, j]) else "-"

@@ -17,7 +17,7 @@ from auvid_cli.report.layout import estimate_table, lay_out
 from auvid_cli.report.page import curves, parts, sections
 from auvid_cli.report.page.coefficients import coefficient_list, convergence, estimate_plots, forest
 from auvid_cli.report.page.render import symbol_parts
-from auvid_cli.report.plot_data import HorizonPlot, horizon_plots
+from auvid_cli.report.plot_data import HorizonPlot, bounds_plot, horizon_plots
 from auvid_cli.report.screen import assessment_sentences, bounds_table, holding_sentence
 from auvid_cli.report.sentences import fit_sentences, measure_next_time, score_sentences, steps_tables
 from auvid_cli.report.table import by_kind, filter_label, number
@@ -36,7 +36,6 @@ _OTHERS = {
 }
 # Looks of the classes, from sure to unknown.
 _LOOKS = dict(zip((label for _, label in CLASSES), ("sure", "known", "rough", "lost"), strict=True))
-_MAX_PERCENT = 1e4  # length of the longest bar, and of a bar without a bound
 _ROW = 20.0
 _LEFT = 64.0
 _WIDTH = 460.0
@@ -273,25 +272,24 @@ def _verdict(identifiability: Identifiability) -> parts.Cards:
 
 def _bars(identifiability: Identifiability) -> list[parts.Picture]:
     """Draw bounds in percent of the value, by class, on a logarithmic scale; many in two pictures of the same scale."""
-    percents = [min(bound.percent, _MAX_PERCENT) for bound in identifiability.bounds]
-    low = np.floor(np.log10(max(min(percents), 1e-4)))
-    high = np.ceil(np.log10(max(max(percents), 2.0 * CLASSES[-2][0])))
+    percents = bounds_plot(identifiability).percents
+    low = np.floor(np.log10(percents.min()))
+    high = np.ceil(np.log10(max(percents.max(), 2.0 * CLASSES[-2][0])))
     across = parts.Axis(float(low), float(high), _LEFT, _WIDTH - 56.0)
-    of = {bound.coefficient: bound for bound in identifiability.bounds}
+    of = {bound.coefficient: (bound, percent) for bound, percent in zip(identifiability.bounds, percents, strict=True)}
     kinds = by_kind([*of])
     return [
         _bars_of(f"Bounds{kind and f', {kind}'}", [of[name] for name in names], across) for kind, names in kinds.items()
     ]
 
 
-def _bars_of(title: str, bounds: Sequence[CoefficientBound], across: parts.Axis) -> parts.Picture:
+def _bars_of(title: str, bounds: Sequence[tuple[CoefficientBound, float]], across: parts.Axis) -> parts.Picture:
     bottom = _TOP + _ROW * len(bounds)
     shapes = parts.decades(across, _TOP, bottom)
-    for place, bound in enumerate(bounds):
-        percent = min(bound.percent, _MAX_PERCENT)
+    for place, (bound, percent) in enumerate(bounds):
         y = _TOP + _ROW * place
         letter, below = symbol_parts(bound.coefficient)
-        end = across.at(float(np.log10(max(percent, 1e-4))))
+        end = across.at(float(np.log10(percent)))
         shapes.append(parts.TextLabel(_LEFT - 8.0, y + 14.0, letter, "end", below))
         shapes.append(parts.Box(_LEFT, y + 4.0, max(end - _LEFT, 1.0), _ROW - 8.0, _LOOKS[bound.label]))
         shapes.append(parts.TextLabel(end + 4.0, y + 14.0, f"{number(bound.percent, 2) or 'none'}"))
@@ -300,22 +298,20 @@ def _bars_of(title: str, bounds: Sequence[CoefficientBound], across: parts.Axis)
         shapes.append(parts.Rule(x, _TOP, x, bottom, "axis"))
         shapes.append(parts.TextLabel(x, _TOP - 8.0, f"{limit:g} %", "middle"))
     shapes.append(parts.TextLabel(0.5 * (_LEFT + _WIDTH), bottom + 36.0, "bound, % of the value", "middle"))
-    worst = max(bounds, key=lambda bound: bound.percent)
+    worst = max((bound for bound, _ in bounds), key=lambda bound: bound.percent)
     says = f"Least standard deviation that the data allow, in percent of the value. Worst: {worst.coefficient}."
-    legend = [(look, label) for label, look in _LOOKS.items() if any(b.label == label for b in bounds)]
+    legend = [(look, label) for label, look in _LOOKS.items() if any(bound.label == label for bound, _ in bounds)]
     return parts.Picture(title, says, _WIDTH, bottom + 46.0, shapes, legend)
 
 
 def _growth(identifiability: Identifiability) -> list[parts.Part]:
     """Plot how the bounds fall with the duration."""
-    times = np.array([time for time, _ in identifiability.growth])
-    percents = np.array([percent for _, percent in identifiability.growth])
-    percents = np.where((percents > 0.0) & (percents < _MAX_PERCENT), percents, np.nan)
-    lines = [
-        parts.PlotLine(bound.coefficient, _LOOKS[bound.label], times, percents[:, k])
-        for k, bound in enumerate(identifiability.bounds)
-    ]
-    if not np.isfinite(percents).any():
+    _, times, growth = bounds_plot(identifiability)
+    if not np.isfinite(growth).any():
         return []
+    lines = [
+        parts.PlotLine(bound.coefficient, _LOOKS[bound.label], times, percents)
+        for bound, percents in zip(identifiability.bounds, growth.T, strict=True)
+    ]
     says = f"Bounds of all coefficients after {times[0]:.3g} to {times[-1]:.3g} s of these data."
     return [parts.Plots([parts.Plot("bounds", says, "% of the value", lines, "duration (s)", True, True)], wide=True)]
