@@ -153,7 +153,8 @@ def compiled(signature: Any = None, *, reassociate: bool = False, inline: bool =
         "error_model": "numpy",
         "fastmath": {"contract", "reassoc"} if reassociate else {"contract"},
         "forceinline": inline,
-        # No reference counts for arrays, because no function of the core creates or keeps an array.
+        # No reference counts for arrays, because no function of the core creates or keeps an array. With them, a CKF
+        # takes a quarter more processor time, and a smoother a tenth.
         "_nrt": False,
     }
     if signature is None:
