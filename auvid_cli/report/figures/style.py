@@ -13,7 +13,7 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from auvid_cli.arrays import Array
-from auvid_cli.config.enums import FilterName
+from auvid_cli.report.lines import FILTER_LINES
 from auvid_cli.report.table import filter_label
 from auvid_cli.text import printable
 
@@ -31,7 +31,7 @@ _BEHIND: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "edgecolor": "no
 
 
 class FilterStyle(NamedTuple):
-    """Line of a filter; colours are Okabe and Ito's, light and wide below dark and thin."""
+    """Line and mark of a filter as keywords of matplotlib."""
 
     color: str
     linestyle: Any
@@ -59,19 +59,10 @@ class FilterStyle(NamedTuple):
         return self.line() | self.mark() | {"markevery": every}
 
 
-# In the order of the filters; the last is left for one more.
-_STYLES = (
-    FilterStyle("#56B4E9", "-", 2.6, "o", 7.0),
-    FilterStyle("#D55E00", "-", 1.2, "s", 5.0),
-    FilterStyle("#000000", (0, (1, 1.3)), 1.5, "^", 5.0),
-    FilterStyle("#009E73", (0, (5, 1.5, 1, 1.5)), 1.2, "D", 4.5),
-    FilterStyle("#0072B2", (0, (6, 4)), 1.7, "P", 5.5),
-    FilterStyle("#CC79A7", (0, (7, 2, 1, 2)), 1.8, "v", 5.5),
-    FilterStyle("#E69F00", (0, (9, 2, 3, 2)), 1.5, "X", 5.5),
-)
-
-
-FILTER_STYLES = {name.value: style for name, style in zip(FilterName, _STYLES, strict=False)}
+FILTER_STYLES = {
+    str(name): FilterStyle(line.color, (0, line.dash) if line.dash else "-", line.width, line.marker, line.marker_size)
+    for name, line in FILTER_LINES.items()
+}
 
 
 class Room(NamedTuple):

@@ -135,7 +135,7 @@ class PlotLine(NamedTuple):
     """A series of a plot."""
 
     label: str
-    look: str  # colour and dashes: the name of a filter or another class of page.css, such as "measured" or "true"
+    look: str  # the name of a filter (see `FILTER_LINES`) or a class of page.css, such as "measured" or "true"
     time: Array  # abscissa, increasing, shape (n,)
     values: Array  # ordinate, shape (n,); NaN breaks the line
     kind: Literal["line", "steps", "dots"] = "line"  # drawn as a line, as steps or as dots

@@ -19,6 +19,7 @@ from auvid_cli._version import __version__
 from auvid_cli.arrays import Array
 from auvid_cli.data.files import write_text
 from auvid_cli.data.results import refuse_other_page
+from auvid_cli.report.page.looks import filter_styles, marker
 from auvid_cli.report.page.parts import Page, Part, PlotLine, Plots, Section, Space
 from auvid_cli.report.table import (
     Cell,
@@ -198,7 +199,8 @@ def render_page(page: Page) -> str:
     """Render a page; all texts are escaped."""
     sections = [section for section in page.sections if section.parts]
     blocks = {section.key: _blocks(section) for section in sections}
-    styles, scripts = ([_asset(name) for name in names] for names in (_STYLES, _SCRIPTS))
+    styles = [*map(_asset, _STYLES), filter_styles()]
+    scripts = [_asset(name) for name in _SCRIPTS]
     return (
         _environment()
         .get_template("page.html.j2")
@@ -253,6 +255,7 @@ def _environment() -> Environment:
         "with_code": with_code,
         "with_symbols": with_symbols,
         "line": one_line,
+        "marker": marker,
         "with_ties": with_ties,
         "lines": printable_lines,
         "shade": _shade,

@@ -14,6 +14,9 @@ from hypothesis import strategies as st
 
 from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import FileError
+from auvid_cli.report.figures.style import FILTER_STYLES
+from auvid_cli.report.lines import FILTER_LINES
+from auvid_cli.report.page.looks import filter_styles
 from auvid_cli.report.page.parts import (
     Card,
     Cards,
@@ -195,9 +198,16 @@ def test_the_licence_of_what_is_brought_along_is_on_the_page(page):
 
 
 @pytest.mark.parametrize("name", [name.value for name in FilterName])
-def test_every_filter_has_its_colour_in_light_and_dark(name):
-    assert _asset("page.css").count(f"--{name}: #") == 2
-    assert f".{name} {{ color: var(--{name}); }}" in _asset("page.css")
+def test_every_filter_has_one_line_in_figures_and_on_pages(name):
+    line, sheet = FILTER_STYLES[name], filter_styles()
+    assert re.findall(rf"--{name}: (#\w+)", sheet) == [line.color, FILTER_LINES[name].color_on_dark]
+    assert f".{name} {{ color: var(--{name}); }}" in sheet
+    drawn = re.search(rf"polyline\.{name} {{ stroke-width: (.*?); stroke-dasharray: (.*?); }}", sheet)
+    assert drawn is not None
+    assert float(drawn[1]) == line.linewidth
+    dash = [] if drawn[2] == "none" else [float(length) / line.linewidth for length in drawn[2].split()]
+    assert dash == pytest.approx([] if line.linestyle == "-" else line.linestyle[1])
+    assert _asset("page.css").count(f"--{name}") == 0
 
 
 def test_what_stands_between_backticks_is_code_and_stays_text():

@@ -2,10 +2,6 @@
 // Plots with zoom; plots over time zoom together. Each is drawn when it comes into view, or before printing.
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
-  const dashes = {
-    ckf: [7, 3], tukf: [2, 2], ukf: [9, 3, 2, 3], smoother: [4, 3], output_error: [10, 4],
-    component1: [7, 3], component2: [2, 2], prior: [4, 4], file: [6, 4], still: [10, 4], expected: [2, 3],
-  };
   // Values of at most this number of lines are read out together; otherwise only of the line nearest to the pointer.
   const MOST_READ = 8;
   const drawn = [];
@@ -19,6 +15,10 @@
     }
     return colours.get(look);
   }
+
+  // Strokes and gaps, and width of a line, px; the style sheet states those that are neither solid nor usual.
+  const dash = (look) => colour(`${look}-dash`).split(" ").filter(Boolean).map(Number);
+  const width = (look) => Number(colour(`${look}-width`)) || 1.4;
 
   const decoded = [];
   function numbers(place) {
@@ -206,8 +206,8 @@
     return {
       label: line.label,
       stroke: () => colour(line.look),
-      width: line.look === "chance" ? 0 : 1.4,
-      dash: dashes[line.look],
+      width: line.look === "chance" ? 0 : width(line.look),
+      dash: dash(line.look),
       points: { show: line.kind === "dots", size: 5 },
       paths: line.kind === "dots" ? () => null : line.kind === "steps" ? uPlot.paths.stepped({ align: 1 }) : undefined,
     };
@@ -258,7 +258,7 @@
     for (const [name, value] of Object.entries({ class: `swatch ${line.look}`, viewBox: "0 0 34 4", "aria-hidden": "true" })) {
       swatch.setAttribute(name, value);
     }
-    for (const [name, value] of Object.entries({ x1: 0, x2: 34, y1: 2, y2: 2, "stroke-dasharray": (dashes[line.look] || []).join(" ") })) {
+    for (const [name, value] of Object.entries({ x1: 0, x2: 34, y1: 2, y2: 2, "stroke-dasharray": dash(line.look).join(" "), "stroke-width": width(line.look) })) {
       piece.setAttribute(name, value);
     }
     swatch.append(piece);
@@ -350,5 +350,5 @@
     repaint();
   });
 
-  window.auvid = { data, numbers, colour, drawn };
+  window.auvid = { data, numbers, colour, dash, width, drawn };
 })();

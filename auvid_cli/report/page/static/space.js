@@ -1,7 +1,7 @@
 "use strict";
 // Paths in space, to be turned with pointer or keys.
 (() => {
-  const { data, numbers, colour } = window.auvid;
+  const { data, numbers, colour, dash, width: widthOf } = window.auvid;
   const first = { azimuth: -0.9, elevation: 0.5, zoom: 1 };
   // Height of the box divided by its width.
   const TALL = 0.66;
@@ -90,8 +90,8 @@
       const whole = tracks.map((track) => track[0].map((_, k) => [track[0][k], track[1][k], track[2][k]]));
       path(whole[0].map(([north, east]) => [north, east, floor]), "shadow", 1);
       whole.forEach((points, k) => {
-        const isTrue = entries[k].look === "true";
-        path(points, entries[k].look, isTrue ? 6 : 1.6, k > 1 ? [4 + 2 * k, 3] : []);
+        const { look } = entries[k];
+        path(points, look, look === "true" ? 6 : widthOf(look), dash(look));
       });
       const ends = [[whole[0][0], "start"], [whole[0][whole[0].length - 1], "end"]];
       for (const [point, word] of ends) {
