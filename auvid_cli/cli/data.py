@@ -218,10 +218,10 @@ def fit_of_run(source: "RecordedData", output: options.OutputOptions, terminal: 
 def print_fit(result: "FitResult", terminal: Terminal) -> int:
     """Print what a search found, and the next command; returns the exit code."""
     from auvid_cli.report.screen import print_estimate
-    from auvid_cli.report.sentences import fit_sentences
+    from auvid_cli.report.sentences import fit_sentences, unexplained_sentences
 
     print_estimate(terminal.out, result.fit.estimate, result.fit.judgement)
-    for sentence in fit_sentences(result.fit):
+    for sentence in [*fit_sentences(result.fit), *unexplained_sentences(result.fit)]:
         terminal.print_wrapped(sentence)
     terminal.print_lines([*result.files, result.page])
     folder, is_sound = shlex.quote(str(result.folder)), result.fit.is_sound

@@ -143,10 +143,14 @@ def fit_sentences(fit: Fit) -> list[str]:
         lines.append(f"Held at the vehicle file's values, because these data hardly have such motion: {held}.")
     zeros = [str(step.what) for step in fit.steps if step.action == "leave at 0" and step.kept]
     lines += [f"Left at 0, as in the vehicle file, because these data do not need them: {zero}." for zero in zeros]
-    lines += [f"Unexplained: {cause}." for cause in fit.unexplained]
     if fit.stopped:
         lines.append(f"The search ended early: {fit.stopped}. This is the best model so far.")
     return lines
+
+
+def unexplained_sentences(fit: Fit) -> list[str]:
+    """Return what the tests of the model still find, a sentence each."""
+    return [f"Unexplained: {cause}." for cause in fit.unexplained]
 
 
 def held_motions(fit: Fit) -> list[str]:

@@ -34,7 +34,7 @@ from auvid_cli.report.plot_data import (
     with_margin,
 )
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS
+from auvid_cli.vehicle.parameters import DEPTH, MOTION, MOTION_SYMBOLS
 
 from .conftest import TIME, TRUE, diverged, evaluation_of, make_estimate, motion_at
 
@@ -383,6 +383,16 @@ def test_depth_increases_downwards_and_the_map_is_to_scale(dataset):
     assert len(plan.lines) == 2 * 3, "two paths, each with its ends"
     assert distance.get_yscale() == "log"
     assert np.diff(space.get_xlim()) == pytest.approx(np.diff(space.get_ylim()))
+
+
+def test_caption_of_the_path_says_whether_the_depth_is_estimated(dataset):
+    history = make_estimate("ckf").history(MOTION_SYMBOLS)
+    depth = np.zeros((history.time.size, 1))
+    columns = {name: np.hstack([getattr(history, name), depth]) for name in ("mean", "standard_deviation")}
+    deeper = replace(history, state=(*history.state, DEPTH.symbol), **columns)
+    for each, words in ((history, "estimates: dead reckoning"), (deeper, "estimates: depth as estimated")):
+        (caption,) = path_figure(dataset.truth, [each]).axes[0].texts
+        assert words in caption.get_text()
 
 
 def test_thinning_keeps_extremes_ends_and_gaps():

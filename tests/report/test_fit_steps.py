@@ -64,6 +64,7 @@ def test_page_has_steps_and_advice(fit, short_run, tmp_path):
         "fit.yaml",
     ):
         assert text in page
+    assert page.count("Unexplained") == 1
 
 
 def test_coefficients_left_at_zero_are_named_if_they_are_kept_there(fit):

@@ -71,7 +71,7 @@ def path_figure(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> 
         style.show_message(plan, "no finite position")
         return figure
     profile = figure.add_subplot(grid[1, 1] if has_distance else grid[1:, 1])
-    _draw_in_space(views, tracks, _depth_name(truth, estimates))
+    _draw_in_space(views, tracks, _depth_name(truth, estimates), _how_estimated(estimates))
     _draw_plan(plan, tracks)
     _draw_profile(profile, tracks, _depth_name(truth, estimates))
     if has_distance:
@@ -103,11 +103,22 @@ def _as_far_as_others(position: Array, first: Array) -> Array:
 
 def _depth_name(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> str:
     """Return the label of the depth; without truth and depth sensor it is integrated from the start and drifts."""
-    is_known = truth is not None or all(DEPTH.symbol in estimate.state for estimate in estimates)
-    return "depth (m)" if is_known else "depth below the start (m)"
+    return "depth (m)" if truth is not None or _has_depth(estimates) else "depth below the start (m)"
 
 
-def _draw_in_space(axes: Axes3D, tracks: list[_Track], depth_name: str) -> None:
+def _has_depth(estimates: list[EstimateHistory]) -> bool:
+    """Whether the depth is estimated, and does not come from dead reckoning."""
+    return all(DEPTH.symbol in estimate.state for estimate in estimates)
+
+
+def _how_estimated(estimates: list[EstimateHistory]) -> str:
+    """Return where the paths of the estimates come from."""
+    if _has_depth(estimates):
+        return "estimates: depth as estimated; north and east by dead reckoning, which drifts"
+    return "estimates: dead reckoning from velocity and attitude; it drifts"
+
+
+def _draw_in_space(axes: Axes3D, tracks: list[_Track], depth_name: str, origin: str) -> None:
     """Draw only the first path and its plan below, because the others would hide it."""
     position = tracks[0].position
     north, east, down = position[spaced(len(position), _SPACE_POINTS)].T
@@ -127,10 +138,7 @@ def _draw_in_space(axes: Axes3D, tracks: list[_Track], depth_name: str) -> None:
         axis.set_major_locator(MaxNLocator(5))
     axes.set_box_aspect((1.0, 1.0, 0.75))
     axes.grid(False)
-    words = (
-        f"{tracks[0].label}, above its plan; depth not to scale\n"
-        "estimates: dead reckoning from velocity and attitude; it drifts"
-    )
+    words = f"{tracks[0].label}, above its plan; depth not to scale\n{origin}"
     axes.text2D(0.03, 0.94, words, transform=axes.transAxes, fontsize=9, color="0.35")
 
 

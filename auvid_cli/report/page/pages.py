@@ -19,7 +19,13 @@ from auvid_cli.report.page.coefficients import coefficient_list, convergence, es
 from auvid_cli.report.page.render import symbol_parts
 from auvid_cli.report.plot_data import HorizonPlot, bounds_plot, horizon_plots
 from auvid_cli.report.screen import assessment_sentences, bounds_table, holding_sentence
-from auvid_cli.report.sentences import fit_sentences, measure_next_time, score_sentences, steps_tables
+from auvid_cli.report.sentences import (
+    fit_sentences,
+    measure_next_time,
+    score_sentences,
+    steps_tables,
+    unexplained_sentences,
+)
 from auvid_cli.report.table import by_kind, filter_label, number
 from auvid_cli.validation.results import Validation
 
@@ -144,13 +150,13 @@ def fit_page(dataset: Dataset, fit: Fit) -> parts.Page:
         "less half the logarithm of the number of measurements for each number without a prior."
     )
     steps = [parts.TablePart(table, folded=k > 0) for k, table in enumerate(steps_tables(fit))]
-    remains = [*(f"Unexplained: {cause}." for cause in fit.unexplained), *measure_next_time(fit)]
+    remains = [*unexplained_sentences(fit), *measure_next_time(fit)]
     coefficients = list[parts.Section]()
     if fit.estimate.completed:
         table = estimate_table(fit.estimate, fit.judgement)
         coefficients.append(parts.Section("coefficients", "Coefficients", [parts.TablePart(table)]))
     content = [
-        parts.Section("verdict", "Verdict", [parts.Words([*fit_sentences(fit)], listed=True)]),
+        parts.Section("verdict", "Verdict", [parts.Words(fit_sentences(fit), listed=True)]),
         *coefficients,
         parts.Section("steps", "How this model was found", [parts.Words([words]), *steps]),
         parts.Section("model", "Settings of the model", [parts.Listing("fit.yaml", fit.settings())]),
