@@ -52,8 +52,8 @@ _TOTAL = (
     "inertia and thrust. ± data: from noise alone; for smoother and output error (OE), noise may be correlated in time."
 )
 _FROM = (
-    "Mostly from: the two errors that cause most of ± total, each in percent of the value: noise, a known quantity, or "
-    "a term that the model does not have, such as Y_|v|r."
+    "Mostly from: the largest causes of ± total, each in percent of the value: noise, a known quantity, or a term that "
+    "the model does not have, such as Y_|v|r."
 )
 
 

@@ -50,13 +50,15 @@ _NOTES = (
 # Columns left out on a narrow terminal, in this order.
 _DROPPED_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
 # Choices of columns to leave out on a narrow terminal, in this order.
+_CAUSES = "mostly from"
+_SECOND_CAUSE = "second cause"
 _DROPPED_OF_ESTIMATES: tuple[tuple[str, ...], ...] = (
     (),
-    ("unit",),
-    ("unit", "± data"),
-    ("mostly from",),
-    ("mostly from", "unit"),
-    ("mostly from", "unit", "± data"),
+    (_SECOND_CAUSE,),
+    (_SECOND_CAUSE, "± data"),
+    (_CAUSES,),
+    (_CAUSES, "± data"),
+    (_CAUSES, "± data", "unit"),
 )
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
 _STYLES = {"FAIL": "bold red", "note": "yellow"}
@@ -223,16 +225,29 @@ def print_identifiability(console: Console, identifiability: Identifiability) ->
 def _estimate_tables(console: Console, evaluation: Evaluation, filters: list[str]) -> list[ScreenTable]:
     """Return the widest table that fits, or else one table for each filter; total standard deviations are kept."""
     full = estimates(evaluation, filters)
+    shorter = estimates(_with_first_cause(evaluation), filters)
     headers = {column.header for column in full.columns}
-    dropped = dict.fromkeys(tuple(name for name in names if name in headers) for names in _DROPPED_OF_ESTIMATES)
+    known = headers | ({_SECOND_CAUSE} if _CAUSES in headers else set())
+    dropped = dict.fromkeys(tuple(name for name in names if name in known) for names in _DROPPED_OF_ESTIMATES)
     choices = [
-        screen_table(console, full.without(*left_out), unbroken=("symbol", "unit"), left_out=left_out)
+        screen_table(
+            console,
+            (shorter if _SECOND_CAUSE in left_out else full).without(*left_out),
+            unbroken=("symbol", "unit"),
+            left_out=left_out,
+        )
         for left_out in dropped
     ]
     chosen = next((choice for choice in choices if fits(console, choice)), choices[-1] if len(filters) == 1 else None)
     if chosen is not None:
         return [chosen]
     return [choice for name in filters for choice in _estimate_tables(console, evaluation, [name])]
+
+
+def _with_first_cause(evaluation: Evaluation) -> Evaluation:
+    """Return the results with only the largest cause of each total standard deviation."""
+    rows = [row._replace(contributors=row.contributors.partition("; ")[0]) for row in evaluation.coefficients]
+    return evaluation._replace(coefficients=rows)
 
 
 def print_validation(console: Console, validation: Validation, passed: bool) -> None:

@@ -68,6 +68,22 @@ def test_a_narrow_terminal_drops_the_widest_column_of_one_estimate(evaluation):
     assert "± data" in text
 
 
+@pytest.mark.parametrize(("width", "missing"), [(120, []), (90, ["second cause"]), (68, ["second cause", "± data"])])
+def test_a_narrow_terminal_drops_the_unit_of_one_estimate_last(evaluation, width, missing):
+    causes = "scale of the elevator 2 %; scale of the DVL in roll 0.38 %"
+    rows = [
+        row._replace(total_standard_deviation=0.75, contributors=causes)
+        for row in evaluation.coefficients
+        if row.filter == "ckf"
+    ]
+    own = evaluation._replace(coefficients=rows, summary=[row for row in evaluation.summary if row.filter == "ckf"])
+    text = " ".join(printed(own, width).split())
+    left_out = f"left out at {width} columns (widen the terminal): {', '.join(missing)}"
+    assert (left_out in text) if missing else ("left out" not in text)
+    assert ("scale of the DVL" in text) is not bool(missing)
+    assert "symbol unit CKF ± total" in text
+
+
 def test_what_an_error_is_of_is_said_where_there_is_one(evaluation):
     explained = "Steady-state error: distance of the mean over the last tenth of the run from the true value."
     assert explained in printed(evaluation, 200)
