@@ -65,7 +65,7 @@ def lay_out(evaluation: Evaluation) -> list[Table]:
         _bounds(evaluation),
         _velocities(evaluation),
         consistency(evaluation),
-        *([_sensor_errors(evaluation)] if evaluation.sensor_errors else []),
+        *([sensor_errors(evaluation)] if evaluation.sensor_errors else []),
         *([_faults(evaluation)] if evaluation.faults else []),
         runs(evaluation),
     ]
@@ -236,7 +236,8 @@ def rejections(evaluation: Evaluation) -> list[str]:
     return sentences
 
 
-def _sensor_errors(evaluation: Evaluation) -> Table:
+def sensor_errors(evaluation: Evaluation) -> Table:
+    """Return the estimated errors of sensors and inputs by filter."""
     filters = filters_of(evaluation)
     by_state = {(row.state, row.segment, row.filter): row for row in evaluation.sensor_errors}
     in_segments = any(row.segment is not None for row in evaluation.sensor_errors)
@@ -248,11 +249,11 @@ def _sensor_errors(evaluation: Evaluation) -> Table:
         rows.append([Symbol(state), *which, UnitCell(any_row.unit), any_row.prior_standard_deviation, *values])
     return Table(
         "sensor-errors",
-        "Errors of the sensors",
+        "Errors of sensors and inputs: estimate ± standard deviation",
         (
-            text_column("State"),
-            *([Column("Segment")] if in_segments else []),
-            *(text_column("Unit"), Column("Prior standard deviation")),
+            text_column("error"),
+            *([Column("segment")] if in_segments else []),
+            *(text_column("unit"), Column("prior sd")),
             *_columns("Estimate ± standard deviation", filters),
         ),
         rows,

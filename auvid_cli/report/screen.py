@@ -16,7 +16,16 @@ from auvid_cli.evaluation.accuracy import one_speed_remarks
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.evaluation.results import CLASSES, CoefficientBound, FixSuggestion, Identifiability
-from auvid_cli.report.layout import NIS_MEANS, consistency, estimates, evaluation_of, rejections, runs, unobserved
+from auvid_cli.report.layout import (
+    NIS_MEANS,
+    consistency,
+    estimates,
+    evaluation_of,
+    rejections,
+    runs,
+    sensor_errors,
+    unobserved,
+)
 from auvid_cli.report.sentences import (
     SharedCheck,
     advices,
@@ -144,6 +153,10 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
         for screen in _estimate_tables(console, evaluation, filters):
             console.print(screen)
         notes |= dict.fromkeys(estimates(evaluation, filters).notes)
+    if evaluation.sensor_errors:
+        table = sensor_errors(evaluation)
+        console.print(Text(encodable(console, table.title)))
+        console.print(narrowed(console, table, ("prior sd", *map(filter_label, filters[:-1]), "unit")))
     console.print(screen_table(console, runs(evaluation), unbroken=("filter", "judgement")))
     print_texts(console, judgement_sentences(evaluation.judgements(), with_sound=False))
     console.print(screen_table(console, consistency(evaluation), ERROR_DIGITS + 1, unbroken=("sensor",)))

@@ -6,6 +6,7 @@ import pytest
 from rich.console import Console
 
 from auvid_cli.data.checks import Check
+from auvid_cli.evaluation.accuracy import SensorErrorResult
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.results import CoefficientBound, Identifiability
 from auvid_cli.report.screen import print_checks, print_files, print_identifiability, print_summary
@@ -82,6 +83,14 @@ def test_a_narrow_terminal_drops_the_unit_of_one_estimate_last(evaluation, width
     assert (left_out in text) if missing else ("left out" not in text)
     assert ("scale of the DVL" in text) is not bool(missing)
     assert "symbol unit CKF ± total" in text
+
+
+@pytest.mark.parametrize(("width", "has_all"), [(120, True), (50, False)])
+def test_estimated_errors_are_printed_with_those_of_the_last_filter_at_least(evaluation, width, has_all):
+    names = [row.filter for row in evaluation.summary]
+    rows = [SensorErrorResult(name, "rudder_trim", None, "", "rad", 0.0175, 2e-5, 0.05, True) for name in names]
+    text = printed(evaluation._replace(sensor_errors=rows), width)
+    assert text.count("0.01750 ± 2.0e-05") == (len(names) if has_all else 1)
 
 
 def test_what_an_error_is_of_is_said_where_there_is_one(evaluation):
