@@ -29,7 +29,7 @@ _DIFFERENCE_DIGITS = 2
 # Heading of the column that marks values that differ.
 _MARK = ""
 # Columns left out on a narrow terminal, in this order.
-_DROPPED_OF_COMPARISON = "table", "allowed"
+_DROPPED_OF_COMPARISON = "table", "difference", "allowed"
 _DROPPED_OF_TERMS = "imitated %", "step", "predicted"
 _DESIGN_DIGITS = 3
 _TERM_DIGITS = 3
