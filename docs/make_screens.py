@@ -171,7 +171,12 @@ SCREENS = (
         _INIT,
         (" buoyancy", " inertia about x", " inertia about y", " spiral: speed", " spiral: largest", "mine: ", "next: "),
     ),
-    Screen("how-to/sensor-errors", "biased run", _BIASED, (_VERDICTS, "EKF", "CKF", "TUKF", "smoother", "smoother: ")),
+    Screen(
+        "how-to/sensor-errors",
+        "biased run",
+        _BIASED,
+        ("Errors of", "error", "bias_p", "bias_psi", _VERDICTS, "EKF", "CKF", "TUKF", "smoother", "smoother: "),
+    ),
     Screen(
         "how-to/compare",
         "differences",
