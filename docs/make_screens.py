@@ -20,7 +20,7 @@ from docs.section import replace_section
 _WIDTH = 80  # columns
 _SPIRAL = "results/spiral/dataset.h5"
 _CKF = f"identify {_SPIRAL} --filter ckf --set identification.judge=false"
-_SIMULATE = "simulate --set manoeuvre=manoeuvres/zigzag_20_20.yaml --seed 2 -o results/zigzag"
+_SIMULATE = "simulate --set manoeuvre=manoeuvres/zigzag_20_20.yaml --seed 2 --output results/zigzag"
 _ZIGZAG = "validate results/spiral/estimates/ckf.h5 results/zigzag/dataset.h5"
 _SURVEY = "results/survey/dataset.h5"
 _FIT = f"fit {_SURVEY} --use 0:320"
