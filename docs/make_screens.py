@@ -1,6 +1,6 @@
 """Write the screen samples of the pages from what the commands print: `python -m docs.make_screens`.
 
-Takes two minutes of processor time. `--slow` also fits the log of the tutorial, which takes five more. Names of pages,
+Takes two and a half minutes of processor time. `--slow` also fits the log of the tutorial, which takes five more. Names of pages,
 such as `how-to/compare`, choose their samples only.
 """
 

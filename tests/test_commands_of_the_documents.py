@@ -34,7 +34,7 @@ RUN_HERE = re.compile(r"auvid (identify results/spiral|terms results/spiral|fit 
 
 def indented(text: str) -> list[str]:
     """Blocks of indented lines, outside of fences."""
-    lines = FRAGMENT.sub("\n", FENCE.sub("\n", text)).splitlines()
+    lines = SHELL.sub("\n", FRAGMENT.sub("\n", FENCE.sub("\n", text))).splitlines()
     marked = "".join(f"{line[4:]}\n" if line.startswith("    ") else "\0" for line in lines)
     return [block for block in marked.split("\0") if block]
 
