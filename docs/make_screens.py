@@ -1,7 +1,7 @@
 """Write the screen samples of the pages from what the commands print: `python -m docs.make_screens`.
 
-Takes two and a half minutes of processor time. `--slow` also fits the log of the tutorial, which takes five more. Names of pages,
-such as `how-to/compare`, choose their samples only.
+Takes two and a half minutes of processor time. `--slow` also fits the log of the tutorial, which takes five more. Names
+of pages, such as `how-to/compare`, choose their samples only.
 """
 
 import argparse
