@@ -14,12 +14,6 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 # Collect garbage less often: the loaded modules contain none, and searching them took a tenth of the time.
 gc.set_threshold(50_000)
 
-if "__mp_main__" in sys.modules:
-    # A worker process imports this module first.
-    from auvid_cli.child_processes import end_with_parent
-
-    end_with_parent()
-
 
 def main() -> None:
     """Run the command line."""

@@ -1,6 +1,6 @@
-"""Start child processes that import nothing from the working folder, end with their parent and ignore Ctrl-C.
+"""Call functions in child processes, which import no module of the working folder or of the user's script.
 
-Every child process is started within `starting_children`, and calls `end_with_parent` first.
+They end with their parent and ignore Ctrl-C.
 """
 
 import ctypes
@@ -9,42 +9,40 @@ import multiprocessing
 import os
 import pickle
 import signal
-import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
-from pathlib import Path
+from multiprocessing.process import BaseProcess
+from types import ModuleType
 from typing import Any
 
 _PARENT = "AUVID_PARENT"
-# Python does not import from the working folder.
-_SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 _PR_SET_PDEATHSIG = 1
-_POLL_INTERVAL = 0.2  # s
-# Access right and time limit of Windows: to wait for the end of a process, without limit.
-_SYNCHRONIZE = 0x100000
-_INFINITE = 0xFFFFFFFF
 _GRACE = 1.0  # s, for workers to end after SIGTERM
-# Held while the environment is changed, because all threads share it.
+# Held while the environment and `__main__` are changed, because all threads share them.
 _lock = threading.RLock()
 
 
 @contextmanager
 def starting_children() -> Iterator[None]:
-    """Prepare the environment for processes that are started in the block, and keep Ctrl-C from them."""
-    variables = _SAFE_PATH | {_PARENT: str(os.getpid())}
+    """Hide the working folder and the script from processes that the block starts, and keep Ctrl-C from them."""
+    # With a safe path, Python does not import from the working folder.
+    variables = {"PYTHONSAFEPATH": "1", _PARENT: str(os.getpid())}
     with _lock:
-        before = {name: os.environ.get(name) for name in variables}
+        script, before = sys.modules["__main__"], {name: os.environ.get(name) for name in variables}
+        # `multiprocessing` would run the script again in each process.
+        sys.modules["__main__"] = ModuleType("__main__")
         os.environ.update(variables)
         try:
             with _blocked_sigint():
                 yield
         finally:
+            sys.modules["__main__"] = script
             for name, value in before.items():
                 del os.environ[name]
                 if value is not None:
@@ -65,21 +63,12 @@ def _blocked_sigint() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def start_python(*arguments: str, environment: Mapping[str, str] | None = None, **options: Any) -> subprocess.Popen:
-    """Start a Python process that imports this package, but no module of the working folder; silent by default."""
-    quiet: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    with starting_children():
-        path = os.pathsep.join(filter(None, [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")]))
-        variables = os.environ | {"PYTHONPATH": path} | dict(environment or {})
-        return subprocess.Popen([sys.executable, "-P", *arguments], env=variables, **(quiet | options))
-
-
 class WorkerDied(Exception):
     """A worker process ended while it called a function, or did not start."""
 
 
-class Workers(Executor):
-    """Processes that call functions; they start when needed, end with this process and ignore Ctrl-C.
+class Workers(ThreadPoolExecutor):
+    """Processes that call functions, one for each thread; they start when needed.
 
     This process talks to them through pipes, which no other user can open. An exception in a `with` block ends them.
 
@@ -87,24 +76,24 @@ class Workers(Executor):
     ----------
     count : int
         Largest number of processes.
-    method : str
+    method : str, default "spawn"
         Start method of `multiprocessing`.
     attempts : int, default 1
         Number of workers that are tried for one call before it raises `WorkerDied`.
     """
 
-    def __init__(self, count: int, method: str, attempts: int = 1) -> None:
+    def __init__(self, count: int, method: str = "spawn", attempts: int = 1) -> None:
+        super().__init__(count)
         self._context: Any = multiprocessing.get_context(method)
         self._attempts = attempts
-        self._threads = ThreadPoolExecutor(count)
+        self._of_thread = threading.local()
         self._lock = threading.Lock()
         self._workers: set[_Worker] = set()
-        self._idle: list[_Worker] = []
         self._is_killed = False
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
         """Call a function in a worker; the future may raise `WorkerDied`."""
-        return self._threads.submit(self._call, (function, arguments, options))
+        return super().submit(self._call, (function, arguments, options))
 
     def _call(self, request: tuple[Any, ...]) -> Any:
         reason: Exception = EOFError()
@@ -117,26 +106,28 @@ class Workers(Executor):
             except (EOFError, OSError) as death:
                 reason = death
                 if worker is not None:
+                    del self._of_thread.worker
                     self._workers.discard(worker)
                     worker.end()
                 continue
-            self._idle.append(worker)
             if error is not None:
                 raise error
             return result
         raise WorkerDied(str(reason) or "killed") from reason
 
     def _worker(self) -> "_Worker":
-        with self._lock:
-            if self._is_killed:
-                raise EOFError
-            worker = self._idle.pop() if self._idle else _Worker(self._context)
-            self._workers.add(worker)
-            return worker
+        """Return the worker of this thread."""
+        if not hasattr(self._of_thread, "worker"):
+            with self._lock:
+                if self._is_killed:
+                    raise EOFError
+                self._of_thread.worker = _Worker(self._context)
+                self._workers.add(self._of_thread.worker)
+        return self._of_thread.worker
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Wait for the running calls, and end the workers."""
-        self._threads.shutdown(wait, cancel_futures=cancel_futures)
+        super().shutdown(wait, cancel_futures=cancel_futures)
         for worker in self._workers:
             worker.end()
 
@@ -200,24 +191,17 @@ def _serve(pipe: Connection) -> None:
 
 def end_with_parent() -> None:
     """End this process when its parent ends: immediately on Linux, even if it is busy, elsewhere soon after."""
-    parent = int(os.environ.pop(_PARENT, os.getppid()))
+    started_by = int(os.environ.pop(_PARENT, os.getppid()))
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         # The parent may have ended before `prctl` was called.
-        if os.getppid() != parent:
+        if os.getppid() != started_by:
             os._exit(1)
-    else:
+    # A fork server has no such parent, and ends by itself when it has loaded its modules.
+    elif (parent := multiprocessing.parent_process()) is not None:
         threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
 
 
-def _exit_after(parent: int) -> None:
-    if sys.platform == "win32":
-        # The number of the parent stays the same after its end, but Windows can wait for the end of a process.
-        kernel = ctypes.WinDLL("kernel32")
-        kernel.OpenProcess.restype = ctypes.c_void_p
-        kernel.WaitForSingleObject(ctypes.c_void_p(kernel.OpenProcess(_SYNCHRONIZE, False, parent)), _INFINITE)
-    else:
-        # An orphan gets another parent.
-        while os.getppid() == parent:
-            time.sleep(_POLL_INTERVAL)
+def _exit_after(parent: BaseProcess) -> None:
+    parent.join()
     os._exit(1)

@@ -9,15 +9,17 @@ a folder that is named by the content of the core: after an upgrade no old machi
 """
 
 import atexit
+import gc
 import hashlib
 import os
 import shutil
-import subprocess
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,7 @@ import numpy as np
 import platformdirs
 from numpy.typing import NDArray
 
-from auvid_cli.child_processes import start_python
+from auvid_cli.child_processes import Workers
 from auvid_cli.errors import ConfigError
 
 _CPU_FEATURES = os.environ.get("NUMBA_CPU_FEATURES", "")
@@ -65,15 +67,6 @@ FOLDERS_KEPT = 5  # versions of the core in the cache
 OLDEST_NUMBA = (0, 61)
 FIRST_UNTESTED_NUMBA = (0, 69)
 _SETTINGS: Any = config  # settings of numba; `Any`, because numba makes their attributes when it is loaded
-
-_IMPORT_ALL = """
-import gc, importlib, sys
-from auvid_cli.child_processes import end_with_parent
-end_with_parent()
-gc.set_threshold(50_000)
-for module in sys.argv[1:]:
-    importlib.import_module(module)
-"""
 
 
 def check_numba(version: str = numba.__version__) -> None:
@@ -202,9 +195,18 @@ def on_compilation(call: Callable[[], None]) -> Iterator[None]:
         yield
 
 
-def compile_elsewhere(*modules: str) -> subprocess.Popen:
-    """Start another process that compiles modules into the cache.
+@contextmanager
+def compile_elsewhere(*modules: str) -> Iterator[Future[None]]:
+    """Compile modules into the cache in another process, which ends with the block; yield the future of that.
 
-    If that fails, this process compiles them itself and reports the error.
+    If it fails, this process compiles them itself and reports the error.
     """
-    return start_python("-c", _IMPORT_ALL, *modules, environment={"NUMBA_CACHE_DIR": str(cache_folder().parent)})
+    with Workers(1) as worker:
+        yield worker.submit(_import_modules, modules, str(cache_folder().parent))
+
+
+def _import_modules(modules: Iterable[str], cache: str) -> None:
+    os.environ["NUMBA_CACHE_DIR"] = cache
+    gc.set_threshold(50_000)
+    for module in modules:
+        import_module(module)

@@ -9,7 +9,7 @@ import signal
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache, partial
@@ -25,12 +25,12 @@ from auvid_cli.numerics import compile_elsewhere, is_compiled
 # Where nothing is compiled yet, in two processes, as commands do it: the workers of the tests do not run before.
 if not is_compiled(COMPILED_FILTERS[0]):
     gc.set_threshold(50_000)
-    _partner = compile_elsewhere(*COMPILED_FILTERS, "auvid_cli.filters.marginal")
-    load_vehicles()
-    import auvid_cli.design.posterior
-    import auvid_cli.identification.sensors  # noqa: F401
+    with compile_elsewhere(*COMPILED_FILTERS, "auvid_cli.filters.marginal") as _partner:
+        load_vehicles()
+        import auvid_cli.design.posterior
+        import auvid_cli.identification.sensors  # noqa: F401
 
-    _partner.wait()
+        wait([_partner])
 
 from auvid_cli.api import evaluation, results
 from auvid_cli.config.enums import FilterName, shipped_configs

@@ -14,7 +14,7 @@ from auvid_cli.config.units import parse_quantity
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.files import check_no_overlap, dataset_in, estimates_in, locked, write_folder, write_text
-from auvid_cli.data.hdf5 import begin_scan
+from auvid_cli.data.hdf5 import scan
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.results import other_estimates, other_run, put_dataset, refuse_unless
 from auvid_cli.errors import ConfigError
@@ -75,8 +75,8 @@ def simulate_into(
         Filters that will run on the data.
     """
     path, experiment = dataset_in(folder), source.experiment
-    # Check the existing files in a second process meanwhile.
-    begin_scan([path, *estimates_in(folder).values()])
+    # All in one process.
+    scan([path, *estimates_in(folder).values()])
     objection = other_run(path, experiment)
     if not objection and filters and path.exists():
         objection = next(iter(other_estimates(folder, experiment, digest(path), filters).values()), "")

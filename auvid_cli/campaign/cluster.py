@@ -192,7 +192,7 @@ def local_cluster(workers: int) -> Iterator[Cluster]:
     ClusterError
         If they do not start.
     """
-    with Workers(workers, "spawn", _ATTEMPTS) as executor:
+    with Workers(workers, attempts=_ATTEMPTS) as executor:
         try:
             for started in [executor.submit(installed_version) for _ in range(workers)]:
                 started.result()

@@ -2,9 +2,9 @@
 
 import os
 import signal
-import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import wait
 from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
@@ -126,7 +126,6 @@ class Terminal(Progress):
         self.out = PlainConsole(quiet=quiet, highlight=False)
         # Progress goes to the error stream, so that output can be piped.
         self._err = PlainConsole(stderr=True, quiet=quiet)
-        self._partner: subprocess.Popen | None = None
         # Whether the core is being compiled now, and whether a message about this has been printed.
         self._compiles = self._printed = False
         self._interrupted = 0  # number of the signal received while the core was loaded; 0: none
@@ -212,8 +211,6 @@ class Terminal(Progress):
             self._leave_at_once()
 
     def _leave_at_once(self) -> None:
-        if self._partner is not None:
-            self._partner.kill()
         # Show the cursor again, and clear the line of the spinner.
         reset = b"\x1b[?25h\r\x1b[K" if sys.stderr.isatty() else b""
         os.write(sys.stderr.fileno(), reset + b"auvid: interrupted while compiling; nothing was lost\n")
@@ -232,16 +229,11 @@ class Terminal(Progress):
         if is_compiled(modules[0]):
             yield
             return
-        self._partner = compile_elsewhere(*modules)
-        try:
+        with compile_elsewhere(*modules) as partner:
             yield
             with self.compiling() as print_compiling:
                 print_compiling()
-                self._partner.wait()
-        finally:
-            self._partner.kill()
-            self._partner.wait()
-            self._partner = None
+                wait([partner])
 
     @contextmanager
     def bars(self, *labels: str, unit: str = "") -> Iterator[list[Advance]]:

@@ -1,15 +1,10 @@
 """Open HDF5 files of any origin, after a child process has read them to the end.
 
-On a damaged file libhdf5 may crash or never return, and an HDF5 file can refer to any other file. Run as
-``python -m auvid_cli.data.hdf5 SECONDS FOREIGN FILE ...`` this module is that child: it prints one line for each file:
-the reason to refuse it, or an empty line.
+On a damaged file libhdf5 may crash or never return, and an HDF5 file can refer to any other file.
 """
 
+import faulthandler
 import os
-import signal
-import subprocess
-import sys
-import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from math import ceil, prod
@@ -18,7 +13,7 @@ from typing import TypeGuard
 
 import h5py
 
-from auvid_cli.child_processes import end_with_parent, start_python
+from auvid_cli.child_processes import WorkerDied, Workers
 from auvid_cli.regular_files import check_regular_file
 from auvid_cli.text import one_line
 
@@ -26,8 +21,6 @@ from auvid_cli.text import one_line
 READ_ERRORS = OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError
 SCAN_TIME = 10  # s
 _SCAN_RATE = 20e6  # bytes/s
-# Time to start Python and load h5py on a busy machine.
-_START_TIME = 60  # s
 # Largest compression ratio of DEFLATE.
 _MAX_COMPRESSION = 1032
 # Any file may unpack to this size.
@@ -40,7 +33,6 @@ _MATLAB_CLASS = "MATLAB_class"
 
 # Reason to refuse each file version; empty if the file can be read.
 _flaws: dict[tuple[int, ...], str] = {}
-_scanning = threading.Lock()
 
 
 @contextmanager
@@ -79,16 +71,10 @@ def trust(path: Path) -> None:
 
 def scan(paths: Iterable[Path], foreign: bool = False) -> None:
     """Scan files in one child process, each version once; ignore missing files."""
-    with _scanning:
-        versions = {_version(path, foreign): path for path in paths if path.is_file()}
-        if new := {version: path for version, path in versions.items() if version not in _flaws}:
-            # If a file ended the child, the files after it have no result; they are scanned when they are opened.
-            _flaws.update(zip(new, scan_in_child(list(new.values()), foreign), strict=False))
-
-
-def begin_scan(paths: Iterable[Path]) -> None:
-    """Scan files in the background; `scan` and `open_hdf5` wait for the result."""
-    threading.Thread(target=scan, args=([*paths],), daemon=True).start()
+    versions = {_version(path, foreign): path for path in paths if path.is_file()}
+    if new := {version: path for version, path in versions.items() if version not in _flaws}:
+        # If a file ended the child, the files after it have no result; they are scanned when they are opened.
+        _flaws.update(zip(new, scan_in_child(list(new.values()), foreign), strict=False))
 
 
 def _version(path: Path, foreign: bool) -> tuple[int, ...]:
@@ -96,23 +82,26 @@ def _version(path: Path, foreign: bool) -> tuple[int, ...]:
     return foreign, status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
-def scan_in_child(paths: list[Path], foreign: bool = False, seconds: int = SCAN_TIME) -> list[str]:
-    """Return the flaw of each file, up to the first that ended the child; `seconds` is the time for small files."""
-    seconds += ceil(sum(path.stat().st_size for path in paths) / _SCAN_RATE)
-    arguments = "-m", "auvid_cli.data.hdf5", str(seconds), str(int(foreign)), *map(str, paths)
-    with start_python(*arguments, stdout=subprocess.PIPE) as process:
-        try:
-            output, _ = process.communicate(timeout=_START_TIME + seconds)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            output, _ = process.communicate()
-        finally:
-            process.kill()
-    flaws = output.decode("ascii").split("\n")[:-1]
-    if len(flaws) < len(paths):
-        timed_out = process.returncode in (-getattr(signal, "SIGALRM", 0), -getattr(signal, "SIGKILL", 0))
-        flaws.append("reading it does not end" if timed_out else "reading it ends in a crash of the HDF5 library")
+def scan_in_child(paths: Iterable[Path], foreign: bool = False, seconds: int = SCAN_TIME) -> list[str]:
+    """Return the flaw of each file, up to the first that ended the child; `seconds` is the time for a small file."""
+    flaws: list[str] = []
+    try:
+        with Workers(1) as worker:
+            flaws.extend(worker.submit(_flaw_in_time, path, foreign, seconds).result() for path in paths)
+    except WorkerDied:
+        flaws.append("the HDF5 library crashes on it, or does not return")
     return flaws
+
+
+def _flaw_in_time(path: Path, foreign: bool, seconds: int) -> str:
+    seconds += ceil(path.stat().st_size / _SCAN_RATE)
+    # This ends the process even inside of libhdf5.
+    with Path(os.devnull).open("w") as nowhere:
+        faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)
+        try:
+            return flaw_of(path, foreign)
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
 
 def flaw_of(path: Path, foreign: bool = False) -> str:
@@ -200,18 +189,3 @@ def _read_values(data: h5py.Dataset, foreign: bool, allowed: int) -> int:
     for first in range(0, data.shape[0], rows):
         data[first : first + rows]
     return size
-
-
-def main() -> None:
-    """Scan the files of the command line."""
-    end_with_parent()
-    seconds, foreign, *paths = sys.argv[1:]
-    if hasattr(signal, "alarm"):
-        # The default action of this signal ends the process even inside libhdf5.
-        signal.alarm(int(seconds))
-    for path in paths:
-        print(flaw_of(Path(path), bool(int(foreign))).encode("ascii", "backslashreplace").decode(), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -72,9 +72,9 @@ def test_compiling_process_ends_with_killed_command(begun, tmp_path):
     code = """
 import os, signal, time
 from auvid_cli.numerics import compile_elsewhere
-compile_elsewhere("auvid_cli.filters.square_root")
-time.sleep(0.5)
-os.kill(os.getpid(), signal.SIGKILL)
+with compile_elsewhere("auvid_cli.filters.square_root"):
+    time.sleep(0.5)
+    os.kill(os.getpid(), signal.SIGKILL)
 """
     process, marked = begun("-c", code, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
     assert process.wait(60) == -signal.SIGKILL
@@ -86,12 +86,11 @@ def test_worker_ends_with_killed_command(begun, tmp_path):
     """Whatever the worker was doing, and however early."""
     program = tmp_path / "program.py"
     program.write_text("""
-import multiprocessing, os, signal, time
-from auvid_cli.__main__ import main
-if __name__ == "__main__":
-    multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,)).start()
-    time.sleep(1.0)
-    os.kill(os.getpid(), signal.SIGKILL)
+import os, signal, time
+from auvid_cli.child_processes import Workers
+Workers(1).submit(time.sleep, 60)
+time.sleep(1.0)
+os.kill(os.getpid(), signal.SIGKILL)
 """)
     process, marked = begun(str(program))
     assert process.wait(60) == -signal.SIGKILL

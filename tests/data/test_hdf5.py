@@ -1,5 +1,6 @@
 """Whatever is in a file, reading it ends, and ends in a dataset, an estimate, or one line."""
 
+import multiprocessing
 import os
 import random
 import re
@@ -17,7 +18,6 @@ import h5py
 import numpy as np
 import pytest
 
-from auvid_cli.child_processes import start_python
 from auvid_cli.data import hdf5
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import read_estimate
@@ -54,7 +54,7 @@ def at_once(monkeypatch):
 
 @pytest.mark.slow
 def test_endless_file_is_refused(dataset, tmp_path, at_once):
-    assert "does not end" in refused("dataset", endless(tmp_path / "dataset.h5", dataset))
+    assert "does not return" in refused("dataset", endless(tmp_path / "dataset.h5", dataset))
 
 
 @pytest.mark.slow
@@ -62,32 +62,31 @@ def test_scan_of_several_files_names_the_endless_one(dataset, written, tmp_path,
     sound = shutil.copy(written["dataset"], tmp_path / "sound.h5")
     bad = endless(tmp_path / "endless.h5", dataset)
     hdf5.scan([sound, bad, written["estimate"]])
-    assert "does not end" in refused("dataset", bad)
+    assert "does not return" in refused("dataset", bad)
     read_dataset(sound)
     read_estimate(written["estimate"])
 
 
+class Aborting:
+    """Function that ends the process that receives it."""
+
+    def __reduce__(self):
+        return os.abort, ()
+
+
 def test_crash_of_the_scan_refuses_the_file(written, tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        hdf5, "start_python", lambda *arguments, **more: start_python("-c", "import os; os.abort()", **more)
-    )
+    monkeypatch.setattr(hdf5, "_flaw_in_time", Aborting())
     assert "crash" in refused("dataset", shutil.copy(written["dataset"], tmp_path / "dataset.h5"))
 
 
 @pytest.mark.slow
-def test_interrupt_ends_wait_and_scan(dataset, tmp_path, monkeypatch):
-    path, started = endless(tmp_path / "dataset.h5", dataset), []
-    popen = subprocess.Popen
-
-    def start(*arguments, **options):
-        started.append(popen(*arguments, **options))
-        threading.Timer(0.3, os.kill, [os.getpid(), signal.SIGINT]).start()
-        return started[0]
-
-    monkeypatch.setattr(subprocess, "Popen", start)
+def test_interrupt_ends_wait_and_scan(dataset, tmp_path):
+    path, start = endless(tmp_path / "dataset.h5", dataset), time.monotonic()
+    threading.Timer(1.0, os.kill, [os.getpid(), signal.SIGINT]).start()
     with pytest.raises(KeyboardInterrupt):
         read_dataset(path)
-    assert started[0].wait() == -signal.SIGKILL
+    assert time.monotonic() - start < hdf5.SCAN_TIME
+    assert not multiprocessing.active_children()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends after its time, not at once")

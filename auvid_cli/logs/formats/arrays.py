@@ -138,7 +138,7 @@ class MatlabLog(ArrayLog):
     def content(self) -> dict[str, Any]:
         """Return the variables of the file by name."""
         # In another process, because a damaged file may crash the reader.
-        with self._refusing_damage(), Workers(1, "spawn") as worker:
+        with self._refusing_damage(), Workers(1) as worker:
             return worker.submit(loadmat, self.path, struct_as_record=False, squeeze_me=True).result()
 
 

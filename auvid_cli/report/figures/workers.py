@@ -64,8 +64,7 @@ def figure_workers() -> Iterator[Submit]:
             yield pool.submit
     except WorkerDied as error:
         raise FileError(
-            "figures: a process that draws them was killed, perhaps because memory ran out, or did not start, because "
-            'a script calls auvid outside of `if __name__ == "__main__":`; '
+            "figures: a process that draws them was killed, perhaps because memory ran out; "
             "the estimates are written, draw again with `auvid report`"
         ) from error
 
