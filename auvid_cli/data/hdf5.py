@@ -28,6 +28,7 @@ _ALWAYS_ALLOWED = 1 << 28  # bytes
 _MAX_ROW = 1 << 20  # bytes
 _MAX_ATTRIBUTE = 4_000_000  # bytes
 _BLOCK = 1 << 22  # bytes
+_DISK_BLOCK = 512  # bytes, unit of `st_blocks`
 _MATLAB_CLASS = "MATLAB_class"
 
 
@@ -108,7 +109,7 @@ def flaw_of(path: Path, foreign: bool = False) -> str:
     """Return the reason to refuse a file, in one line; empty if all of it can be read."""
     try:
         with h5py.File(path, "r") as file:
-            allowed = max(_ALWAYS_ALLOWED, _MAX_COMPRESSION * _stored_bytes(path))
+            allowed = max(_ALWAYS_ALLOWED, _MAX_COMPRESSION * _stored_size(path))
             for item in _items(file, foreign):
                 _read_attributes(item, foreign)
                 if isinstance(item, h5py.Dataset):
@@ -118,22 +119,10 @@ def flaw_of(path: Path, foreign: bool = False) -> str:
     return ""
 
 
-def _stored_bytes(path: Path) -> int:
-    """Return the length of a file without its holes."""
-    size = path.stat().st_size
-    if not hasattr(os, "SEEK_DATA"):
-        return size
-    stored, end = 0, 0
-    with path.open("rb", buffering=0) as file:
-        while end < size:
-            try:
-                start = file.seek(end, os.SEEK_DATA)
-            except OSError:
-                # Only a hole follows.
-                break
-            end = file.seek(start, os.SEEK_HOLE)
-            stored += end - start
-    return stored
+def _stored_size(path: Path) -> int:
+    """Return the size of a file, bytes; without its holes where the operating system counts blocks."""
+    status = path.stat()
+    return min(status.st_size, _DISK_BLOCK * getattr(status, "st_blocks", status.st_size))
 
 
 def _items(file: h5py.File, foreign: bool) -> Iterator[h5py.HLObject]:
