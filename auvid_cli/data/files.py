@@ -15,16 +15,9 @@ from auvid_cli.config.enums import FigureFormat, FilterName
 from auvid_cli.errors import FileError
 from auvid_cli.text import one_line, shortened
 
-_KINDS = {
-    stat.S_IFDIR: "a folder",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-    stat.S_IFIFO: "a pipe",
-    stat.S_IFSOCK: "a socket",
-}
 # The name of a temporary file contains the machine and the process that writes it.
 _PREFIX = f".auvid-{hashlib.sha256(platform.node().encode()).hexdigest()[:8]}-"
-_TEMPORARY = re.compile(rf"{re.escape(_PREFIX)}(\d+)-[0-9a-f]{{16}}")
+_TEMPORARY = re.compile(rf"{re.escape(_PREFIX)}(\d{{1,9}})-[0-9a-f]{{16}}")
 LOCK_PATIENCE = 1.0  # s
 _REPORT_FIGURES = ("path", "estimates", "convergence", "motion_errors", "free_runs", "innovations")
 _OTHER_FIGURES = (
@@ -92,24 +85,13 @@ def temporary_in(folder: Path, is_folder: bool = False) -> Iterator[Path]:
 
 def remove_abandoned(folder: Path) -> None:
     """Remove temporary files and folders of processes that no longer run."""
+    from psutil import pid_exists
+
     for path in folder.glob(f"{_PREFIX}*"):
         match = _TEMPORARY.fullmatch(path.name)
-        if match and not _is_running(int(match[1])):
+        if match and not pid_exists(int(match[1])):
             with suppress(OSError):
                 _remove(path)
-
-
-def _is_running(process: int) -> bool:
-    if os.name != "posix":
-        # On Windows the signal 0 would interrupt the process.
-        return True
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        pass
-    return True
 
 
 def _remove(path: Path) -> None:
@@ -140,12 +122,9 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def _target_of(path: Path) -> Path:
-    try:
-        kind = stat.S_IFMT(path.stat().st_mode)
-    except FileNotFoundError:
-        kind = stat.S_IFREG
-    if kind != stat.S_IFREG:
-        raise FileError(f"{path}: cannot be written: it is {_KINDS.get(kind, 'something else')}, not a file")
+    with suppress(FileNotFoundError):
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise FileError(f"{path}: cannot be written: it is a folder, pipe or device, not a file")
     return path.resolve() if path.is_symlink() else path
 
 

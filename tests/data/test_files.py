@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from auvid_cli.data.files import check_no_overlap, remove_abandoned, replacing, temporary_in, write_folder, write_text
+from auvid_cli.data.files import check_no_overlap, replacing, temporary_in, write_folder, write_text
 from auvid_cli.errors import FileError
 
 KILLED = """
@@ -83,17 +83,14 @@ def link_to_device(path: Path) -> None:
     path.symlink_to("/dev/null")
 
 
-@pytest.mark.parametrize(
-    ("make", "kind"),
-    [(make_pipe, "a pipe"), (Path.mkdir, "a folder"), (make_socket, "a socket"), (link_to_device, "a device")],
-)
+@pytest.mark.parametrize("make", [make_pipe, Path.mkdir, make_socket, link_to_device])
 @pytest.mark.posix
-def test_pipe_device_or_folder_is_not_replaced(make, kind, tmp_path, monkeypatch):
+def test_pipe_device_or_folder_is_not_replaced(make, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "a.txt"
     make(path)
     before = path.lstat()
-    with pytest.raises(FileError, match=f"a.txt: cannot be written: .*{kind}"):
+    with pytest.raises(FileError, match=r"a\.txt: cannot be written: .*not a file"):
         write_text(path, "a")
     assert os.path.samestat(path.lstat(), before)
     assert names(tmp_path) == {"a.txt"}
@@ -189,13 +186,3 @@ def test_temporary_of_another_machine_stays(tmp_path):
     left.write_text("half")
     write_text(tmp_path / "a.txt", "a")
     assert left.exists()
-
-
-def test_temporary_stays_on_windows(tmp_path, monkeypatch):
-    """As on Windows, where the signal 0 would end the process."""
-    subprocess.run([sys.executable, "-c", KILLED, tmp_path / "a.txt"], check=False)
-    (left,) = names(tmp_path)
-    monkeypatch.setattr(os, "name", "nt")
-    monkeypatch.setattr(os, "kill", None)
-    remove_abandoned(tmp_path)
-    assert names(tmp_path) == {left}
