@@ -10,6 +10,7 @@ import typer
 from auvid_cli.cli import DONE, VERDICT_FAILED, options
 from auvid_cli.cli.data import fit_of_run
 from auvid_cli.cli.terminal import Terminal
+from auvid_cli.data.files import dataset_in, locked
 from auvid_cli.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -66,8 +67,6 @@ def run(
 
 def _run_with_fit(source: "SimulatedData", output: options.OutputOptions, terminal: Terminal) -> int:
     """Simulate an experiment, and find a model of its data."""
-    from auvid_cli.data.files import dataset_in, locked
-
     folder = output.output or source.folder
     with terminal.compiling():
         from auvid_cli.api.files import RecordedData
@@ -89,8 +88,6 @@ def simulate(
     dry_run: options.DryRunOption = False,
 ) -> int:
     """Simulate the vehicle and sensors of an experiment, and write results/NAME/dataset.h5."""
-    from auvid_cli.data.files import dataset_in, locked
-
     source = experiment.load()
     if dry_run:
         return _print_settings(source.experiment)

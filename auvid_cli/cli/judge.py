@@ -8,6 +8,7 @@ import typer
 
 from auvid_cli.cli import DONE, VERDICT_FAILED, options
 from auvid_cli.cli.terminal import Terminal
+from auvid_cli.data.files import dataset_in, estimates_in
 from auvid_cli.errors import ConfigError
 
 _RELATIVE = (
@@ -121,7 +122,6 @@ def validate(
 def _after_failure(folder: Path, is_too_wide: bool = False) -> str:
     """Return the command to continue with if an estimate in a results folder fails."""
     from auvid_cli.data.estimate_file import read_estimate
-    from auvid_cli.data.files import dataset_in, estimates_in
 
     dataset = dataset_in(folder)
     if is_too_wide and dataset.is_file():

@@ -17,6 +17,7 @@ from auvid_cli.api import Destination
 from auvid_cli.cli import DONE
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.config.enums import FigureFormat, FilterName, shipped_configs
+from auvid_cli.data.files import dataset_in
 from auvid_cli.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -345,8 +346,6 @@ def fit_command(folder: Path, settings: "RunSettings | None") -> str:
     settings : RunSettings, optional
         Of the estimate; the same spans are used.
     """
-    from auvid_cli.data.files import dataset_in
-
     spans = () if settings is None else settings.identification.use.spans
     ends = [[f"{time:.10g}" if isfinite(time) else "" for time in span] for span in spans]
     used = [f"--use={begin}:{end}" for begin, end in ends]

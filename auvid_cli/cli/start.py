@@ -13,6 +13,8 @@ import typer
 from auvid_cli.cli import hanging
 from auvid_cli.cli.options import Command, QuietOption, command, optional
 from auvid_cli.cli.terminal import Terminal
+from auvid_cli.config.enums import FilterName, shipped_files
+from auvid_cli.data.files import refuse_filled
 from auvid_cli.errors import ConfigError
 
 
@@ -52,7 +54,6 @@ def init(
     for missing values. A number without a unit is in SI units.
     """
     from auvid_cli.config.outline import option
-    from auvid_cli.data.files import refuse_filled
 
     terminal = Terminal(quiet, verbose=False)
     refuse_filled(folder)
@@ -185,8 +186,6 @@ def list_shipped(
     ] = None,
 ) -> None:
     """List the shipped experiments, vehicles, sensors, manoeuvres and campaigns, and the filters."""
-    from auvid_cli.config.enums import FilterName, shipped_files
-
     for kind in kinds or Listed:
         rows = (
             [(name.value, name.description) for name in FilterName]

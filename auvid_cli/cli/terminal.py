@@ -3,8 +3,8 @@
 import os
 import signal
 import sys
+import webbrowser
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import wait
 from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
@@ -15,6 +15,7 @@ import typer
 
 from auvid_cli.api import COMPILED_FILTERS, Advance, Progress, load_vehicles
 from auvid_cli.cli import INTERRUPTED, WRONG_INPUT, hanging, print_error, print_os_error
+from auvid_cli.errors import AuvidError, ConfigError
 
 if TYPE_CHECKING:
     from auvid_cli.config.vehicle import VehicleSettings
@@ -75,8 +76,6 @@ def _check_address_space() -> None:
         return
     import resource
 
-    from auvid_cli.errors import ConfigError
-
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit != resource.RLIM_INFINITY and limit < _LEAST_MEMORY:
         raise ConfigError(f"ulimit -v: {limit / 1e6:.0f} MB of memory; expected {_LEAST_MEMORY / 1e6:.0f} MB or more")
@@ -90,8 +89,6 @@ def _end_if_terminated(received: list[int]) -> None:
 
 def _print_known(error: BaseException) -> bool:
     """Print an error that a user can fix in one line; False for others."""
-    from auvid_cli.errors import AuvidError
-
     match error:
         case AuvidError():
             print_error(str(error))
@@ -154,8 +151,6 @@ class Terminal(Progress):
 
     def open_page(self, page: Path) -> None:
         """Open a page in the default browser."""
-        import webbrowser
-
         if not webbrowser.open(page.resolve().as_uri()):
             self.print(f"{page}: no browser could be started; open this file in a browser")
 
@@ -233,7 +228,8 @@ class Terminal(Progress):
             yield
             with self.compiling() as print_compiling:
                 print_compiling()
-                wait([partner])
+                # Wait for its end. If it failed, this process compiles, and reports the error.
+                partner.exception()
 
     @contextmanager
     def bars(self, *labels: str, unit: str = "") -> Iterator[list[Advance]]:
