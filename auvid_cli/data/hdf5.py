@@ -25,7 +25,6 @@ _SCAN_RATE = 20e6  # bytes/s
 _MAX_COMPRESSION = 1032
 # Any file may unpack to this size.
 _ALWAYS_ALLOWED = 1 << 28  # bytes
-_MAX_ROW = 1 << 20  # bytes
 _MAX_ATTRIBUTE = 4_000_000  # bytes
 _BLOCK = 1 << 22  # bytes
 _DISK_BLOCK = 512  # bytes, unit of `st_blocks`
@@ -170,7 +169,7 @@ def _read_values(data: h5py.Dataset, foreign: bool, allowed: int) -> int:
         data[()]
         return width
     row, size = width * prod(data.shape[1:]), width * prod(data.shape)
-    if max(size, width * prod(data.chunks or ())) > allowed or (row > _MAX_ROW and not foreign):
+    if max(size, width * prod(data.chunks or ())) > allowed:
         raise ValueError(f"{data.name} claims to be larger than its file can hold")
     # Read whole chunks, so that each is unpacked once.
     unit = data.chunks[0] if data.chunks else 1

@@ -181,7 +181,6 @@ STRUCTURE = {
     "compounds": put("inputs/time", np.zeros(5, "f8,i4")),
     "references": lambda file: file.create_dataset("v", data=file["inputs"].ref, dtype=h5py.ref_dtype),
     "more than there can be": lambda file: file.create_dataset("v", (10**12,), "f8", chunks=(1000,)),
-    "wide rows": lambda file: file.create_dataset("v", (2, 10**6), "f8", chunks=(1, 1000)),
     "a great chunk": lambda file: file.create_dataset("v", (1,), "f8", chunks=(10**8,), maxshape=(None,)),
 }
 
