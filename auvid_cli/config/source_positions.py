@@ -190,7 +190,7 @@ def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
     """
     start = Position(source, 1, 1)
     try:
-        root, builder = _composed(source.text), _TreeBuilder(source)
+        root, builder = _Loader(source.text).get_single_node(), _TreeBuilder(source)
         return (builder.tree(root) if root else Tree(None, start)), tuple(builder.mistakes)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -200,12 +200,6 @@ def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
     except yaml.reader.ReaderError as error:
         mistake = _unreadable_character(source, error.position)
     return Tree(None, start, readable=False), (mistake,)
-
-
-# This takes most of the time, and a dataset and its estimates contain the same settings.
-@lru_cache(maxsize=64)
-def _composed(text: str) -> yaml.Node | None:
-    return _Loader(text).get_single_node()
 
 
 class _Loader(yaml.SafeLoader):
