@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from yaml.constructor import SafeConstructor
 
 from auvid_cli.text import shortened
 
@@ -190,8 +189,9 @@ def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
     """
     start = Position(source, 1, 1)
     try:
-        root, builder = _Loader(source.text).get_single_node(), _TreeBuilder(source)
-        return (builder.tree(root) if root else Tree(None, start)), tuple(builder.mistakes)
+        loader = _Loader(source)
+        root = loader.get_single_node()
+        return (loader.tree(root) if root else Tree(None, start)), tuple(loader.mistakes)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         message = ", ".join(part for part in (error.context, error.problem) if part)
@@ -203,16 +203,21 @@ def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's loader with plain rules for scalars: 010 is not 8, 1:30 is not 90, and a date is text."""
+    """Loader of trees, with the mistakes found in them.
+
+    Its rules for scalars are plainer than those of PyYAML: 010 is not 8, 1:30 is not 90, and a date is text.
+    """
 
     yaml_implicit_resolvers = {  # noqa: RUF012
         first: [(tag, pattern) for tag, pattern in kinds if tag in _KEPT_TAGS]
         for first, kinds in yaml.SafeLoader.yaml_implicit_resolvers.items()
     }
 
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        self._composed = self._depth = 0
+    def __init__(self, source: ConfigSource) -> None:
+        super().__init__(source.text)
+        self.source = source
+        self.mistakes: list[Mistake] = []
+        self._composed = self._depth = self._values = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """Compose the next node; raise an error as soon as the text is too large or unsafe."""
@@ -229,16 +234,6 @@ class _Loader(yaml.SafeLoader):
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node
-
-
-class _TreeBuilder(SafeConstructor):
-    """Trees of the nodes of a source, and the mistakes found in them."""
-
-    def __init__(self, source: ConfigSource) -> None:
-        super().__init__()
-        self.source = source
-        self.mistakes: list[Mistake] = []
-        self._values = 0
 
     def tree(self, node: yaml.Node, path: KeyPath = (), above: tuple[yaml.Node, ...] = ()) -> Tree:
         """Return the tree of a node; `above` are the nodes that contain it. Each use of an alias counts."""
