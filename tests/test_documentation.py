@@ -1,4 +1,5 @@
 import importlib.util
+import math
 import re
 from pathlib import Path
 
@@ -6,12 +7,15 @@ import pytest
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from auvid_cli.config.loading import find_experiment, load_experiment
 from docs import make_conventions, make_geometry, make_reference, make_timeline
 from docs.make_architecture import TARGET, architecture
 from docs.make_conventions import conventions
 from docs.make_timeline import timeline
 
 ROOT = Path(__file__).parents[1]
+# Of a positive rudder and elevator in docs/images/conventions.svg.
+FIN_SIGNS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
 
 
 @pytest.mark.parametrize("name", ["reference", "api"])
@@ -140,3 +144,10 @@ def test_modules_and_equations_of_the_theory_exist():
 def test_pictures_are_what_their_commands_draw():
     assert conventions() == make_conventions.TARGET.read_text(encoding="utf-8"), "python docs/make_conventions.py"
     assert timeline() == make_timeline.TARGET.read_text(encoding="utf-8"), "python docs/make_timeline.py"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "configs/vehicles").glob("*.yaml")), ids=lambda path: path.stem)
+def test_fins_of_shipped_vehicles_have_the_signs_of_the_picture(path):
+    vehicle = load_experiment(find_experiment(None), [f"vehicle={path}"]).vehicle
+    signs = {symbol: math.copysign(1, vehicle.all_coefficients()[symbol]) for symbol in FIN_SIGNS}
+    assert signs == FIN_SIGNS
