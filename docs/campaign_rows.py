@@ -1,5 +1,6 @@
 """Results of the finished runs of a shipped campaign."""
 
+import argparse
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from auvid_cli.campaign.store import Store
 from auvid_cli.campaign.summary import in_planned_order
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.loading import find_campaign
+from docs.resumable import keep_rows, kept_rows
 
 
 class CampaignRows(NamedTuple):
@@ -38,12 +40,25 @@ class CampaignRows(NamedTuple):
         )
 
 
-def campaign_rows(name: str, results: Path) -> CampaignRows:
-    """Read the rows from the results folder of a campaign."""
+def results_option(description: str | None) -> argparse.ArgumentParser:
+    """Return a command line with the results folder of a campaign; without it, the kept rows are used."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--results", type=Path, help="results folder; its rows are then kept in docs/rows")
+    return parser
+
+
+def campaign_rows(name: str, results: Path | None) -> CampaignRows:
+    """Return the kept rows of a campaign, or those of a results folder, which are then kept."""
     path = find_campaign(name)
     plan = CampaignPlan(*load_campaign(path), path)
-    labels = plan.labels()
-    return CampaignRows(plan, in_planned_order(Store(results, plan.columns).rows(labels).to_pandas(), labels))
+    if results is not None:
+        labels = plan.labels()
+        rows = in_planned_order(Store(results, plan.columns).rows(labels).to_pandas(), labels)
+        keep_rows(name, rows[rows["kind"].isin(("run", "coefficient"))])
+    kept = kept_rows(name)
+    if kept is None:
+        raise SystemExit(f"docs/rows: no rows of {name}; run `auvid campaign {name}`, then use --results")
+    return CampaignRows(plan, kept)
 
 
 def fewest(within: pd.Series, coefficients: pd.DataFrame) -> str:

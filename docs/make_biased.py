@@ -1,15 +1,12 @@
 """Study: effect of biased sensors on the estimates. Writes docs/studies.md: `python -m docs.make_biased`.
 
-From the runs of `auvid campaign biased` that there are, whichever share of them.
+From the kept rows of `auvid campaign biased`; `--results results/campaigns/biased` reads and keeps new ones.
 """
-
-import argparse
-from pathlib import Path
 
 import pandas as pd
 
 from auvid_cli.report.table import filter_label
-from docs.campaign_rows import campaign_rows, fewest
+from docs.campaign_rows import campaign_rows, fewest, results_option
 from docs.section import replace_section
 
 
@@ -26,9 +23,7 @@ def row(attitude: str, name: str, runs: pd.DataFrame, coefficients: pd.DataFrame
 
 def main() -> None:
     """Write the section."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--results", type=Path, default=Path("results/campaigns/biased"))
-    rows = campaign_rows("biased", parser.parse_args().results)
+    rows = campaign_rows("biased", results_option(__doc__).parse_args().results)
     lines = [
         rows.summary(),
         "",

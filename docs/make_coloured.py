@@ -1,16 +1,14 @@
 """Whether corrected standard deviations hold, into docs/studies.md: `python -m docs.make_coloured`.
 
-From the runs of `auvid campaign coloured` that there are, whichever share of them.
+From the kept rows of `auvid campaign coloured`; `--results results/campaigns/coloured` reads and keeps new ones.
 """
 
-import argparse
 from collections.abc import Hashable
-from pathlib import Path
 
 import pandas as pd
 
 from auvid_cli.report.table import filter_label
-from docs.campaign_rows import campaign_rows, fewest
+from docs.campaign_rows import campaign_rows, fewest, results_option
 from docs.section import replace_section
 
 
@@ -29,9 +27,7 @@ def row(case: tuple[Hashable, ...], coefficients: pd.DataFrame) -> str:
 
 def main() -> None:
     """Write the section."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--results", type=Path, default=Path("results/campaigns/coloured"))
-    rows = campaign_rows("coloured", parser.parse_args().results)
+    rows = campaign_rows("coloured", results_option(__doc__).parse_args().results)
     coefficients = rows.coefficients[rows.coefficients["corrected_standard_deviation"].notna()]
     lines = [
         rows.summary(),

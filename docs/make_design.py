@@ -2,12 +2,11 @@
 
 Shown by identification, not by the criterion: vehicles that the search has not seen are simulated with the designed run
 and with the spiral, equally long, and identified with three sets of sensors. One run is designed for each vehicle, with
-the sensors that its experiment has. Every run is kept in a file, line by line, and is not done again.
+the sensors that its experiment has. Rows are kept; finished runs are not repeated.
 """
 
 from collections.abc import Iterator
 from itertools import islice
-from pathlib import Path
 from time import monotonic
 
 import numpy as np
@@ -27,7 +26,7 @@ from auvid_cli.design.trials import sizes_of
 from auvid_cli.identification.run import identify
 from auvid_cli.report.table import filter_label
 from auvid_cli.simulation.simulate import simulate
-from docs.resumable import EARLIER_SPIRAL, all_rows, asked
+from docs.resumable import EARLIER_SPIRAL, all_rows, asked_seeds
 from docs.section import replace_section
 
 _EXPERIMENTS = "remus100", "lauv", "spiral", "lrauv"
@@ -153,13 +152,13 @@ def _lines(rows: pd.DataFrame, designs: pd.DataFrame) -> Iterator[str]:
 
 def main() -> None:
     """Run everything and write the section."""
-    seeds, file = asked(__doc__, "design", 20)
-    designs = all_rows(_beside(file), [(name, 1) for name in _EXPERIMENTS], design)
+    seeds = asked_seeds(__doc__, 20)
+    designs = all_rows("design_runs", [(name, 1) for name in _EXPERIMENTS], design)
     cases = [
         f"{name}, {sensors}, {kind}" for name in _EXPERIMENTS for sensors in _SENSORS for kind in ("spiral", "designed")
     ]
     runs = [(case, seed) for seed in range(_VEHICLES * seeds) for case in cases]
-    rows = all_rows(file, runs, Fleet(designs).errors)
+    rows = all_rows("design", runs, Fleet(designs).errors)
     minutes = designs["minutes"]
     text = _TEXT.format(
         seeds=rows["seed"].nunique() // _VEHICLES,
@@ -169,10 +168,6 @@ def main() -> None:
     columns = "experiment", "sensors", "estimator", "promised", "spiral, %", "designed, %", "gain", "of a vehicle"
     head = f"| {' | '.join((*columns, 'not completed'))} |", f"| --- | --- | --- {'| ---: ' * 6}|"
     replace_section("design", "\n".join([text, *head, *_lines(rows, designs)]), "studies")
-
-
-def _beside(file: Path) -> Path:
-    return file.with_name(f"{file.stem}_runs{file.suffix}")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 Each seed is tuned with sizes, time constants and sensors stated twice as large as they are; then, with nothing stated,
 it is chosen by likelihood whether there is one, where there is and where there is none. Some twenty minutes.
-Results are kept in files; finished seeds are not repeated.
+Rows are kept; finished seeds are not repeated.
 """
 
 from math import radians
@@ -11,7 +11,7 @@ import pandas as pd
 
 import auvid_cli as auvid
 from docs.make_tune import RUN, SLOW_GYROSCOPE, Case, found, summary, table
-from docs.resumable import WIDE_PRIOR, all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked_seeds
 from docs.section import replace_section
 
 _LASTS = (
@@ -72,12 +72,12 @@ def choices(rows: pd.DataFrame) -> list[str]:
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    seeds, file = asked(__doc__, "disturbance", 20)
+    seeds = asked_seeds(__doc__, 20)
     every = range(1, seeds + 1)
     runs = [(name, seed) for seed in every for name in _CASES]
-    rows = all_rows(file, runs, lambda name, seed: found(_CASES[name], seed, disturbance=True))
+    rows = all_rows("disturbance", runs, lambda name, seed: found(_CASES[name], seed, disturbance=True))
     runs = [(name, seed) for seed in every for name in _CHOICES]
-    kept = all_rows(file.with_stem(f"{file.stem}_chosen"), runs, lambda name, seed: chosen(_CHOICES[name], seed))
+    kept = all_rows("disturbance_chosen", runs, lambda name, seed: chosen(_CHOICES[name], seed))
     replace_section("disturbance", "\n".join([summary(rows), "", *table(rows), "", *choices(kept)]), "studies")
 
 

@@ -21,7 +21,7 @@ from auvid_cli.evaluation.judgement import judge
 from auvid_cli.identification.run import identify
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.rigid_body import dvl_axes
-from docs.resumable import all_rows, asked
+from docs.resumable import all_rows, asked_seeds
 from docs.section import replace_section
 
 _SPEED = 3.9  # m/s
@@ -308,9 +308,9 @@ def honest_table(rows: pd.DataFrame) -> list[str]:
 
 def main() -> None:
     """Do the runs that are missing, and write the section."""
-    seeds, file = asked(__doc__, "faults", 20)
+    seeds = asked_seeds(__doc__, 8)
     runs = [*honest_cases(seeds), *((case, 1) for case in fault_cases() if seeds)]
-    rows = all_rows(file, runs, result)
+    rows = all_rows("faults", runs, result)
     rows[["kind", "size", "manoeuvre", "attitude"]] = rows["case"].str.split("; ", expand=True)
     honest, faulty = rows[rows["kind"] == _HONEST], rows[rows["kind"] != _HONEST]
     sound = (faulty["grade"] == "sound").sum()

@@ -1,7 +1,7 @@
 """Study: results from field logs over seeds. Writes docs/studies.md: `python -m docs.make_field`, half an hour.
 
-Each seed has a survey, a disturbance and a vehicle file of its own; with each is done what docs/own-log.md does. What
-was found is kept in a file, line by line, and seeds that stand there are not done again.
+Each seed has a survey, a disturbance and a vehicle file of its own; with each is done what docs/own-log.md does. Rows
+are kept; finished seeds are not repeated.
 
 Of some seeds all coefficients are looked for as well, with the noise as it was simulated: of the survey, which an
 autopilot steered by the true motion, and of a run in which the same fins move the same way while the vehicle is pushed
@@ -25,7 +25,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.simulation.field_log import field_log
-from docs.resumable import all_rows, asked
+from docs.resumable import all_rows, asked_seeds
 from docs.section import replace_section
 
 TUTORIAL = Path(__file__).with_name("own-log.md")
@@ -216,9 +216,11 @@ def _summary(rows: pd.DataFrame) -> str:
     return f"Of {len(rows)} seeds. " + "; ".join(f"{what}: {count}" for what, count in counts.items()) + "."
 
 
-def write_doubts(seeds: int, file: Path) -> None:
+def write_doubts(seeds: int) -> None:
     """Do the seeds that are missing, and write the section on doubted coefficients."""
-    rows = all_rows(file, [("field", seed) for seed in range(1, seeds + 1)], doubts).sort_values("seed", kind="stable")
+    rows = all_rows("field_doubts", [("field", seed) for seed in range(1, seeds + 1)], doubts).sort_values(
+        "seed", kind="stable"
+    )
     off = (rows["estimate"] - rows["true"]).abs() / rows["total"]
     whole = rows.groupby("seed")["trusted"].all()
     lines = [
@@ -235,8 +237,8 @@ def write_doubts(seeds: int, file: Path) -> None:
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    seeds, file = asked(__doc__, "field", 20)
-    rows = all_rows(file, [("field", seed) for seed in range(1, seeds + 1)], found).sort_values("seed")
+    seeds = asked_seeds(__doc__, 20)
+    rows = all_rows("field", [("field", seed) for seed in range(1, seeds + 1)], found).sort_values("seed")
     lines = [
         _summary(rows),
         "",
@@ -246,9 +248,9 @@ def main() -> None:
         *(_line(row) for _, row in rows.iterrows()),
     ]
     replace_section("field", "\n".join(lines), "studies")
-    write_doubts(seeds, file.with_name("field_doubts.csv"))
+    write_doubts(seeds)
     cases = [(case, seed) for seed in range(1, min(seeds, _REPLAYED) + 1) for case in ("steered", "replayed")]
-    rows = all_rows(file.with_name("steered.csv"), cases, found_of_all).sort_values(["case", "seed"], ascending=False)
+    rows = all_rows("steered", cases, found_of_all).sort_values(["case", "seed"], ascending=False)
     lines = [
         "| fins | seed | judged | largest error / sd |",
         "| --- | ---: | --- | --- |",

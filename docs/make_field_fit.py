@@ -1,7 +1,7 @@
 """Study: `auvid fit` on field logs over seeds, next to settings by hand: `python -m docs.make_field_fit`.
 
 Each seed has a survey, a disturbance and a vehicle file of its own. Both models are of the first 320 s, and predict
-the turns of the rest. A seed takes some ten minutes; results are kept in a file, and finished seeds are not repeated.
+the turns of the rest. A seed takes some ten minutes; rows are kept, and finished seeds are not repeated.
 """
 
 import tempfile
@@ -15,7 +15,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.simulation.field_log import field_log
 from docs.make_field import tuned_survey, with_settings
-from docs.resumable import all_rows, asked
+from docs.resumable import all_rows, asked_seeds
 from docs.section import replace_section
 
 _SEEN, _UNSEEN = "identification.use.spans=[[0, 320]]", "identification.use.spans=[[321, null]]"
@@ -60,8 +60,8 @@ def found(_case: str, seed: int) -> pd.DataFrame:
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    seeds, file = asked(__doc__, "field_fit", 20)
-    rows = all_rows(file, [("field", seed) for seed in range(1, seeds + 1)], found).sort_values("seed")
+    seeds = asked_seeds(__doc__, 20)
+    rows = all_rows("field_fit", [("field", seed) for seed in range(1, seeds + 1)], found).sort_values("seed")
     better = (rows["fit_r"] < rows["file_r"]) & (rows["fit_v"] < rows["file_v"])
     close = (rows["fit_r"] <= _MARGIN * rows["hand_r"]) & (rows["fit_v"] <= _MARGIN * rows["hand_v"])
     right = rows["sigmas"] <= _WRONG

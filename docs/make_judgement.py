@@ -1,13 +1,11 @@
 """Study: reliability of the judgement. Writes docs/studies.md: `python -m docs.make_judgement`.
 
-From the runs of `auvid campaign judgement` that there are, whichever share of them; and from faults planted one by one
-into data of each manoeuvre, with white angles, a minute on one core.
+From the kept rows of `auvid campaign judgement` (`--results results/campaigns/judgement` reads and keeps new ones), and
+from faults planted one by one into data of each manoeuvre, with white angles, a minute on one core.
 """
 
-import argparse
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,7 +17,7 @@ from auvid_cli.evaluation.judgement import judge
 from auvid_cli.identification.run import identify
 from auvid_cli.report.table import filter_label
 from auvid_cli.simulation.simulate import simulate
-from docs.campaign_rows import campaign_rows
+from docs.campaign_rows import campaign_rows, results_option
 from docs.section import replace_section
 
 _MANOEUVRES = ("spiral", "multisine", "doublets", "zigzag_10_10", "zigzag_20_20", "turning_circle")
@@ -101,8 +99,7 @@ def judged(runs: pd.DataFrame, coefficients: pd.DataFrame) -> list[str]:
 
 def main() -> None:
     """Run everything and write the section."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--results", type=Path, default=Path("results/campaigns/judgement"))
+    parser = results_option(__doc__)
     parser.add_argument("--seed", type=int, default=201, help="of the data into which faults are planted")
     options = parser.parse_args()
     rows = campaign_rows("judgement", options.results)

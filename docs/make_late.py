@@ -1,7 +1,7 @@
 """Inputs at 10 Hz, held and 50 ms late, over seeds, into docs/studies.md: `python -m docs.make_late`, some minutes.
 
 The vehicle moves with inputs at 100 Hz; ten a second are recorded, and stamped 50 ms after they were given.
-Results are kept in a file; finished seeds are not repeated.
+Rows are kept; finished seeds are not repeated.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -15,7 +15,7 @@ from auvid_cli.config.loading import dump_experiment, parse_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from docs.resumable import WIDE_PRIOR, all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked_seeds
 from docs.section import replace_section
 
 # s. Each input of the vehicle's own holds for 10 ms, which straight lines between records do not, so that by these the
@@ -96,9 +96,9 @@ def _line(manoeuvre: str, way: str, rows: pd.DataFrame) -> str:
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    seeds, file = asked(__doc__, "late", 20)
+    seeds = asked_seeds(__doc__, 20)
     runs = [(manoeuvre, seed) for seed in range(1, seeds + 1) for manoeuvre in _MANOEUVRES]
-    rows = all_rows(file, runs, found)
+    rows = all_rows("late", runs, found)
     lines = [
         f"Seeds 1 to {rows['seed'].max()}. Right: no coefficient beyond {_WRONG:g} standard deviations.",
         "",

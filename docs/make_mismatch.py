@@ -1,8 +1,8 @@
 """Whether bands hold where the model is wrong, into docs/studies.md: `python -m docs.make_mismatch`, an hour.
 
 Each seed is identified from a multisine of all inputs by the smoother, with the process noise that its data ask for
-along each axis, and predicts a 10/10 zigzag. What was found is kept in a file, line by line, and seeds that stand
-there are not done again.
+along each axis, and predicts a 10/10 zigzag. Rows are kept; finished seeds are not
+repeated.
 """
 
 from dataclasses import replace
@@ -12,7 +12,7 @@ import pandas as pd
 
 import auvid_cli as auvid
 from auvid_cli.data.dataset import Dataset
-from docs.resumable import WIDE_PRIOR, all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked_seeds
 from docs.section import replace_section
 
 _SENSORS = (
@@ -99,9 +99,9 @@ def table(rows: pd.DataFrame) -> list[str]:
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    seeds, file = asked(__doc__, "mismatch", 20)
+    seeds = asked_seeds(__doc__, 20)
     runs = [(name, seed) for seed in range(1, seeds + 1) for name in CASES]
-    rows = all_rows(file, runs, lambda name, seed: found(CASES[name], seed))
+    rows = all_rows("mismatch", runs, lambda name, seed: found(CASES[name], seed))
     replace_section("mismatch", "\n".join(table(rows)), "studies")
 
 

@@ -1,8 +1,7 @@
 """One good log written otherwise in many ways, into docs/studies.md: `python -m docs.make_mutations`, half an hour.
 
 Of each: whether `import --suggest` restores it; and, by the map of the good log, what `inspect` fails and whether
-`identify` calls wrong coefficients sound. What was found is kept in a file, line by line, and what stands there is not
-done again.
+`identify` calls wrong coefficients sound. Rows are kept; finished ways are not repeated.
 """
 
 import atexit
@@ -28,7 +27,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import AuvidError
 from auvid_cli.vehicle.parameters import SENSORS
 from auvid_cli.vehicle.rigid_body import GRAVITY, body_to_earth
-from docs.resumable import WIDE_PRIOR, all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked_seeds
 from docs.section import replace_section
 
 Columns = dict[str, NDArray[np.float64]]
@@ -300,9 +299,9 @@ def _summary(rows: pd.DataFrame) -> str:
 
 def main() -> None:
     """Go through all of them and write the section."""
-    seeds, file = asked(__doc__, "mutations", 1)
+    seeds = asked_seeds(__doc__, 1)
     runs = [(case, seed) for seed in range(1, seeds + 1) for case in CASES]
-    rows = all_rows(file, runs, found).fillna({"named": ""})
+    rows = all_rows("mutations", runs, found).fillna({"named": ""})
     rows = rows.sort_values("case", key=lambda cases: cases.map([*CASES].index), kind="stable")
     shown = rows[rows["seed"] == 1]
     lines = [

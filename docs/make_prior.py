@@ -2,7 +2,7 @@
 
 A REMUS 100 each of whose coefficients is some 30 % off its file, another one for each seed, is simulated on four
 manoeuvres and identified by the smoother from four priors. No prior knows of the vehicle that is simulated.
-Results are kept in a file; finished runs are not repeated.
+Rows are kept; finished runs are not repeated.
 """
 
 from dataclasses import replace
@@ -15,7 +15,7 @@ from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.loading import dump_experiment, parse_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import SimulationError
-from docs.resumable import all_rows, asked
+from docs.resumable import all_rows, asked_seeds
 from docs.section import replace_section
 
 # Logarithm of the true coefficient over the value in the vehicle file.
@@ -129,9 +129,9 @@ def lateral_table(rows: pd.DataFrame) -> list[str]:
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    seeds, file = asked(__doc__, "prior", 20)
+    seeds = asked_seeds(__doc__, 20)
     runs = [(case, seed) for seed in range(1, seeds + 1) for case in _CASES]
-    rows = all_rows(file, runs, outcome)
+    rows = all_rows("prior", runs, outcome)
     replace_section("prior", "\n".join(table(rows)), "studies")
     replace_section("prior of a lateral run", "\n".join(lateral_table(rows)), "studies")
 

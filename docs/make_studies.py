@@ -1,16 +1,11 @@
-"""Studies of the accuracy of estimates: `python -m docs.make_studies`, some twenty minutes on two cores.
+"""Studies of the accuracy of estimates, into docs/studies.md: `python -m docs.make_studies`.
 
-Twenty seeds of each setting for every filter, and what other manoeuvres can say of each vehicle; writes
-`docs/studies.md`.
+Each setting is simulated with each seed and identified by every filter. The bounds of other manoeuvres are computed for
+each vehicle. Rows are kept; finished seeds are not repeated.
 """
 
-import argparse
-from collections import Counter
-from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
-from typing import NamedTuple
-
 import numpy as np
+import pandas as pd
 
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.loading import find_experiment, load_experiment
@@ -24,7 +19,7 @@ from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 from auvid_cli.report.table import filter_label
 from auvid_cli.simulation.simulate import simulate
-from docs.resumable import EARLIER_SPIRAL
+from docs.resumable import EARLIER_SPIRAL, all_rows, asked_seeds
 from docs.section import replace_section
 
 _WHITE = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
@@ -45,111 +40,107 @@ _SETTINGS: dict[str, tuple[str, tuple[str, ...]]] = {
 }
 _VEHICLES = ("spiral", "remus100", "lauv", "lrauv")
 _MANOEUVRES = ("zigzag_20_20", "turning_circle", "multisine", "doublets")
+_LABELS = ("within 1 %", "within 5 %", "within 20 %", "not identified")
 
 
-class Outcome(NamedTuple):
-    """One filter on one seed: average error in percent, errors and standard deviations over the bound, and so on."""
-
-    filter: str
-    average_error: float | None
-    errors: list[float]
-    deviations: list[float]
-    nis: dict[str, float]
-    status: str
-    unobserved: list[str]
-
-
-def outcomes(job: tuple[str, int]) -> list[Outcome]:
-    """Run all filters on one seed of a setting."""
-    setting, seed = job
+def found(setting: str, seed: int) -> pd.DataFrame:
+    """Run all filters on one seed of a setting: a row for each filter."""
     experiment, overrides = _SETTINGS[setting]
     earlier = EARLIER_SPIRAL if experiment == "spiral" else ()
     dataset = simulate(load_experiment(find_experiment(experiment), (f"seed={seed}", *earlier, *overrides)))
-    by_filter, bounds_of = [], BoundsOf(prepare(dataset))
+    rows, bounds_of = [], BoundsOf(prepare(dataset))
     for name in FilterName:
         estimate = identify(dataset, name)
         bounds = bounds_of(estimate).of_data
-        # Whether a coefficient counts as identified is nothing that is said here.
+        # The judgement decides only which coefficients are identified, and that is not used here.
         results = coefficient_results(estimate, dataset.truth, bounds, Judgement(Grade.UNJUDGED))
-        by_filter.append(
-            Outcome(
-                estimate.filter,
-                average_steady_state_error(results),
-                [(row.estimate - row.true) / bounds[row.coefficient] for row in results if row.true is not None],
-                [row.times_bound for row in results if row.times_bound is not None],
-                {row.sensor: row.mean_nis for row in sensor_consistency(estimate)},
-                status_of(estimate).split()[0].rstrip(":"),
-                [row.state for row in sensor_error_results(estimate) if not row.observed],
-            )
+        errors = [(row.estimate - row.true) / bounds[row.coefficient] for row in results if row.true is not None]
+        row = {
+            "filter": estimate.filter,
+            "error_percent": average_steady_state_error(results),
+            "squared_error_by_bound": np.mean(np.square(errors)),
+            "deviation_by_bound": np.median([row.times_bound for row in results if row.times_bound is not None]),
+            "status": status_of(estimate).split()[0].rstrip(":"),
+            "not_observed": " ".join(row.state for row in sensor_error_results(estimate) if not row.observed),
+        }
+        rows.append(row | {f"nis_{row.sensor}": row.mean_nis for row in sensor_consistency(estimate)})
+    return pd.DataFrame(rows)
+
+
+def _counts(texts: "pd.Series[str]", form: str) -> str:
+    counts = texts.dropna().str.split().explode().value_counts()
+    return ", ".join(form.format(text=text, count=count) for text, count in counts.items())
+
+
+def seed_table(rows: pd.DataFrame) -> list[str]:
+    """Return the results of each setting and filter."""
+    lines = [
+        "| setting | filter | seeds | average error %, mean ± sd | largest | error / bound, RMS | sd / bound, median "
+        "| mean NIS | verdicts | not observed (runs) |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | --- | --- | --- |",
+    ]
+    for (setting, name), own in rows.groupby(["case", "filter"], sort=False):
+        nis = own.filter(like="nis_").mean().dropna()
+        verdicts, unseen = _counts(own["status"], "{count} {text}"), _counts(own["not_observed"], "{text} ({count})")
+        lines.append(
+            f"| {setting} | {filter_label(str(name))} | {len(own)} "
+            f"| {own['error_percent'].mean():.3g} ± {own['error_percent'].std():.2g} "
+            f"| {own['error_percent'].max():.3g} | {np.sqrt(own['squared_error_by_bound'].mean()):.3g} "
+            f"| {own['deviation_by_bound'].median():.3g} "
+            f"| {', '.join(f'{str(sensor)[4:]} {value:.3g}' for sensor, value in nis.items())} "
+            f"| {verdicts} | {unseen} |"
         )
-    return by_filter
+    return lines
 
 
-def _seed_rows(setting: str, runs: Iterable[list[Outcome]]) -> list[str]:
-    rows = []
-    for of_filter in zip(*runs, strict=True):
-        errors = [one.average_error for one in of_filter if one.average_error is not None]
-        sensors = of_filter[0].nis
-        nis = ", ".join(f"{sensor} {np.mean([one.nis[sensor] for one in of_filter]):.3g}" for sensor in sensors)
-        said = ", ".join(f"{count} {text}" for text, count in Counter(one.status for one in of_filter).most_common())
-        unseen = ", ".join(f"{s} ({n})" for s, n in Counter(s for one in of_filter for s in one.unobserved).items())
-        efficiency = np.sqrt(np.mean(np.square([one.errors for one in of_filter])))
-        claimed = np.median(np.concatenate([one.deviations for one in of_filter]))
-        rows.append(
-            f"| {setting} | {filter_label(of_filter[0].filter)} | {np.mean(errors):.3g} ± {np.std(errors):.2g} | "
-            f"{max(errors):.3g} | {efficiency:.3g} | {claimed:.3g} | {nis} | {said} | {unseen} |"
-        )
-    return rows
-
-
-def manoeuvre_row(job: tuple[str, str]) -> str:
-    """Put into a row what a manoeuvre says of a vehicle, with white attitude noise."""
-    vehicle, manoeuvre = job
+def bounds(case: str, _seed: int) -> pd.DataFrame:
+    """Return the bound of each coefficient of a vehicle after a manoeuvre, with white attitude noise."""
+    vehicle, manoeuvre = case.split(", ")
     own = load_experiment(find_experiment(vehicle), ())
     overrides = [_WHITE, *(EARLIER_SPIRAL if vehicle == "spiral" else ())]
     if manoeuvre != "spiral":
         speed = f"manoeuvre.speed={own.manoeuvre.speed}"
         overrides += [f"manoeuvre=manoeuvres/{manoeuvre}.yaml", speed, "manoeuvre.duration=300 s"]
-    start = f"| {own.vehicle.name} | {manoeuvre} |"
+    start = {"vehicle": own.vehicle.name, "manoeuvre": manoeuvre}
     try:
-        identifiability = assess_dataset(simulate(load_experiment(find_experiment(vehicle), tuple(overrides))))
+        dataset = simulate(load_experiment(find_experiment(vehicle), tuple(overrides)))
     except SimulationError as error:
-        return f"{start} {str(error).split(';')[0]} | | | | | |"
-    counts = Counter(bound.label for bound in identifiability.bounds)
-    worst = sorted((b for b in identifiability.bounds if b.percent > 5.0), key=lambda b: -b.percent)
-    named = ", ".join(rf"{b.coefficient} {b.percent:.2g}".replace("|", r"\|") for b in worst)
-    numbers = [f"{counts[label]}" for label in ("within 1 %", "within 5 %", "within 20 %", "not identified")]
-    median = np.median([bound.percent for bound in identifiability.bounds])
-    return f"{start} {median:.2g} | {' | '.join(numbers)} | {named} |"
+        return pd.DataFrame([start | {"stopped": str(error).split(";")[0]}])
+    found = assess_dataset(dataset).bounds
+    return pd.DataFrame(
+        [
+            start | {"coefficient": bound.coefficient, "percent": bound.percent, "label": bound.label, "stopped": ""}
+            for bound in found
+        ]
+    )
+
+
+def bounds_table(rows: pd.DataFrame) -> list[str]:
+    """Return what each manoeuvre can tell of each vehicle."""
+    lines = [
+        f"| vehicle | manoeuvre | median bound % | {' | '.join(_LABELS)} | above 5 % |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | --- |",
+    ]
+    for (vehicle, manoeuvre), own in rows.groupby(["vehicle", "manoeuvre"], sort=False):
+        if own["percent"].isna().all():
+            lines.append(f"| {vehicle} | {manoeuvre} | {own['stopped'].iloc[0]} | | | | | |")
+            continue
+        worst = own[own["percent"] > 5.0].sort_values("percent", ascending=False)
+        pairs = zip(worst["coefficient"], worst["percent"], strict=True)
+        named = ", ".join(f"{name} {percent:.2g}" for name, percent in pairs).replace("|", r"\|")
+        numbers = " | ".join(str((own["label"] == label).sum()) for label in _LABELS)
+        lines.append(f"| {vehicle} | {manoeuvre} | {own['percent'].median():.2g} | {numbers} | {named} |")
+    return lines
 
 
 def main() -> None:
-    """Run everything and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=20)
-    options = parser.parse_args()
-    with ProcessPoolExecutor() as workers:
-        jobs = [(vehicle, manoeuvre) for vehicle in _VEHICLES for manoeuvre in ("spiral", *_MANOEUVRES)]
-        manoeuvres = list(workers.map(manoeuvre_row, jobs))
-        rows = []
-        for setting in _SETTINGS:
-            runs = workers.map(outcomes, [(setting, seed) for seed in range(1, options.seeds + 1)])
-            rows += _seed_rows(setting, runs)
-    seeds = [
-        f"{options.seeds} seeds each, 300 s.",
-        "",
-        "| setting | filter | average error %, mean ± sd | largest | error / bound, RMS | sd / bound, median "
-        "| mean NIS | verdicts | not observed (runs) |",
-        "| --- | --- | ---: | ---: | ---: | ---: | --- | --- | --- |",
-        *rows,
-    ]
-    bounds = [
-        "| vehicle | manoeuvre | median bound % | within 1 % | within 5 % | within 20 % | not identified | above 5 % |",
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: | --- |",
-        *manoeuvres,
-    ]
-    replace_section("seeds", "\n".join(seeds), "studies")
-    replace_section("manoeuvres", "\n".join(bounds), "studies")
+    """Run what is missing, and write the tables."""
+    seeds = asked_seeds(__doc__, 20)
+    cases = [f"{vehicle}, {manoeuvre}" for vehicle in _VEHICLES for manoeuvre in ("spiral", *_MANOEUVRES)]
+    of_manoeuvres = all_rows("manoeuvres", [(case, 1) for case in cases], bounds)
+    replace_section("manoeuvres", "\n".join(bounds_table(of_manoeuvres)), "studies")
+    runs = [(setting, seed) for seed in range(1, seeds + 1) for setting in _SETTINGS]
+    replace_section("seeds", "\n".join(seed_table(all_rows("seeds", runs, found))), "studies")
 
 
 if __name__ == "__main__":

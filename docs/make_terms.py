@@ -1,7 +1,7 @@
 """Whether terms are found where they are, and nowhere else, into docs/studies.md: `python -m docs.make_terms`, an hour.
 
-Each seed is simulated once as the model has it and once with each of six terms that the model lacks. What was found is
-kept in a file, line by line, and seeds that stand there are not done again.
+Each seed is simulated once as the model has it and once with each of six terms that the model lacks. Rows are kept;
+finished seeds are not repeated.
 """
 
 from dataclasses import replace
@@ -11,7 +11,7 @@ import pandas as pd
 import auvid_cli as auvid
 from auvid_cli.identification.states import natural_magnitude
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient, term
-from docs.resumable import WIDE_PRIOR, all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked_seeds
 from docs.section import replace_section
 
 _SETTINGS = (
@@ -84,9 +84,9 @@ def table(rows: pd.DataFrame) -> list[str]:
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    seeds, file = asked(__doc__, "terms", 20)
+    seeds = asked_seeds(__doc__, 20)
     runs = [(name, seed) for seed in range(1, seeds + 1) for name in _CASES]
-    rows = all_rows(file, runs, lambda name, seed: found(*_CASES[name], seed))
+    rows = all_rows("terms", runs, lambda name, seed: found(*_CASES[name], seed))
     replace_section("terms", "\n".join(table(rows)), "studies")
 
 

@@ -19,7 +19,7 @@ from auvid_cli.evaluation.judgement import judge
 from auvid_cli.identification.run import identify
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.rigid_body import dvl_axes
-from docs.resumable import all_rows, asked
+from docs.resumable import all_rows, asked_seeds
 from docs.section import replace_section
 
 _SPEED = {"vt690": 3.9, "remus100": 1.54, "lauv": 1.43}
@@ -168,8 +168,8 @@ def table(rows: pd.DataFrame) -> list[str]:
 
 def main() -> None:
     """Do the runs that are missing, and write the section."""
-    seeds, file = asked(__doc__, "tolerances", 12)
-    rows = all_rows(file, ((case, seed) for seed in range(1, seeds + 1) for case in CASES), result)
+    seeds = asked_seeds(__doc__, 2)
+    rows = all_rows("tolerances", ((case, seed) for seed in range(1, seeds + 1) for case in CASES), result)
     lines = [
         "Runs of 60 s of vt690, remus100 and lauv. Known quantities are drawn from the usual tolerances; the smoother",
         "has the nominal ones, and process noise of the size of the misfit: 0.01 for velocity and rates, 0.001 for",

@@ -1,6 +1,6 @@
 """Study: does tuning find the simulated noise? Writes docs/studies.md: `python -m docs.make_tune`.
 
-All noise in the settings is twice the true noise. Results are kept in a file; finished seeds are not repeated.
+All noise in the settings is twice the true noise. Rows are kept; finished seeds are not repeated.
 """
 
 from math import sqrt
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import pandas as pd
 
 import auvid_cli as auvid
-from docs.resumable import WIDE_PRIOR, all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked_seeds
 from docs.section import replace_section
 
 _SENSORS = {"gyroscope": 0.5, "attitude": 0.5, "dvl": 0.5}
@@ -104,9 +104,9 @@ def _held(rows: pd.DataFrame) -> "pd.Series[bool]":
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    seeds, file = asked(__doc__, "tune", 100)
-    runs = [(name, seed) for name in CASES for seed in range(1, seeds + 1)]
-    rows = all_rows(file, runs, lambda name, seed: found(CASES[name], seed))
+    seeds = asked_seeds(__doc__, 100)
+    runs = [(name, seed) for seed in range(1, seeds + 1) for name in CASES]
+    rows = all_rows("tune", runs, lambda name, seed: found(CASES[name], seed))
     replace_section("tune", "\n".join([summary(rows), "", *table(rows)]), "studies")
 
 

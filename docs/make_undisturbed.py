@@ -1,14 +1,14 @@
 """Study: cost of tuning the noise without a disturbance. `python -m docs.make_undisturbed`, an hour.
 
 The smoother on the experiment `raw_inertial`: the default spiral with biased sensors, of which nothing disturbs the
-motion. Results are kept in a file; finished seeds are not repeated.
+motion. Rows are kept; finished seeds are not repeated.
 """
 
 import numpy as np
 import pandas as pd
 
 import auvid_cli as auvid
-from docs.resumable import all_rows, asked
+from docs.resumable import all_rows, asked_seeds
 from docs.section import replace_section
 
 CASES = {
@@ -56,9 +56,9 @@ def table(rows: pd.DataFrame) -> list[str]:
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    seeds, file = asked(__doc__, "undisturbed", 50)
-    runs = [(name, seed) for name in CASES for seed in range(1, seeds + 1)]
-    rows = all_rows(file, runs, lambda name, seed: found(CASES[name], seed))
+    seeds = asked_seeds(__doc__, 50)
+    runs = [(name, seed) for seed in range(1, seeds + 1) for name in CASES]
+    rows = all_rows("undisturbed", runs, lambda name, seed: found(CASES[name], seed))
     replace_section("undisturbed", "\n".join(table(rows)), "studies")
 
 

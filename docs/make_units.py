@@ -1,7 +1,7 @@
 """Units that `import --suggest` finds in logs without units, into docs/studies.md: `python -m docs.make_units`.
 
-Each simulated run is written with and without DVL and AHRS, and with rates and angles in rad or deg. Results are kept
-in a file; finished runs are not repeated.
+Each simulated run is written with and without DVL and AHRS, and with rates and angles in rad or deg. Rows are kept;
+finished runs are not repeated.
 """
 
 import tempfile
@@ -16,7 +16,7 @@ import auvid_cli as auvid
 from auvid_cli.api.data import suggest_map
 from auvid_cli.data.checks import csv_text
 from auvid_cli.vehicle.parameters import SENSORS
-from docs.resumable import all_rows, asked
+from docs.resumable import all_rows, asked_seeds
 from docs.section import replace_section
 
 _MANOEUVRES = {
@@ -98,8 +98,8 @@ def found(vehicle: str, seed: int) -> pd.DataFrame:
 
 def main() -> None:
     """Go through all runs and write the section."""
-    seeds, file = asked(__doc__, "units", 7)
-    rows = all_rows(file, [(vehicle, seed) for seed in range(1, seeds + 1) for vehicle in _MANOEUVRES], found)
+    seeds = asked_seeds(__doc__, 7)
+    rows = all_rows("units", [(vehicle, seed) for seed in range(1, seeds + 1) for vehicle in _MANOEUVRES], found)
     total = rows[["right", "wrong", "question"]].sum()
     logs = f"{int((rows['wrong'] > 0).sum())} of {len(rows)} logs have a wrong unit"
     lines = [

@@ -1,41 +1,47 @@
-"""Studies of many seeds that can be interrupted: finished runs are kept in a file, one row each."""
+"""Studies of many seeds that can be interrupted: rows of finished runs are kept in docs/rows."""
 
 import argparse
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import NamedTuple
 
 import pandas as pd
+
+from auvid_cli.data.files import replacing
 
 # Settings of the default experiment when these studies were made: a wide prior, and a gentle start of the spiral.
 WIDE_PRIOR = "identification.prior.factor=3"
 EARLIER_SPIRAL = "manoeuvre=manoeuvres/spiral_gentle.yaml", WIDE_PRIOR
+_FOLDER = Path(__file__).with_name("rows")
 
 
-class Asked(NamedTuple):
-    """Number of seeds, and the file of the rows."""
-
-    seeds: int
-    rows: Path
-
-
-def asked(description: str | None, name: str, seeds: int) -> Asked:
-    """Read the command line of a study; `seeds` is the default number of seeds."""
+def asked_seeds(description: str | None, seeds: int) -> int:
+    """Read the number of seeds from the command line of a study; `seeds` is its default."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=seeds)
-    parser.add_argument("--rows", type=Path, default=Path(f"results/studies/{name}.csv"))
-    return Asked(**vars(parser.parse_args()))
+    parser.add_argument("--seeds", type=int, default=seeds, help=f"kept runs are not repeated; default: {seeds}")
+    return parser.parse_args().seeds
 
 
-def all_rows(file: Path, runs: Iterable[tuple[str, int]], found: Callable[[str, int], pd.DataFrame]) -> pd.DataFrame:
-    """Do the runs (case and seed) that are not in the file yet; return all rows of the file."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    done = set[tuple[str, int]]()
-    if file.exists():
-        done.update(pd.read_csv(file)[["case", "seed"]].itertuples(index=False, name=None))
+def all_rows(name: str, runs: Iterable[tuple[str, int]], found: Callable[[str, int], pd.DataFrame]) -> pd.DataFrame:
+    """Do the runs (case and seed) of a study that are not kept yet, keep their rows, and return all rows."""
+    kept = kept_rows(name)
+    done = set() if kept is None else {*kept[["case", "seed"]].itertuples(index=False, name=None)}
     for case, seed in runs:
         if (case, seed) not in done:
             rows = found(case, seed).assign(case=case, seed=seed)
-            rows.to_csv(file, mode="a", header=not file.exists(), index=False)
+            keep_rows(name, rows if kept is None else pd.concat([kept, rows]))
+            kept = kept_rows(name)
             print(f"{case}: seed {seed}", flush=True)
-    return pd.read_csv(file)
+    assert kept is not None, "at least one run"
+    return kept
+
+
+def kept_rows(name: str) -> pd.DataFrame | None:
+    """Return the rows that are kept of a study, or None."""
+    file = _FOLDER / f"{name}.csv.gz"
+    return pd.read_csv(file, float_precision="round_trip") if file.exists() else None
+
+
+def keep_rows(name: str, rows: pd.DataFrame) -> None:
+    """Replace the rows of a study; equal rows give an equal file."""
+    with replacing(_FOLDER / f"{name}.csv.gz") as file:
+        rows.to_csv(file, index=False, compression={"method": "gzip", "mtime": 0})
