@@ -221,7 +221,7 @@ def meaning(field) -> str:
 
 
 def example(path: str, kind: str, model: type[BaseModel], name: str, field) -> str:
-    """Return an example of a key: from a shipped file, of its unit, one of its choices, or its default."""
+    """Return an example of a key: from a shipped file, from reference_examples.txt, a choice, or its default."""
     key = f"{path}.{field.alias or name}".lstrip(".")
     shipped = [value for value in (shipped_values().get((kind, key)), shipped_values().get(("", key))) if value]
     if classes(field.annotation):
@@ -235,10 +235,12 @@ def example(path: str, kind: str, model: type[BaseModel], name: str, field) -> s
         return f"`{WRITTEN[key]}`"
     own, given = unit(model, name, field), default(field)
     is_component = issubclass(model, SensorSettings) and typing.get_origin(field.annotation) is tuple
-    if is_component or any(isinstance(item, Unit) for item in field.metadata):
-        usual = EXAMPLES.get(own, ("", f"1e-07 {own}" if own.startswith("T") else f"0.001 {own}"))[1]
-        usual = "20 ms" if name.startswith("delay") else usual
-        return f"`{f'{given} {own}'.removesuffix(' 1') if given not in ('', 'required', '0.0') else usual}`"
+    if is_component and name == "standard_deviation":
+        return example(path, kind, model, "noise", model.model_fields["noise"])
+    if given not in ("", "required", "0.0") and (
+        is_component or any(isinstance(item, Unit) for item in field.metadata)
+    ):
+        return f"`{f'{given} {own}'.removesuffix(' 1')}`"
     if (field.alias or name) in WRITTEN:
         return f"`{WRITTEN[field.alias or name]}`"
     if typing.get_origin(field.annotation) is typing.Literal:
