@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from time import process_time
 
 import pandas as pd
 
@@ -11,6 +12,8 @@ from auvid_cli.data.files import replacing
 # Settings of the default experiment when these studies were made: a wide prior, and a gentle start of the spiral.
 WIDE_PRIOR = "identification.prior.factor=3"
 EARLIER_SPIRAL = "manoeuvre=manoeuvres/spiral_gentle.yaml", WIDE_PRIOR
+# Column of the processor time of a run, s; the same in all rows of the run.
+RUN_TIME = "run_time"
 _FOLDER = Path(__file__).with_name("rows")
 
 
@@ -27,7 +30,9 @@ def all_rows(name: str, runs: Iterable[tuple[str, int]], found: Callable[[str, i
     done = set() if kept is None else {*kept[["case", "seed"]].itertuples(index=False, name=None)}
     for case, seed in runs:
         if (case, seed) not in done:
+            begin = process_time()
             rows = found(case, seed).assign(case=case, seed=seed)
+            rows[RUN_TIME] = round(process_time() - begin, 2)
             keep_rows(name, rows if kept is None else pd.concat([kept, rows]))
             kept = kept_rows(name)
             print(f"{case}: seed {seed}", flush=True)

@@ -8,7 +8,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from auvid_cli.config.loading import find_experiment, load_experiment
-from docs import make_conventions, make_geometry, make_reference, make_timeline
+from docs import make_conventions, make_geometry, make_reference, make_rows, make_timeline
 from docs.make_architecture import TARGET, architecture
 from docs.make_conventions import conventions
 from docs.make_timeline import timeline
@@ -128,6 +128,14 @@ def test_studies_begin_with_an_answer_and_a_small_table_of_measured_numbers():
             first, *cells = row.strip("|").split("|")
             missing = numbers(" ".join(cells)) - numbers(details)
             assert not missing, f"{title}: {first.strip()}: {missing} is not in the folded part"
+
+
+def test_kept_rows_are_in_the_table_of_the_studies():
+    commands = {path.stem for path in (ROOT / "docs").glob("make_*.py") if '"studies")' in path.read_text("utf-8")}
+    assert commands - {"make_rows"} <= {*make_rows.STUDIES}
+    kept = {path.name.removesuffix(".csv.gz") for path in (ROOT / "docs/rows").iterdir()}
+    assert kept <= {name for names in make_rows.STUDIES.values() for name in names}
+    assert make_rows.table() in (ROOT / "docs/studies.md").read_text("utf-8"), "python -m docs.make_rows"
 
 
 def test_modules_and_equations_of_the_theory_exist():
