@@ -43,7 +43,7 @@ def all_rows(name: str, runs: Iterable[tuple[str, int]], found: Callable[[str, i
 def kept_rows(name: str) -> pd.DataFrame | None:
     """Return the rows that are kept of a study, or None."""
     file = _FOLDER / f"{name}.csv.gz"
-    return pd.read_csv(file, float_precision="round_trip") if file.exists() else None
+    return pd.read_csv(file) if file.exists() else None
 
 
 def keep_rows(name: str, rows: pd.DataFrame) -> None:
