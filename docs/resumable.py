@@ -36,7 +36,8 @@ def all_rows(name: str, runs: Iterable[tuple[str, int]], found: Callable[[str, i
             keep_rows(name, rows if kept is None else pd.concat([kept, rows]))
             kept = kept_rows(name)
             print(f"{case}: seed {seed}", flush=True)
-    assert kept is not None, "at least one run"
+    if kept is None:
+        raise SystemExit(f"docs/rows: no rows of {name}")
     return kept
 
 
