@@ -1,6 +1,7 @@
 """Results of the finished runs of a shipped campaign."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,14 +48,20 @@ def results_option(description: str | None) -> argparse.ArgumentParser:
     return parser
 
 
-def campaign_rows(name: str, results: Path | None, kinds: tuple[str, ...] = ("run", "coefficient")) -> CampaignRows:
-    """Return the kept rows of a campaign, or those of some kinds in a results folder, which are then kept."""
+def campaign_rows(
+    name: str,
+    results: Path | None,
+    kinds: Sequence[str] = ("run", "coefficient"),
+    columns: Sequence[str] | None = None,
+) -> CampaignRows:
+    """Return the kept rows of a campaign; from a results folder, some kinds and columns are kept first."""
     path = find_campaign(name)
     plan = CampaignPlan(*load_campaign(path), path)
     if results is not None:
         labels = plan.labels()
         rows = in_planned_order(Store(results, plan.columns).rows(labels).to_pandas(), labels)
-        keep_rows(name, rows[rows["kind"].isin(kinds)].dropna(axis="columns", how="all"))
+        own = rows[rows["kind"].isin(kinds)].dropna(axis="columns", how="all")
+        keep_rows(name, own if columns is None else own[[*columns]])
     kept = kept_rows(name)
     if kept is None:
         raise SystemExit(f"docs/rows: no rows of {name}; run `auvid campaign {name}`, then use --results")

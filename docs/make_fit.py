@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from docs.resumable import keep_rows, kept_rows
 from docs.section import replace_section
 
-ROWS = Path(__file__).with_name("rows") / "fit.csv.gz"
 # Standard deviations up to which a coefficient is right, and beyond which it is wrong.
 _RIGHT = 4.0
 _WRONG = 5.0
@@ -114,8 +114,11 @@ def main() -> None:
     parser.add_argument("runs", type=Path, nargs="?", help="table of the runs of the campaign")
     path = parser.parse_args().runs
     if path is not None:
-        pd.read_csv(path).to_csv(ROWS, index=False, compression={"method": "gzip", "mtime": 0})
-    replace_section("fit", section(pd.read_csv(ROWS)), "studies")
+        keep_rows("fit", pd.read_csv(path))
+    rows = kept_rows("fit")
+    if rows is None:
+        raise SystemExit("docs/rows: no rows of fit; name the table of the runs")
+    replace_section("fit", section(rows), "studies")
 
 
 if __name__ == "__main__":

@@ -3,18 +3,14 @@
 The rows of the campaign are kept in docs/rows/paper.csv.gz; `--results results/campaigns/paper` reads them anew.
 """
 
-import argparse
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
 from auvid_cli.report.table import filter_label
 from auvid_cli.report.table_iv import published
-from docs.campaign_rows import campaign_rows
+from docs.campaign_rows import campaign_rows, results_option
 from docs.section import replace_section
 
-ROWS = Path(__file__).with_name("rows") / "paper.csv.gz"
 COLUMNS = ["filter", "seed", "name", "true", "estimate", "standard_deviation", "corrected_standard_deviation", "rmse"]
 COLUMNS += ["steady_state_error_percent", "grade", "reason"]
 
@@ -74,15 +70,8 @@ def table(runs: pd.DataFrame) -> list[str]:
 
 def main() -> None:
     """Read the rows and write the section."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--results", type=Path)
-    options = parser.parse_args()
-    if options.results is not None:
-        found = campaign_rows("paper", options.results)
-        ROWS.parent.mkdir(exist_ok=True)
-        found.coefficients[COLUMNS].to_csv(ROWS, index=False, compression={"method": "gzip", "mtime": 0})
-    rows = pd.read_csv(ROWS)
-    runs = per_run(rows)
+    rows = campaign_rows("paper", results_option(__doc__).parse_args().results, kinds=("coefficient",), columns=COLUMNS)
+    runs = per_run(rows.rows)
     doubted = (
         runs[runs["grade"] != "sound"].groupby("seed")["filter"].agg(lambda names: ", ".join(map(labelled, names)))
     )
