@@ -25,8 +25,11 @@ def asked_seeds(description: str | None, seeds: int) -> int:
 
 
 def all_rows(name: str, runs: Iterable[tuple[str, int]], found: Callable[[str, int], pd.DataFrame]) -> pd.DataFrame:
-    """Do the runs (case and seed) of a study that are not kept yet, keep their rows, and return all rows."""
-    kept = kept_rows(name)
+    """Do the runs (case and seed) of a study that are not kept yet, keep their rows, and return the rows of the runs.
+
+    Without runs, all kept rows are returned.
+    """
+    kept, runs = kept_rows(name), list(runs)
     done = set() if kept is None else {*kept[["case", "seed"]].itertuples(index=False, name=None)}
     for case, seed in runs:
         if (case, seed) not in done:
@@ -38,7 +41,7 @@ def all_rows(name: str, runs: Iterable[tuple[str, int]], found: Callable[[str, i
             print(f"{case}: seed {seed}", flush=True)
     if kept is None:
         raise SystemExit(f"docs/rows: no rows of {name}")
-    return kept
+    return kept[pd.MultiIndex.from_frame(kept[["case", "seed"]]).isin(runs)] if runs else kept
 
 
 def kept_rows(name: str) -> pd.DataFrame | None:
