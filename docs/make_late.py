@@ -1,4 +1,4 @@
-"""Inputs at 10 Hz, held and 50 ms late, over seeds, into docs/studies.md: `python -m docs.make_late`, some minutes.
+"""Inputs at 10 Hz, held and 50 ms late, over seeds, into docs/studies.md: `python -m docs.make_late`, two minutes.
 
 The vehicle moves with inputs at 100 Hz; ten a second are recorded, and stamped 50 ms after they were given.
 Rows are kept; finished seeds are not repeated.

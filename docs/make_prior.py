@@ -1,4 +1,4 @@
-"""Whether an informed prior pays, into docs/studies.md: `python -m docs.make_prior`, some minutes.
+"""Whether an informed prior pays, into docs/studies.md: `python -m docs.make_prior`, ten minutes.
 
 A REMUS 100 each of whose coefficients is some 30 % off its file, another one for each seed, is simulated on four
 manoeuvres and identified by the smoother from four priors. No prior knows of the vehicle that is simulated.

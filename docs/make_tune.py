@@ -1,4 +1,4 @@
-"""Study: does tuning find the simulated noise? Writes docs/studies.md: `python -m docs.make_tune`.
+"""Study: does tuning find the simulated noise? Writes docs/studies.md: `python -m docs.make_tune`, two minutes.
 
 All noise in the settings is twice the true noise. Rows are kept; finished seeds are not repeated.
 """
