@@ -32,7 +32,8 @@ def found(settings: tuple[str, ...], seed: int) -> pd.DataFrame:
         "deviation_by_bound": (rows["standard_deviation"] / bound).median(),
         "within": ((rows["estimate"] - rows["true"]).abs() <= 2.0 * rows["standard_deviation"]).mean(),
     }
-    return pd.DataFrame([row | {name: getattr(noise, name) for name in _DENSITIES}])
+    # One value for all axes, as in the stated settings.
+    return pd.DataFrame([row | {name: getattr(noise, name)[0] for name in _DENSITIES}])
 
 
 def table(rows: pd.DataFrame) -> list[str]:
