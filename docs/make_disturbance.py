@@ -1,7 +1,7 @@
 """Whether a disturbance is found as it was simulated, into docs/studies.md: `python -m docs.make_disturbance`.
 
 Each seed is tuned with sizes, time constants and sensors stated twice as large as they are; then, with nothing stated,
-it is chosen by likelihood whether there is one, where there is and where there is none. Some twenty minutes.
+it is chosen by likelihood whether there is one, where there is and where there is none. A seed takes a minute.
 Rows are kept; finished seeds are not repeated.
 """
 
