@@ -266,10 +266,12 @@ class FaultTest(NamedTuple):
 
     @classmethod
     def from_row(cls, fault: str, *values: Any) -> "FaultTest":
-        """Return the test of a `row`, whose last cells may be missing; ValueError if a fault is unknown."""
-        test = cls(Fault.parse(fault), *values)
-        alternatives = map(Fault.parse, filter(None, "".join(test.alternatives).split("; ")))
-        return test._replace(alternatives=tuple(alternatives), moved=tuple("".join(test.moved).split()))
+        """Return the test of a `row`, whose last cells may be missing."""
+        n_numbers = len(cls._fields) - 3
+        alternatives, moved = (*values[n_numbers:], "", "")[:2]
+        faults = tuple(map(Fault.parse, filter(None, alternatives.split("; "))))
+        test = cls(Fault.parse(fault), *values[:n_numbers])
+        return test._replace(alternatives=faults, moved=tuple(moved.split()))
 
     @property
     def excess(self) -> float:
