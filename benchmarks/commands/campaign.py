@@ -1,8 +1,8 @@
-"""What a campaign costs besides its runs: `python -m benchmarks.commands.campaign`, some forty minutes.
+"""What a campaign costs besides its runs: `python -m benchmarks.commands.campaign`, some fifty minutes.
 
 The default experiment over seeds, with all its filters: one after the other in this process, on one worker, on two, and
 on two processes alone, which is what the machine allows; all of them in each round. Then on one worker so many
-runs that its memory would show any leak.
+runs that its memory would show any leak. At last whole commands with up to 10 000 short runs, alone with `--large`.
 """
 
 import argparse
@@ -22,10 +22,12 @@ from auvid_cli.campaign.cluster import Cluster, local_cluster, run_group, run_gr
 from auvid_cli.campaign.plan import CampaignPlan, RunGroup
 from auvid_cli.campaign.store import Store
 from auvid_cli.config.campaign import load_campaign
+from benchmarks.commands.__main__ import cost_of
 from benchmarks.timing import described_machine
 from docs.section import replace_section
 
 _RUNS, _ROUNDS, _MANY = 200, 3, 1000
+_LARGE = 100, 1000, 10_000  # runs of whole commands
 _LOOKS = 5
 _OTHER_SEEDS = 1_000_000
 
@@ -97,6 +99,25 @@ def _resident_size() -> int:
     return psutil.Process().memory_info().rss
 
 
+def large_campaigns(folder: Path) -> list[str]:
+    """Return a table of whole commands with so many short runs of one filter."""
+    lines = [
+        "| `auvid campaign`: 10 s of data, CKF, 2 workers | wall (s) | runs per second | memory (MB) | results (MB) |",
+        "| --- | ---: | ---: | ---: | ---: |",
+    ]
+    for n_runs in _LARGE:
+        settings = "{manoeuvre.duration: 10 s, identification.judge: false}"
+        file, output = folder / f"large-{n_runs}.yaml", folder / f"large-{n_runs}"
+        file.write_text(f"name: large\nsettings: {settings}\nfilters: [ckf]\nseeds: {n_runs}\n")
+        cost = cost_of("campaign", str(file), "--workers", "2", "--quiet", "--output", str(output), watched=True)
+        written = sum(path.stat().st_size for path in output.rglob("*") if path.is_file()) / 1e6
+        lines.append(
+            f"| {n_runs} runs | {cost.wall:.0f} | {n_runs / cost.wall:.1f} | {cost.memory:.0f} | {written:.1f} |"
+        )
+        print(lines[-1], file=sys.stderr)
+    return [*(f"- {name}: {value}" for name, value in described_machine().items()), "", *lines]
+
+
 def spread(values: Sequence[float], digits: int) -> str:
     """Write median, least and greatest."""
     return f"{median(values):.{digits}f} ({min(values):.{digits}f} - {max(values):.{digits}f})"
@@ -108,9 +129,15 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=_RUNS)
     parser.add_argument("--rounds", type=int, default=_ROUNDS)
     parser.add_argument("--many", type=int, default=_MANY)
+    parser.add_argument("--large", action="store_true", help="measure only the whole commands with many short runs")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        text = "\n".join(large_campaigns(folder))
+        print(text)
+        replace_section("large", text)
+        if options.large:
+            return
         plan = planned(folder, f"seeds: {-(-options.runs // 3)}\n")
         groups = list(plan.groups())
         for group in _warm(folder / "warm", 1):
