@@ -1,4 +1,8 @@
-"""Kinematic relations between signals of a log, and responses to fins: correlation, gain and delay."""
+"""Kinematic relations between signals of a log, and responses to fins: correlation, gain and delay.
+
+Signs, units and axes of these signals may be wrong, so each relation connects few of them and needs no cosine of an
+angle. `auvid_cli.inspection.kinematic_relations` has the complete relations, for signals in SI.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
