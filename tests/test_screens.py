@@ -17,7 +17,8 @@ SAMPLE = re.compile(r"<!-- ([^>]*): measured -->\n\n```text\n(.*?)\n```\n\n<!-- 
 OTHERS = {"theory.md", "survey-logs.md"}
 SHORTER = {
     " --use 65:110": "",
-    r"^run\b(?!.*duration)": "run --set 'manoeuvre.duration=30 s'",
+    r"^run\b(?!.*duration)": "run --set 'manoeuvre.duration=15 s'",
+    "duration=(60|100) s": "duration=30 s",
     "--use [0-9:]+": "--use 0:20",
 }
 # They take long, or need files that this test does not make.
