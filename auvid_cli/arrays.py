@@ -1,8 +1,15 @@
-"""Arrays of doubles: their type, angles modulo one turn, and a sequence that is kept in memory or in a file."""
+"""Arrays of doubles: their type, angles modulo one turn, and large ones that are kept in temporary files.
 
+These files are created without a name, or are deleted as soon as they are open, so that they also disappear if the
+process is killed. They are in the folder of temporary files (``TMPDIR``).
+"""
+
+import mmap
+import os
 import tempfile
 import weakref
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from math import prod
 from threading import Lock
 from typing import IO, Any, NamedTuple, overload
@@ -24,8 +31,53 @@ def wrap(angle: Any) -> Any:
     return angle - 2.0 * np.pi * np.floor(angle / (2.0 * np.pi) + 0.5)
 
 
-# Size of the arrays of one store in memory: some 40 minutes of a trajectory at 100 Hz.
+# Size of one array, or of the arrays of one store, in memory: some 40 minutes of a trajectory at 100 Hz.
 MAX_IN_MEMORY = 2**24  # bytes
+
+# Memory can be mapped to a file of reserved size, and released, on Linux alone.
+_CAN_RELEASE = hasattr(os, "posix_fallocate") and hasattr(mmap, "MADV_DONTNEED")
+_mapped = weakref.WeakSet[mmap.mmap]()
+_mapping = Lock()
+
+
+@contextmanager
+def _writing() -> Iterator[None]:
+    """Turn an OSError into a FileError."""
+    try:
+        yield
+    except OSError as error:
+        where, reason = tempfile.gettempdir(), error.strerror or error
+        raise FileError(f"{where}: temporary file not written: {reason}; set TMPDIR to another folder") from None
+
+
+def zeros(shape: tuple[int, ...]) -> Array:
+    """Return an array of zeros; a large one is mapped to a temporary file, see `release_memory`.
+
+    Raises
+    ------
+    FileError
+        If the temporary file cannot be written.
+    """
+    size = 8 * prod(shape)
+    if size <= MAX_IN_MEMORY or not _CAN_RELEASE:
+        return np.zeros(shape)
+    with _writing(), tempfile.TemporaryFile(buffering=0) as file:
+        # Reserved, because a write to mapped memory ends the process if the disk is full.
+        os.posix_fallocate(file.fileno(), 0, size)
+        mapped = mmap.mmap(file.fileno(), size)
+    with _mapping:
+        _mapped.add(mapped)
+    return np.ndarray(shape, np.float64, mapped)
+
+
+def release_memory() -> None:
+    """Give the memory of large arrays of `zeros` back; they are read from their files when they are used again.
+
+    Called between the parts of a work on long data.
+    """
+    with _mapping:
+        for mapped in _mapped:
+            mapped.madvise(mmap.MADV_DONTNEED)
 
 
 class _Place(NamedTuple):
@@ -36,11 +88,7 @@ class _Place(NamedTuple):
 
 
 class ArrayStore(Sequence[Array]):
-    """Sequence of C-contiguous arrays of doubles, to which arrays can be appended.
-
-    The file is created without a name, or is deleted as soon as it is open, so that it also disappears if the process
-    is killed. It is in the folder of temporary files (``TMPDIR``).
-    """
+    """Sequence of C-contiguous arrays of doubles, to which arrays can be appended."""
 
     def __init__(self) -> None:
         self._entries, self._room = list[Array | _Place](), MAX_IN_MEMORY
@@ -61,14 +109,11 @@ class ArrayStore(Sequence[Array]):
             return
         # Later arrays go to the file, too.
         self._room = 0
-        try:
+        with _writing():
             file = self._file or self._open()
             with self._position:
                 place = _Place(file.seek(0, 2), array.shape)
                 array.tofile(file)
-        except OSError as error:
-            where, reason = tempfile.gettempdir(), error.strerror or error
-            raise FileError(f"{where}: temporary file not written: {reason}; set TMPDIR to another folder") from None
         self._entries.append(place)
 
     def _open(self) -> IO[bytes]:

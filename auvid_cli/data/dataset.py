@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic_core import core_schema
 
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, release_memory
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.array_checks import (
     check_finite,
@@ -115,6 +115,7 @@ class SensorRecord:
         check_noise(where, self.standard_deviation, quantities[0].unit)
         for column, quantity in enumerate(quantities):
             check_magnitude(f"{where}/{quantity.symbol}", self.values[:, column], quantity.unit)
+        release_memory()
 
     @property
     def measured_times(self) -> Array:
@@ -154,6 +155,7 @@ class InputRecord:
         check_finite("/inputs", self.values)
         for column, quantity in enumerate(self.quantities):
             check_magnitude(f"/inputs/{quantity.symbol}", self.values[:, column], quantity.unit)
+        release_memory()
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -215,6 +217,7 @@ class TruthRecord:
         check_times("/truth", self.time, increasing=True)
         check_shapes("/truth", *((values, (n, len(table))) for table, values in self.tables))
         check_finite("/truth", *(values for _, values in self.tables), coefficients)
+        release_memory()
         if missing := [symbol for symbol in SYMBOLS if symbol not in self.coefficients]:
             raise InvalidDataError(f"/truth has no coefficient {', '.join(missing)}")
         if unknown := [s for s in self.coefficients if s not in SYMBOLS and not is_name_of_term(str(s))]:

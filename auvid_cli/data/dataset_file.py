@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from auvid_cli.arrays import release_memory
 from auvid_cli.config.loading import dump_experiment, parse_run
 from auvid_cli.data import netcdf
 from auvid_cli.data.array_checks import check_sensor
@@ -44,6 +45,7 @@ def write_dataset(path: Path, dataset: Dataset) -> None:
 def _write_table(group: h5py.Group, quantities: Iterable[Quantity], values: Array) -> None:
     for quantity, column in zip(quantities, values.T, strict=True):
         netcdf.write_variable(group, quantity.symbol, column, ("time",), quantity.meaning, quantity.unit)
+    release_memory()
 
 
 def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
@@ -162,3 +164,4 @@ def _variables(dataset: Dataset) -> Iterator[tuple[str, Array]]:
         yield f"{group}/time", time
         for column, quantity in enumerate(quantities):
             yield f"{group}/{quantity.symbol}", values[:, column]
+        release_memory()

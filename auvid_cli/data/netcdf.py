@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from auvid_cli._version import __version__
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, release_memory, zeros
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.units import parse_quantity
 from auvid_cli.data.files import replacing
@@ -267,13 +267,14 @@ def _is_unit(text: Any, unit: str) -> bool:
 def read_table(group: h5py.Group, names: Sequence[str], every: int = 1) -> Array:
     """Read variables of equal length as columns, see `read_array`."""
     first = read_array(group, names[0], every)
-    table = np.empty((len(first), len(names)))
+    table = zeros((len(first), len(names)))
     table[:, 0] = first
     for column, name in enumerate(names[1:], 1):
         values = read_array(group, name, every)
         if values.size != len(first):
             raise ValueError(f"{group.name}/{name} and {group.name}/{names[0]} differ in length")
         table[:, column] = values
+    release_memory()
     return table
 
 

@@ -128,7 +128,8 @@ def gaps(time: Array) -> Array:
 
 def repeats(record: SensorRecord) -> Array:
     """Return first and last time, s, of every run of equal measurements, shape (n, 2); one measurement is a run."""
-    time, _, edges = _runs(record)
+    present, edges = _runs(record)
+    time = record.time[present]
     return np.stack([time[edges[:-1]], time[edges[1:] - 1]], axis=1)
 
 
@@ -146,9 +147,9 @@ def rounded_repeats(record: SensorRecord) -> NDArray[np.bool_]:
     The values before and after such a run differ from it by one step. A run at an end of the record, or with a
     second step due to noise on one side, counts only if it is not longer than these.
     """
-    time, values, edges = _runs(record)
+    present, edges = _runs(record)
     steps = rounding_steps(record)
-    runs = values[edges[:-1]]
+    time, runs = record.time[present], record.values[present][edges[:-1]]
     if not steps.any():
         return np.zeros(len(runs), np.bool_)
     # Missing components are ignored.
@@ -171,15 +172,18 @@ def rounding_steps(record: SensorRecord) -> Array:
     return np.array([step_between(level) if level.size > 2 else 0.0 for level in levels])
 
 
-def _runs(record: SensorRecord) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return times and values of the measurements, the index at which each run begins, and the end of the last."""
+def _runs(record: SensorRecord) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Return which rows are measurements, and of these the index at which each run begins and the end of the last."""
     present = np.isfinite(record.values).any(axis=1)
-    # Ten hours are too long to copy if nothing is missing.
-    rows = slice(None) if present.all() else present
-    time, values = record.time[rows], record.values[rows]
-    moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
+    n = np.count_nonzero(present)
     # Without measurements there is no run.
-    return time, values, np.concatenate([[0], moved, [len(values)] * bool(len(values))]).astype(np.int64)
+    is_edge = np.zeros(n + 1, np.bool_)
+    is_edge[[0, n]] = True
+    # One component at a time, because ten hours are too long to copy.
+    for column in record.values.T:
+        values = column[present]
+        is_edge[1:n] |= (values[1:] != values[:-1]) & np.isfinite(values[1:])
+    return present, np.flatnonzero(is_edge)
 
 
 def rate_of_change(values: Array, interval: float, half: int) -> Array:

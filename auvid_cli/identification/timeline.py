@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.arrays import Array, wrap
+from auvid_cli.arrays import Array, release_memory, wrap
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, shared_clock
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
@@ -239,6 +239,7 @@ class Timelines:
             if merged.events.size:
                 yield self._timeline(before, merged)
                 before = merged.events[-1]
+            release_memory()
 
     def __reversed__(self) -> Iterator[Timeline]:
         later: _Merged | None = None
@@ -248,6 +249,7 @@ class Timelines:
                 if later is not None:
                     yield self._timeline(merged.events[-1], later)
                 later = merged
+            release_memory()
         if later is not None:
             yield self._timeline(self._span_ticks[0], later)
 

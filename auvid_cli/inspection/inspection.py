@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, release_memory
 from auvid_cli.data.checks import Check, Checks, NamedRows
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.data.signals import MAX_REPEAT, gap_limit, repeats, rounded_repeats, rounding_steps
@@ -101,6 +101,7 @@ def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence
     """Check the used sensors for stuck values and gaps; time between segments is not a gap."""
     checks = []
     for name in sensors:
+        release_memory()
         records = [segment.sensors[name] for segment in segments]
         measured = [record for record in records if np.isfinite(record.values).any(axis=1).sum() > 1]
         if measured:

@@ -104,8 +104,10 @@ def _extremes(values: Array, length: int) -> tuple[NDArray[np.int64], NDArray[np
     block = padded.reshape(parts, length)
     gap = np.isnan(block)
     begin = np.arange(parts) * length
-    least, greatest = np.where(gap, np.inf, block).argmin(axis=1), np.where(gap, -np.inf, block).argmax(axis=1)
-    return begin + least, begin + greatest
+    block[gap] = np.inf
+    least = block.argmin(axis=1)
+    block[gap] = -np.inf
+    return begin + least, begin + block.argmax(axis=1)
 
 
 def broken(time: Array, values: Array) -> tuple[Array, Array]:
@@ -114,6 +116,8 @@ def broken(time: Array, values: Array) -> tuple[Array, Array]:
     if not steps.size:
         return time, values
     jumps = np.flatnonzero(steps > max(_JUMP * float(np.median(steps)), _MIN_JUMP)) + 1
+    if not jumps.size:
+        return time, values
     return np.insert(time, jumps, time[jumps]), np.insert(values, jumps, np.nan)
 
 

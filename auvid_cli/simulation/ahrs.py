@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.arrays import Array, wrap
+from auvid_cli.arrays import Array, wrap, zeros
 from auvid_cli.config.sensors import AhrsSensors
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import SimulationError
@@ -50,7 +50,8 @@ def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, t
         gyro_bias=settings.ahrs.gyro_bias,
     )
     not_measured = np.full((2, 3), np.nan)
-    values = np.full((times.size, 3), np.nan)
+    values = zeros((times.size, 3))
+    values.fill(np.nan)
     _run(
         (*(source.time for source in sources), times),
         (*(source.values for source in sources), values),

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, release_memory, zeros
 from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, SimulationError
@@ -42,6 +42,8 @@ LONGEST_STEP = 0.0025  # s
 LARGEST_PITCH = np.deg2rad(85.0)  # rad
 LARGEST_ROLL = np.deg2rad(90.0)  # rad
 LARGEST_SPEED = 100.0  # m/s
+# Ticks that are simulated, and samples of a sensor that are computed, at once; memory is released after each block.
+BLOCK = 50_000
 # Why a simulation stops, by the code of `_reason_to_stop`.
 _REASONS = (
     "",
@@ -118,7 +120,7 @@ def simulate_motion(
     coefficients = factors(vehicle.all_coefficients(), of_vehicle=vehicle.coefficient_set)
     controls = autopilot_controls(vehicle, manoeuvre, plan)
     n = plan.time.size
-    motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4 + plan.propulsion.shape[1]))
+    motion, position, inputs = zeros((n, N_MOTION)), zeros((n, 3)), zeros((n, 4 + plan.propulsion.shape[1]))
     motion[0, 0] = plan.speed[0] if manoeuvre.initial_speed is None else manoeuvre.initial_speed
     motion[0, 7] = manoeuvre.initial_pitch
     work = _Workspace(
@@ -127,17 +129,20 @@ def simulate_motion(
     actuators = vehicle.actuators.actuators()
     has_dynamics = any(actuator != IDEAL for actuator in actuators)
     # With ideal actuators, `inputs` and `commands` share one array.
-    commands = np.zeros((n if has_dynamics else 0, inputs.shape[1]))
+    commands = zeros((n if has_dynamics else 0, inputs.shape[1]))
     (commands if has_dynamics else inputs)[:, 4:] = plan.propulsion
     truth = Truth(
         plan.time, inputs, commands, motion, position, acceleration, constants, np.repeat(coefficients, LANES)
     )
-    reason, tick = _simulate(plan.setpoints, controls, tuple(actuators), trim, truth, longest_step, work)
-    if reason:
-        raise SimulationError(
-            f"the simulation of {vehicle.name} stopped at t = {plan.time[tick]:.2f} s: {_REASONS[reason]}; "
-            "reduce the excitation or let the autopilot control pitch, turn rate and speed"
-        )
+    for first in range(0, n, BLOCK):
+        ticks = first, min(first + BLOCK, n)
+        reason, tick = _simulate(ticks, plan.setpoints, controls, tuple(actuators), trim, truth, longest_step, work)
+        if reason:
+            raise SimulationError(
+                f"the simulation of {vehicle.name} stopped at t = {plan.time[tick]:.2f} s: {_REASONS[reason]}; "
+                "reduce the excitation or let the autopilot control pitch, turn rate and speed"
+            )
+        release_memory()
     return truth._replace(coefficients=coefficients, commands=commands if has_dynamics else inputs)
 
 
@@ -221,16 +226,22 @@ def _move_actuators(actuators, trim, tick, period, truth, positions):
         inputs[k] = effective(actuators[k], mean) + trim[k]
 
 
-@compiled(types.UniTuple(types.int64, 2)(SETPOINTS, CONTROLS, _ACTUATORS, _vector, _TRUTH, types.float64, _WORKSPACE))
-def _simulate(setpoints, controls, actuators, trim, truth, longest_step, work):
-    """Fill in motion, position and inputs of `truth`; return the code in `_REASONS`, 0 for success, and the tick."""
+_TICKS = types.UniTuple(types.int64, 2)
+
+
+@compiled(_TICKS(_TICKS, SETPOINTS, CONTROLS, _ACTUATORS, _vector, _TRUTH, types.float64, _WORKSPACE))
+def _simulate(ticks, setpoints, controls, actuators, trim, truth, longest_step, work):
+    """Fill in motion, position and inputs of `truth` from the first to before the last of `ticks`.
+
+    Returns the code in `_REASONS`, 0 for success, and the tick.
+    """
     time, motion, position, block = truth.time, truth.motion, truth.position, work.block
     has_dynamics = truth.commands.size > 0
     commands = truth.commands if has_dynamics else truth.inputs
     for i in range(N_MOTION):
-        block[i * LANES] = motion[0, i]
+        block[i * LANES] = motion[ticks[0], i]
     n = time.size
-    for tick in range(n):
+    for tick in range(ticks[0], ticks[1]):
         period = time[tick + 1] - time[tick] if tick + 1 < n else time[tick] - time[tick - 1]
         now = commands[tick]
         steer(controls, setpoints, tick, period, position[tick, 2], motion[tick], work.memory, now)

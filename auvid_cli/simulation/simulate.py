@@ -7,7 +7,7 @@ from zlib import crc32
 
 import numpy as np
 
-from auvid_cli.arrays import Array, wrap
+from auvid_cli.arrays import Array, release_memory, wrap, zeros
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.extra_states import Disturbance
 from auvid_cli.config.manoeuvre import FinTrim, ManoeuvreSettings
@@ -16,13 +16,11 @@ from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthReco
 from auvid_cli.numerics import compiled, types
 from auvid_cli.simulation.ahrs import attitude_reference
 from auvid_cli.simulation.manoeuvres import make_plan
-from auvid_cli.simulation.motion import Truth, sample_motion, simulate_motion
+from auvid_cli.simulation.motion import BLOCK, Truth, sample_motion, simulate_motion
 from auvid_cli.vehicle.parameters import DISTURBANCE, INPUTS, MOTION_SYMBOLS, SENSORS, Quantity
 from auvid_cli.vehicle.rigid_body import dvl_axes, earth_to_body, specific_force
 
 _vector = types.float64[::1]
-# Samples of noise drawn, and of the whole motion computed, at once; those of ten hours at 100 Hz would take 86 MB.
-BLOCK = 50_000
 
 
 def stream(seed: int, *names: str) -> np.random.Generator:
@@ -140,10 +138,11 @@ def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict
         times = sample_times(settings, truth.time[-1])
         times = shared_clock(times, (truth.time, *(record.time for record in records.values())))
         measure_block = MEASUREMENT_MODELS.get(name) or partial(_motion_states, SENSORS[name])
-        true = np.empty((times.size, len(SENSORS[name])))
+        true = zeros((times.size, len(SENSORS[name])))
         for first in range(0, times.size, BLOCK):
             block = slice(first, first + BLOCK)
             true[block] = measure_block(_Sampled(truth, times[block], current, settings))
+            release_memory()
         record = corrupt(times, true, settings, name, seed)
         records[name] = with_delay(record, settings, name, seed, truth.time[-1])
     return records

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, release_memory
 from auvid_cli.config.enums import FigureFormat
 from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import Estimate, EstimateHistory
@@ -293,6 +293,8 @@ def _at_times(truth: TruthRecord, motions: Iterable[EstimateHistory]) -> TruthRe
 def _thinned(record: SensorRecord) -> SensorRecord:
     """Return about `_MAX_SAMPLES` rows, and as many where each component is known, because these rows may differ."""
     every = 1 + record.time.size // _MAX_SAMPLES
-    of_components = [np.flatnonzero(known)[::every] for known in np.isfinite(record.values).T]
+    of_components = [np.flatnonzero(known)[::every].copy() for known in np.isfinite(record.values).T]
     rows = np.unique(np.concatenate([np.arange(0, record.time.size, every), *of_components]))
-    return SensorRecord(record.time[rows], record.values[rows], record.standard_deviation)
+    thinned = SensorRecord(record.time[rows], record.values[rows], record.standard_deviation)
+    release_memory()
+    return thinned

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from scipy.special import chdtri
 
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, release_memory
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import N_LAGS, Innovations
@@ -62,6 +62,7 @@ def input_plots(inputs: InputRecord) -> list[parts.Plot]:
         says = sentence(f"{quantity.meaning}, {_range(values, scale.unit)}")
         line = parts.PlotLine(quantity.symbol, "input", time, values, "steps")
         plots.append(parts.Plot(f"input: {quantity.symbol.replace('_', ' ')}", says, scale.unit, [line]))
+    release_memory()
     return plots
 
 
@@ -83,6 +84,7 @@ def sensor_plots(
             shaded = () if marks is None else marks.get(name, ())
             plots.append(parts.Plot(f"{name}: {quantity.symbol}", says, scale.unit, [line], marks=shaded))
             plots += _residual(name, quantity, record.time, record.values[:, column], runs)
+        release_memory()
     return plots
 
 
