@@ -180,13 +180,18 @@ def _serve(pipe: Connection) -> None:
     end_with_parent()
     with suppress(EOFError, OSError):
         while True:
-            request, n_arrays = pipe.recv()
-            arrays = [pipe.recv_bytes() for _ in range(n_arrays)]
-            try:
-                function, arguments, options = pickle.loads(request, buffers=arrays)
-                pipe.send((function(*arguments, **options), None))
-            except Exception as error:
-                pipe.send((None, error))
+            _answer(pipe)
+
+
+def _answer(pipe: Connection) -> None:
+    """Call one function; its arguments are freed before the next call."""
+    request, n_arrays = pipe.recv()
+    arrays = [pipe.recv_bytes() for _ in range(n_arrays)]
+    try:
+        function, arguments, options = pickle.loads(request, buffers=arrays)
+        pipe.send((function(*arguments, **options), None))
+    except Exception as error:
+        pipe.send((None, error))
 
 
 def end_with_parent() -> None:

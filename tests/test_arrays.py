@@ -1,12 +1,14 @@
-"""Arrays beyond the limit are kept in a file that has no name."""
+"""Arrays beyond the limit are kept in files that have no name."""
 
 import errno
+import sys
 
 import numpy as np
+import psutil
 import pytest
 
 from auvid_cli import arrays as module
-from auvid_cli.arrays import ArrayStore
+from auvid_cli.arrays import ArrayStore, release_memory, zeros
 from auvid_cli.errors import FileError
 
 
@@ -53,3 +55,27 @@ def test_full_disk_is_one_line(arrays, monkeypatch):
     monkeypatch.setattr("tempfile.TemporaryFile", full)
     with pytest.raises(FileError, match="No space left"):
         filled(arrays)
+    with pytest.raises(FileError, match="No space left"):
+        zeros((1, 3))
+
+
+def test_released_array_keeps_its_values(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "MAX_IN_MEMORY", 0)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    array = zeros((10_000, 3))
+    assert not array.any()
+    array[:, 1] = np.arange(10_000.0)
+    release_memory()
+    assert np.array_equal(array[:, 1], np.arange(10_000.0))
+    assert not array[:, [0, 2]].any()
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere memory cannot be released")
+def test_release_gives_memory_back(monkeypatch):
+    monkeypatch.setattr(module, "MAX_IN_MEMORY", 0)
+    array, process = zeros((10_000_000,)), psutil.Process()
+    array += 1.0
+    before = process.memory_info().rss
+    release_memory()
+    assert process.memory_info().rss < before - 0.9 * array.nbytes

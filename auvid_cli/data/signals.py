@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.arrays import Array, wrap
+from auvid_cli.arrays import Array, release_memory, wrap
 from auvid_cli.data.dataset import SensorRecord
 
 # Standard deviation of a normal variable divided by the median of its absolute value.
@@ -129,8 +129,10 @@ def gaps(time: Array) -> Array:
 def repeats(record: SensorRecord) -> Array:
     """Return first and last time, s, of every run of equal measurements, shape (n, 2); one measurement is a run."""
     present, edges = _runs(record)
-    time = record.time[present]
-    return np.stack([time[edges[:-1]], time[edges[1:] - 1]], axis=1)
+    time, runs = record.time[present], np.empty((edges.size - 1, 2))
+    runs[:, 0] = time[edges[:-1]]
+    runs[:, 1] = time[edges[1:] - 1]
+    return runs
 
 
 def stuck_times(record: SensorRecord) -> Array:
@@ -183,6 +185,7 @@ def _runs(record: SensorRecord) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     for column in record.values.T:
         values = column[present]
         is_edge[1:n] |= (values[1:] != values[:-1]) & np.isfinite(values[1:])
+    release_memory()
     return present, np.flatnonzero(is_edge)
 
 

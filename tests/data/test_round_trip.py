@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray
 
+from auvid_cli import arrays
 from auvid_cli._version import __version__
 from auvid_cli.config.enums import FilterName
 from auvid_cli.data.dataset_file import holds_data, read_dataset, write_dataset
@@ -38,6 +39,14 @@ def assert_equal(a, b):
 def test_dataset_is_read_back(dataset, written):
     back = read_dataset(written["dataset"])
     assert_equal(dataset, back)
+
+
+def test_dataset_in_temporary_files_gives_same_estimate(dataset, written, monkeypatch):
+    whole = identify(read_dataset(written["dataset"]), FilterName.TUKF)
+    monkeypatch.setattr(arrays, "MAX_IN_MEMORY", 0)
+    back = read_dataset(written["dataset"])
+    assert_equal(dataset, back)
+    assert np.array_equal(identify(back, FilterName.TUKF).mean, whole.mean)
     assert np.isnan(back.sensors["dvl"].values).any()
 
 

@@ -7,8 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
+from auvid_cli import arrays
 from auvid_cli.errors import SimulationError
 from auvid_cli.numerics import LANES
+from auvid_cli.simulation import motion
+from auvid_cli.simulation import simulate as simulation
 from auvid_cli.simulation.motion import sample_motion
 from auvid_cli.simulation.simulate import draw_disturbance
 from auvid_cli.vehicle.equations import motion_derivative
@@ -50,6 +53,20 @@ def test_motion_and_position_agree_with_independent_integrator(disturbance, tole
     assert np.abs(truth.position[-1]).min() > 1.0, "the test should move the vehicle along every axis"
     assert_allclose(truth.motion[-1], state[:9], rtol=tolerance * 1e-6, atol=tolerance * 1e-8)
     assert_allclose(truth.position[-1], state[9:], rtol=tolerance * 1e-7)
+
+
+def test_blocks_in_files_give_same_data(experiment_with, monkeypatch):
+    experiment = experiment_with("manoeuvre.duration=10 s", "vehicle.actuators.fins.time_constant=0.1 s")
+    whole = simulation.simulate(experiment)
+    monkeypatch.setattr(arrays, "MAX_IN_MEMORY", 0)
+    monkeypatch.setattr(motion, "BLOCK", 99)
+    monkeypatch.setattr(simulation, "BLOCK", 98)
+    parts = simulation.simulate(experiment)
+    assert np.array_equal(parts.inputs.values, whole.inputs.values)
+    assert np.array_equal(parts.truth.motion, whole.truth.motion)
+    assert np.array_equal(parts.truth.position, whole.truth.position)
+    for name, record in whole.sensors.items():
+        assert np.array_equal(parts.sensors[name].values, record.values, equal_nan=True), name
 
 
 def test_half_the_step_gives_same_motion(fly):

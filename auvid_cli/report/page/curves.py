@@ -78,7 +78,9 @@ def sensor_plots(
             if not np.isfinite(record.values[:, column]).any():
                 continue
             scale = scale_of(quantity)
-            time, values = envelope(record.time, record.values[:, column] * scale.factor, _MOTION_PARTS)
+            measured = record.values[:, column] * scale.factor
+            release_memory()
+            time, values = envelope(record.time, measured, _MOTION_PARTS)
             says = sentence(f"{quantity.meaning} by {name}, {_range(values, scale.unit)}")
             line = parts.PlotLine("measured", "measured", time, values)
             shaded = () if marks is None else marks.get(name, ())
