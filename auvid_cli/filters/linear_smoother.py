@@ -151,6 +151,7 @@ class LinearSmoothing:
         cost, least, log_determinant, before, by_parameters, state = 0.0, 0.0, 0.0, [], [], None
         is_linearised = trajectory is self._linearised_trajectory
         self._cached_trajectory, self._linearised_trajectory, room = trajectory, None, self._cache_size
+        n_chunks = sum(map(len, trajectory.moving))
 
         def linearise(segment: int, chunk: int, timeline: Timeline) -> tuple[Timeline, Linearised, ForwardPass]:
             # Reuse the arrays of the last trajectory: new memory is slow, because it comes page by page.
@@ -168,16 +169,16 @@ class LinearSmoothing:
             linearised = computed_ahead(linearise, self._chunks(segment), trajectory)
             for chunk, (timeline, about, forward_pass) in enumerate(linearised):
                 before[-1].append(state.copy())
-                if (room := room - sum(array.nbytes for array in (*forward_pass, about.rows, about.transition))) >= 0:
+                size = sum(array.nbytes for array in (*forward_pass, about.rows, about.transition))
+                if segment == chunk == 0 and room < _MIN_CACHED * n_chunks * size:
+                    room = self._cache_size = 0
+                if (room := room - size) >= 0:
                     self._cache[segment, chunk] = about, forward_pass
                 good, *sums = self._forward(timeline, about, state, forward_pass)
                 cost, least, log_determinant = cost + sums[0], least + sums[1], log_determinant + sums[2]
                 if good < timeline.time.size:
                     return None
         assert state is not None, "there is at least one segment"
-        if len(self._cache) < _MIN_CACHED * sum(map(len, before)):
-            self._cache_size = 0
-            self._cache.clear()
         self._linearised_trajectory = trajectory
         return Filtered(trajectory, cost, least, log_determinant, before, by_parameters, state)
 

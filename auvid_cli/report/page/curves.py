@@ -58,11 +58,10 @@ def input_plots(inputs: InputRecord) -> list[parts.Plot]:
     plots = []
     for column, quantity in enumerate(inputs.quantities):
         scale = scale_of(quantity)
-        time, values = envelope(inputs.time, inputs.values[:, column] * scale.factor, _MOTION_PARTS)
+        time, values = _envelope(inputs.time, inputs.values[:, column], scale.factor)
         says = sentence(f"{quantity.meaning}, {_range(values, scale.unit)}")
         line = parts.PlotLine(quantity.symbol, "input", time, values, "steps")
         plots.append(parts.Plot(f"input: {quantity.symbol.replace('_', ' ')}", says, scale.unit, [line]))
-    release_memory()
     return plots
 
 
@@ -78,16 +77,20 @@ def sensor_plots(
             if not np.isfinite(record.values[:, column]).any():
                 continue
             scale = scale_of(quantity)
-            measured = record.values[:, column] * scale.factor
-            release_memory()
-            time, values = envelope(record.time, measured, _MOTION_PARTS)
+            time, values = _envelope(record.time, record.values[:, column], scale.factor)
             says = sentence(f"{quantity.meaning} by {name}, {_range(values, scale.unit)}")
             line = parts.PlotLine("measured", "measured", time, values)
             shaded = () if marks is None else marks.get(name, ())
             plots.append(parts.Plot(f"{name}: {quantity.symbol}", says, scale.unit, [line], marks=shaded))
             plots += _residual(name, quantity, record.time, record.values[:, column], runs)
-        release_memory()
     return plots
+
+
+def _envelope(time: Array, values: Array, factor: float) -> tuple[Array, Array]:
+    """Return the envelope of a column of a table times a factor."""
+    values = values * factor
+    release_memory()
+    return envelope(time, values, _MOTION_PARTS)
 
 
 def _residual(
@@ -95,10 +98,10 @@ def _residual(
 ) -> list[parts.Plot]:
     """Plot measurements minus free runs, of motion states."""
     scale = scale_of(quantity)
-    known = np.isfinite(measured)
-    time, measured = time[known], measured[known]
-    some = slice(None, None, 1 + time.size // _MAX_RESIDUALS)
+    known = np.flatnonzero(np.isfinite(measured))
+    some = known[:: 1 + known.size // _MAX_RESIDUALS]
     time, measured = time[some], measured[some]
+    release_memory()
     lines, words = [], []
     # The height of the measurements limits the axis, because a model that diverged would hide the others.
     height = scale.factor * float(np.ptp(measured))
