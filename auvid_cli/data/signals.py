@@ -176,7 +176,7 @@ def rounding_steps(record: SensorRecord) -> Array:
 
 def _runs(record: SensorRecord) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     """Return which rows are measurements, and of these the index at which each run begins and the end of the last."""
-    present = np.isfinite(record.values).any(axis=1)
+    present = np.asarray(np.isfinite(record.values).any(axis=1))
     n = np.count_nonzero(present)
     # Without measurements there is no run.
     is_edge = np.zeros(n + 1, np.bool_)
@@ -186,7 +186,7 @@ def _runs(record: SensorRecord) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
         values = column[present]
         is_edge[1:n] |= (values[1:] != values[:-1]) & np.isfinite(values[1:])
     release_memory()
-    return present, np.flatnonzero(is_edge)
+    return present, np.flatnonzero(is_edge).astype(np.int64, copy=False)
 
 
 def rate_of_change(values: Array, interval: float, half: int) -> Array:
