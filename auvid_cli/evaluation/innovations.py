@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.special import chdtri
 
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, release_memory
 from auvid_cli.data.checks import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
@@ -222,10 +222,11 @@ def _inputs(estimate: Estimate, sensor: str, dataset: Dataset, is_ahrs: bool) ->
     """
     correlations, filter_name, innovations = {}, estimate.filter, estimate.innovations[sensor]
     held = np.searchsorted(dataset.inputs.time, innovations.time, side="right") - 1
+    signals = dataset.inputs.values[np.maximum(held, 0)].T.copy()
+    release_memory()
     for column, quantity in enumerate(SENSORS[sensor]):
         values = _normalised(innovations, column)
-        for place, given in enumerate(INPUTS):
-            signal = dataset.inputs.values[np.maximum(held, 0), place]
+        for given, signal in zip(INPUTS, signals, strict=False):
             if np.isfinite(values).sum() >= _MIN_SAMPLES and signal.std() > 0.0:
                 correlations[f"{quantity.symbol} by {given.symbol}"] = abs(_correlation(values, signal))
     if not correlations:

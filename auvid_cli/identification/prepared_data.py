@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, release_memory
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.extra_states import FURTHER_STATES
 from auvid_cli.config.identification import Identification, Use
@@ -212,6 +212,7 @@ def prepare(dataset: Dataset) -> PreparedData:
             if state.sensor in measuring:
                 measured[state.quantity.symbol] = value_at_start(measuring[state.sensor], start)
         segments.append(Segment(data, Timelines(inputs, records, start, settings.integration_step), measured))
+        release_memory()
     return PreparedData(dataset, measuring, tuple(segments))
 
 

@@ -101,7 +101,6 @@ def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence
     """Check the used sensors for stuck values and gaps; time between segments is not a gap."""
     checks = []
     for name in sensors:
-        release_memory()
         records = [segment.sensors[name] for segment in segments]
         measured = [record for record in records if np.isfinite(record.values).any(axis=1).sum() > 1]
         if measured:
@@ -110,6 +109,7 @@ def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence
                     (check_record(filter_name, name, record) for record in measured), key=lambda found: found[0]
                 )
                 checks.append(worst)
+        release_memory()
     return checks
 
 
