@@ -1,6 +1,6 @@
 """Plots as data, which figures and pages draw: thinned series, units, limits of axes, and one class per plot."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from typing import NamedTuple
 
@@ -35,6 +35,9 @@ SHOWN_PERCENT = 98.0  # %
 _FIRST_SHARE = 1e-3  # share of the run
 _SHORTEST = 1e-3  # s
 _BAND_POINTS = 100
+# Points of a line in the figures of the coefficients.
+_LINE_POINTS = 200
+_ESTIMATE_POINTS = 600
 # Limits of the convergence plots.
 _HIGHEST = 1e3  # %, unless lines end higher
 _ABOVE = 3.0  # times the largest end of a line
@@ -188,6 +191,31 @@ class CoefficientPlot(NamedTuple):
     limits: tuple[float, float] | None  # limits of the ordinate; None for automatic ones
     begin: float  # lower limit of the time axis, s
     end: float  # upper limit of the time axis, s
+
+
+class CoefficientPlots(NamedTuple):
+    """Plots of several coefficients for one figure; small, because it is sent to another process."""
+
+    plots: list[CoefficientPlot]
+    filters: list[str]
+    span: tuple[float, float]  # first and last time of all estimates, s
+    has_truth: bool
+
+
+def estimate_plots(
+    symbols: Iterable[str], estimates: Sequence[EstimateHistory], true: Mapping[str, float]
+) -> CoefficientPlots:
+    """Describe `estimate_plot` of each coefficient; `true` has the true values by symbol, SI, if they are known."""
+    plots = [estimate_plot(symbol, estimates, true.get(symbol), _ESTIMATE_POINTS) for symbol in symbols]
+    return CoefficientPlots(plots, [estimate.filter for estimate in estimates], time_span(estimates), bool(true))
+
+
+def convergence_plots(
+    symbols: Iterable[str], estimates: Sequence[EstimateHistory], true: Mapping[str, float]
+) -> CoefficientPlots:
+    """Describe `convergence_plot` of each coefficient, as `estimate_plots`."""
+    plots = [convergence_plot(symbol, estimates, true.get(symbol), _LINE_POINTS) for symbol in symbols]
+    return CoefficientPlots(plots, [estimate.filter for estimate in estimates], time_span(estimates), bool(true))
 
 
 def estimate_plot(

@@ -25,6 +25,7 @@ from auvid_cli.report.figures.validation import free_run_figure, innovation_figu
 from auvid_cli.report.layout import write_tables
 from auvid_cli.report.plot_data import (
     around,
+    convergence_plots,
     estimate_plot,
     log_spaced,
     spaced,
@@ -130,7 +131,7 @@ def test_a_coefficient_that_is_infinitely_uncertain_is_drawn_and_printed(tmp_pat
     estimate = make_estimate("output_error", FEW)
     estimate.standard_deviation[:, 0] = np.inf
     evaluation = evaluation_of(dataset, [estimate])
-    figure = convergence_figure(FEW[:1], [estimate.history(FEW)], {"X_u|u|": 10.0})
+    figure = convergence_figure(convergence_plots(FEW[:1], [estimate.history(FEW)], {"X_u|u|": 10.0}))
     assert len(workers.save(figure, tmp_path / "figures", "convergence", EVERY_FORMAT[:1])) == 1
     write_tables(evaluation, tmp_path)
     assert "output_error,X_u|u|,kg/m,10.0,10.1,inf," in (tmp_path / "coefficients.csv").read_text(encoding="utf-8")
@@ -191,7 +192,9 @@ def test_margins_have_room_for_what_stands_in_them(dataset):
     long = replace(dataset.truth, motion=dataset.truth.motion + 1.23e-7 * np.arange(9))
     runs = {name: FreeRun(TIME, long.motion) for name in names}
     for figure in (
-        convergence_figure([c.symbol for c in COEFFICIENTS], [e.history(tuple(TRUE)) for e in estimates], TRUE),
+        convergence_figure(
+            convergence_plots([c.symbol for c in COEFFICIENTS], [e.history(tuple(TRUE)) for e in estimates], TRUE)
+        ),
         motion_error_figure(long, motions),
         free_run_figure(dataset.sensors, runs),
         path_figure(long, motions),
@@ -203,17 +206,18 @@ def test_margins_have_room_for_what_stands_in_them(dataset):
 def test_percents_are_of_the_truth_or_else_of_the_final_value():
     symbol = "X_u|u|"
     courses = [make_estimate("ckf", offset=0.01).history((symbol,))]
-    of_truth = convergence_figure([symbol], courses, {symbol: 10.0}).axes[0].lines[0].get_ydata()
+    of_truth = convergence_figure(convergence_plots([symbol], courses, {symbol: 10.0})).axes[0].lines[0].get_ydata()
     assert of_truth[-1] == pytest.approx(1.0, rel=1e-3), "1 % above the truth, as they are made"
     for true in ({}, {symbol: 0.0}):
-        of_end = convergence_figure([symbol], courses, true).axes[0].lines[0].get_ydata()
+        of_end = convergence_figure(convergence_plots([symbol], courses, true)).axes[0].lines[0].get_ydata()
         assert of_end[0] == pytest.approx(100.0)
         assert of_end[10] == pytest.approx(100.0 * np.exp(-TIME[30]), rel=1e-3), "the greatest of each three"
 
 
 def test_bands_set_the_scale_of_convergence_and_the_transient_does_not(estimates):
     estimates[0].mean[:50, 0] = 1e9
-    low, high = convergence_figure(["X_u|u|"], [estimates[0].history(FEW)], {"X_u|u|": 10.0}).axes[0].get_ylim()
+    plots = convergence_plots(["X_u|u|"], [estimates[0].history(FEW)], {"X_u|u|": 10.0})
+    low, high = convergence_figure(plots).axes[0].get_ylim()
     # Twice .25 of 10.
     assert low < 5.0 <= high <= 1000.0
 

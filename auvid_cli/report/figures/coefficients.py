@@ -1,6 +1,5 @@
 """Figures of the coefficients: convergence, bounds and correlation, and their errors in a campaign."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from matplotlib.ticker import NullLocator
 
 from auvid_cli.arrays import Array
 from auvid_cli.campaign.measures import CellErrors, errors_by_cell
-from auvid_cli.data.estimate import EstimateHistory
 from auvid_cli.evaluation.results import CLASSES, Identifiability
 from auvid_cli.report import plot_data
 from auvid_cli.report.figures import style
@@ -25,8 +23,6 @@ if TYPE_CHECKING:
 _COLUMNS = 4
 _ROOM = style.Room(across=0.15)
 _ESTIMATE_ROOM = style.Room(across=0.55)
-_LINE_POINTS = 200
-_ESTIMATE_POINTS = 600
 # Okabe and Ito's, from sure to unknown.
 _COLORS = dict(zip((label for _, label in CLASSES), ("#009E73", "#56B4E9", "#E69F00", "#D55E00"), strict=True))
 # Styles of the bars and of the lines of the growth.
@@ -44,24 +40,16 @@ _MIN_RUNS = 4  # for quartiles
 _MIN_SPAN = 4.0  # ratio of the limits of the axis
 
 
-def estimate_figure(symbols: Sequence[str], estimates: list[EstimateHistory], true: dict[str, float]) -> Figure:
+def estimate_figure(drawn: plot_data.CoefficientPlots) -> Figure:
     """Draw a panel for each coefficient: its estimates on a linear axis, and the true value as a line.
 
     As the paper's Figs. 3 to 5, but over the logarithm of time: most coefficients converge within seconds.
-
-    Parameters
-    ----------
-    true : dict
-        By symbol, SI; empty without truth.
     """
-    handles = style.filter_handles((estimate.filter for estimate in estimates), marked=True)
-    if true:
+    handles = style.filter_handles(drawn.filters, marked=True)
+    if drawn.has_truth:
         handles.append(Line2D([], [], label="true value", **style.TRUE_LINE))
-    plots = [plot_data.estimate_plot(symbol, estimates, true.get(symbol), _ESTIMATE_POINTS) for symbol in symbols]
-    figure, panels = style.new_panels(
-        len(symbols), _COLUMNS, 1.15, handles, _ESTIMATE_ROOM, plot_data.time_span(estimates)
-    )
-    for axes, plot in zip(panels, plots, strict=True):
+    figure, panels = style.new_panels(len(drawn.plots), _COLUMNS, 1.15, handles, _ESTIMATE_ROOM, drawn.span)
+    for axes, plot in zip(panels, drawn.plots, strict=True):
         # Estimates start at zero and end at one edge of the panel, so that half height is free.
         style.name_panel(axes, symbol_math(plot.symbol), height=0.6)
         axes.set_xscale("log")
@@ -78,22 +66,15 @@ def estimate_figure(symbols: Sequence[str], estimates: list[EstimateHistory], tr
     return figure
 
 
-def convergence_figure(symbols: Sequence[str], estimates: list[EstimateHistory], true: dict[str, float]) -> Figure:
-    """Draw a panel for each coefficient: its distance from the true or final value, in percent of that.
-
-    Parameters
-    ----------
-    true : dict
-        By symbol, SI; empty without truth.
-    """
+def convergence_figure(drawn: plot_data.CoefficientPlots) -> Figure:
+    """Draw a panel for each coefficient: its distance from the true or final value, in percent of that."""
     handles = [
-        *style.filter_handles((estimate.filter for estimate in estimates), marked=True),
+        *style.filter_handles(drawn.filters, marked=True),
         Patch(color="0.5", alpha=style.BAND_SHADE, linewidth=0, label="2 standard deviations"),
     ]
-    plots = [plot_data.convergence_plot(symbol, estimates, true.get(symbol), _LINE_POINTS) for symbol in symbols]
-    limits = plot_data.convergence_limits(plots)
-    figure, panels = style.new_panels(len(symbols), _COLUMNS, 1.15, handles, _ROOM, plot_data.time_span(estimates))
-    for place, (axes, plot) in enumerate(zip(panels, plots, strict=True)):
+    limits = plot_data.convergence_limits(drawn.plots)
+    figure, panels = style.new_panels(len(drawn.plots), _COLUMNS, 1.15, handles, _ROOM, drawn.span)
+    for place, (axes, plot) in enumerate(zip(panels, drawn.plots, strict=True)):
         axes.set_yscale("log")
         axes.set_ylim(*limits)
         style.plain_decades(axes.yaxis)
@@ -103,11 +84,11 @@ def convergence_figure(symbols: Sequence[str], estimates: list[EstimateHistory],
         style.name_panel(axes, symbol_math(plot.symbol) + (", of its final value" if plot.true == 0.0 else ""))
         for line in plot.lines:
             color = style.FILTER_STYLES[line.filter].color
-            style.draw_band(axes, line.band_time, limits[0], line.band, color, len(estimates))
+            style.draw_band(axes, line.band_time, limits[0], line.band, color, len(drawn.filters))
         _draw_lines(axes, plot)
         if not plot.lines:
             style.show_message(axes, "no estimate")
-    style.name_values(figure, f"distance from the {'true' if true else 'final'} value (% of it)")
+    style.name_values(figure, f"distance from the {'true' if drawn.has_truth else 'final'} value (% of it)")
     return figure
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from auvid_cli.evaluation.evaluate import Evaluation
     from auvid_cli.evaluation.results import FreeRun, Identifiability
     from auvid_cli.inspection.inspection import Inspection
+    from auvid_cli.report.plot_data import CoefficientPlots
     from auvid_cli.validation.results import Prediction, Validation
 
 _MAX_SAMPLES = 100_000  # samples of one sensor, as many as any figure can show
@@ -48,19 +49,15 @@ class MotionErrorRequest(NamedTuple):
 
 
 class EstimateRequest(NamedTuple):
-    """Estimates of the coefficients over time; the true values, SI, by symbol."""
+    """Estimates of the coefficients over time."""
 
-    symbols: list[str]
-    estimates: list[EstimateHistory]
-    true: dict[str, float]
+    plots: "CoefficientPlots"
 
 
 class ConvergenceRequest(NamedTuple):
     """Distances of the coefficients from their true or final values."""
 
-    symbols: list[str]
-    estimates: list[EstimateHistory]
-    true: dict[str, float]
+    plots: "CoefficientPlots"
 
 
 class InnovationRequest(NamedTuple):
@@ -176,6 +173,9 @@ class FigureQueue:
 
     def add_estimates(self, dataset: Dataset, estimates: Sequence[Estimate]) -> None:
         """Draw the figures of all filters, those with many panels first; without a filter only the true path."""
+        # This module loads the compiled core.
+        from auvid_cli.report import plot_data
+
         innovations = {estimate.filter: estimate.innovations for estimate in estimates if estimate.innovations}
         if innovations:
             self._add("innovations", InnovationRequest(innovations))
@@ -184,8 +184,8 @@ class FigureQueue:
         if symbols := [symbol for symbol in known if symbol in state]:
             true = dataset.truth.coefficients_of(symbols) if dataset.truth is not None else {}
             courses = [estimate.history(symbols) for estimate in estimates]
-            self._add("estimates", EstimateRequest(symbols, courses, true))
-            self._add("convergence", ConvergenceRequest(symbols, courses, true))
+            self._add("estimates", EstimateRequest(plot_data.estimate_plots(symbols, courses, true)))
+            self._add("convergence", ConvergenceRequest(plot_data.convergence_plots(symbols, courses, true)))
         motions = [estimate.history(MOTION_AND_DEPTH_SYMBOLS) for estimate in estimates]
         truth = None if dataset.truth is None else _at_times(dataset.truth, motions)
         if truth is not None or estimates:

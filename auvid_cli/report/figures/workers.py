@@ -100,10 +100,10 @@ def _draw_figure(request: "FigureRequest") -> "Figure":
             return motion.path_figure(truth, motions)
         case draw.MotionErrorRequest(truth, motions):
             return motion.motion_error_figure(truth, motions)
-        case draw.EstimateRequest(symbols, estimates, true):
-            return coefficients.estimate_figure(symbols, estimates, true)
-        case draw.ConvergenceRequest(symbols, estimates, true):
-            return coefficients.convergence_figure(symbols, estimates, true)
+        case draw.EstimateRequest(plots):
+            return coefficients.estimate_figure(plots)
+        case draw.ConvergenceRequest(plots):
+            return coefficients.convergence_figure(plots)
         case draw.InnovationRequest(innovations):
             return validation.innovation_figure(innovations)
         case draw.FreeRunRequest(sensors, runs):
