@@ -80,12 +80,15 @@ class Workers(ThreadPoolExecutor):
         Start method of `multiprocessing`.
     attempts : int, default 1
         Number of workers that are tried for one call before it raises `WorkerDied`.
+    reuse : bool, default True
+        Whether a worker calls one function after another. Otherwise it ends after its first, with all of its memory.
     """
 
-    def __init__(self, count: int, method: str = "spawn", attempts: int = 1) -> None:
+    def __init__(self, count: int, method: str = "spawn", attempts: int = 1, reuse: bool = True) -> None:
         super().__init__(count)
         self._context: Any = multiprocessing.get_context(method)
         self._attempts = attempts
+        self._reuse = reuse
         self._of_thread = threading.local()
         self._lock = threading.Lock()
         self._workers: set[_Worker] = set()
@@ -106,10 +109,10 @@ class Workers(ThreadPoolExecutor):
             except (EOFError, OSError) as death:
                 reason = death
                 if worker is not None:
-                    del self._of_thread.worker
-                    self._workers.discard(worker)
-                    worker.end()
+                    self._end(worker)
                 continue
+            if not self._reuse:
+                self._end(worker)
             if error is not None:
                 raise error
             return result
@@ -124,6 +127,12 @@ class Workers(ThreadPoolExecutor):
                 self._of_thread.worker = _Worker(self._context)
                 self._workers.add(self._of_thread.worker)
         return self._of_thread.worker
+
+    def _end(self, worker: "_Worker") -> None:
+        """End the worker of this thread."""
+        del self._of_thread.worker
+        self._workers.discard(worker)
+        worker.end()
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Wait for the running calls, and end the workers."""

@@ -1,6 +1,5 @@
 """Processes that draw figures in parallel with the filters, and write them: only these processes load matplotlib."""
 
-import gc
 import logging
 import multiprocessing
 import os
@@ -60,7 +59,8 @@ def figure_workers() -> Iterator[Submit]:
     """
     load_ahead()
     try:
-        with Workers(min(os.cpu_count() or 1, _MAX_WORKERS), _start_method()) as pool:
+        # A process that has drawn a figure keeps some 60 MB. A new one needs 10 ms, because the server has loaded all.
+        with Workers(min(os.cpu_count() or 1, _MAX_WORKERS), _start_method(), reuse=False) as pool:
             yield pool.submit
     except WorkerDied as error:
         raise FileError(
@@ -85,10 +85,7 @@ def load_matplotlib() -> None:
 def draw_and_save(request: "FigureRequest", folder: Path, name: str, formats: Collection[FigureFormat]) -> list[Path]:
     """Draw the figure of a request and write it; called in a process that may load matplotlib."""
     load_matplotlib()
-    paths = save(_draw_figure(request), folder, name, formats)
-    # A figure refers to itself; without this it would stay in memory while the next one is drawn.
-    gc.collect()
-    return paths
+    return save(_draw_figure(request), folder, name, formats)
 
 
 def _draw_figure(request: "FigureRequest") -> "Figure":
