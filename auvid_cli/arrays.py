@@ -4,12 +4,14 @@ These files are created without a name, or are deleted as soon as they are open,
 process is killed. They are in the folder of temporary files (``TMPDIR``).
 """
 
+import ctypes
 import mmap
 import os
+import sys
 import tempfile
 import weakref
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import prod
 from threading import Lock
 from typing import IO, Any, NamedTuple, overload
@@ -78,6 +80,14 @@ def release_memory() -> None:
     with _mapping:
         for mapped in _mapped:
             mapped.madvise(mmap.MADV_DONTNEED)
+
+
+def trim_heap() -> None:
+    """Give freed memory back to the system: glibc keeps what threads have freed, also after they ended."""
+    # Other C libraries have no such function.
+    if sys.platform == "linux":
+        with suppress(AttributeError):
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 class _Place(NamedTuple):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from auvid_cli.api import Advance, Destination, Progress
 from auvid_cli.api.files import DataSource, RecordedData, checked, refuse_to_replace
+from auvid_cli.arrays import trim_heap
 from auvid_cli.config.enums import JUDGE, FilterName, named
 from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.sanity import sanity_warnings
@@ -178,6 +179,7 @@ def identify_into(
         )
     paths = {name: folder / "estimates" / f"{name.value}.h5" for name in names}
     recorded = _record_in_parallel(prepared, paths, progress, on_estimate)
+    trim_heap()
     estimates = with_considered_errors(recorded)
     for path, before, after in zip(paths.values(), recorded, estimates, strict=True):
         if after is not before:
