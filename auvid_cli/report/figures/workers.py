@@ -59,8 +59,9 @@ def figure_workers() -> Iterator[Submit]:
     """
     load_ahead()
     try:
-        # A process that has drawn a figure keeps some 60 MB. A new one needs 10 ms, because the server has loaded all.
-        with Workers(min(os.cpu_count() or 1, _MAX_WORKERS), _start_method(), reuse=False) as pool:
+        # A process that has drawn a figure keeps some 60 MB. A new one needs 10 ms if a server has loaded all.
+        method = _start_method()
+        with Workers(min(os.cpu_count() or 1, _MAX_WORKERS), method, reuse=method == "spawn") as pool:
             yield pool.submit
     except WorkerDied as error:
         raise FileError(
