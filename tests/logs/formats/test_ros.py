@@ -240,7 +240,7 @@ class TestRecorded:
             np.testing.assert_allclose(found[first], csv[name], rtol=0, atol=1e-12)
 
     @pytest.mark.parametrize("name", BAGS)
-    def test_the_other_sensors_are_there(self, name):
+    def test_other_sensors_of_the_vehicle_are_found(self, name):
         log = open_log(COUGUV / f"{name}.mcap")
         for topic, column in {
             "/coug2/modem_status": "attitude_roll",

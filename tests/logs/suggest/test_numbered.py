@@ -100,12 +100,12 @@ class TestCases:
         }
 
     @pytest.mark.parametrize(("order", "w"), [("wxyz", "q0"), ("xyzw", "q3")])
-    def test_numbered_quaternion(self, order, w):
+    def test_order_of_a_numbered_quaternion_is_found_from_its_numbers(self, order, w):
         folder = f"quat_numbered_{order}"
         files = (f"{folder}/{name}.csv" for name in ("imu", "gyro", "depth"))
         assert self.suggested(*files)["sensors"]["attitude"]["quaternion"]["w"] == w
 
-    def test_exchanged_axes(self):
+    def test_exchanged_axes_of_a_dvl_are_put_right(self):
         sensors = self.suggested(*(f"dvl_rfu/{name}.csv" for name in ("dvl", "imu", "depth", "fins")))["sensors"]
         assert sensors["dvl"]["columns"]["u"] == "velocity.y"
         assert sensors["dvl"]["columns"]["w"] == {"column": "velocity.z", "sign": -1}
