@@ -201,7 +201,9 @@ def make(rng: random.Random, material: Material, folder: Path) -> Case:
         shutil.copyfile(material.logs / "csv.csv", folder / "csv.csv")
     (folder / name).write_bytes(content)
     if rng.random() < _ODD:
-        return Case(f"{name}: {odd_files.put(rng, folder / name)}", (command,), refused=True)
+        put = odd_files.put(rng, folder / name)
+        # Without a file of its own, `--set` finds the one of that name that ships.
+        return Case(f"{name}: {put}", (command,), refused=put != "nothing" or "--set" not in command)
     return Case(f"{name}: {what}", (command, *_further(rng, command, what.partition(": ")[2] in ABSURD)), refused)
 
 
