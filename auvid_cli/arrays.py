@@ -1,4 +1,4 @@
-"""Arrays of doubles: their type, angles modulo one turn, and large ones that are kept in temporary files.
+"""Arrays of doubles: their type, angles modulo one turn, and large arrays that are kept in temporary files.
 
 These files are created without a name, or are deleted as soon as they are open, so that they also disappear if the
 process is killed. They are in the folder of temporary files (``TMPDIR``).
@@ -33,10 +33,10 @@ def wrap(angle: Any) -> Any:
     return angle - 2.0 * np.pi * np.floor(angle / (2.0 * np.pi) + 0.5)
 
 
-# Size of one array, or of the arrays of one store, in memory: some 40 minutes of a trajectory at 100 Hz.
+# Largest size in memory of one array, or of the arrays of one store: some 40 minutes of a trajectory at 100 Hz.
 MAX_IN_MEMORY = 2**24  # bytes
 
-# Memory can be mapped to a file of reserved size, and released, on Linux alone.
+# Only Linux can map memory to a file of reserved size, and release it.
 _CAN_RELEASE = hasattr(os, "posix_fallocate") and hasattr(mmap, "MADV_DONTNEED")
 _mapped = weakref.WeakSet[mmap.mmap]()
 _mapping = Lock()
@@ -53,7 +53,7 @@ def _writing() -> Iterator[None]:
 
 
 def zeros(shape: tuple[int, ...]) -> Array:
-    """Return an array of zeros; a large one is mapped to a temporary file, see `release_memory`.
+    """Return an array of zeros; a large one is mapped to a temporary file (see `release_memory`).
 
     Raises
     ------
@@ -73,9 +73,9 @@ def zeros(shape: tuple[int, ...]) -> Array:
 
 
 def release_memory() -> None:
-    """Give the memory of large arrays of `zeros` back; they are read from their files when they are used again.
+    """Release the memory of large arrays of `zeros`; the next use reads their values from the files.
 
-    Called between the parts of a work on long data.
+    Called between steps that use long data.
     """
     with _mapping:
         for mapped in _mapped:
@@ -83,7 +83,7 @@ def release_memory() -> None:
 
 
 def trim_heap() -> None:
-    """Give freed memory back to the system: glibc keeps what threads have freed, also after they ended."""
+    """Return freed memory to the system; glibc keeps memory that threads have freed, even after they end."""
     # Other C libraries have no such function.
     if sys.platform == "linux":
         with suppress(AttributeError):

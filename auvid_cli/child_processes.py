@@ -68,9 +68,9 @@ class WorkerDied(Exception):
 
 
 class Workers(ThreadPoolExecutor):
-    """Processes that call functions, one for each thread; they start when needed.
+    """Pool of threads, each of which calls functions in a process of its own; processes start when needed.
 
-    This process talks to them through pipes, which no other user can open. An exception in a `with` block ends them.
+    Requests and results go through pipes, which no other user can open. An exception in a `with` block ends them.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Workers(ThreadPoolExecutor):
     attempts : int, default 1
         Number of workers that are tried for one call before it raises `WorkerDied`.
     reuse : bool, default True
-        Whether a worker calls one function after another. Otherwise it ends after its first, with all of its memory.
+        Whether a worker calls several functions. Otherwise it ends after the first, which frees all of its memory.
     """
 
     def __init__(self, count: int, method: str = "spawn", attempts: int = 1, reuse: bool = True) -> None:
@@ -193,7 +193,7 @@ def _serve(pipe: Connection) -> None:
 
 
 def _answer(pipe: Connection) -> None:
-    """Call one function; its arguments are freed before the next call."""
+    """Call the function of one request; a function of its own, so that arguments are freed before the next request."""
     request, n_arrays = pipe.recv()
     arrays = [pipe.recv_bytes() for _ in range(n_arrays)]
     try:
@@ -211,7 +211,7 @@ def end_with_parent() -> None:
         # The parent may have ended before `prctl` was called.
         if os.getppid() != started_by:
             os._exit(1)
-    # A fork server has no such parent, and ends by itself when it has loaded its modules.
+    # A fork server has no `parent_process`; without its parent it ends by itself, once its modules are loaded.
     elif (parent := multiprocessing.parent_process()) is not None:
         threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
 

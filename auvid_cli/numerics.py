@@ -197,9 +197,12 @@ def on_compilation(call: Callable[[], None]) -> Iterator[None]:
 
 @contextmanager
 def compile_elsewhere(*modules: str) -> Iterator[Future[None]]:
-    """Compile modules into the cache in another process, which ends with the block; yield the future of that.
+    """Compile modules into the cache in another process, which ends with the block.
 
-    If it fails, this process compiles them itself and reports the error.
+    Yields
+    ------
+    concurrent.futures.Future
+        Done after the compilation. If that fails, this process compiles the modules itself and reports the error.
     """
     with Workers(1) as worker:
         yield worker.submit(_import_modules, modules, str(cache_folder().parent))

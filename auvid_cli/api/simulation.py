@@ -75,7 +75,7 @@ def simulate_into(
         Filters that will run on the data.
     """
     path, experiment = dataset_in(folder), source.experiment
-    # All in one process.
+    # One child process scans all files.
     scan([path, *estimates_in(folder).values()])
     objection = other_run(path, experiment)
     if not objection and filters and path.exists():

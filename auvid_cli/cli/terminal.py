@@ -228,7 +228,7 @@ class Terminal(Progress):
             yield
             with self.compiling() as print_compiling:
                 print_compiling()
-                # Wait for its end. If it failed, this process compiles, and reports the error.
+                # Wait for the other process. If it failed, this one compiles, and reports the error.
                 partner.exception()
 
     @contextmanager

@@ -83,7 +83,7 @@ def _version(path: Path, foreign: bool) -> tuple[int, ...]:
 
 
 def scan_in_child(paths: Iterable[Path], foreign: bool = False, seconds: int = SCAN_TIME) -> list[str]:
-    """Return the flaw of each file, up to the first that ended the child; `seconds` is the time for a small file."""
+    """Return the flaw of each file, up to the first that ended the child; `seconds` is the limit of a small file."""
     flaws: list[str] = []
     try:
         with Workers(1) as worker:
@@ -95,7 +95,7 @@ def scan_in_child(paths: Iterable[Path], foreign: bool = False, seconds: int = S
 
 def _flaw_in_time(path: Path, foreign: bool, seconds: int) -> str:
     seconds += ceil(path.stat().st_size / _SCAN_RATE)
-    # This ends the process even inside of libhdf5.
+    # At the limit the process ends, even inside libhdf5.
     with Path(os.devnull).open("w") as nowhere:
         faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)
         try:

@@ -175,7 +175,10 @@ def rounding_steps(record: SensorRecord) -> Array:
 
 
 def _runs(record: SensorRecord) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Return which rows are measurements, and of these the index at which each run begins and the end of the last."""
+    """Return the mask of the rows with a measurement, and the edges of runs of equal measurements.
+
+    Edges are the index of the first measurement of each run, and the number of measurements.
+    """
     present = np.asarray(np.isfinite(record.values).any(axis=1))
     n = np.count_nonzero(present)
     # Without measurements there is no run.

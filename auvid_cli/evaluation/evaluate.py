@@ -40,7 +40,7 @@ class FilterSummary(NamedTuple):
     mean_nis : float
         Mean normalised innovation squared of a component.
     judgement : Judgement
-        In the file: grade, reason, remedy, and the doubted coefficients separated by spaces.
+        In ``summary.csv``: columns ``grade``, ``reason``, ``remedy`` and ``doubted`` (symbols, or "all").
     """
 
     filter: str
@@ -55,7 +55,7 @@ class FilterSummary(NamedTuple):
     judgement: Judgement
 
     def row(self) -> tuple[object, ...]:
-        """Return the cells of the row."""
+        """Return the cells of the row in ``summary.csv``."""
         doubted = self.judgement.doubted
         of_judgement = (str(self.judgement.grade), self.judgement.reason, self.judgement.remedy)
         return (*self[:-1], *of_judgement, "all" if doubted is None else " ".join(doubted))

@@ -309,7 +309,7 @@ def _doubt_of_data(reference: Estimate) -> Judgement | None:
 
 
 def _doubted(reference: Estimate, causes: Sequence[Cause]) -> tuple[str, ...] | None:
-    """Return the coefficients that the needed faults move, if these explain the data; None for all otherwise."""
+    """Return the coefficients that the needed faults move; None for all if these faults do not explain the data."""
     needed = [test for test in reference.faults if test.rank]
     others = [test for test in reference.faults if test.fault.is_alternative and _is_significant(test)]
     if others or not needed or len(causes) > 1:

@@ -25,7 +25,7 @@ class FitStep(NamedTuple):
 
     look: int  # 0 for the start; all steps of a look start from the same model
     action: FitAction
-    what: Addition | str  # what was added or removed; words for any other step
+    what: Addition | str  # addition or removal; text for any other step
     size: str  # estimated values with their standard deviations and units; angles in degrees; empty if unknown
     gain: float | None  # increase of the log marginal likelihood, net of the numbers that it takes; None for a start
     kept: bool

@@ -6,7 +6,7 @@ from auvid_cli.config.enums import FilterName
 
 
 class FilterLine(NamedTuple):
-    """Look of a filter; colours after Okabe and Ito, light and wide below dark and thin."""
+    """Line and mark of a filter; colours after Okabe and Ito; light, wide lines are below dark, thin ones."""
 
     color: str  # on white
     color_on_dark: str

@@ -43,9 +43,9 @@ _HIGHEST = 1e3  # %, unless lines end higher
 _ABOVE = 3.0  # times the largest end of a line
 _BELOW = 0.03  # times the smallest band
 _SPAN = 1e9  # largest ratio of the limits
-# Larger errors of the runs of a campaign are drawn at this one, %.
+# Largest error of a run in figures of a campaign, %; larger ones are drawn here.
 MAX_ERROR = 1e3
-# Length of the longest bar of the bounds, and of a bar without a bound, %.
+# Longest bar of the bounds, also for a coefficient without a bound, %.
 _MAX_BOUND = 1e4
 
 
@@ -205,7 +205,7 @@ class CoefficientPlots(NamedTuple):
 def estimate_plots(
     symbols: Iterable[str], estimates: Sequence[EstimateHistory], true: Mapping[str, float]
 ) -> CoefficientPlots:
-    """Describe `estimate_plot` of each coefficient; `true` has the true values by symbol, SI, if they are known."""
+    """Return the estimates of each coefficient over time; `true` has the known true values by symbol, SI."""
     plots = [estimate_plot(symbol, estimates, true.get(symbol), _ESTIMATE_POINTS) for symbol in symbols]
     return CoefficientPlots(plots, [estimate.filter for estimate in estimates], time_span(estimates), bool(true))
 
@@ -213,7 +213,7 @@ def estimate_plots(
 def convergence_plots(
     symbols: Iterable[str], estimates: Sequence[EstimateHistory], true: Mapping[str, float]
 ) -> CoefficientPlots:
-    """Describe `convergence_plot` of each coefficient, as `estimate_plots`."""
+    """Return the distances of each coefficient from its true or final value; `true` as in `estimate_plots`."""
     plots = [convergence_plot(symbol, estimates, true.get(symbol), _LINE_POINTS) for symbol in symbols]
     return CoefficientPlots(plots, [estimate.filter for estimate in estimates], time_span(estimates), bool(true))
 
@@ -392,9 +392,9 @@ def horizon_plots(predictions: Sequence[Prediction]) -> list[HorizonPlot]:
 class BoundsPlot(NamedTuple):
     """Cramér-Rao bounds in percent of the coefficients, for a logarithmic axis."""
 
-    percents: Array  # shape (n,), from all data; limited
+    percents: Array  # shape (n,), from all data; within the limits of the axis
     times: Array  # shape (k,), s
-    growth: Array  # shape (k, n), from the data until each time; NaN where there is hardly a bound
+    growth: Array  # shape (k, n), from the data until each time; NaN beyond the axis
 
 
 def bounds_plot(identifiability: Identifiability) -> BoundsPlot:

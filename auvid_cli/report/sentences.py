@@ -149,7 +149,7 @@ def fit_sentences(fit: Fit) -> list[str]:
 
 
 def unexplained_sentences(fit: Fit) -> list[str]:
-    """Return what the tests of the model still find, a sentence each."""
+    """Return a sentence for each fault that the tests of the model still find."""
     return [f"Unexplained: {cause}." for cause in fit.unexplained]
 
 

@@ -42,7 +42,7 @@ LONGEST_STEP = 0.0025  # s
 LARGEST_PITCH = np.deg2rad(85.0)  # rad
 LARGEST_ROLL = np.deg2rad(90.0)  # rad
 LARGEST_SPEED = 100.0  # m/s
-# Ticks that are simulated, and samples of a sensor that are computed, at once; memory is released after each block.
+# Number of ticks, or of samples of a sensor, that are computed at once; memory is released after each block.
 BLOCK = 50_000
 # Why a simulation stops, by the code of `_reason_to_stop`.
 _REASONS = (
@@ -231,7 +231,7 @@ _TICKS = types.UniTuple(types.int64, 2)
 
 @compiled(_TICKS(_TICKS, SETPOINTS, CONTROLS, _ACTUATORS, _vector, _TRUTH, types.float64, _WORKSPACE))
 def _simulate(ticks, setpoints, controls, actuators, trim, truth, longest_step, work):
-    """Fill in motion, position and inputs of `truth` from the first to before the last of `ticks`.
+    """Fill in motion, position and inputs of `truth` for the ticks `ticks[0]` to `ticks[1] - 1`.
 
     Returns the code in `_REASONS`, 0 for success, and the tick.
     """

@@ -2,7 +2,8 @@
 
 The default experiment over seeds, with all its filters: one after the other in this process, on one worker, on two, and
 on two processes alone, which is what the machine allows; all of them in each round. Then on one worker so many
-runs that its memory would show any leak. At last whole commands with up to 10 000 short runs, alone with `--large`.
+runs that its memory would show any leak. Finally whole commands with up to 10 000 short runs; `--large` measures only
+these.
 """
 
 import argparse
@@ -100,7 +101,7 @@ def _resident_size() -> int:
 
 
 def large_campaigns(folder: Path) -> list[str]:
-    """Return a table of whole commands with so many short runs of one filter."""
+    """Return a table of the cost of whole commands by their number of short runs, with one filter."""
     lines = [
         "| `auvid campaign`: 10 s of data, CKF, 2 workers | wall (s) | runs per second | memory (MB) | results (MB) |",
         "| --- | ---: | ---: | ---: | ---: |",

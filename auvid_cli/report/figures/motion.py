@@ -107,12 +107,12 @@ def _depth_name(truth: TruthRecord | None, estimates: list[EstimateHistory]) -> 
 
 
 def _has_depth(estimates: list[EstimateHistory]) -> bool:
-    """Whether the depth is estimated, and does not come from dead reckoning."""
+    """Whether all estimates have the depth as a state; otherwise it comes from dead reckoning."""
     return all(DEPTH.symbol in estimate.state for estimate in estimates)
 
 
 def _how_estimated(estimates: list[EstimateHistory]) -> str:
-    """Return where the paths of the estimates come from."""
+    """Return a note on the origin of the estimated paths."""
     if _has_depth(estimates):
         return "estimates: depth as estimated; north and east by dead reckoning, which drifts"
     return "estimates: dead reckoning from velocity and attitude; it drifts"

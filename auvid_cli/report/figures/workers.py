@@ -59,7 +59,7 @@ def figure_workers() -> Iterator[Submit]:
     """
     load_ahead()
     try:
-        # A process that has drawn a figure keeps some 60 MB. A new one needs 10 ms if a server has loaded all.
+        # A process keeps some 60 MB after a figure. A fork server starts a new one in 10 ms, with matplotlib loaded.
         method = _start_method()
         with Workers(min(os.cpu_count() or 1, _MAX_WORKERS), method, reuse=method == "spawn") as pool:
             yield pool.submit
