@@ -120,7 +120,7 @@ def doubts(_case: str, seed: int) -> pd.DataFrame:
             "trusted": [judgement.trusts(row.coefficient) for row in rows],
             "grade": judgement.grade.value,
             "named": "" if named is None else str(named.fault),
-            "doubted": "all" if judgement.doubted is None else " ".join(judgement.doubted),
+            "doubted": judgement.row()[-1],
         }
     )
 

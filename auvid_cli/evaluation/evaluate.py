@@ -56,9 +56,7 @@ class FilterSummary(NamedTuple):
 
     def row(self) -> tuple[object, ...]:
         """Return the cells of the row in ``summary.csv``."""
-        doubted = self.judgement.doubted
-        of_judgement = (str(self.judgement.grade), self.judgement.reason, self.judgement.remedy)
-        return (*self[:-1], *of_judgement, "all" if doubted is None else " ".join(doubted))
+        return *self[:-1], *self.judgement.row()
 
 
 class Evaluation(NamedTuple):

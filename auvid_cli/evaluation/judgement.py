@@ -206,6 +206,11 @@ class Judgement(NamedTuple):
         in_part = self.grade is Grade.DOUBTFUL and self.doubted is not None and symbol not in self.doubted
         return self.grade is Grade.SOUND or in_part
 
+    def row(self) -> tuple[str, str, str, str]:
+        """Return the values as cells of a table: doubted coefficients separated by spaces, or "all"."""
+        doubted = "all" if self.doubted is None else " ".join(self.doubted)
+        return str(self.grade), self.reason, self.remedy, doubted
+
     @property
     def is_against(self) -> bool:
         """Whether the estimate is worse than sound; an unjudged one is not."""

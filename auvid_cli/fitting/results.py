@@ -1,6 +1,5 @@
 """Result of a search for a model: its steps, its settings, and its estimate."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
@@ -33,9 +32,10 @@ class FitStep(NamedTuple):
     judged_after: str  # judgement of the model with the change; empty if it was not kept
     cpu_time: float  # s
 
-    def concerns(self, additions: Iterable[Addition]) -> bool:
-        """Whether the step is about one of these additions, of any size."""
-        return isinstance(self.what, Addition) and self.what.key in {addition.key for addition in additions}
+    @property
+    def key(self) -> tuple[str, str] | None:
+        """Return the `Addition.key` of what was added or removed, whose size may have changed since; None for words."""
+        return self.what.key if isinstance(self.what, Addition) else None
 
 
 @dataclass(frozen=True)

@@ -241,7 +241,7 @@ class _Search:
             best = max(models, key=lambda pair: pair[1].evidence, default=None)
             if best is not None and best[1].evidence - self.model.evidence >= WORTH:
                 self.steps = [step._replace(kept=step.kept and step.look < self._look) for step in self.steps]
-                rows = [row._replace(kept=row.concerns([best[0]])) for row in rows]
+                rows = [row._replace(kept=row.key == best[0].key) for row in rows]
                 self._estimate, self.model = None, best[1]
             self.steps += rows
 
@@ -341,15 +341,15 @@ class _Search:
 
     def steps_with_sizes(self, estimate: Estimate) -> tuple[FitStep, ...]:
         """Return the steps after the errors that the settings asked for; an addition replaced later is not kept."""
-        additions = () if self.model is None else self.model.additions
+        present = {} if self.model is None else {addition.key: addition for addition in self.model.additions}
         asked = (Addition(name.value) for name in self._dataset.experiment.identification.estimate.biases)
         sizes = {addition: size_text(estimate, addition) for addition in asked if not addition.is_time}
-        removed = {step.what for step in self.steps if step.kept and step.action == "remove"}
+        removed = {step.key for step in self.steps if step.kept and step.action == "remove"}
         steps = [FitStep(0, "as asked", what, size, None, True, "", "", 0.0) for what, size in sizes.items() if size]
         for step in self.steps:
-            if step.kept and (own := [addition for addition in additions if step.concerns([addition])]):
-                step = step._replace(size=size_text(estimate, own[0]))
-            elif step.kept and step.action == "add" and step.what not in removed:
+            if step.kept and step.key in present:
+                step = step._replace(size=size_text(estimate, present[step.key]))
+            elif step.kept and step.action == "add" and step.key not in removed:
                 step = step._replace(kept=False)
             steps.append(step)
         return tuple(steps)

@@ -9,7 +9,6 @@ from auvid_cli.config.extra_states import BiasName
 from auvid_cli.data.checks import Check
 from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.judgement import Grade, Judgement
-from auvid_cli.fitting.additions import Addition
 from auvid_cli.fitting.results import Fit, FitStep
 from auvid_cli.report.table import Cell, Column, Table, filter_label, tabulated, text_column
 from auvid_cli.text import sentence
@@ -169,7 +168,7 @@ def measure_next_time(fit: Fit) -> Iterator[str]:
         yield f"For {', '.join(weak)}, which are not identified: `auvid design --at ESTIMATE` finds a better manoeuvre."
     if "gyroscope" not in fit.estimate.innovations:
         yield "Record a gyroscope: without one, the yaw rate is known from the heading only."
-    if any(step.concerns([Addition(BiasName.THRUST.value)]) for step in fit.steps if step.kept):
+    if any(step.key == (BiasName.THRUST, "") for step in fit.steps if step.kept):
         yield "Record the thrust, or measure it at known revolutions: drag and thrust are only known together."
 
 

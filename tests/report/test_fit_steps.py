@@ -73,3 +73,13 @@ def test_coefficients_left_at_zero_are_named_if_they_are_kept_there(fit):
         step = FitStep(2, "leave at 0", names, "", 8.0 if is_kept else 1.0, is_kept, "", "", 2.0)
         text = " ".join(fit_sentences(replace(fit, steps=(*STEPS, step))))
         assert (names in text) is is_kept
+
+
+def test_step_has_the_key_of_its_addition_whatever_its_size():
+    first, corrected = (
+        FitStep(1, action, Addition("delay", "dvl", size), "", 1.0, True, "", "", 1.0)
+        for action, size in (("add", 0.1), ("remove", 0.12))
+    )
+    assert first.what != corrected.what
+    assert first.key == corrected.key
+    assert [step.key for step in STEPS] == [None, None, ("current", ""), ("thrust", ""), None]

@@ -56,15 +56,19 @@ def test_estimates_have_total_deviations_at_any_width(evaluation, width):
     assert text.count("± 0.75") == len(rows)
 
 
-def test_a_narrow_terminal_drops_the_widest_column_of_one_estimate(evaluation):
-    causes = "rudder reacting to disturbances 5 %, elevator reacting to disturbances 4 %"
+def of_ckf(evaluation, causes):
+    """The results of the CKF alone, with causes of its total standard deviations."""
     rows = [
         row._replace(total_standard_deviation=0.75, contributors=causes)
         for row in evaluation.coefficients
         if row.filter == "ckf"
     ]
-    own = evaluation._replace(coefficients=rows, summary=[row for row in evaluation.summary if row.filter == "ckf"])
-    text = printed(own, 80)
+    return evaluation._replace(coefficients=rows, summary=[row for row in evaluation.summary if row.filter == "ckf"])
+
+
+def test_a_narrow_terminal_drops_the_widest_column_of_one_estimate(evaluation):
+    causes = "rudder reacting to disturbances 5 %, elevator reacting to disturbances 4 %"
+    text = printed(of_ckf(evaluation, causes), 80)
     assert "left out at 80 columns (widen the terminal): mostly from" in " ".join(text.split())
     assert "± data" in text
 
@@ -72,13 +76,7 @@ def test_a_narrow_terminal_drops_the_widest_column_of_one_estimate(evaluation):
 @pytest.mark.parametrize(("width", "missing"), [(120, []), (90, ["second cause"]), (68, ["second cause", "± data"])])
 def test_a_narrow_terminal_drops_the_unit_of_one_estimate_last(evaluation, width, missing):
     causes = "scale of the elevator 2 %; scale of the DVL in roll 0.38 %"
-    rows = [
-        row._replace(total_standard_deviation=0.75, contributors=causes)
-        for row in evaluation.coefficients
-        if row.filter == "ckf"
-    ]
-    own = evaluation._replace(coefficients=rows, summary=[row for row in evaluation.summary if row.filter == "ckf"])
-    text = " ".join(printed(own, width).split())
+    text = " ".join(printed(of_ckf(evaluation, causes), width).split())
     left_out = f"left out at {width} columns (widen the terminal): {', '.join(missing)}"
     assert (left_out in text) if missing else ("left out" not in text)
     assert ("scale of the DVL" in text) is not bool(missing)

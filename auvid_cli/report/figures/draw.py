@@ -173,7 +173,7 @@ class FigureQueue:
 
     def add_estimates(self, dataset: Dataset, estimates: Sequence[Estimate]) -> None:
         """Draw the figures of all filters, those with many panels first; without a filter only the true path."""
-        # This module loads the compiled core.
+        # Imported here because `plot_data` loads the compiled core.
         from auvid_cli.report import plot_data
 
         innovations = {estimate.filter: estimate.innovations for estimate in estimates if estimate.innovations}
