@@ -211,6 +211,7 @@ def test_override_of_recorded_data_is_refused(here):
         auvid.read_dataset("dataset.h5", "seed=3")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("function", [auvid.evaluate, auvid.check])
 def test_estimate_of_other_dataset_is_refused(function, here, other):
     estimate = auvid.read_estimate("tukf.h5")
@@ -245,6 +246,7 @@ def test_dataset_file_is_never_overwritten(here, short_run):
     assert Path("mine.h5").read_bytes() == content
 
 
+@pytest.mark.slow
 def test_dataset_to_xarray_equals_file(files):
     tree = auvid.read_dataset(files / "dataset.h5").to_xarray()
     with xarray.open_datatree(files / "dataset.h5", engine="h5netcdf") as opened:
@@ -255,6 +257,7 @@ def test_dataset_to_xarray_equals_file(files):
             xarray.testing.assert_identical(tree[path].to_dataset().reset_coords(), there)
 
 
+@pytest.mark.slow
 def test_estimate_to_xarray_equals_file(files):
     tree = auvid.read_estimate(files / "tukf.h5").to_xarray()
     for group, path in (("", "state"), ("innovations/dvl", "innovations/dvl")):

@@ -81,6 +81,7 @@ def test_error_in_a_worker_is_raised_and_the_worker_kept():
         assert workers.submit(os.getpid).result() == process
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", [lambda a: a, np.transpose, lambda a: a[:, 1:3], lambda a: a[:0]])
 def test_arrays_reach_a_worker_unchanged(layout):
     array = layout(np.arange(12.0).reshape(3, 4))

@@ -53,6 +53,7 @@ def errors_of(model: type[BaseModel], key: str, tree: dict[str, object]) -> list
     return []
 
 
+@pytest.mark.slow
 def test_each_key_of_the_reference_has_a_meaning_and_a_valid_example():
     checked = 0
     for model, path in make_reference.all_sections().items():

@@ -60,6 +60,7 @@ def test_every_page_is_in_the_contents_and_on_the_site(site):
     assert {path.relative_to(site).with_suffix(".md").as_posix() for path in site.rglob("*.html")} == {*named, "404.md"}
 
 
+@pytest.mark.slow
 def test_a_page_asks_no_network_for_anything(site):
     for page in site.rglob("*.html"):
         for address in Fetched(page.read_text(encoding="utf-8")).addresses:
@@ -70,6 +71,7 @@ def test_a_page_asks_no_network_for_anything(site):
         assert not re.search(r"(url\(|@import)\s*['\"]?(\w+:)?//", sheet.read_text(encoding="utf-8")), sheet.name
 
 
+@pytest.mark.slow
 def test_equations_are_drawn_by_the_browser_alone(site):
     theory = (DOCS / "theory.md").read_text(encoding="utf-8")
     drawn = (site / "theory.html").read_text(encoding="utf-8")
@@ -77,6 +79,7 @@ def test_equations_are_drawn_by_the_browser_alone(site):
     assert "```" not in drawn
 
 
+@pytest.mark.slow
 def test_bars_in_the_code_of_a_table_have_no_backslash(site):
     text = re.sub("<pre>.*?</pre>", "", (site / "theory.html").read_text(encoding="utf-8"), flags=re.DOTALL)
     assert "<code>Y_v|v|</code>" in text

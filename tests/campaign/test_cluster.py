@@ -37,6 +37,7 @@ def test_existing_scheduler_returns_all_runs(planned):
     assert {done.failure for done in runs} == {""}
 
 
+@pytest.mark.slow
 def test_worker_that_dies_at_start_is_cluster_error(monkeypatch):
     monkeypatch.setattr("auvid_cli.campaign.cluster.installed_version", partial(os._exit, 1))
     with pytest.raises(ClusterError, match=r"workers .*do not start.*--workers 1"), local_cluster(1):

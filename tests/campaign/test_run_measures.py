@@ -42,6 +42,7 @@ def test_shortened_group_has_the_first_data(planned):
     assert json.loads(short.simulated)["manoeuvre"]["duration"] == 5.0
 
 
+@pytest.mark.slow
 def test_measures_equal_those_of_the_report(performed):
     group, done = performed
     for assumed, result in zip(group.assumed, done, strict=True):

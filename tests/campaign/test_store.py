@@ -67,6 +67,7 @@ def test_merge_keeps_all_rows(tmp_path):
     pd.testing.assert_frame_equal(before, after)
 
 
+@pytest.mark.slow
 def test_many_incoming_files_are_merged(tmp_path):
     store, n_runs = Store(tmp_path, COLUMNS), 2 * MAX_PARTS + 2
     for k in range(n_runs):
@@ -291,6 +292,7 @@ def test_damaged_list_of_failures_is_refused_and_kept(tmp_path, content):
     assert (tmp_path / "failures.csv").read_bytes() == content
 
 
+@pytest.mark.slow
 def test_every_flipped_byte_is_detected(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a"), finished("b")])

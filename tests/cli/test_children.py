@@ -54,6 +54,7 @@ def test_early_end_leaves_no_drawing_process(begun):
     assert left_of(marked) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, getattr(signal, "SIGKILL", signal.SIGTERM)])
 def test_killed_command_leaves_no_drawing_process(begun, tmp_path, number):
     """And does not go on first: Python loses most exceptions that come while it compiles a module."""

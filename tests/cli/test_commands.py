@@ -105,6 +105,7 @@ def test_run_writes_dataset_estimates_tables_and_figures(results):
     assert not leftovers(folder)
 
 
+@pytest.mark.slow
 def test_run_into_pipe_prints_summary_without_progress_bar(results):
     _, result = results
     assert "CKF" in result.stdout
@@ -113,6 +114,7 @@ def test_run_into_pipe_prints_summary_without_progress_bar(results):
     assert result.stderr == ""
 
 
+@pytest.mark.slow
 def test_single_steps_give_estimates_of_run(results, tmp_path):
     folder, _ = results
     simulated = auvid("simulate", *SHORT, cwd=tmp_path)
@@ -127,6 +129,7 @@ def test_single_steps_give_estimates_of_run(results, tmp_path):
         assert (one["mean"][...] == other["mean"][...]).all()
 
 
+@pytest.mark.slow
 def test_identify_uses_settings_of_dataset_file(results, tmp_path):
     folder, _ = results
     (tmp_path / "mission.h5").write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
@@ -137,6 +140,7 @@ def test_identify_uses_settings_of_dataset_file(results, tmp_path):
     assert auvid("report", "results/mission", cwd=tmp_path).exit_code == 0
 
 
+@pytest.mark.slow
 def test_identify_names_settings_of_errors_that_are_not_estimated(results, tmp_path):
     (tmp_path / "mission.h5").write_bytes((results[0] / "results/spiral/dataset.h5").read_bytes())
     settings = "{biases: [gyro], gyro: {walk: 1e-5 rad/s/s^0.5}, dvl: {scale_spread: 0.01}}"
@@ -147,6 +151,7 @@ def test_identify_names_settings_of_errors_that_are_not_estimated(results, tmp_p
     assert note.startswith("note: identification.estimate.dvl ")
 
 
+@pytest.mark.slow
 def test_dataset_without_truth_gives_identical_estimates(results, tmp_path):
     folder, _ = results
     path = tmp_path / "mission.h5"
@@ -205,6 +210,7 @@ def test_output_error_is_reported_with_filters(results, tmp_path):
     assert {path.suffix for path in (made / "figures").iterdir()} == {".svg", ".pdf"}, "none of what was drawn before"
 
 
+@pytest.mark.slow
 def test_unconverged_fit_gives_exit_code_1(results, tmp_path):
     folder, _ = results
     (tmp_path / "mission.h5").write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
@@ -220,6 +226,7 @@ def test_unconverged_fit_gives_exit_code_1(results, tmp_path):
     assert last.endswith(f": auvid fit {folder / 'dataset.h5'} -o {folder / 'fit'}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("manoeuvre", ["zigzag_10_10", "doublets", "multisine", "turning_circle"])
 def test_one_setting_changes_the_manoeuvre(manoeuvre, tmp_path):
     result = auvid("simulate", *SHORT, "--set", f"manoeuvre=manoeuvres/{manoeuvre}.yaml", cwd=tmp_path)
@@ -362,6 +369,7 @@ def test_interrupting_leaves_no_half_written_file(tmp_path, number, code, first)
         assert file["sensors/gyroscope/p"].shape == (30001,)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "environment", "heavy"),
     [
@@ -383,6 +391,7 @@ def test_help_and_completion_import_nothing_heavy(arguments, environment, heavy)
     assert imported.isdisjoint(heavy | {"numba", "numpy", "scipy", "h5py", "matplotlib", "pint"})
 
 
+@pytest.mark.slow
 def test_check_prints_advice_and_exit_code(results, tmp_path):
     """Twelve seconds of a gentle start are too short for half of the coefficients."""
     folder, _ = results

@@ -53,6 +53,7 @@ def assert_one_clear_complaint(result, *words):
         assert word in result.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", list(SUFFIXES))
 def test_every_format_is_written_with_its_remarks(target, results):
     result = run(results / "estimates/tukf.h5", "--to", target)
@@ -135,6 +136,7 @@ def test_another_dataset_is_refused(own_results):
     assert_one_clear_complaint(run(own_results / "estimates/tukf.h5", "--to", "sdf"), "dataset.h5", "--dataset")
 
 
+@pytest.mark.slow
 def test_the_dataset_may_be_elsewhere(own_results, tmp_path):
     (own_results / "dataset.h5").rename(tmp_path / "mission.h5")
     lonely = own_results / "estimates/tukf.h5"

@@ -51,6 +51,7 @@ def exported(short_run, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_simulated_run_comes_back_from_its_csv_files(short_run, exported, tmp_path):
     result = auvid_import("--map", exported / "map.yaml", "-o", tmp_path / "dataset.h5")
     assert result.exit_code == 0, result.output
@@ -68,6 +69,7 @@ def test_simulated_run_comes_back_from_its_csv_files(short_run, exported, tmp_pa
     assert all(re.fullmatch("[0-9a-f]{64}", file.sha256) for file in run.recording.files)
 
 
+@pytest.mark.slow
 def test_import_prints_summary_and_next_command(exported, tmp_path):
     result = auvid_import("--map", exported / "map.yaml", "-o", tmp_path / "dataset.h5")
     assert re.search(r"dvl +7 +421 +0 +60 +\d+ +0", result.output)
@@ -75,6 +77,7 @@ def test_import_prints_summary_and_next_command(exported, tmp_path):
     assert f"auvid inspect {tmp_path / 'dataset.h5'}" in "".join(result.output.split("\n"))
 
 
+@pytest.mark.slow
 def test_import_writes_to_results_folder_by_default(exported, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert auvid_import("--map", exported / "map.yaml", "-q").output == ""
@@ -257,6 +260,7 @@ def own_log(exported, tmp_path):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", [None, "symlink_to", "hardlink_to"])
 def test_import_never_overwrites_vehicle_file_of_map(own_log, tmp_path, link):
     vehicle, output = own_log / "v.yaml", tmp_path / "linked.yaml"

@@ -47,6 +47,7 @@ def test_good_data_pass_and_write_table_and_figure(short_run, tmp_path, run):
     assert "fast enough" in run(tmp_path / "dataset.h5", "--verbose").output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opens", [True, False])
 def test_open_starts_browser_or_prints_page(short_run, tmp_path, run, monkeypatch, opens):
     asked = []
@@ -58,6 +59,7 @@ def test_open_starts_browser_or_prints_page(short_run, tmp_path, run, monkeypatc
     assert "No check fails" in (tmp_path / "inspection.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_failed_check_gives_advice_and_exit_code_1(short_run, tmp_path, run):
     record = short_run.sensors["gyroscope"]
     turned = replace(record, values=record.values * np.array([1.0, 1.0, -1.0]))
@@ -73,6 +75,7 @@ def test_failed_check_gives_advice_and_exit_code_1(short_run, tmp_path, run):
     assert "The sign of r is wrong" in " ".join(result.output.split())
 
 
+@pytest.mark.slow
 def test_quiet_prints_nothing(short_run, tmp_path, run):
     write_dataset(tmp_path / "dataset.h5", short_run)
     assert run(tmp_path / "dataset.h5", "-q").output == ""
@@ -85,6 +88,7 @@ def test_invalid_file_is_one_error(tmp_path, run):
     assert "nothing.h5" in result.output
 
 
+@pytest.mark.slow
 def test_use_inspects_only_that_part(short_run, tmp_path, run):
     """The gyroscope is turned in the second half only."""
     record = short_run.sensors["gyroscope"]

@@ -100,6 +100,7 @@ def test_other_data_or_settings_are_refused_without_changes(here, command, words
     assert_refused(*command, words=words)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "page"),
     [
@@ -118,6 +119,7 @@ def test_page_of_other_program_is_not_overwritten(here, command, page):
     assert state() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [b"not a dataset", b""])
 def test_other_file_named_dataset_is_not_replaced(here, text):
     dataset_in(HOME).write_bytes(text)
@@ -125,6 +127,7 @@ def test_other_file_named_dataset_is_not_replaced(here, text):
     assert_refused("simulate", *SHORT)
 
 
+@pytest.mark.slow
 def test_results_without_their_dataset_are_not_replaced(here):
     dataset_in(HOME).unlink()
     assert_refused("run", *SHORT, words=("estimates/ckf.h5", "missing now"))
@@ -149,6 +152,7 @@ def test_other_numbers_by_the_same_settings_are_not_replaced(here, monkeypatch):
     assert_refused("run", *SHORT, words=("other data than auvid",))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["run", "simulate"])
 def test_overwrite_removes_stale_results_and_keeps_user_files(here, command):
     notes = [HOME / name for name in ("notes.txt", "tables/mine.csv", "figures/sketch.pdf", "export/mine.json")]
@@ -186,6 +190,7 @@ def test_settings_of_one_filter_may_differ(here):
     assert_refused("identify", dataset_in(HOME), "-f", "ukf", words=("ukf.h5", "`identification`"))
 
 
+@pytest.mark.slow
 def test_a_report_never_mixes_settings(here):
     done("identify", dataset_in(HOME), "-f", "ukf", "--use", "1:5", "-o", "part")
     shutil.copy("part/estimates/ukf.h5", HOME / "estimates/ukf.h5")
@@ -194,6 +199,7 @@ def test_a_report_never_mixes_settings(here):
     assert "ukf.h5: was made with other settings of `identification`" in result.stderr
 
 
+@pytest.mark.slow
 def test_estimate_under_name_of_other_filter_is_refused(here):
     shutil.copy(HOME / "estimates/ckf.h5", HOME / "estimates/ekf.h5")
     result = auvid("report", HOME)
@@ -201,6 +207,7 @@ def test_estimate_under_name_of_other_filter_is_refused(here):
     assert "ekf.h5: is an estimate of ckf" in result.stderr
 
 
+@pytest.mark.slow
 def test_report_removes_results_of_missing_filter(here):
     (HOME / "estimates/ckf.h5").unlink()
     done("report", HOME)
@@ -257,6 +264,7 @@ def test_estimate_used_as_prior_is_not_overwritten(here):
         assert state() == before
 
 
+@pytest.mark.slow
 def test_the_validated_estimate_is_not_removed_with_its_folder(here):
     estimate = HOME / "estimates/ckf.h5"
     before = state()

@@ -80,6 +80,7 @@ def test_a_changed_vehicle_fails_with_exit_code_1(results, simulated_with, tmp_p
     assert result.stdout.splitlines()[-1] == f"next: auvid fit {results / 'dataset.h5'} -o {results / 'fit'}"
 
 
+@pytest.mark.slow
 def test_its_own_data_are_refused_even_as_a_copy(results, tmp_path):
     own = read_dataset(results / "dataset.h5")
     write_dataset(tmp_path / "copy.h5", own.without_truth())
@@ -91,6 +92,7 @@ def test_its_own_data_are_refused_even_as_a_copy(results, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_missing_file_is_reported(results, tmp_path):
     for arguments in ((tmp_path / "no.h5", results / "circle.h5"), (results / "estimates/ckf.h5", tmp_path / "no.h5")):
         result = run(*arguments)

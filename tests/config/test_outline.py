@@ -60,6 +60,7 @@ def test_invalid_outline_raises_with_value(wrong, message):
         outline_of_options(GIVEN | wrong)
 
 
+@pytest.mark.slow
 @given(key=st.sampled_from([*GIVEN, "tail", "speed", "fin_position"]), text=st.text() | st.from_regex(r"-?[\d.]+ ?\w*"))
 def test_any_text_is_valid_or_raises_config_error(key, text):
     message = "--"

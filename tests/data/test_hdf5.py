@@ -89,6 +89,7 @@ def test_interrupt_ends_wait_and_scan(dataset, tmp_path):
     assert not multiprocessing.active_children()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends after its time, not at once")
 def test_scan_ends_with_its_parent(dataset, tmp_path):
     path = endless(tmp_path / "dataset.h5", dataset)
@@ -206,6 +207,7 @@ def matlab(path, change):
     return open_log(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "what", ["a soft link", "a link to another file", "values in another file", "values of another variable"]
 )

@@ -160,6 +160,7 @@ def test_infinite_measurement_is_missing(written, tmp_path):
     assert np.isnan(read_dataset(path).sensors["gyroscope"].values[3]).tolist() == [True, False, False]
 
 
+@pytest.mark.slow
 def test_estimate_with_few_settings_is_read_back(dataset, filter_name, write_estimate, with_settings, tmp_path):
     settings = (
         "identification.coefficients=[X_u|u|]",

@@ -50,6 +50,7 @@ def test_dataset_in_temporary_files_gives_same_estimate(dataset, written, monkey
     assert np.isnan(back.sensors["dvl"].values).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", ["position", "earth_field"])
 def test_sensor_vectors_are_read_back(known, dataset, tmp_path):
     accelerometer = replace(dataset.sensors["accelerometer"], **{known: (0.4, -0.2, 0.1)})

@@ -48,6 +48,7 @@ def test_posterior_matches_linear_smoother_about_measured_motion(run, overrides)
     assert abs(np.log(ratio).mean()) < 0.03
 
 
+@pytest.mark.slow
 def test_posterior_without_process_noise_equals_bound_of_unstable_vehicle(remus):
     """An integrated motion would diverge from that of the doublets by rounding: a tenth too optimistic."""
     doublets = (

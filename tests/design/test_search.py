@@ -31,6 +31,7 @@ def test_search_improves_and_repeats_with_seed(reached):
     assert again.best.manoeuvre == steps[0].best.manoeuvre
 
 
+@pytest.mark.slow
 def test_interrupted_search_continues_alike(reached):
     problem, steps = reached
     tried = []
@@ -50,6 +51,7 @@ def test_interrupted_search_continues_alike(reached):
     assert len(tried) == 14
 
 
+@pytest.mark.slow
 def test_result_is_compared_with_standard_manoeuvres_on_held_out_vehicles(reached):
     problem, steps = reached
     design = conclude(problem, steps[-1])
@@ -68,6 +70,7 @@ def test_result_is_compared_with_standard_manoeuvres_on_held_out_vehicles(reache
     assert design.weak_coefficients[0].percent == worst.max()
 
 
+@pytest.mark.slow
 def test_spiral_is_kept_without_improvement(reached):
     problem, _ = reached
     design = conclude(problem, SearchProgress(1, 1, problem.spiral_trial))
@@ -77,6 +80,7 @@ def test_spiral_is_kept_without_improvement(reached):
     assert design.time_to_match == pytest.approx(20.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_impossible_envelope_raises_config_error_with_limits_to_relax(remus, requirement):
     problem = make_problem(remus(), requirement({"box": 5.0, "roll": 0.02, "speed": 1.5}))
     found = next(search(problem.space, problem.search_set, 1))

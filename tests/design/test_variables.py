@@ -31,6 +31,7 @@ def space(remus):
     return space_of(remus())
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(places=st.lists(st.floats(0.0, 1.0), min_size=15, max_size=15))
 def test_every_point_is_valid_manoeuvre(space, places):

@@ -90,6 +90,7 @@ def test_without_process_noise_the_bound_with_it_is_that_of_the_free_motion(simu
     assert np.abs(np.log([bounds[symbol] / free[symbol] for symbol in SYMBOLS])).max() < 0.02
 
 
+@pytest.mark.slow
 def test_before_any_estimate_the_bound_with_process_noise_is_that_of_the_smoother(short_run, short_estimates):
     prepared, smoother = prepare(short_run), short_estimates[FilterName.SMOOTHER]
     about = probable_motion(prepared, smoother.final_coefficients())
@@ -126,6 +127,7 @@ def test_beside_a_current_that_is_sought_it_is_promised_what_an_estimate_then_ha
     assert (found["current_north"], found["current_east"]) == pytest.approx((0.15, -0.2), abs=0.01)
 
 
+@pytest.mark.slow
 def test_process_noise_leaves_less_to_be_said_and_no_measurement_nothing(short_run, short_estimates):
     prepared, smoother = prepare(short_run), short_estimates[FilterName.SMOOTHER]
     bounds = bounds_with_process_noise(prepared, smoother)

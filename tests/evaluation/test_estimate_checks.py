@@ -51,6 +51,7 @@ def smoothed(long_enough):
     return identify(long_enough, FilterName.SMOOTHER)
 
 
+@pytest.mark.slow
 def test_note_on_an_early_end_is_kept_and_shown(short_run, monkeypatch, tmp_path):
     # Whatever is left of the way is said.
     monkeypatch.setattr("auvid_cli.filters.smoother.MIN_DECREASE", 0.0)
@@ -99,6 +100,7 @@ def test_that_nobody_has_judged_is_worth_knowing_and_no_failure(long_enough):
     assert unjudged.advice.startswith("not judged")
 
 
+@pytest.mark.slow
 def test_an_estimate_that_is_not_sound_fails_and_says_what_would_help(long_enough, smoothed):
     bias = FaultTest(Fault.parse("bias of r"), "rad/s", 1e-3, 1e-4, "N_url", 2.0)
     checks, fails = verdicts(long_enough, reference=replace(smoothed, faults=(bias,)))

@@ -1,5 +1,7 @@
 """What a report has to say about its estimates together."""
 
+import pytest
+
 from auvid_cli.config.enums import FilterName
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
@@ -7,6 +9,7 @@ from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 
 
+@pytest.mark.slow
 def test_estimates_of_different_parts_of_the_data_are_told_apart(short_run, short_estimates, with_settings):
     whole = [short_estimates[name] for name in (FilterName.CKF, FilterName.TUKF)]
     assert evaluate(prepare(short_run), whole, BoundsOf(prepare(short_run))).remarks == []

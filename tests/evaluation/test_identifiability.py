@@ -163,6 +163,7 @@ LEVEL = (
 )
 
 
+@pytest.mark.slow
 def test_at_one_speed_a_moment_of_trim_cannot_be_told_from_an_elevator_that_is_off(simulated_with, with_settings):
     """Level at a held speed both are one constant moment; the bound of each is then the prior's, and that is said."""
     level = simulated_with(*LEVEL).without_truth()

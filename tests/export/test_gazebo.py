@@ -156,6 +156,7 @@ def assert_same_without_fins(model, motion, inputs, derivative_of):
     assert_same(gazebo_acceleration(model, motion, inputs), model, motion, inputs, derivative_of)
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32 - 1))
 def test_gazebo_model_equals_the_core_with_fins_at_zero(seed, skewed, derivative_of, draw):
     assert_same_without_fins(skewed, *draw(seed), derivative_of)

@@ -78,6 +78,7 @@ def test_python_module_differs_only_in_comments(text, write, tame):
     exec(compile(code, "model.py", "exec"), {})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("write", [matlab_text, mss_text])
 @hostile
 def test_matlab_function_differs_only_in_comments(text, write, tame):

@@ -31,6 +31,7 @@ def smoothed(problem, segments, prior, n):
     return *final(records, outcome, n), outcome
 
 
+@pytest.mark.slow
 def test_segment_estimate_is_that_of_the_segment_alone(two_segments):
     problem, halves, prior = two_segments
     n = problem.prior.mean.size - problem.process.noise_density.size
@@ -44,6 +45,7 @@ def test_segment_estimate_is_that_of_the_segment_alone(two_segments):
         assert_allclose(other.moved, other.deviation * variance / own_variance)
 
 
+@pytest.mark.slow
 def test_single_segment_has_no_alternatives(linear_problem):
     p = linear_problem
     outcome = run_smoother(JointProblem(p.process, p.sensors, [[p.timeline]], p.prior), lambda timeline, chunk: None)

@@ -84,6 +84,7 @@ def test_white_residuals_keep_nominal_deviations(regression):
     assert np.min(ratios) >= 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("coloured", "time_constant"), [(0.5, 1.0), (0.9, 3.0)])
 def test_correlated_noise_gives_exact_least_squares_deviations(regression, coloured, time_constant):
     """On average the correction is that of the closed form, and of the errors themselves."""
@@ -147,6 +148,7 @@ def test_no_measurements_keep_nominal_deviations(regression):
     assert_allclose(corrected_deviation(np.ones(4), [[], [nothing]], CHANNELS), 1.0)
 
 
+@pytest.mark.slow
 def test_error_at_the_beginning_is_corrected():
     """A sensor that settles: over the whole run the autocovariance is small, and scores of both channels cancel."""
     rng, fading = np.random.default_rng(7), np.exp(-SPACING * np.arange(EVENTS) / 10.0)

@@ -130,6 +130,7 @@ def answer_of(problem, marginal):
     return outcome, chunks[-1].mean[-1], chunks[-1].standard_deviation[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cut", [(), (150, 270)], ids=["one segment", "three segments"])
 def test_marginal_estimate_maximises_the_likelihood(cut, rng):
     measured = simulated(rng)
@@ -151,6 +152,7 @@ def test_marginal_estimate_maximises_the_likelihood(cut, rng):
     assert abs(scores.score[0] - score) < 0.2 * np.sqrt(scores.information[0, 0])
 
 
+@pytest.mark.slow
 def test_too_few_steps_report_convergence_status(rng):
     problem = problem_of(simulated(rng), ())
     smoothing = LinearSmoothing(problem)

@@ -82,6 +82,7 @@ def _fading(mean, inputs, substep_input, substep_duration, constants, selection,
     mean[1] *= left
 
 
+@pytest.mark.slow
 def test_density_is_that_of_noise_that_acts_all_along(rng):
     """A velocity forgets much from one measurement to the next; its exact likelihood says how it is driven."""
     n, interval, rate, noise = 400, 0.5, 1.6, 0.1

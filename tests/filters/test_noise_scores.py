@@ -166,6 +166,7 @@ def test_the_slope_by_a_time_constant_is_that_of_the_likelihood(problem, with_de
     assert_allclose(scores.slope, differences(faded, at, groups), rtol=2e-4, atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_driven", [False, True], ids=["", "driven"])
 def test_time_constant_scores_are_those_of_one_joint_gaussian(linear_problem, moments_of_measurements, is_driven):
     p = linear_problem

@@ -119,6 +119,7 @@ def free_motion(problem, start):
     return np.array(motions)
 
 
+@pytest.mark.slow
 def test_vehicle_sensitivities_are_differences(vehicle_problem):
     problem, start = vehicle_problem
     mean, sensitivity, _, _ = whole(problem, start, problem.segments[0].timelines)

@@ -78,6 +78,7 @@ def test_a_linear_problem_is_solved_as_by_one_big_system(chunk, linear_problem, 
     assert_allclose(history.covariance, expected.covariance, rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunk", [7, 1])
 def test_same_numbers_from_memory_file_and_second_pass(chunk, linear_problem, run_whole, monkeypatch):
     whole = run_whole(smooth_one, linear_problem, chunk=chunk)

@@ -49,6 +49,7 @@ def test_estimators_see_what_acted_in_the_simulation(experiment_with, simulated_
         assert_allclose(seen, acted - trim, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_modelled_actuators_remove_the_bias(run, with_settings):
     true, unaware = run.truth.coefficients, with_settings(run, "vehicle.actuators={}")
     fins = "Y_uudr", "Z_uude", "M_uude", "N_uudr"

@@ -242,6 +242,7 @@ def test_walking_trim_and_one_axis_of_an_arm_are_states(off_centre, with_setting
     assert estimate.state[-1] == "rudder_trim"
 
 
+@pytest.mark.slow
 def test_walking_ballast_differs_between_segments(simulated_with, with_settings, experiment_with):
     """Two dives one after the other, with 6 N and a moment of 2 N m between them."""
     stated = experiment_with().vehicle.known_parameters()

@@ -88,6 +88,7 @@ def test_autocorrelated_residuals_reduce_what_data_say_of_a_tolerance():
     assert_allclose(second_moments(scores, np.array([1.0])), 1.0 / (1.0 + 100.0 / 9.0))
 
 
+@pytest.mark.slow
 def test_total_covariance_adds_errors_of_known_quantities(estimate, tmp_path):
     considered = estimate.considered
     n = len(considered.inflation)

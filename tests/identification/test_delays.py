@@ -65,6 +65,7 @@ def test_delays_are_found_to_ten_milliseconds_and_coefficients_with_them(late, p
     assert chunks[-1].mean[-1, -2:] == pytest.approx(prepared.delays.value)
 
 
+@pytest.mark.slow
 def test_ignored_delays_make_the_estimate_inconsistent(late, prepared):
     blind = identify(late, FilterName.SMOOTHER)
     (run,), chunks = set_up_filters(prepared, [FilterName.SMOOTHER]), []
@@ -80,6 +81,7 @@ def test_ignored_delays_make_the_estimate_inconsistent(late, prepared):
     assert {"delay of the inputs", "delay of the DVL"}.isdisjoint(str(test.fault) for test in seeing.faults)
 
 
+@pytest.mark.slow
 def test_unknown_delay_widens_covariance(late, prepared, with_settings):
     stated = with_settings(late, f"identification.delays={{inputs: {-LATE}, dvl: {STAMPED}}}")
     known, sought = (

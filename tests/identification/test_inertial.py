@@ -123,6 +123,7 @@ def test_accelerometer_is_predicted_along_the_true_motion(manoeuvre, simulated_w
     assert np.abs(np.concatenate(normal)).max() < 6.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ekf", "ckf", "ukf", "tukf", "smoother", "output_error"])
 def test_every_estimator_finds_coefficients_and_biases(name, raw_run, with_settings):
     biases = "identification.estimate.biases=[gyro, accelerometer, accelerometer_scale, magnetometer]"
@@ -167,6 +168,7 @@ def test_initial_heading_follows_from_the_magnetic_field(in_the_field):
     assert motion[8] == pytest.approx(true, abs=0.12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ekf", "ckf", "smoother", "output_error"])
 def test_magnetic_bias_is_estimated(name, in_the_field, with_settings):
     dataset = with_settings(in_the_field, "identification.estimate.biases=[magnetic_field]")
@@ -179,6 +181,7 @@ def test_magnetic_bias_is_estimated(name, in_the_field, with_settings):
     assert estimate.standard_deviation[-1, estimate.state.index("bias_mx")] < 1e-7
 
 
+@pytest.mark.slow
 def test_unmodelled_magnetic_bias_is_named(in_the_field):
     faults = identify(in_the_field, FilterName.SMOOTHER).faults
     worst = max(faults, key=lambda test: abs(test.z))
@@ -214,6 +217,7 @@ def trimmed(dataset):
     return replace(dataset, inputs=replace(dataset.inputs, values=values))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "fault", "size"),
     [

@@ -102,6 +102,7 @@ def test_the_information_is_the_sum_of_what_each_says_whatever_its_motion(two_se
     assert_allclose(grown, deviation, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_bounds_of_several_segments_are_those_of_their_fit_and_below_those_of_one(two_segments, with_settings):
     fit = identify(two_segments, FilterName.OUTPUT_ERROR)
     bounds = BoundsOf(prepare(two_segments))(fit)

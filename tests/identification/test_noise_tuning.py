@@ -131,6 +131,7 @@ def test_disturbance_is_sized(tuned_disturbance):
     assert yaw._replace(high=np.inf).worth_stating == yaw.tuned
 
 
+@pytest.mark.slow
 def test_disturbance_sizes_are_written_and_read_as_lists(tuned_disturbance, experiment_with):
     asked = f"identification.estimate={DISTURBED}"
     settings = yaml.safe_load(tuned_disturbance.settings())["identification"]
@@ -141,6 +142,7 @@ def test_disturbance_sizes_are_written_and_read_as_lists(tuned_disturbance, expe
     assert read.moment.standard_deviation[0] == 0.0
 
 
+@pytest.mark.slow
 def test_tuned_file_states_its_biases(tuned_disturbance, experiment_with):
     """The process noise of a run that something disturbs is no more that of the same without."""
     estimate = yaml.safe_load(tuned_disturbance.settings())["identification"]["estimate"]

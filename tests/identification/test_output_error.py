@@ -47,6 +47,7 @@ def values_of(coefficients):
     return np.array([coefficients[symbol] for symbol in SYMBOLS])
 
 
+@pytest.mark.slow
 def test_without_noise_it_finds_the_true_coefficients(simulated_with):
     dataset = simulated_with(*NOISELESS)
     estimate = identify(dataset, FilterName.OUTPUT_ERROR)

@@ -59,6 +59,7 @@ def test_natural_magnitudes_are_of_a_propeller_as_wide_as_the_hull(run):
         assert natural_magnitude(term, size) == pytest.approx(expected)
 
 
+@pytest.mark.slow
 def test_propulsion_dataset_is_read_back(run, tmp_path):
     path = tmp_path / "dataset.h5"
     write_dataset(path, run)
@@ -85,6 +86,7 @@ def test_manoeuvre_without_propulsion_inputs_is_refused(experiment_with):
         simulate(experiment_with().model_copy(update={"vehicle": stated.vehicle}))
 
 
+@pytest.mark.slow
 def test_constant_revolutions_are_not_informative(simulated_with):
     """At one speed a constant n |n| is a constant force, as drag and a held thrust are."""
     chosen = "identification.coefficients=[X_u|u|, X_n|n|, X_|n|u]", "identification.estimate.biases=[thrust]"

@@ -54,6 +54,7 @@ def test_outliers_move_no_coefficient_by_a_standard_deviation(estimates):
     assert status_of(wild) == "completed"
 
 
+@pytest.mark.slow
 def test_clean_data_lose_little(estimates):
     plain, robust, _ = estimates
     assert plain.innovations["dvl"].weight is None
@@ -62,6 +63,7 @@ def test_clean_data_lose_little(estimates):
     assert (ratio < 1.015).all()
 
 
+@pytest.mark.slow
 def test_weights_and_counts_are_reported_by_sensor(estimates, with_outliers, tmp_path):
     *_, wild = estimates
     write_estimate(tmp_path / "estimate.h5", wild)

@@ -132,6 +132,7 @@ def _with_22_alone(clean, found):
     }
 
 
+@pytest.mark.slow
 def test_files_keep_own_terms(clean, found, tmp_path):
     write_dataset(tmp_path / "dataset.h5", clean)
     data = read_dataset(tmp_path / "dataset.h5")

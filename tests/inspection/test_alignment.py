@@ -61,6 +61,7 @@ def test_input_delay_is_found_between_samples(dataset):
     assert Alignment(0.5, False, share=0.5).distorts
 
 
+@pytest.mark.slow
 def test_wrong_sign_is_found_with_delayed_inputs(dataset):
     _, fails = verdicts(late(with_columns(dataset, [0, 1, 2, 3], (-1.0, 1.0, 1.0, 1.0)), 1.0))
     assert fails == {DELAY, ("rudder", "response of r")}

@@ -41,6 +41,7 @@ def test_autocorrelated_gyroscope_advises_bias_or_process_noise(simulated_with):
     assert "lower" not in causes.advice
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "biases", "does_without"),
     [

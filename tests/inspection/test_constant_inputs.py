@@ -26,6 +26,7 @@ def verdicts_of(simulated_with, tmp_path_factory):
     return run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rudder", "thrust"), [(0.0, 0.0), (0.1, 10.0)], ids=["coast-down", "steady turn"])
 def test_constant_inputs_do_not_fail(rudder, thrust, verdicts_of):
     """The compass changes by noise alone."""

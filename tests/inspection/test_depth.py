@@ -28,12 +28,14 @@ def fails_of(dataset):
     return {(check.subject, check.check) for check in inspect_dataset(dataset).checks.failed()}
 
 
+@pytest.mark.slow
 def test_sound_depth_passes(dive):
     checks = inspect_dataset(dive).checks
     assert not checks.failed()
     assert {"depth against pitch and u", "w against depth", "pitch offset"} <= {check.check for check in checks}
 
 
+@pytest.mark.slow
 def test_altitude_as_depth_fails(dive, changed):
     def turn(time, values):
         values *= -1.0
@@ -78,6 +80,7 @@ def test_pitch_offset_fails_with_its_size(dive, changed):
     assert "-12 deg" in check.statistic
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [11.0, -11.0])
 def test_temporary_pitch_offset_fails_with_size_and_time(degrees, dive, changed):
     """Depth against pitch and surge is sound over seconds, and is not blamed."""

@@ -103,6 +103,7 @@ def test_wrong_sign_fails_one_check(symbol, source, sound_run, changed):
     assert fails == TURNED[symbol]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("symbol", ["r", "psi", "rudder", "v"])
 def test_zigzag_determines_signs_of_horizontal_plane(symbol, sound_run, changed):
     _, fails = verdicts(scaled(changed, sound_run("zigzag_20_20"), symbol, -1.0))
@@ -149,6 +150,7 @@ def test_spike_of_any_sensor_fails(sensor, sound_run, changed):
     assert fails == {(sensor, "spikes")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["ahrs", "direct"])
 def test_heading_excursions_fail_with_times(source, sound_run, changed):
     def jump(time, values):
@@ -201,6 +203,7 @@ def test_pitch_offset_by_accelerometer_fails_with_its_size(sound_run, changed):
     assert "+12 deg" in advice_of(inspection, "attitude", "pitch offset").statistic
 
 
+@pytest.mark.slow
 def test_slow_sensor_is_not_fast_enough(sound_run):
     dataset = sound_run("long_spiral")
     record = dataset.sensors["dvl"]

@@ -52,6 +52,7 @@ def test_stated_accelerometer_position_explains_lever_arm(dataset):
     assert lever_arm(stated)[0].passed is None
 
 
+@pytest.mark.slow
 def test_wrong_sign_of_sway_is_no_lever_arm(dataset, changed):
     def turn(time, values):
         values[:, 1] *= -1.0

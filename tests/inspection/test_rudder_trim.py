@@ -31,6 +31,7 @@ def zigzag(simulated_with):
     return simulated_with("manoeuvre=manoeuvres/zigzag_20_20.yaml", "manoeuvre.duration=100 s")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [-2.0, 1.0])
 def test_rudder_trim_is_noted_with_its_angle(degrees, zigzag):
     (check,) = trims(with_rudder(zigzag, degrees))

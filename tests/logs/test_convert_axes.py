@@ -50,6 +50,7 @@ def test_vertical_velocity_over_ground_comes_from_depth(converted):
         converted(log, lateral, ATTITUDE % "")
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.floats(0, 2e9), st.sampled_from(["", "upside down", "backward"]))
 def test_axes_units_and_epochs_are_converted(converted, seed, epoch, mount):
     velocity, rates, angles = motion(seed)

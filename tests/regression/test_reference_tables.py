@@ -63,6 +63,7 @@ def test_coefficients_are_those_of_the_reference(tables):
         )
 
 
+@pytest.mark.slow
 def test_summary_is_that_of_the_reference(tables):
     for a, b in zip(rows(tables, "summary.csv"), rows(REFERENCE, "summary.csv"), strict=True):
         assert (a["filter"], a["steps"], a["status"]) == (b["filter"], b["steps"], b["status"])
@@ -70,6 +71,7 @@ def test_summary_is_that_of_the_reference(tables):
             assert float(a[column]) == pytest.approx(float(b[column]), rel=RELATIVE)
 
 
+@pytest.mark.slow
 def test_velocity_errors_are_those_of_the_reference(tables):
     for a, b in zip(rows(tables, "velocity_error.csv"), rows(REFERENCE, "velocity_error.csv"), strict=True):
         assert (a["filter"], a["component"], a["unit"]) == (b["filter"], b["component"], b["unit"])

@@ -54,6 +54,7 @@ def test_files_hold_every_combination(findings, tmp_path):
     assert sum(line.startswith(("| slow", "| fast")) for line in text.splitlines()) == 12 + 24
 
 
+@pytest.mark.slow
 def test_sentences_count_the_combinations(findings):
     sentences = comparison_sentences(findings)
     assert "ckf and wide, steady-state error: tie in 4 (of 4 settings)" in sentences
@@ -61,6 +62,7 @@ def test_sentences_count_the_combinations(findings):
     assert f"ckf and ekf, steady-state error: {lost}" in sentences
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [40, 80, 200])
 def test_the_screen_shows_what_it_has_room_for(findings, width):
     screen = io.StringIO()

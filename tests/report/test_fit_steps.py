@@ -53,6 +53,7 @@ def test_next_run_is_advised_by_what_was_held_and_not_recorded(fit):
     assert "thrust" not in advice
 
 
+@pytest.mark.slow
 def test_page_has_steps_and_advice(fit, short_run, tmp_path):
     page = write_page(fit_page(short_run, fit), tmp_path / "fit.html").read_text(encoding="utf-8")
     for text in (

@@ -19,6 +19,7 @@ def printed(evaluation, width):
     return text.getvalue()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [60, 80, 100, 140])
 def test_nothing_is_cut_off(evaluation, width):
     text = printed(evaluation, width)
@@ -43,6 +44,7 @@ def test_averages_stand_below_table_iv(evaluation):
     assert "RMSE / |true value|" in " ".join(text.split())
 
 
+@pytest.mark.slow
 def test_a_narrow_terminal_drops_columns_and_names_them(evaluation):
     assert "left out at 60 columns (widen the terminal): unit, true, paper" in " ".join(printed(evaluation, 60).split())
     assert "left out" not in printed(evaluation, 100)

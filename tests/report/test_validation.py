@@ -228,6 +228,7 @@ def test_what_the_prior_predicts_does_not_set_the_axis(validation):
     assert [text.get_text() for text in axes.texts] == ["prior: above the axis"]
 
 
+@pytest.mark.slow
 def test_a_depth_that_is_predicted_has_a_panel_of_its_own(validation):
     depth = [row._replace(signal="down", unit="m") for row in validation.predictions if row.signal == "u"]
     rows = [*validation.predictions, *depth]

@@ -51,6 +51,7 @@ def test_written_files_are_read_by_all_commands(mine, tmp_path):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inverted", [False, True])
 def test_spiral_passes_inspection_unless_roll_moment_is_inverted(mine, inverted, tmp_path):
     write_folder(tmp_path / "mine", mine.texts)
@@ -76,6 +77,7 @@ def test_derived_numbers_have_status_and_source(mine):
     assert all("source: " in line and "standard_deviation: " in line for line in lines if "derived: G" in line)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["remus100", "vehicles/remus100.yaml"])
 def test_shipped_vehicle_is_copied(name):
     folder = folder_like(Path("mine"), name, None)
@@ -115,6 +117,7 @@ def test_sanity_rows_have_values_and_comparison(mine):
     assert [*sanity_notes(mine.vehicle, mine.spiral)] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "note"),
     [

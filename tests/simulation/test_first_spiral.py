@@ -21,6 +21,7 @@ def shipped(name):
     return parse_vehicle((shipped_configs() / "vehicles" / name).read_text(encoding="utf-8"), name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("outline", "speed"),
     [
@@ -41,6 +42,7 @@ def test_vehicle_of_outline_stays_upright_and_near_its_speed(outline, speed):
     assert 0.08 * 300 * speed < spiral.depth < 0.3 * 300 * speed
 
 
+@pytest.mark.slow
 def test_shipped_vehicle_follows_full_spiral_at_cruising_speed(vehicle_file):
     vehicle = shipped(vehicle_file)
     speed = cruising_speed(vehicle)
@@ -56,6 +58,7 @@ def test_fast_vehicle_gets_less_excitation(monkeypatch):
         first_spiral(vehicle, 20.0)
 
 
+@pytest.mark.slow
 def test_message_has_slenderness_of_short_vehicle(monkeypatch):
     monkeypatch.setattr("auvid_cli.simulation.first_folder.MIN_DURATION", 60.0)
     with pytest.raises(ConfigError, match=r"2\.5 diameters long; expected 4 to 15"):

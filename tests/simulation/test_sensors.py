@@ -169,6 +169,7 @@ def test_delay_shifts_time_stamps_only(delay, measurement):
     assert np.array_equal(late.values, prompt.values[kept], equal_nan=True)
 
 
+@pytest.mark.slow
 def test_delay_spread_is_drawn_per_sensor_and_seed(experiment_with, standing_still):
     spread = [f"sensors.{name}={{rate: 1 Hz, noise: 0, start: 50 s, delay_spread: 1 s}}" for name in RAW]
     suite, truth = experiment_with(*spread).sensors, standing_still(60.0)
@@ -245,6 +246,7 @@ def rotation(attitude):
     return yaw @ pitch @ roll
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sea", ["{}", "{force: {standard_deviation: 5 N}}"])
 def test_specific_force_is_acceleration_minus_gravity(sea, fly, experiment_with):
     truth = fly(None, "manoeuvre.duration=40 s", f"manoeuvre.disturbance={sea}")
@@ -268,6 +270,7 @@ def test_specific_force_in_steady_turn_is_omega_cross_v_minus_gravity(fly, exper
     assert_allclose(felt, centripetal - rotation(motion[6:]).T @ [0.0, 0.0, GRAVITY], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_specific_force_includes_lever_arm(fly, experiment_with):
     truth, arm = fly(None, "manoeuvre.duration=40 s"), np.array([0.5, -0.3, 0.2])
     stated = "sensors.accelerometer={rate: 100 Hz, noise: 0, start: 0.005 s, position: [50 cm, -30 cm, 20 cm]}"

@@ -37,6 +37,7 @@ def slope(time, state, truth, inputs, push):
     return np.concatenate([rate[::LANES], [x, y, z]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("disturbance", "tolerance"), [("{}", 1.0), ("{force: {standard_deviation: 5 N}}", 10.0)])
 def test_motion_and_position_agree_with_independent_integrator(disturbance, tolerance, fly, experiment_with):
     whole = "manoeuvre.duration=30 s", "manoeuvre.input_rate=10 Hz", f"manoeuvre.disturbance={disturbance}"

@@ -64,6 +64,7 @@ def test_copies_with_missing_and_held_values_are_found(rng):
     assert not have_run_in_common(without, rng.standard_normal((100, 3)))
 
 
+@pytest.mark.slow
 def test_copy_is_found_late_in_a_long_record(rng):
     """Equal measurements are counted at the beginning alone."""
     long = np.round(rng.standard_normal((120_000, 1)), 2)

@@ -8,6 +8,7 @@ from auvid_cli.identification.run import identify
 from auvid_cli.validation.validate import predict, validate
 
 
+@pytest.mark.slow
 def test_predictions_without_bands_equal_those_of_validate(multisine_with):
     dataset = multisine_with()
     estimate = identify(dataset, FilterName.SMOOTHER)

@@ -151,6 +151,7 @@ def test_diverged_draws_are_counted_and_remarked(zigzag, with_coefficients):
     assert any(remark.startswith(f"{blown_up} of 50") for remark in validation.remarks)
 
 
+@pytest.mark.slow
 def test_without_a_covariance_there_is_no_band(zigzag, with_coefficients):
     estimate = with_coefficients(zigzag.truth.coefficients)
     validation = validate([zigzag], replace(estimate, covariance=np.full_like(estimate.covariance, np.inf)), starts=12)
@@ -233,6 +234,7 @@ def test_estimated_disturbance_is_in_predictions_and_bands(simulated_with, with_
             assert row.share_within_band > 0.8 > other.share_within_band
 
 
+@pytest.mark.slow
 def test_turn_in_a_current_is_over_ground(simulated_with, with_coefficients, experiment_with):
     current = "manoeuvre.current_north=0.4 m/s", "manoeuvre.current_east=-0.3 m/s"
     drifting = simulated_with(CIRCLE, "manoeuvre.duration=40 s", WHITE, "seed=31", *current)
@@ -272,6 +274,7 @@ def test_turn_without_roll_is_level_and_remarked(simulated_with, with_coefficien
         assert number.predicted == pytest.approx(number.measured, rel=0.01, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_predictions_without_dvl_start_from_model_velocity(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "dvl"})
     validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=5)
@@ -279,6 +282,7 @@ def test_predictions_without_dvl_start_from_model_velocity(zigzag, with_coeffici
     assert free_fits(validation)["r"] > 90.0
 
 
+@pytest.mark.slow
 def test_a_short_run_has_short_horizons(simulated_with, with_coefficients):
     short = simulated_with("manoeuvre.duration=15 s", WHITE)
     validation = validate([short], with_coefficients(short.truth.coefficients), starts=20)
@@ -316,6 +320,7 @@ def test_errors_on_own_data_widen_bands(zigzag, simulated_with, undisturbed, exp
     assert share(with_own) > 0.85
 
 
+@pytest.mark.slow
 def test_inconsistent_estimate_keeps_its_judgement(zigzag, with_coefficients):
     time, large = np.arange(100.0), np.full((100, 3), 3.0)
     innovations = {"dvl": Innovations(time, large, np.ones((100, 3)), np.square(large).sum(axis=1), np.ones(3))}

@@ -67,6 +67,7 @@ def energy_drift(core, step):
     return np.abs(energy - energy[0]).max() / kinetic_energy(OFFSET, start)
 
 
+@pytest.mark.slow
 def test_energy_is_conserved_without_damping_to_the_order_of_the_integrator(core):
     coarse, medium, fine = (energy_drift(core, step) for step in (0.04, 0.02, 0.01))
     assert fine < 1e-7
@@ -75,6 +76,7 @@ def test_energy_is_conserved_without_damping_to_the_order_of_the_integrator(core
         assert 12.0 < ratio < 45.0
 
 
+@pytest.mark.slow
 @given(
     motion=st.tuples(*[st.floats(-2.0, 2.0)] * 3, *[st.floats(-0.5, 0.5)] * 3, *[st.floats(-1.0, 1.0)] * 3),
     drags=st.tuples(*[st.floats(-200.0, -1.0)] * 6),

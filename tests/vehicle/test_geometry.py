@@ -224,6 +224,7 @@ def test_more_fin_steers_and_damps_more(geometry, times):
         assert abs(after[name]) > abs(before[name])
 
 
+@pytest.mark.slow
 @given(SHAPES, st.floats(0.2, 5.0))
 def test_numbers_scale_with_size_as_their_units_say(geometry, times):
     """But for skin friction, which hangs on the Reynolds number."""

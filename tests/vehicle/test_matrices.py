@@ -14,6 +14,7 @@ from auvid_cli.vehicle.rigid_body import coriolis_matrix, mass_matrix, restoring
 seeds = st.integers(0, 2**32 - 1)
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 def test_mass_matrix_is_equation_12(seed, random_vehicle):
     vehicle = random_vehicle(np.random.default_rng(seed))

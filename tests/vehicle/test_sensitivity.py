@@ -1,6 +1,7 @@
 """Jacobian and transition matrix against differences, linearity and an independent integrator."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -49,6 +50,7 @@ def test_jacobian_by_motion_equals_differences(seed, core, random_vehicle, rando
     assert_allclose(by_motion, expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 def test_columns_by_coefficient_follow_from_linearity(seed, core, random_vehicle, random_state):
     rng = np.random.default_rng(seed)

@@ -64,6 +64,7 @@ def test_time_may_run_along_the_rows(tmp_path):
     assert_reads(open_log(path), "", {"angles[1]": [1, 4, 7, 10, 13], "t": TIME})
 
 
+@pytest.mark.slow
 def test_structs_of_matlab_are_tables_of_their_fields(tmp_path):
     path = tmp_path / "log.mat"
     savemat(
@@ -87,6 +88,7 @@ def test_structs_of_matlab_are_tables_of_their_fields(tmp_path):
     assert_reads(log, "", {"t": TIME})
 
 
+@pytest.mark.slow
 def test_a_structure_with_time_of_simulink_is_a_table(tmp_path):
     path = tmp_path / "log.mat"
     signals = np.array([({"values": TIME + 1, "label": "u"},), ({"values": TIME + 2, "label": "v"},)], dtype=object)
@@ -156,6 +158,7 @@ def _abort(path, **options):
     os.abort()
 
 
+@pytest.mark.slow
 def test_signal_one_sample_short_has_the_time_of_its_struct(tmp_path):
     path = tmp_path / "log.mat"
     savemat(path, {"dvl": {"rovtime": TIME, "u": TIME[:-1] + 1}, "depth": {"time": TIME[:-1], "d": TIME[:-1]}})
@@ -166,6 +169,7 @@ def test_signal_one_sample_short_has_the_time_of_its_struct(tmp_path):
     assert remark.startswith("dvl.u: one sample shorter")
 
 
+@pytest.mark.slow
 def test_matrix_of_many_columns_has_time_along_rows(tmp_path):
     path = tmp_path / "log.mat"
     savemat(path, {"data": np.arange(600.0).reshape(3, 200)})

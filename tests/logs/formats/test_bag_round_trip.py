@@ -41,6 +41,7 @@ FLU = np.diag([1.0, -1.0, -1.0])
 NED_OF_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_motion_comes_back_from_a_bag(tmp_path, plugin):
     seconds = TICKS * 1e-9

@@ -136,6 +136,7 @@ def test_a_delimiter_within_quotation_marks_divides_nothing(opened):
     ]
 
 
+@pytest.mark.slow
 def test_latin_1_is_understood_wherever_it_begins(opened):
     late = "t,note\n" + "1,plain\n" * 40_000 + "2,größer\n"
     assert read(opened(late, encoding="latin-1"), "note")[0][-1] == "größer"
@@ -205,6 +206,7 @@ def test_missing_column_raises_file_error_with_nearest(opened):
         opened("t,u\n1,2\n").read("dvl", ["u"])
 
 
+@pytest.mark.slow
 def test_a_compressed_log_cut_short_is_an_error(tmp_path):
     path = tmp_path / "log.csv.gz"
     text = "t,u\n" + "".join(f"{k},{k**7 % 1013}\n" for k in range(20_000))

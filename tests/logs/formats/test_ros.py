@@ -137,6 +137,7 @@ def beam(store, k):
     return store.serialize_cdr(store.types["dvl_msgs/msg/Beam"](1.5 * k), "dvl_msgs/msg/Beam")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Beam.msg", "dvl_msgs/msg/Beam.msg"])
 def test_undefined_topic_is_named_and_read_with_given_definition(tmp_path, name):
     bag = write_some(tmp_path, 8, {"/depth": ("std_msgs/msg/Float64", depth), "/beam": ("dvl_msgs/msg/Beam", beam)})

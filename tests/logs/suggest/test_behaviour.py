@@ -14,6 +14,7 @@ FINS = {
 }
 
 
+@pytest.mark.slow
 def test_inputs_of_a_controller_are_the_measured_angles():
     """Nothing else has the yaw and the pitch, and four fins stand beside them."""
     angles = {"yaw_input": TRUTH["psi"], "pitch_input": TRUTH["theta"], "chan7": TRUTH["phi"]}
@@ -24,6 +25,7 @@ def test_inputs_of_a_controller_are_the_measured_angles():
     assert "by its behaviour, not by its name" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "unit"), [(1.0, "rad"), (57.29578, "deg")])
 def test_angle_without_a_name_gets_its_unit(factor, unit):
     angles = {"phi": TRUTH["phi"], "theta": TRUTH["theta"], "signal": TRUTH["psi"]}
@@ -55,6 +57,7 @@ def test_pressure_is_not_taken_for_a_depth():
     assert "depth" not in found["sensors"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [3, 5, 10])
 def test_delay_below_sampling_step_is_not_suggested(rows):
     """Rows that repeat a slower sensor's last value seem late by half its step."""
@@ -64,6 +67,7 @@ def test_delay_below_sampling_step_is_not_suggested(rows):
     assert not any("offset" in sensor["time"] for sensor in found["sensors"].values())
 
 
+@pytest.mark.slow
 def test_delay_above_sampling_step_of_repeated_rows_is_suggested():
     later = {name: np.interp(TIME - 0.5, TIME, TRUTH[name]) for name in ("phi", "theta", "psi")}
     held = {name: np.repeat(values[::3], 3)[: TIME.size] for name, values in later.items()}
@@ -79,6 +83,7 @@ def smoothed(values, share=0.2):
     return copy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("raw", "copy"), [("depth_sensor_1", "depth"), ("depth_filtered", "depth"), ("depth", "down")])
 def test_unfiltered_column_is_taken_whatever_its_name(raw, copy):
     motion = REST | {name: TRUTH[name] for name in ("phi", "theta", "psi")}
@@ -148,6 +153,7 @@ def log_of_controller():
     return REST | angles | outputs | fins | depth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", ["z_smooth", "depth"])
 def test_log_of_controller_gives_angles_fins_and_raw_depth(depth):
     log = {depth if name == "z_smooth" else name: values for name, values in log_of_controller().items()}
@@ -171,6 +177,7 @@ def test_angles_of_controller_are_no_fins_without_gyroscope():
     assert not {"rudder", "elevator"} & {key for key, value in found["inputs"].items() if value is not None}
 
 
+@pytest.mark.slow
 def test_flag_of_depth_is_its_valid_column():
     flag = (np.arange(TIME.size) % 50 != 0).astype(float)
     _, found = suggested(log_of_controller() | {"z_good": flag})

@@ -36,17 +36,20 @@ def clock(seconds, hours=True):
     return [f"{int(s // 3600):02}:" * hours + f"{int(s % 3600 // 60):02}:{s % 60:05.2f}" for s in seconds]
 
 
+@pytest.mark.slow
 def test_clock_without_hours_is_moved_by_whole_hours(suggested):
     gyroscope, dvl, _ = suggested({"t": clock(43_110.0 + TIME, hours=False)}, {"t": clock(43_110.0 + TIME)})
     assert gyroscope["offset"] == "39600 s"
     assert "offset" not in dvl
 
 
+@pytest.mark.slow
 def test_time_of_day_is_moved_by_whole_days(suggested):
     _, dvl, _ = suggested({"t": EPOCH + TIME}, {"t": clock(EPOCH % 86_400.0 + TIME)})
     assert dvl["offset"] == f"{EPOCH // 86_400.0 * 86_400.0:.0f} s"
 
 
+@pytest.mark.slow
 def test_clock_since_boot_asks_for_its_offset(suggested):
     gyroscope, dvl, text = suggested({"TimeUS": 93_200_000 + 1e6 * TIME}, {"utc": EPOCH + TIME})
     asked, other = (gyroscope, dvl) if "offset" in gyroscope else (dvl, gyroscope)
@@ -55,6 +58,7 @@ def test_clock_since_boot_asks_for_its_offset(suggested):
     assert f"{abs(EPOCH - 93.2):.3f} s if it begins with the others" in text
 
 
+@pytest.mark.slow
 def test_column_that_overlaps_the_other_log_is_the_clock(suggested):
     gyroscope, dvl, _ = suggested({"time": 93.2 + TIME, "utc": EPOCH + TIME}, {"t": EPOCH + TIME})
     assert gyroscope["column"] == "utc"
@@ -62,12 +66,14 @@ def test_column_that_overlaps_the_other_log_is_the_clock(suggested):
     assert "offset" not in dvl
 
 
+@pytest.mark.slow
 def test_even_clock_is_preferred_to_uneven_one(suggested):
     late = EPOCH + TIME + np.random.default_rng(3).uniform(0.0, 0.09, TIME.size)
     gyroscope, *_ = suggested({"time": np.sort(late), "t_sensor": EPOCH + TIME}, {"t": EPOCH + TIME})
     assert gyroscope["column"] == "t_sensor"
 
 
+@pytest.mark.slow
 def test_offset_of_days_and_delay_are_added(tmp_path):
     # The MATLAB count of days, and a gyroscope that is half a second late.
     days = 739_413.0 + TIME / 86_400.0

@@ -177,6 +177,7 @@ def suggested(columns):
     return text, safe_load(text)
 
 
+@pytest.mark.slow
 def test_reference_is_not_asked_if_heading_is_turned():
     text, found = suggested(TRUTH | {"psi": 0.5 * np.pi - TRUTH["psi"]})
     attitude = found["sensors"]["attitude"]
@@ -186,12 +187,14 @@ def test_reference_is_not_asked_if_heading_is_turned():
     assert "reference: NED # check" in suggested(TRUTH)[0]
 
 
+@pytest.mark.slow
 def test_velocity_in_cm_keeps_depth_in_m():
     """Velocities above 200 are first assumed to be in mm/s."""
     _, found = suggested(TRUTH | {name: 150.0 * TRUTH[name] for name in "uvw"} | {"down": 1.5 * TRUTH["down"]})
     assert (found["sensors"]["dvl"]["unit"], found["sensors"]["depth"]["unit"]) == ("cm/s", "m")
 
 
+@pytest.mark.slow
 def test_heading_from_east_gets_sign_and_offset():
     columns = renamed("psi", "Yaw_ENU")(MUTATIONS["heading ENU"](TRUTH))
     text, found = suggested(columns)
@@ -199,6 +202,7 @@ def test_heading_from_east_gets_sign_and_offset():
     assert "psi: {column: Yaw_ENU, sign: -1, offset: 90 deg} # check: opposite sign; strong evidence" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("left_out", [(), ("p", "q", "r"), ("p", "q", "r", "u", "v", "w")])
 def test_negative_depth_keeps_signs_of_vertical_plane(left_out):
     own = {name: values for name, values in TRUTH.items() if name not in ("fx", "fy", "fz", *left_out)}
@@ -219,6 +223,7 @@ def test_velocity_named_north_and_east_is_over_ground():
     assert "not used" not in text
 
 
+@pytest.mark.slow
 def test_comment_states_evidence_of_line():
     text, _ = suggested(TRUTH)
     line = next(line for line in text.splitlines() if "rudder: {" in line)
@@ -231,6 +236,7 @@ def test_comment_states_missing_evidence():
     assert "no evidence for the sign of rudder" in text
 
 
+@pytest.mark.slow
 def test_flag_of_dvl_is_not_used_for_other_sensors():
     _, found = suggested(TRUTH | {"dvl_valid": np.ones(TIME.size)})
     assert [name for name, sensor in found["sensors"].items() if "valid" in sensor] == ["dvl"]
@@ -267,6 +273,7 @@ def test_weakly_correlated_signals_give_no_delay():
     assert "offset" not in found["sensors"]["depth"]["time"]
 
 
+@pytest.mark.slow
 def test_unused_columns_are_listed():
     more = {"battery": TIME, "desired_depth": TIME, "target.roll": TIME, "mode": 0.0 * TIME, "p2": TRUTH["p"]}
     text, found = suggested(TRUTH | more | {"yaw_copy": TRUTH["phi"], "pitch_angle": 0.5 * TRUTH["u"]})
@@ -408,6 +415,7 @@ def test_file_name_marks_servos_of_text_log():
     assert "possible fins: {log: SetServoPosition, column: value, rows: {column: id, values: [0]}}" in text
 
 
+@pytest.mark.slow
 def test_column_that_repeats_measured_angle_is_no_fin():
     """A controller's input is the measured angle; the fins have their own columns."""
     columns = {name: values for name, values in TRUTH.items() if name not in ("rudder", "elevator")}
@@ -419,11 +427,13 @@ def test_column_that_repeats_measured_angle_is_no_fin():
     assert not {"rudder", "elevator"} & {*found["inputs"]}
 
 
+@pytest.mark.slow
 def test_raw_column_is_preferred_to_filtered_one():
     _, found = suggested(TRUTH | {"down": TRUTH["u"], "depth_filt": TRUTH["down"], "depth_raw_m": TRUTH["down"]})
     assert "filt" not in str(found["sensors"]["depth"]["columns"])
 
 
+@pytest.mark.slow
 def test_flag_called_good_marks_valid_rows():
     _, found = suggested(TRUTH | {"dvl_good": np.ones(TIME.size)})
     assert found["sensors"]["dvl"]["valid"]["column"] == "dvl_good"

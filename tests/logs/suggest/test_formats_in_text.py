@@ -69,6 +69,7 @@ def test_rows_of_different_sensors_are_no_senders(suggested):
     assert not [name for name, sensor in found["sensors"].items() if "rows" in sensor]
 
 
+@pytest.mark.slow
 def test_measured_servos_are_preferred_to_set_points(suggested):
     angles = np.column_stack([TRUTH[name] for name in ("rudder", "elevator", "elevator", "rudder")])
     servos = {"timestamp": np.repeat(TIME, 4), "id": np.tile(np.arange(4), TIME.size), "value (rad)": angles.ravel()}
@@ -84,6 +85,7 @@ def test_measured_servos_are_preferred_to_set_points(suggested):
     }
 
 
+@pytest.mark.slow
 def test_velocity_of_the_bottom_has_reversed_signs(suggested):
     """PD0 by the guide: along starboard, ahead and up, and the bottom moves against the vehicle."""
     velocity = {"BT_vel_x_mms": -TRUTH["v"], "BT_vel_y_mms": -TRUTH["u"], "BT_vel_z_mms": TRUTH["w"]}
@@ -99,6 +101,7 @@ def test_velocity_of_the_bottom_has_reversed_signs(suggested):
     assert (dvl["unit"], dvl["frame"]) == ("mm/s", "FRD")
 
 
+@pytest.mark.slow
 def test_structs_of_structs_have_their_own_times_and_vectors(tmp_path):
     def vectors(*symbols):
         return np.column_stack([TRUTH[symbol] for symbol in symbols])

@@ -43,6 +43,7 @@ def check(dataset, rows=slice(None)):
     assert record.values[:, 2] == pytest.approx(TRUTH["r"][rows])
 
 
+@pytest.mark.slow
 def test_seconds_and_nanoseconds_are_joined(imported):
     whole = np.floor(TIME + 1e-9)
     stamps = {"stamp.sec": EPOCH + whole, "stamp.nanosec": np.round(1e9 * (TIME - whole))}
@@ -51,6 +52,7 @@ def test_seconds_and_nanoseconds_are_joined(imported):
     check(run())
 
 
+@pytest.mark.slow
 def test_stamp_is_preferred_to_time_of_reception(imported):
     received = EPOCH + np.sort(TIME + 5.5 + 0.1 * np.random.default_rng(1).uniform(size=TIME.size))
     time, run = imported({"time": received, "header.stamp": EPOCH + TIME})
@@ -58,24 +60,28 @@ def test_stamp_is_preferred_to_time_of_reception(imported):
     check(run())
 
 
+@pytest.mark.slow
 def test_interval_is_no_time(imported):
     time, run = imported({"time": np.full(TIME.size, 100.0), "time_of_validity": 1e6 * (EPOCH + TIME)})
     assert time == {"column": "time_of_validity", "unit": "us"}
     check(run())
 
 
+@pytest.mark.slow
 def test_days_of_matlab_are_recognised(imported):
     time, run = imported({"time": 739413.0 + TIME / 86400.0})
     assert time["unit"] == "day"
     check(run())
 
 
+@pytest.mark.slow
 def test_days_taken_as_seconds_are_refused(imported):
     _, run = imported({"time": 739413.0 + TIME / 86400.0}, [("unit: day", "unit: s"), (", offset: -719529 day", "")])
     with pytest.raises(AuvidError, match=r"rows every .* check its `unit`"):
         run()
 
 
+@pytest.mark.slow
 def test_rows_that_share_a_second_are_refused(imported):
     _, run = imported({"time": np.floor(TIME)})
     with pytest.raises(AuvidError, match="share a time stamp"):
@@ -96,6 +102,7 @@ def test_restarted_clock_asks_for_a_run(imported):
         run()
 
 
+@pytest.mark.slow
 def test_repeated_header_is_skipped(imported, tmp_path):
     _, run = imported({"time": TIME})
     log = tmp_path / "dive.csv"
@@ -105,6 +112,7 @@ def test_repeated_header_is_skipped(imported, tmp_path):
     check(dataset)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", [-32.768, -9999.0, 999.0])
 def test_codes_without_measurement_are_no_evidence(imported, code):
     lost = np.arange(TIME.size) % 50 == 7
@@ -115,6 +123,7 @@ def test_codes_without_measurement_are_no_evidence(imported, code):
     assert values[~lost, 0] == pytest.approx(TRUTH["u"][~lost])
 
 
+@pytest.mark.slow
 def test_zeros_in_all_beams_are_missing(imported):
     lost = np.arange(TIME.size) % 50 == 7
     _, run = imported({"time": TIME}, signals=SIGNALS | {name: np.where(lost, 0.0, SIGNALS[name]) for name in "uvw"})

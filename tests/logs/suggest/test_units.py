@@ -35,6 +35,7 @@ def test_unit_is_right_or_question(dvl, ahrs, rates, angles):
     assert found.get("dvl") in ("m/s", None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rates", [True, False])
 @pytest.mark.parametrize("angles", [True, False])
 def test_log_with_dvl_and_ahrs_leaves_no_question(rates, angles):

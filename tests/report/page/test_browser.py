@@ -128,6 +128,7 @@ def test_a_zoom_is_one_of_all_over_the_same_time(tab):
     assert {tuple(span) for span in ranges(tab, "time")} == {(0.0, 80.0)}
 
 
+@pytest.mark.slow
 def test_a_table_is_sorted_and_filtered_by_the_keyboard(tab):
     table = tab.locator("#coefficients table")
     heading = table.locator("th[aria-sort]", has_text="Bound").first
@@ -201,6 +202,7 @@ def test_what_a_matrix_says_is_not_cut_off_on_a_phone(opened, page):
     assert note["x"] + note["width"] <= NARROW["width"]
 
 
+@pytest.mark.slow
 def test_a_line_is_taken_away_by_its_legend(tab):
     button = tab.locator("#convergence button.entry", has_text="EKF").first
     button.click()
@@ -210,6 +212,7 @@ def test_a_line_is_taken_away_by_its_legend(tab):
     assert set(tab.evaluate(shown)) == {False}
 
 
+@pytest.mark.slow
 def test_the_path_is_turned_by_pointer_and_keys(tab):
     canvas = tab.locator("canvas[data-space]")
     canvas.scroll_into_view_if_needed()
