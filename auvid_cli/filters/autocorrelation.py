@@ -37,21 +37,22 @@ _SIGNIFICANT = 5.0
 _MIN_PAIRS = 0.5
 # Constant of Bartlett's window in Andrews's rule.
 _BARTLETT = 1.1447
-# Size of the influences kept for the second pass.
-CACHE_SIZE = 2**27  # bytes
+CACHE_SIZE = 2**27  # bytes; largest size of the rows kept for another iteration
 
 
-class Influence(NamedTuple):
-    """Influence of consecutive scalar measurements on a batch estimate."""
+class ResidualRows(NamedTuple):
+    """ResidualRows of consecutive scalar measurements on a batch estimate."""
 
     time: Array  # shape (m,); s, in order
     channel: Indices  # shape (m,); number of the component among those of all sensors
     residual: Array  # shape (m,); residual, normalised by its nominal standard deviation
-    rows: Array  # shape (m, n); change of each parameter per unit of the residual
+    # Shape (m, n); influences: change of n estimates per unit of the residual; or signatures: change of the residual
+    # per unit of n quantities
+    rows: Array
 
     @classmethod
-    def of_present(cls, timeline: Timeline, present: NDArray[np.bool_], residual: Array, rows: Array) -> "Influence":
-        """Return the influence of the first measurements of a chunk, by `present` components, shape (m, c)."""
+    def of_present(cls, timeline: Timeline, present: NDArray[np.bool_], residual: Array, rows: Array) -> "ResidualRows":
+        """Return the rows of the first measurements of a chunk, by `present` components, shape (m, c)."""
         n_measurements, n_components = present.shape
         time = np.repeat(timeline.time, np.diff(timeline.measurement_offset))[:n_measurements]
         channel = timeline.measurement_sensor[:n_measurements, None].astype(np.int64) * n_components
@@ -63,9 +64,30 @@ class Influence(NamedTuple):
         )
 
 
-INFLUENCE = types.NamedTuple(
-    (types.float64[::1], types.int64[::1], types.float64[::1], types.float64[:, ::1]), Influence
+RESIDUAL_ROWS = types.NamedTuple(
+    (types.float64[::1], types.int64[::1], types.float64[::1], types.float64[:, ::1]), ResidualRows
 )
+
+
+class CachedRows:
+    """Rows of a segment, kept for further iterations if they take at most `room` bytes."""
+
+    def __init__(self, rows: Iterable[ResidualRows], room: int) -> None:
+        self._rows, self._room = rows, room
+
+    def __iter__(self) -> Iterator[ResidualRows]:
+        kept, room = list[ResidualRows](), self._room
+        for chunk in self._rows:
+            room -= sum(array.nbytes for array in chunk)
+            kept = [*kept, chunk] if room >= 0 else []
+            yield chunk
+        if room >= 0:
+            self._rows = kept
+
+
+def cached(segments: Sequence[Iterable[ResidualRows]]) -> list[Iterable[ResidualRows]]:
+    """Keep the rows of all segments for further iterations if there is room."""
+    return [CachedRows(segment, CACHE_SIZE // len(segments)) for segment in segments]
 
 
 @compiled(inline=True)
@@ -105,7 +127,7 @@ def _close_window_bin(windows):
     windows.bin[0] += 1
 
 
-@compiled(types.void(INFLUENCE, _vector, types.float64, _indices, _WINDOWS))
+@compiled(types.void(RESIDUAL_ROWS, _vector, types.float64, _indices, _WINDOWS))
 def _add_scores(influence, removed, start, group, windows):
     """Add scores to the windows of a segment with this start time."""
     for i in range(influence.time.size):
@@ -148,7 +170,7 @@ class ScoreWindows:
         self._start: float | None = None
         self._windows = _Windows(first, self._length, score, window, scores, self._squares)
 
-    def add(self, influence: Influence) -> None:
+    def add(self, influence: ResidualRows) -> None:
         """Add measurements of a segment."""
         if influence.time.size:
             self._start = float(influence.time[0]) if self._start is None else self._start
@@ -212,7 +234,7 @@ def _close_lag_bin(sums, recent):
     recent.bin[0] += 1
 
 
-@compiled(types.void(INFLUENCE, _vector, _indices, types.float64, _SUMS, _RECENT))
+@compiled(types.void(RESIDUAL_ROWS, _vector, _indices, types.float64, _SUMS, _RECENT))
 def _add_products(influence, removed, under_test, start, sums, recent):
     """Add measurements of a segment with this start time to the sums."""
     for i in range(influence.time.size):
@@ -232,7 +254,7 @@ def _add_products(influence, removed, under_test, start, sums, recent):
             sums.white[c, k] += influence.rows[i, k] ** 2
 
 
-@compiled(types.void(INFLUENCE, _matrix, _vector, _matrix, _matrix))
+@compiled(types.void(RESIDUAL_ROWS, _matrix, _vector, _matrix, _matrix))
 def _add_pairs(influence, time_constant, latest, decayed, pairs):
     """Add products of influences of the same channel, weighted by ``exp(-lag / time_constant)``."""
     for i in range(influence.time.size):
@@ -259,7 +281,7 @@ class _Autocovariance(NamedTuple):
 
 
 def corrected_deviation(
-    nominal: Array, segments: Sequence[Iterable[Influence]], n_channels: int, removed: Array | None = None
+    nominal: Array, segments: Sequence[Iterable[ResidualRows]], n_channels: int, removed: Array | None = None
 ) -> Array:
     """Return standard deviations that allow for autocorrelated residuals.
 
@@ -267,8 +289,8 @@ def corrected_deviation(
     ----------
     nominal : ndarray, shape (n,)
         Standard deviations of the parameters with white residuals. The contribution of a prior is not corrected.
-    segments : sequence of iterable of Influence
-        Each is read once, and a second time if residuals are autocorrelated and there was no room to keep it.
+    segments : sequence of iterable of ResidualRows
+        Influences; each is read once, and a second time if residuals are autocorrelated.
     n_channels : int
     removed : ndarray, shape (n,), optional
         Score of a fault, by which its influences are multiplied and then subtracted from the residuals; 0 where the
@@ -283,7 +305,6 @@ def corrected_deviation(
     under_test = np.flatnonzero(removed)
     kind = np.zeros(nominal.size, dtype=np.int64)
     kind[under_test] = 1 + np.arange(under_test.size)
-    segments = [_InfluenceCache(segment, CACHE_SIZE // len(segments)) for segment in segments]
     sums, joint, duration = _first_pass(removed, under_test, segments, n_channels)
     variance, correlated, time_constant = (values[:, kind].copy() for values in _fit_autocovariance(sums))
     variance *= sums.white
@@ -294,24 +315,8 @@ def corrected_deviation(
     return np.sqrt(nominal**2 + np.maximum(largest - sums.white.sum(axis=0), 0.0))
 
 
-class _InfluenceCache:
-    """Influences of a segment, kept for a second iteration if they take at most `room` bytes."""
-
-    def __init__(self, influences: Iterable[Influence], room: int) -> None:
-        self._influences, self._room = influences, room
-
-    def __iter__(self) -> Iterator[Influence]:
-        kept, room = list[Influence](), self._room
-        for influence in self._influences:
-            room -= sum(array.nbytes for array in influence)
-            kept = [*kept, influence] if room >= 0 else []
-            yield influence
-        if room >= 0:
-            self._influences = kept
-
-
 def _first_pass(
-    removed: Array, under_test: Indices, segments: Sequence[Iterable[Influence]], n_channels: int
+    removed: Array, under_test: Indices, segments: Sequence[Iterable[ResidualRows]], n_channels: int
 ) -> tuple[_Sums, Array, float]:
     """Return sums, mean squares of the scores of all channels together, shape (n,), and the duration of all data, s."""
     n, n_kinds = removed.size, 1 + under_test.size
@@ -344,7 +349,7 @@ def _first_pass(
 
 
 def _second_pass(
-    removed: Array, segments: Sequence[Iterable[Influence]], time_constant: Array, duration: float
+    removed: Array, segments: Sequence[Iterable[ResidualRows]], time_constant: Array, duration: float
 ) -> tuple[Array, Array]:
     """Return products of influences, and mean squares of scores over windows, by channel, shape (n_channels, n)."""
     n_channels = len(time_constant)

@@ -5,17 +5,14 @@ the information ``sum(s_k^2)``, and the maximum-likelihood estimate of its size 
 IEEE Trans. Autom. Control 21(1), 1976). Motion and parameters adapt to the fault, so that no refit is needed.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
-from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
-from auvid_cli.filters.problem import TIMELINE, FaultScores, Timeline
-from auvid_cli.filters.smoother_forward import FORWARD_PASS, LINEARISED, ForwardPass, Linearised
-from auvid_cli.numerics import compiled, types
+from auvid_cli.filters.problem import FaultScores
+from auvid_cli.filters.signatures import Signatures
 
 # Share of a fault's information below which it is confounded with others.
 _CONFOUNDED = 1e-3
@@ -26,142 +23,22 @@ _MOST_NEEDED = 8
 # Smallest significance of an alternative, as a share of that of the fault that it replaces; and the largest that is
 # left of that fault.
 _MIN_SHARE = 0.5
-_matrix = types.float64[:, ::1]
-_stack = types.float64[:, :, ::1]
 
 
-class FaultEffects(NamedTuple):
-    """Direct effects of faults on a chunk of the data, per unit of each fault."""
+def score_faults(signatures: Signatures) -> FaultScores:
+    """Return the scores of faults about the most probable trajectory.
 
-    on_states: Array  # shape (n_events, n_moving, n_faults); on the moving states since the previous event
-    on_measurements: Array  # shape (n_measurements, c, n_faults); on the measurements
-
-
-class FaultSignatures(NamedTuple):
-    """Signatures of faults in the innovations of a chunk."""
-
-    timeline: Timeline
-    forward_pass: ForwardPass
-    effect: Array  # shape (n_measurements, c, n_faults); effect on each innovation per unit of each fault
-    present: NDArray[np.bool_]  # shape (n_measurements, c); whether it was measured
-    error: Array  # shape (n, n_faults); error of the state after the chunk; the next chunk overwrites it
-
-    def normalised(self) -> tuple[Array, Array]:
-        """Return effects, shape (m, n_faults), and innovations, shape (m,), in standard deviations of these."""
-        deviation = np.sqrt(self.forward_pass.total[self.present])
-        return self.effect[self.present] / deviation[:, None], self.forward_pass.error[self.present] / deviation
-
-
-class Faults(Protocol):
-    """Possible faults of a model or its data."""
-
-    @property
-    def labels(self) -> tuple[Any, ...]:
-        """Identity of each fault."""
-        ...
-
-    def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
-        """Return the effects on a chunk of a segment, linearised about a trajectory."""
-        ...
-
-
-_EFFECTS = types.NamedUniTuple(_stack, 2, FaultEffects)
-
-
-@compiled(types.void(TIMELINE, LINEARISED, FORWARD_PASS, _EFFECTS, _matrix, _matrix), reassociate=True)
-def carry_errors(timeline, about, forward_pass, effects, error, moved):
-    """Propagate the errors of the filtered state that faults cause through a chunk.
-
-    Parameters
-    ----------
-    timeline, about, forward_pass
-        Events of the chunk, its trajectory, and its forward pass.
-    effects : FaultEffects
-        `on_measurements` is replaced by the effects on innovations; zero if missing.
-    error : ndarray, shape (n, n_faults)
-        Error of the state per unit of each fault, before the chunk; afterwards at its end.
-    moved : ndarray, shape (n_moving, n_faults)
-        Scratch.
+    With the products ``J_pf`` of the signatures of parameters and faults, and ``J_ff`` of faults and faults, parameters
+    of the covariance P move by ``-P J_pf`` per unit of each fault, and leave the information ``J_ff - J_fp P J_pf``.
     """
-    n, n_faults = error.shape
-    n_moving = moved.shape[0]
-    n_parameters = n - n_moving
-    for event in range(timeline.time.size):
-        if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
-            for i in range(n_moving):
-                for f in range(n_faults):
-                    moved[i, f] = effects.on_states[event, i, f]
-                for j in range(n):
-                    rate = about.transition[event, i, j]
-                    for f in range(n_faults):
-                        moved[i, f] += rate * error[j, f]
-            for i in range(n_moving):
-                for f in range(n_faults):
-                    error[n_parameters + i, f] = moved[i, f]
-        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
-            for c in range(about.residual.shape[1]):
-                effect = effects.on_measurements[k, c]
-                if np.isnan(about.residual[k, c]):
-                    for f in range(n_faults):
-                        effect[f] = 0.0
-                    continue
-                for j in range(n):
-                    h = about.rows[k, c, j]
-                    if h != 0.0:
-                        for f in range(n_faults):
-                            effect[f] += h * error[j, f]
-                # Divided outside of the loop below, which would repeat the division.
-                by_variance = moved[0]
-                for f in range(n_faults):
-                    by_variance[f] = effect[f] / forward_pass.total[k, c]
-                for j in range(n):
-                    gain = forward_pass.gain[k, c, j]
-                    for f in range(n_faults):
-                        error[j, f] -= gain * by_variance[f]
-
-
-def fault_signatures(
-    smoothing: LinearSmoothing,
-    filtered: Filtered,
-    n_faults: int,
-    effects: Callable[[int, Timeline, Linearised], FaultEffects],
-    initial: Sequence[Array] = (),
-) -> Iterator[FaultSignatures]:
-    """Yield the signatures of faults in the innovations, chunk by chunk; `effects` as `Faults.effects`.
-
-    `initial` holds effects on the initial moving states of each segment, shape (n_moving, n_faults), if there are any.
-    """
-    n_parameters, n_moving = filtered.trajectory.parameters.size, filtered.trajectory.initial[0].size
-    error, moved = np.zeros((n_parameters + n_moving, n_faults)), np.zeros((n_moving, n_faults))
-    last_segment = -1
-    for segment, timeline, about, forward_pass in smoothing.forward_passes(filtered):
-        if segment > last_segment:
-            # The error of the initial motion depends on that of the parameters.
-            error[n_parameters:] = filtered.by_parameters[segment] @ error[:n_parameters]
-            if initial:
-                error[n_parameters:] += initial[segment]
-            last_segment = segment
-        of_chunk = effects(segment, timeline, about)
-        carry_errors(timeline, about, forward_pass, of_chunk, error, moved)
-        yield FaultSignatures(timeline, forward_pass, of_chunk.on_measurements, ~np.isnan(about.residual), error)
-
-
-def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults) -> FaultScores:
-    """Return the scores of faults about the most probable trajectory."""
-    n_faults, n_parameters = len(faults.labels), filtered.trajectory.parameters.size
-    score, information = np.zeros(n_faults), np.zeros((n_faults, n_faults))
-    effect = np.zeros((n_parameters, n_faults))
-    for chunk in fault_signatures(smoothing, filtered, n_faults, faults.effects):
-        signature, innovation = chunk.normalised()
-        score += innovation @ signature
-        information += signature.T @ signature
-        effect = chunk.error[:n_parameters]
+    n, covariance = signatures.problem.n_parameters, signatures.covariance
+    by_residuals, products = signatures.sums()
+    effect = -covariance @ products[:n, n:]
+    information = products[n:, n:] + products[n:, :n] @ effect
+    scores = FaultScores(signatures.labels, by_residuals[n:], information, effect)
     # Parameters compensate some faults completely; the rest is the rounding of the effects.
-    n = n_parameters
-    covariance = filtered.final.covariance()[:n, :n]
-    scores = FaultScores(faults.labels, score, information, effect)
     hidden = fraction_explained(scores, covariance) > 1.0 - _UNOBSERVABLE
-    score[hidden], information[hidden], information[:, hidden] = 0.0, 0.0, 0.0
+    scores.score[hidden], information[hidden], information[:, hidden] = 0.0, 0.0, 0.0
     return scores
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.arrays import Array, ArrayStore
-from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
+from auvid_cli.filters.fault_scores import score_faults
 from auvid_cli.filters.linear_smoother import (
     ConditionalFilter,
     Filtered,
@@ -20,6 +20,7 @@ from auvid_cli.filters.linear_smoother import (
     computed_ahead,
 )
 from auvid_cli.filters.problem import TIMELINE, FaultScores, JointProblem, ModelData, Timeline
+from auvid_cli.filters.signatures import FaultEffects, Faults, Signatures
 from auvid_cli.filters.smoother_backward import ADJOINT, Adjoint, adjoint_predict, adjoint_update
 from auvid_cli.filters.smoother_forward import (
     FORWARD_PASS,
@@ -49,17 +50,17 @@ def marginal_step(problem: JointProblem, smoothing: LinearSmoothing, filtered: F
     return -0.5 * apply_gradient(smoothing, filtered, gradient).parameters
 
 
-def marginal_scores(
-    problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered, faults: Faults
-) -> FaultScores:
+def marginal_scores(signatures: Signatures) -> FaultScores:
     """Return the scores of faults about a marginal estimate.
 
     The sum of logarithms depends on a fault directly, and through the parameters and the motion that adapt to it: the
     scale error of a velocity sensor, for example, changes the velocity and thus all damping.
     """
-    scores = score_faults(smoothing, filtered, faults)
-    gradient, by_faults = _gradients(problem, smoothing, filtered, faults)
-    by_estimate = gradient_scores(smoothing, filtered, gradient, faults)
+    scores, faults = score_faults(signatures), signatures.faults
+    if faults is None:
+        return scores
+    gradient, by_faults = _gradients(signatures.problem, signatures.smoothing, signatures.filtered, faults)
+    by_estimate = gradient_scores(signatures.smoothing, signatures.filtered, gradient, faults)
     return scores._replace(score=scores.score - 0.5 * (by_faults + by_estimate))
 
 

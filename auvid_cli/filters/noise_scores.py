@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
-from auvid_cli.filters.fault_scores import FaultEffects, fault_signatures
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import TIMELINE, Gaussian, JointProblem, ModelData, Process, Timeline
 from auvid_cli.filters.process_noise import (
@@ -29,6 +28,7 @@ from auvid_cli.filters.process_noise import (
     variance_by_time_constant,
     variance_on_driven,
 )
+from auvid_cli.filters.signatures import FaultEffects, fault_signatures
 from auvid_cli.filters.smoother_backward import ADJOINT, Adjoint, adjoint_predict, adjoint_update
 from auvid_cli.filters.smoother_forward import (
     ACCUMULATED_NOISE,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.arrays import Array
-from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
+from auvid_cli.filters.autocorrelation import ResidualRows, cached, corrected_deviation
 from auvid_cli.filters.least_squares import Information, LeastSquaresFit, Uncertainty, fit_free_motion
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
@@ -267,9 +267,10 @@ def _report(problem: JointProblem, sizes: Sequence[int], best: LeastSquaresFit, 
     return FilterOutcome(covariance, n_good, OK, corrected=corrected)
 
 
-def influence_functions(problem: JointProblem, state: Array, uncertainty: Uncertainty) -> list[Iterable[Influence]]:
+def influence_functions(problem: JointProblem, state: Array, uncertainty: Uncertainty) -> list[Iterable[ResidualRows]]:
     """Return the influence functions of each segment on parameters fitted with a joint state."""
-    return [_SegmentInfluences(problem, uncertainty, state, segment) for segment in range(len(problem.segments))]
+    segments = range(len(problem.segments))
+    return cached([_SegmentInfluences(problem, uncertainty, state, segment) for segment in segments])
 
 
 @dataclass(frozen=True)
@@ -281,13 +282,13 @@ class _SegmentInfluences:
     state: Array
     segment: int
 
-    def __iter__(self) -> Iterator[Influence]:
+    def __iter__(self) -> Iterator[ResidualRows]:
         process, sensors, segments, _ = self.problem
         indices, root = self.problem.indices[self.segment], self.uncertainty.root
         covariance = root[indices] @ root[: self.problem.n_parameters].T
         for response in responses(process, sensors, segments[self.segment], self.state[indices]):
             rows, residual = response.whitened[..., :-1] @ covariance, response.whitened[..., -1]
-            yield Influence.of_present(response.timeline, ~np.isnan(response.innovation), residual, rows)
+            yield ResidualRows.of_present(response.timeline, ~np.isnan(response.innovation), residual, rows)
 
 
 def _ckf(problem: JointProblem) -> _Start | None:

@@ -9,17 +9,16 @@ linearises once, where it happens to be; the smoother linearises again about eac
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from auvid_cli.arrays import Array, ArrayStore
-from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
-from auvid_cli.filters.fault_scores import FaultEffects, Faults, carry_errors, fault_signatures, score_faults
+from auvid_cli.filters.autocorrelation import corrected_deviation
+from auvid_cli.filters.fault_scores import score_faults
 from auvid_cli.filters.linear_smoother import (
     MIN_DECREASE,
-    ConditionalFilter,
     Filtered,
     LinearSmoothing,
     Smoothed,
@@ -42,6 +41,7 @@ from auvid_cli.filters.problem import (
     Timeline,
     filter_sequentially,
 )
+from auvid_cli.filters.signatures import FaultEffects, Faults, Signatures, fault_signatures
 from auvid_cli.filters.smoother_forward import MIN_WEIGHT, ForwardPass, Linearised
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.filters.workspace import cubature
@@ -127,15 +127,15 @@ def run_smoother(
         if found is None:
             return _failed(problem)
         problem, estimate, convergence = found
-        score = partial(marginal_scores, problem)
+        score = marginal_scores
     outcome = _report(problem, smoothing, estimate, on_chunk, is_estimate=marginal)
     if outcome.failure != OK:
         return outcome
     outcome = outcome._replace(convergence=convergence)
     if convergence is not None and not convergence.is_negligible:
         return outcome._replace(failure=NOT_CONVERGED)
-    scores = None if faults is None else score(smoothing, estimate, faults)
-    corrected, scores = _corrected_deviation(problem, smoothing, estimate, faults, scores)
+    signatures = Signatures(problem, smoothing, estimate, faults)
+    corrected, scores = _corrected_deviation(signatures, None if faults is None else score(signatures))
     outcome = outcome._replace(faults=scores, others=tuple(alternatives), corrected=corrected)
     if faults is None:
         return outcome
@@ -370,71 +370,23 @@ def _without_faults(
         yield chunk.timeline, Records(no_states, no_states, *_innovations(chunk.timeline, changed, sensors))
 
 
-def _corrected_deviation(
-    problem: JointProblem,
-    smoothing: LinearSmoothing,
-    filtered: Filtered,
-    faults: Faults | None,
-    scores: FaultScores | None,
-) -> tuple[Array, FaultScores | None]:
+def _corrected_deviation(signatures: Signatures, scores: FaultScores | None) -> tuple[Array, FaultScores | None]:
     """Return standard deviations of the parameters that allow for autocorrelated innovations, and such scores."""
-    nominal, n = np.sqrt(np.diagonal(filtered.final.covariance())[: problem.n_parameters]), problem.n_parameters
-    n_channels = problem.sensors.variance.size
-    if faults is None or scores is None:
-        return corrected_deviation(nominal, influence_functions(problem, smoothing, filtered), n_channels), None
-    own, observable = np.sqrt(np.diagonal(scores.information)), np.diagonal(scores.information) > 0.0
+    nominal, n_channels = np.sqrt(np.diagonal(signatures.covariance)), signatures.problem.sensors.variance.size
+    n = nominal.size
+    if scores is None:
+        return corrected_deviation(nominal, signatures.influences(), n_channels), None
+    information = np.diagonal(scores.information)
+    own, observable = np.sqrt(information), information > 0.0
     removed = np.where(np.abs(scores.score) > _SIGNIFICANT * own, scores.score, 0.0)
+    # With a fault of unit size, the parameters change by its effect.
+    by_size = np.divide(1.0, information, out=np.zeros_like(information), where=observable)
+    of_parameters = np.vstack([signatures.covariance, np.zeros((by_size.size, n))])
+    of_faults = np.vstack([scores.effect, np.eye(by_size.size)]) * by_size
     deviation = corrected_deviation(
         np.append(nominal, 1.0 / np.where(observable, own, np.inf)),
-        influence_functions(problem, smoothing, filtered, (faults, scores)),
+        signatures.influences(np.hstack([of_parameters, of_faults])),
         n_channels,
         np.append(np.zeros(n), removed),
     )
     return deviation[:n], scores._replace(inflation=np.where(observable, deviation[n:] * own, 1.0))
-
-
-def influence_functions(
-    problem: JointProblem,
-    smoothing: LinearSmoothing,
-    filtered: Filtered,
-    tested: tuple[Faults, FaultScores] | None = None,
-) -> list[Iterable[Influence]]:
-    """Return the influence functions of each segment on the parameters, then on the sizes of tested faults."""
-    return [
-        _SegmentInfluences(problem, smoothing, filtered, segment, tested) for segment in range(len(problem.segments))
-    ]
-
-
-@dataclass(frozen=True)
-class _SegmentInfluences:
-    """Influences of the innovations of a segment, computed again in each iteration."""
-
-    problem: JointProblem
-    smoothing: LinearSmoothing
-    filtered: Filtered
-    segment: int
-    tested: tuple[Faults, FaultScores] | None
-
-    def __iter__(self) -> Iterator[Influence]:
-        n, n_moving = self.problem.n_parameters, self.problem.n_moving
-        influence = self.filtered.final.covariance()[:n, :n]
-        if self.tested is not None:
-            # With a fault of unit size, the parameters change by its effect.
-            information = np.diagonal(self.tested[1].information)
-            by_size = np.divide(1.0, information, out=np.zeros(information.size), where=information > 0.0)
-            whole = np.vstack([self.tested[1].effect, np.eye(by_size.size)]) * by_size
-            influence = np.hstack([np.vstack([influence, np.zeros((by_size.size, n))]), whole])
-        moved = np.empty((n_moving, len(influence)))
-        error = np.zeros(moved.shape)
-        error[:, :n] = self.filtered.by_parameters[self.segment]
-        conditional = ConditionalFilter(self.problem, self.smoothing, self.filtered, self.segment)
-        for timeline, about, motion, _, forward_pass in conditional.forward():
-            effects = FaultEffects(about.transition[..., :n].copy(), about.rows[..., :n].copy())
-            if self.tested is not None:
-                pairs = zip(effects, self.tested[0].effects(self.segment, timeline, about), strict=True)
-                effects = FaultEffects(*(np.concatenate(pair, axis=-1) for pair in pairs))
-            carry_errors(timeline, motion, forward_pass, effects, error, moved)
-            deviation = np.sqrt(forward_pass.total)
-            rows = (effects.on_measurements / deviation[..., None]) @ influence
-            present = ~np.isnan(motion.residual)
-            yield Influence.of_present(timeline, present, forward_pass.error / deviation, rows)

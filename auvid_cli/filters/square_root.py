@@ -46,8 +46,8 @@ from auvid_cli.filters.workspace import (
 from auvid_cli.numerics import LANES, compiled, types
 
 if TYPE_CHECKING:
-    from auvid_cli.filters.fault_scores import Faults
     from auvid_cli.filters.linear_smoother import Trajectory
+    from auvid_cli.filters.signatures import Faults
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]

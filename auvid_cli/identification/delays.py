@@ -7,7 +7,6 @@ steps, each with a new fit of the smoother, lead to the zero of the score.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from math import sqrt
 from typing import NamedTuple
 
@@ -21,6 +20,7 @@ from auvid_cli.errors import DataError
 from auvid_cli.filters.fault_scores import score_faults
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import FaultScores
+from auvid_cli.filters.signatures import Signatures
 from auvid_cli.filters.smoother import most_probable
 from auvid_cli.identification.fault_effects import VehicleFaults
 from auvid_cli.identification.prepared_data import FoundDelays, PreparedData
@@ -92,7 +92,7 @@ def delays_about(
     names, symbols = _estimated(prepared)
     if not names:
         return None
-    scores = score_faults(smoothing, filtered, VehicleFaults(problem, symbols, tested=()))
+    scores = score_faults(Signatures(problem.joint, smoothing, filtered, VehicleFaults(problem, symbols, tested=())))
     fit = _Fit(filtered.cost, scores, problem.layout.scale[: problem.layout.n_parameters])
     return _found(prepared, np.array([prepared.experiment.identification.delays.get(name, 0.0) for name in names]), fit)
 
@@ -199,8 +199,8 @@ def _fit(prepared: PreparedData, symbols: Sequence[str]) -> _Fit | None:
         if marginal is None:
             return None
         problem, filtered, _ = marginal
-        score = partial(marginal_scores, problem)
-    scores = score(smoothing, filtered, faults)
+        score = marginal_scores
+    scores = score(Signatures(problem, smoothing, filtered, faults))
     events = sum(len(chunk) for segment in filtered.trajectory.moving for chunk in segment)
     cost = (filtered.least + filtered.log_determinant) / events
     return _Fit(cost, scores, augmented.layout.scale[: problem.n_parameters])

@@ -11,13 +11,13 @@ from auvid_cli.config.extra_states import CURRENT, EXCESS_BUOYANCY, FIN_TRIMS, T
 from auvid_cli.data.estimate import EstimateHeader
 from auvid_cli.data.faults import LARGEST_FAULT, ConsideredErrors, Fault, FaultKind, FaultTest
 from auvid_cli.filters.fault_scores import (
-    FaultEffects,
     most_likely_sizes,
     needed_faults,
     second_moments,
     significances,
 )
 from auvid_cli.filters.problem import AlternativeEstimate, FaultScores, FilterOutcome, Timeline
+from auvid_cli.filters.signatures import FaultEffects
 from auvid_cli.filters.smoother_forward import Linearised
 from auvid_cli.identification.faults import (
     DELAY_FAULTS,

@@ -19,6 +19,7 @@ from auvid_cli.errors import DataError
 from auvid_cli.filters.fault_scores import correlation, fraction_explained, gains, score_faults, sizes
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import FaultScores
+from auvid_cli.filters.signatures import Signatures
 from auvid_cli.filters.smoother import most_probable
 from auvid_cli.identification.fault_effects import VehicleFaults
 from auvid_cli.identification.faults import missing_term
@@ -67,7 +68,8 @@ class Fit:
     def scores(self, terms: tuple[Coefficient, ...]) -> FaultScores:
         """Return the score tests of terms that the model lacks."""
         tested = [missing_term(term) for term in terms]
-        return score_faults(self.smoothing, self.filtered, VehicleFaults(self.augmented, tested=tested))
+        faults = VehicleFaults(self.augmented, tested=tested)
+        return score_faults(Signatures(self.augmented.joint, self.smoothing, self.filtered, faults))
 
 
 class Model(NamedTuple):

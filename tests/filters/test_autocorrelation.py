@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from auvid_cli.filters.autocorrelation import Influence, corrected_deviation
+from auvid_cli.filters.autocorrelation import ResidualRows, cached, corrected_deviation
 
 SPACING, EVENTS, CHANNELS = 0.1, 2000, 2
 
@@ -44,7 +44,7 @@ class Regression:
         """Influences of least-squares residuals, in chunks."""
         residual = noise - self.design @ (self.rows.T @ noise)
         whole = self.time, self.channel, residual, self.rows
-        return [Influence(*(part[first:last] for part in whole)) for first, last in pairwise((0, *cuts, noise.size))]
+        return [ResidualRows(*(part[first:last] for part in whole)) for first, last in pairwise((0, *cuts, noise.size))]
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ def test_cached_influences_are_computed_once(regression, monkeypatch, room, time
     kept = corrected_deviation(regression.nominal, [influences], CHANNELS)
     monkeypatch.setattr("auvid_cli.filters.autocorrelation.CACHE_SIZE", room)
     counted = Counted(influences)
-    np.testing.assert_array_equal(corrected_deviation(regression.nominal, [counted], CHANNELS), kept)
+    np.testing.assert_array_equal(corrected_deviation(regression.nominal, cached([counted]), CHANNELS), kept)
     assert counted.times == times
 
 
@@ -144,7 +144,7 @@ def test_prior_contribution_is_not_corrected(regression):
 
 
 def test_no_measurements_keep_nominal_deviations(regression):
-    nothing = Influence(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 4)))
+    nothing = ResidualRows(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 4)))
     assert_allclose(corrected_deviation(np.ones(4), [[], [nothing]], CHANNELS), 1.0)
 
 
@@ -160,7 +160,7 @@ def test_error_at_the_beginning_is_corrected():
         noise = rng.standard_normal(time.size)
         noise[::CHANNELS] = 0.2 * noise[::CHANNELS] + size * np.exp(-SPACING * np.arange(EVENTS) / 15.0)
         errors.append(rows.T @ noise)
-        influence = Influence(time, channel, noise - design @ errors[-1], rows)
+        influence = ResidualRows(time, channel, noise - design @ errors[-1], rows)
         corrected.append(corrected_deviation(nominal, [[influence]], CHANNELS))
     ratio = np.sqrt(np.mean(np.square(errors)) / np.mean(np.square(corrected)))
     assert 0.8 < ratio < 1.5

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.linear_smoother import LinearSmoothing
 from auvid_cli.filters.marginal import integrate_out_motion
 from auvid_cli.filters.marginal_gradient import marginal_scores
@@ -17,6 +16,7 @@ from auvid_cli.filters.problem import (
     Sensors,
     Timeline,
 )
+from auvid_cli.filters.signatures import FaultEffects, Signatures
 from auvid_cli.filters.smoother import most_probable
 from tests.filters.compile_later import compile_later
 
@@ -115,7 +115,7 @@ def test_motion_dependent_damping_matches_exact_likelihood(cut, rng):
     found = integrate_out_motion(problem, smoothing, joint, 50)
     assert found is not None
     answer, *_ = found
-    scores = marginal_scores(problem, smoothing, answer, Scale())
+    scores = marginal_scores(Signatures(problem, smoothing, answer, Scale()))
 
     def exact(scale):
         args = measured, cut, scale

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.fault_scores import FaultEffects, most_likely_sizes, needed_faults
+from auvid_cli.filters.fault_scores import most_likely_sizes, needed_faults
 from auvid_cli.filters.problem import OK, FaultScores, Gaussian, JointProblem, joint_gaussian, segment_indices
+from auvid_cli.filters.signatures import FaultEffects
 from auvid_cli.filters.smoother import run_smoother
 
 N_MOVING, N_FAULTS = 4, 3

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters import output_error, smoother
+from auvid_cli.filters import output_error
 from auvid_cli.filters.least_squares import Information, fit_free_motion
 from auvid_cli.filters.linear_smoother import LinearSmoothing
 from auvid_cli.filters.problem import Gaussian, JointProblem, joint_gaussian
+from auvid_cli.filters.signatures import Signatures
 from auvid_cli.filters.smoother import most_probable
 
 N_MOVING, EVENTS = 4, 30
@@ -44,7 +45,7 @@ def test_smoother_influences_sum_to_the_covariance(problem):
     found = answer.trajectory.parameters + answer.final.mean[:n]
     factor = problem.prior.factor[:n, :n]
     known = np.linalg.inv(factor @ factor.T)
-    variance, moved = explained(smoother.influence_functions(problem, smoothing, answer))
+    variance, moved = explained(Signatures(problem, smoothing, answer).influences())
     size = np.sqrt(np.diagonal(covariance))
     assert_allclose(
         variance / np.outer(size, size),

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.linear_smoother import LinearSmoothing
 from auvid_cli.filters.marginal import integrate_out_motion
 from auvid_cli.filters.problem import (
@@ -21,6 +20,7 @@ from auvid_cli.filters.problem import (
     Sensors,
     Timeline,
 )
+from auvid_cli.filters.signatures import FaultEffects
 from auvid_cli.filters.smoother import most_probable, run_smoother
 from auvid_cli.numerics import LANES
 from tests.filters.compile_later import compile_later
