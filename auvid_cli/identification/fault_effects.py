@@ -149,18 +149,18 @@ class VehicleFaults:
         on_motion, on_measurements = (
             np.zeros((*a.shape, len(self._faults))) for a in (about.moving, timeline.measurement)
         )
-        on_motion_rows = on_motion[:, self._motion_rows]
+        acting = [f for f, fault in enumerate(self._faults) if not fault.sensor]
+        if acting:
+            pushes = [np.add.reduceat(self._faults[f].effect(model, in_substeps) * duration, first) for f in acting]
+            moved = np.ix_(np.flatnonzero(has_substeps), rows - n, acting)
+            on_motion[moved] = halfway @ np.stack(pushes, axis=-1)
         for f, fault in enumerate(self._faults):
             if fault.sensor:
                 on_measurements[measured[fault.sensor], :3, f] = fault.effect(model, at_measurements[fault.sensor])
-                continue
-            effect = fault.effect(model, in_substeps) * duration
-            on_motion_rows[has_substeps, :, f] = np.add.reduceat(effect, first)
-            if "accelerometer" in at_measurements:
+            elif "accelerometer" in at_measurements:
                 # A fault that accelerates the vehicle is measured too.
                 acceleration = model.at_accelerometer(fault.effect(model, at_measurements["accelerometer"]))
                 on_measurements[measured["accelerometer"], :3, f] = acceleration
-        on_motion_rows[has_substeps] = halfway @ on_motion_rows[has_substeps]
         return FaultEffects(on_motion, on_measurements)
 
     def _mounted(self) -> tuple[Sequence[float], Sequence[float]]:
