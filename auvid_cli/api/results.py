@@ -17,6 +17,7 @@ from auvid_cli.api.files import (
 )
 from auvid_cli.api.identification import estimate_delays_and_noise, identify_into
 from auvid_cli.api.simulation import simulate_into
+from auvid_cli.arrays import trim_heap
 from auvid_cli.config.enums import FigureFormat, FilterName, named
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.data.checks import Checks
@@ -150,6 +151,7 @@ def _report(
     figures.add_estimates(dataset, estimates)
     with progress.stage("evaluate"):
         evaluation = evaluator.evaluate(estimates)
+    trim_heap()
     figures.add_free_runs(dataset, evaluation)
     with progress.stage("check"):
         checks = evaluator.check(estimates)

@@ -138,20 +138,20 @@ def repeats(record: SensorRecord) -> Array:
 def stuck_times(record: SensorRecord) -> Array:
     """Return the `repeats` that are longer than `MAX_REPEAT` and not due to quantisation."""
     runs = repeats(record)
-    long = runs[:, 1] - runs[:, 0] > MAX_REPEAT
-    # `rounded_repeats` sorts all measurements, and is rarely needed.
-    return runs[long & ~rounded_repeats(record)] if long.any() else runs[long]
+    return runs[(runs[:, 1] - runs[:, 0] > MAX_REPEAT) & ~rounded_repeats(record)]
 
 
 def rounded_repeats(record: SensorRecord) -> NDArray[np.bool_]:
-    """Whether each of the `repeats` is due to quantisation of a slowly changing value.
+    """Whether each of the `repeats` is due to quantisation of a slowly changing value; none if all are short.
 
     The values before and after such a run differ from it by one step. A run at an end of the record, or with a
     second step due to noise on one side, counts only if it is not longer than these.
     """
     present, edges = _runs(record)
-    steps = rounding_steps(record)
     time, runs = record.time[present], record.values[present][edges[:-1]]
+    duration = time[edges[1:] - 1] - time[edges[:-1]]
+    # `rounding_steps` sorts all measurements, and is rarely needed.
+    steps = rounding_steps(record) if (duration > MAX_REPEAT).any() else np.zeros(runs.shape[1])
     if not steps.any():
         return np.zeros(len(runs), np.bool_)
     # Missing components are ignored.
@@ -159,7 +159,6 @@ def rounded_repeats(record: SensorRecord) -> NDArray[np.bool_]:
     neighbours, noisy = (
         (np.isnan(jumps) | (jumps <= limit * steps)).all(axis=1) for limit in (_NEIGHBOUR_STEPS, _NOISE_STEPS)
     )
-    duration = time[edges[1:] - 1] - time[edges[:-1]]
     before, after = np.append(False, neighbours), np.append(neighbours, False)
     certain = before & after
     longest = float(duration.max(initial=0.0, where=certain))

@@ -96,13 +96,13 @@ def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None
     dataset = replace(dataset, experiment=settings)
     search = _Search(dataset, limits, on_step)
     for motion in still:
-        search.note("hold", f"coefficients of {motion}", None, True, "")
+        search.note("hold", f"coefficients of {motion}")
     on_step("fit with the settings as they are")
     quick = search.fit_as_stated()
     if search.holds(quick):
         estimate, stopped = search.fit_to_all_data(dataset.experiment)
         judgement = judge_one(estimate, None)
-        search.note("start", "settings as they are", None, True, "", judgement)
+        search.note("start", "settings as they are", judgement)
         if stopped or search.holds(estimate):
             trial, stopped = search.trial(dataset.experiment, stopped, quick)
             return Fit(estimate, judgement, search.steps_with_sizes(estimate), dataset.experiment, (), trial, stopped)
@@ -187,7 +187,7 @@ class _Search:
                 break
         else:
             raise DataError("no trajectory follows these data, even with much process noise; see auvid inspect")
-        self.note("start", "process noise from the data", None, True, "")
+        self.note("start", "process noise from the data")
 
     def improve(self) -> None:
         """Add what the data ask for, one addition after another, until nothing is worth it."""
@@ -333,7 +333,7 @@ class _Search:
         stopped = interrupted or stopped
         judgement = judge_one(estimate, None)
         self._set_judged_after(judgement)
-        self.note("end", "fit to thinned data" if interrupted else "fit to all data", None, True, "", judgement)
+        self.note("end", "fit to thinned data" if interrupted else "fit to all data", judgement)
         trial, stopped = self.trial(settings, stopped) if estimate.completed else ("", stopped)
         causes = likely_causes(estimate) if judgement.grade is not Grade.SOUND else []
         explained = (causes_text(causes),) if causes else ()
@@ -378,17 +378,9 @@ class _Search:
         except DataError:
             return "", stopped  # no trajectory follows the first two thirds
 
-    def note(
-        self,
-        action: FitAction,
-        what: str,
-        gain: float | None,
-        kept: bool,
-        before: str,
-        judgement: Judgement | None = None,
-    ) -> None:
-        """Add a step."""
-        self.steps.append(self._step(action, what, gain, kept, before, judgement))
+    def note(self, action: FitAction, what: str, judgement: Judgement | None = None) -> None:
+        """Add a step that is no trial."""
+        self.steps.append(self._step(action, what, None, True, "", judgement))
 
     def _set_judged_after(self, judgement: Judgement) -> None:
         """State the judgement of the model that has the last additions."""
