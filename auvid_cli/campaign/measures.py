@@ -138,6 +138,11 @@ def diverged(rows: "pd.DataFrame") -> "pd.Series":
     return ~ended(rows) & ~failed(rows)
 
 
+def inconsistent(rows: "pd.DataFrame") -> "pd.Series":
+    """Whether the innovations of each row contradict its estimate."""
+    return rows["status"].str.startswith("inconsistent")
+
+
 class CellErrors(NamedTuple):
     """Errors of the runs of a campaign with the same settings and filter."""
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import binom, binomtest, chi2, false_discovery_control, wilcoxon
 
 from auvid_cli.arrays import Array
-from auvid_cli.campaign.measures import diverged, ended, failed
+from auvid_cli.campaign.measures import diverged, ended, failed, inconsistent
 
 # Quantiles of a 90 % interval.
 LOW = 0.05
@@ -74,7 +74,7 @@ def _of_filter(rows: pd.DataFrame) -> dict[str, float]:
         "runs": len(runs),
         "failed": float(failed(runs).mean()),
         "diverged": float(diverged(runs).mean()),
-        "inconsistent": float(runs["status"].str.startswith("inconsistent").mean()),
+        "inconsistent": float(inconsistent(runs).mean()),
         "sound": float((runs["grade"] == "sound").mean()),
         **_spread("steady_state_error_percent", ended_runs["steady_state_error_percent"]),
         "within_two_sigma": _share(_within_two_sigma(coefficients)),

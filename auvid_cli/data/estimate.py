@@ -306,6 +306,11 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         """Whether an iteration ended before it converged."""
         return self.status.startswith("unconverged")
 
+    @property
+    def failure(self) -> str:
+        """When and why it ended early; empty if it did not."""
+        return "" if self.completed else self.status.removeprefix("diverged ")
+
     def statistics(self, sensor: str) -> InnovationStatistics:
         """Return the statistics by which a sensor is judged: less what errors within the tolerances explain."""
         return self.explained[sensor] if sensor in self.explained else self.innovations[sensor].statistics()

@@ -61,22 +61,28 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
 
 
 def status_of(estimate: Estimate) -> str:
-    """Return the status of an estimate: as the filter ended, or "inconsistent" where its innovations belie it.
+    """Return the status of an estimate: as the filter ended, or "inconsistent" and the reason."""
+    reason = inconsistency_of(estimate)
+    return f"inconsistent: {reason}" if reason else estimate.status
 
-    A filter can reach the end of the data with a covariance that says all is well and coefficients
-    that are far off; its innovations then are, or were, larger than their stated variance. What errors of known
-    quantities within their tolerances explain does not count.
+
+def inconsistency_of(estimate: Estimate) -> str:
+    """Return why innovations contradict a completed estimate; empty if they do not.
+
+    A filter can reach the end of the data with a small covariance and coefficients that are far off. Its innovations
+    then are, or were, larger than their stated variance. What errors of known quantities within their tolerances
+    explain does not count.
     """
     if not estimate.completed:
-        return estimate.status
+        return ""
     for sensor in estimate.innovations:
         sums = estimate.statistics(sensor).sums
         if sums.squares.sum() > LARGEST_MEAN_NIS * sums.components.sum():
-            return _belied(sensor, sums.mean_nis, "")
+            return _too_large(sensor, sums.mean_nis, "")
         for start, nis in windowed_nis(sums):
             if nis > LARGEST_NIS_IN_WINDOW:
-                return _belied(sensor, nis, f" from t = {start:.0f} s on for {NIS_WINDOW:.0f} s")
-    return estimate.status
+                return _too_large(sensor, nis, f" from t = {start:.0f} s on for {NIS_WINDOW:.0f} s")
+    return ""
 
 
 def windowed_nis(sums: InnovationSums) -> Array:
@@ -91,10 +97,9 @@ def windowed_nis(sums: InnovationSums) -> Array:
     return np.stack([starts, sums.squares[enough] / sums.components[enough]], axis=1).astype(np.float64)
 
 
-def _belied(sensor: str, nis: float, when: str) -> str:
+def _too_large(sensor: str, nis: float, when: str) -> str:
     return (
-        f"inconsistent: innovations of {sensor} are {np.sqrt(nis):.3g} times as large as expected{when} "
-        f"(NIS {nis:.3g}, expected 1)"
+        f"innovations of {sensor} are {np.sqrt(nis):.3g} times as large as expected{when} (NIS {nis:.3g}, expected 1)"
     )
 
 

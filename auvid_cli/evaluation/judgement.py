@@ -17,11 +17,11 @@ from auvid_cli.data.innovations import N_LAGS, NIS_WINDOW, InnovationStatistics
 from auvid_cli.evaluation.innovations import (
     LARGEST_MEAN_NIS,
     LARGEST_NIS_IN_WINDOW,
+    inconsistency_of,
     is_from_ahrs,
     mean_nis,
     noise_cause,
     sensors_without_ahrs,
-    status_of,
     windowed_nis,
 )
 from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
@@ -263,17 +263,17 @@ def judge_one(estimate: Estimate, reference: Estimate | None) -> Judgement:
 
 
 def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | None) -> Judgement:
-    status = status_of(estimate)
     if not estimate.completed:
-        return Judgement(Grade.DIVERGED, status.removeprefix("diverged "), advice_on_divergence(estimate))
-    if status != "completed" and not (reference is not None and _is_explained(estimate, reference)):
+        return Judgement(Grade.DIVERGED, estimate.failure, advice_on_divergence(estimate))
+    inconsistency = inconsistency_of(estimate)
+    if inconsistency and not (reference is not None and _is_explained(estimate, reference)):
         known = [
             advice_on_nonlinearity(estimate) or remedy_of_linearisation(estimate),
             "" if doubt is None else doubt.advice,
         ]
         otherwise = "do not use the estimate; check stated noise, biases, outliers and signs (auvid check)"
         remedy = "; ".join(filter(None, known)) or otherwise
-        return Judgement(Grade.INCONSISTENT, status.removeprefix("inconsistent: "), remedy)
+        return Judgement(Grade.INCONSISTENT, inconsistency, remedy)
     if reference is None:
         remedy = "run the smoother as well (--filter smoother, without identification.gate)"
         return Judgement(Grade.UNJUDGED, "not judged, because there is no smoother estimate", remedy)
@@ -289,7 +289,7 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
 
 def _is_explained(estimate: Estimate, reference: Estimate) -> bool:
     """Whether errors within the tolerances explain the smoother's innovations, and these are at most as large."""
-    if not reference.explained or status_of(reference) != "completed":
+    if not reference.explained or not reference.completed or inconsistency_of(reference):
         return False
     for sensor, innovations in estimate.innovations.items():
         own, expected = innovations.sums(), reference.innovations[sensor].sums()

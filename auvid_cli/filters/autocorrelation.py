@@ -41,13 +41,13 @@ CACHE_SIZE = 2**27  # bytes; largest size of the rows kept for another iteration
 
 
 class ResidualRows(NamedTuple):
-    """ResidualRows of consecutive scalar measurements on a batch estimate."""
+    """Consecutive scalar measurements with their residuals, and a row of n numbers for each."""
 
     time: Array  # shape (m,); s, in order
     channel: Indices  # shape (m,); number of the component among those of all sensors
     residual: Array  # shape (m,); residual, normalised by its nominal standard deviation
-    # Shape (m, n); influences: change of n estimates per unit of the residual; or signatures: change of the residual
-    # per unit of n quantities
+    # Shape (m, n); change of n estimates per unit of the residual (influences), or of the residual per unit of n
+    # parameters and faults (signatures)
     rows: Array
 
     @classmethod
@@ -69,25 +69,34 @@ RESIDUAL_ROWS = types.NamedTuple(
 )
 
 
-class CachedRows:
+class _CachedRows:
     """Rows of a segment, kept for further iterations if they take at most `room` bytes."""
 
     def __init__(self, rows: Iterable[ResidualRows], room: int) -> None:
         self._rows, self._room = rows, room
+        self._kept: list[ResidualRows] | None = None
 
     def __iter__(self) -> Iterator[ResidualRows]:
+        if self._kept is not None:
+            yield from self._kept
+            return
         kept, room = list[ResidualRows](), self._room
         for chunk in self._rows:
             room -= sum(array.nbytes for array in chunk)
-            kept = [*kept, chunk] if room >= 0 else []
+            if room >= 0:
+                kept.append(chunk)
+            else:
+                # Further iterations do not try again.
+                kept.clear()
+                self._room = 0
             yield chunk
         if room >= 0:
-            self._rows = kept
+            self._kept = kept
 
 
 def cached(segments: Sequence[Iterable[ResidualRows]]) -> list[Iterable[ResidualRows]]:
     """Keep the rows of all segments for further iterations if there is room."""
-    return [CachedRows(segment, CACHE_SIZE // len(segments)) for segment in segments]
+    return [_CachedRows(segment, CACHE_SIZE // len(segments)) for segment in segments]
 
 
 @compiled(inline=True)
@@ -156,7 +165,7 @@ class ScoreWindows:
     length : ndarray of int, shape (n_groups, n)
         Number of bins in a window, for each parameter; 0 without windows.
     removed : ndarray, shape (n,), optional
-        As of `corrected_deviation`.
+        See `corrected_deviation`.
     """
 
     def __init__(self, group: Indices, length: Indices, removed: Array | None = None) -> None:
@@ -293,8 +302,8 @@ def corrected_deviation(
         Influences; each is read once, and a second time if residuals are autocorrelated.
     n_channels : int
     removed : ndarray, shape (n,), optional
-        Score of a fault, by which its influences are multiplied and then subtracted from the residuals; 0 where the
-        residuals already belong to the estimate.
+        Scores of faults; influence times score is subtracted from the residuals. 0 for a parameter, because the
+        residuals already belong to its estimate.
 
     Returns
     -------

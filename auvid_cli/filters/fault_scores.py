@@ -1,8 +1,9 @@
-"""Score tests of faults and candidate terms, from their signatures in the innovations of a smoother's forward pass.
+"""Score tests of faults and candidate terms, from their signatures in the innovations of a smoother.
 
-With the signature s_k of a fault of unit size in the innovation e_k, both normalised, the score is ``sum(s_k e_k)``,
-the information ``sum(s_k^2)``, and the maximum-likelihood estimate of its size score / information (Willsky and Jones,
-IEEE Trans. Autom. Control 21(1), 1976). Motion and parameters adapt to the fault, so that no refit is needed.
+With the signature s_k of a fault of unit size in the innovation e_k, both normalised, the score is ``sum(s_k e_k)``.
+The information is ``sum(s_k^2)`` less what the parameters take of it when they adapt, and the maximum-likelihood
+estimate of the size is score / information (Willsky and Jones, IEEE Trans. Autom. Control 21(1), 1976). No refit is
+needed.
 """
 
 from collections.abc import Iterable, Sequence
@@ -31,15 +32,13 @@ def score_faults(signatures: Signatures) -> FaultScores:
     With the products ``J_pf`` of the signatures of parameters and faults, and ``J_ff`` of faults and faults, parameters
     of the covariance P move by ``-P J_pf`` per unit of each fault, and leave the information ``J_ff - J_fp P J_pf``.
     """
-    n, covariance = signatures.problem.n_parameters, signatures.covariance
-    by_residuals, products = signatures.sums()
-    effect = -covariance @ products[:n, n:]
-    information = products[n:, n:] + products[n:, :n] @ effect
-    scores = FaultScores(signatures.labels, by_residuals[n:], information, effect)
+    score, shared, products = signatures.scores()
+    effect = -signatures.covariance @ shared
+    information = products + shared.T @ effect
     # Parameters compensate some faults completely; the rest is the rounding of the effects.
-    hidden = fraction_explained(scores, covariance) > 1.0 - _UNOBSERVABLE
-    scores.score[hidden], information[hidden], information[:, hidden] = 0.0, 0.0, 0.0
-    return scores
+    hidden = np.diagonal(information) <= _UNOBSERVABLE * np.diagonal(products)
+    score[hidden], information[hidden], information[:, hidden] = 0.0, 0.0, 0.0
+    return FaultScores(signatures.labels, score, information, effect)
 
 
 class NeededFault(NamedTuple):

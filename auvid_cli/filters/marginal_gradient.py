@@ -57,8 +57,7 @@ def marginal_scores(signatures: Signatures) -> FaultScores:
     scale error of a velocity sensor, for example, changes the velocity and thus all damping.
     """
     scores, faults = score_faults(signatures), signatures.faults
-    if faults is None:
-        return scores
+    assert faults is not None, "only faults have scores"
     gradient, by_faults = _gradients(signatures.problem, signatures.smoothing, signatures.filtered, faults)
     by_estimate = gradient_scores(signatures.smoothing, signatures.filtered, gradient, faults)
     return scores._replace(score=scores.score - 0.5 * (by_faults + by_estimate))

@@ -211,7 +211,7 @@ def noise_scores(
 
     information = np.zeros((len(groups), len(groups)))
     for chunk in fault_signatures(smoothing, filtered, len(groups), effects, initial[::-1]):
-        signature, _ = chunk.normalised()
+        signature = chunk.normalised()
         information += 0.5 * signature.T @ signature
     return NoiseScores(slope, information)
 

@@ -1,6 +1,8 @@
-"""Signatures of parameters and faults in the innovations of a smoother's forward pass: their change per unit of each.
+"""Signatures: change of the innovations of a smoother's forward pass per unit of a parameter or of a fault.
 
-Motion and parameters adapt to a fault, which explains a part of its effect on the data. What is left is its signature.
+Two forward passes have innovations. In that of the joint state (`fault_signatures`), parameters adapt to a fault, and
+the signature is what is left of its effect. In that of the motion given the parameters (`Signatures`), only the motion
+adapts. The adaptation of the parameters then follows from the signatures of the parameters themselves.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -35,12 +37,10 @@ class FaultSignatures(NamedTuple):
     forward_pass: ForwardPass
     effect: Array  # shape (n_measurements, c, n_faults); effect on each innovation per unit of each fault
     present: NDArray[np.bool_]  # shape (n_measurements, c); whether it was measured
-    error: Array  # shape (n, n_faults); error of the state after the chunk; the next chunk overwrites it
 
-    def normalised(self) -> tuple[Array, Array]:
-        """Return effects, shape (m, n_faults), and innovations, shape (m,), in standard deviations of these."""
-        deviation = np.sqrt(self.forward_pass.total[self.present])
-        return self.effect[self.present] / deviation[:, None], self.forward_pass.error[self.present] / deviation
+    def normalised(self) -> Array:
+        """Return the effects in standard deviations of the innovations, shape (m, n_faults)."""
+        return self.effect[self.present] / np.sqrt(self.forward_pass.total[self.present])[:, None]
 
 
 class Faults(Protocol):
@@ -134,7 +134,7 @@ def fault_signatures(
             last_segment = segment
         of_chunk = effects(segment, timeline, about)
         carry_errors(timeline, about, forward_pass, of_chunk, error, moved)
-        yield FaultSignatures(timeline, forward_pass, of_chunk.on_measurements, ~np.isnan(about.residual), error)
+        yield FaultSignatures(timeline, forward_pass, of_chunk.on_measurements, ~np.isnan(about.residual))
 
 
 class Signatures:
@@ -158,22 +158,33 @@ class Signatures:
         n = problem.n_parameters
         self.covariance = filtered.final.covariance()[:n, :n]
         """Covariance of the parameters."""
-        self._segments = cached([_SegmentSignatures(self, segment) for segment in range(len(problem.segments))])
+        segments = range(len(problem.segments))
+        self._segments = cached([_SegmentSignatures(problem, smoothing, filtered, faults, k) for k in segments])
 
     @property
     def labels(self) -> tuple[Any, ...]:
         """Identity of each fault."""
         return () if self.faults is None else self.faults.labels
 
-    def sums(self) -> tuple[Array, Array]:
-        """Return sums over all measurements: signatures times residuals, shape (n,), and their products, (n, n)."""
-        n = self.problem.n_parameters + len(self.labels)
-        by_residuals, products = np.zeros(n), np.zeros((n, n))
+    def scores(self) -> tuple[Array, Array, Array]:
+        """Return sums over all measurements: signatures of the faults times residuals, and products of signatures.
+
+        Returns
+        -------
+        score : ndarray, shape (n_faults,)
+        shared : ndarray, shape (n_parameters, n_faults)
+            Products of signatures of parameters and faults.
+        information : ndarray, shape (n_faults, n_faults)
+            Products of signatures of faults.
+        """
+        n, n_faults = self.problem.n_parameters, len(self.labels)
+        score, products = np.zeros(n_faults), np.zeros((n + n_faults, n_faults))
         for segment in self._segments:
             for chunk in segment:
-                by_residuals += chunk.residual @ chunk.rows
-                products += chunk.rows.T @ chunk.rows
-        return by_residuals, products
+                of_faults = chunk.rows[:, n:].copy()
+                score += chunk.residual @ of_faults
+                products += chunk.rows.T @ of_faults
+        return score, products[:n], products[n:]
 
     def influences(self, weights: Array | None = None) -> list[Iterable[ResidualRows]]:
         """Return combinations of the signatures by segment, by default the influences on the parameters.
@@ -190,15 +201,18 @@ class Signatures:
 class _SegmentSignatures:
     """Signatures in a segment, computed again in each iteration."""
 
-    of: Signatures
+    problem: JointProblem
+    smoothing: LinearSmoothing
+    filtered: Filtered
+    faults: Faults | None
     segment: int
 
     def __iter__(self) -> Iterator[ResidualRows]:
-        problem, faults, n = self.of.problem, self.of.faults, self.of.problem.n_parameters
-        moved = np.empty((problem.n_moving, n + len(self.of.labels)))
+        faults, n = self.faults, self.problem.n_parameters
+        moved = np.empty((self.problem.n_moving, n + (0 if faults is None else len(faults.labels))))
         error = np.zeros(moved.shape)
-        error[:, :n] = self.of.filtered.by_parameters[self.segment]
-        conditional = ConditionalFilter(problem, self.of.smoothing, self.of.filtered, self.segment)
+        error[:, :n] = self.filtered.by_parameters[self.segment]
+        conditional = ConditionalFilter(self.problem, self.smoothing, self.filtered, self.segment)
         for timeline, about, motion, _, forward_pass in conditional.forward():
             effects = FaultEffects(about.transition[..., :n].copy(), about.rows[..., :n].copy())
             if faults is not None:

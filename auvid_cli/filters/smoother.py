@@ -5,7 +5,7 @@ residuals and of the distance from the prior, each divided by its variance. One 
 problem that is linear about the last trajectory: `gauss_newton` calls `LinearSmoothing.filter` (forward pass) and
 `LinearSmoothing.step` (backward pass) in `auvid_cli.filters.linear_smoother`; these call `forward` in
 `auvid_cli.filters.smoother_forward` and `backward` in `auvid_cli.filters.smoother_backward` chunk by chunk. A filter
-linearises once, where it happens to be; the smoother linearises again about each better trajectory.
+linearises once, about its estimate at that time; the smoother linearises again about each better trajectory.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -116,7 +116,7 @@ def run_smoother(
     if len(problem.segments) > 1:
         alternatives += _segment_estimates(problem, best)
     estimate, score = best, score_faults
-    # Nothing is said of the last steps if they are as small as usual.
+    # Without a status if the last steps were as small as usual.
     convergence = rest._replace(is_negligible=True) if rest.cost_decrease > MIN_DECREASE else None
     if marginal:
         # Its compiled code serves no other estimate.
@@ -296,7 +296,7 @@ def _report(
     on_chunk: OnChunk,
     is_estimate: bool = False,
 ) -> FilterOutcome:
-    """Pass the smoothed trajectory to `on_chunk`; the nominal one if that `is_estimate` itself."""
+    """Pass the smoothed trajectory to `on_chunk`, or the nominal one if that `is_estimate`."""
     covariance = filtered.final.covariance()
     n_parameters, fraction = filtered.trajectory.parameters.size, 0.0 if is_estimate else 1.0
     parameters = filtered.trajectory.parameters + fraction * filtered.final.mean[:n_parameters]
@@ -371,7 +371,7 @@ def _without_faults(
 
 
 def _corrected_deviation(signatures: Signatures, scores: FaultScores | None) -> tuple[Array, FaultScores | None]:
-    """Return standard deviations of the parameters that allow for autocorrelated innovations, and such scores."""
+    """Return standard deviations that allow for autocorrelated innovations, and the scores with their inflation."""
     nominal, n_channels = np.sqrt(np.diagonal(signatures.covariance)), signatures.problem.sensors.variance.size
     n = nominal.size
     if scores is None:
@@ -380,9 +380,9 @@ def _corrected_deviation(signatures: Signatures, scores: FaultScores | None) -> 
     own, observable = np.sqrt(information), information > 0.0
     removed = np.where(np.abs(scores.score) > _SIGNIFICANT * own, scores.score, 0.0)
     # With a fault of unit size, the parameters change by its effect.
-    by_size = np.divide(1.0, information, out=np.zeros_like(information), where=observable)
-    of_parameters = np.vstack([signatures.covariance, np.zeros((by_size.size, n))])
-    of_faults = np.vstack([scores.effect, np.eye(by_size.size)]) * by_size
+    variance = np.divide(1.0, information, out=np.zeros_like(information), where=observable)
+    of_parameters = np.vstack([signatures.covariance, np.zeros((variance.size, n))])
+    of_faults = np.vstack([scores.effect, np.eye(variance.size)]) * variance
     deviation = corrected_deviation(
         np.append(nominal, 1.0 / np.where(observable, own, np.inf)),
         signatures.influences(np.hstack([of_parameters, of_faults])),

@@ -58,9 +58,13 @@ class Fit:
     @property
     def added(self) -> tuple[str, ...]:
         """Return the additions that the model has."""
-        kept = [str(step.what) for step in self.steps if step.kept and step.action == "add"]
-        removed = {str(step.what) for step in self.steps if step.kept and step.action == "remove"}
-        return tuple(what for what in dict.fromkeys(kept) if what not in removed)
+        added = dict[object, str]()
+        for step in self.steps:
+            if step.kept and step.action == "add":
+                added[step.key] = str(step.what)
+            elif step.kept and step.action == "remove":
+                added.pop(step.key, None)
+        return tuple(added.values())
 
     def rows(self) -> NamedRows:
         """Return a row for each step."""

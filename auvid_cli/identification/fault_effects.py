@@ -152,7 +152,7 @@ class VehicleFaults:
         acting = [f for f, fault in enumerate(self._faults) if not fault.sensor]
         if acting:
             pushes = [np.add.reduceat(self._faults[f].effect(model, in_substeps) * duration, first) for f in acting]
-            moved = np.ix_(np.flatnonzero(has_substeps), rows - n, acting)
+            moved = np.ix_(np.flatnonzero(has_substeps), rows - n, np.array(acting))
             on_motion[moved] = halfway @ np.stack(pushes, axis=-1)
         for f, fault in enumerate(self._faults):
             if fault.sensor:

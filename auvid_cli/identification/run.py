@@ -15,14 +15,14 @@ from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Out
 from auvid_cli.data.faults import Fault, FaultKind
 from auvid_cli.data.innovations import Innovations, InnovationStatistics
 from auvid_cli.filters import problem
-from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline, segment_gaussian
-from auvid_cli.filters.square_root import (
+from auvid_cli.filters.estimators import (
     Estimator,
     ExtendedKalmanFilter,
     IteratedSmoother,
     OutputErrorMethod,
     SigmaPointFilter,
 )
+from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline, segment_gaussian
 from auvid_cli.filters.workspace import cubature, transformed, unscented
 from auvid_cli.identification.prepared_data import FoundDelays, PreparedData, prepare
 from auvid_cli.identification.problem_setup import AugmentedProblem, Motion, augmented_problem

@@ -76,11 +76,11 @@ def test_coefficients_left_at_zero_are_named_if_they_are_kept_there(fit):
         assert (names in text) is is_kept
 
 
-def test_step_has_the_key_of_its_addition_whatever_its_size():
-    first, corrected = (
+def test_additions_are_the_same_whatever_their_sizes(fit):
+    added, removed, again = (
         FitStep(1, action, Addition("delay", "dvl", size), "", 1.0, True, "", "", 1.0)
-        for action, size in (("add", 0.1), ("remove", 0.12))
+        for action, size in (("add", 0.1), ("remove", 0.12), ("add", 0.15))
     )
-    assert first.what != corrected.what
-    assert first.key == corrected.key
+    with_steps = [replace(fit, steps=steps) for steps in ((added,), (added, removed), (added, removed, again))]
+    assert [found.added for found in with_steps] == [(str(added.what),), (), (str(again.what),)]
     assert [step.key for step in STEPS] == [None, None, ("current", ""), ("thrust", ""), None]

@@ -14,11 +14,12 @@ from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import Estimate, EstimateHistory
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.report.figures import workers
-from auvid_cli.report.figures.workers import Submit, draw_and_save
+from auvid_cli.report.figures.workers import Submit, load_matplotlib, save
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
     from auvid_cli.campaign.summary import CampaignSummary
 
@@ -298,3 +299,44 @@ def _thinned(record: SensorRecord) -> SensorRecord:
     thinned = SensorRecord(record.time[rows], record.values[rows], record.standard_deviation)
     release_memory()
     return thinned
+
+
+def draw_and_save(request: FigureRequest, folder: Path, name: str, formats: Collection[FigureFormat]) -> list[Path]:
+    """Draw the figure of a request and write it; called in a process that may load matplotlib."""
+    load_matplotlib()
+    return save(_draw_figure(request), folder, name, formats)
+
+
+def _draw_figure(request: FigureRequest) -> "Figure":
+    """Return the figure of a request."""
+    from auvid_cli.report.figures import coefficients, motion, timeline, validation
+
+    match request:
+        case PathRequest(truth, motions):
+            return motion.path_figure(truth, motions)
+        case MotionErrorRequest(truth, motions):
+            return motion.motion_error_figure(truth, motions)
+        case EstimateRequest(plots):
+            return coefficients.estimate_figure(plots)
+        case ConvergenceRequest(plots):
+            return coefficients.convergence_figure(plots)
+        case InnovationRequest(innovations):
+            return validation.innovation_figure(innovations)
+        case FreeRunRequest(sensors, runs):
+            return validation.free_run_figure(sensors, runs)
+        case MotionRequest(quantities, sensors, runs):
+            return motion.motion_figure(quantities, sensors, runs)
+        case HorizonRequest(filter_name, predictions):
+            return validation.horizon_figure(filter_name, predictions)
+        case BoundsRequest(identifiability):
+            return coefficients.bounds_figure(identifiability)
+        case CorrelationRequest(identifiability):
+            return coefficients.correlation_figure(identifiability)
+        case TimelineRequest(sensors, inspection):
+            return timeline.timeline_figure(sensors, inspection)
+        case MissionRequest(time, inputs, band, symbols, percents):
+            return timeline.mission_figure(time, inputs, band, symbols, percents)
+        case SpreadRequest(runs, columns, filters):
+            return coefficients.spread_figure(runs, columns, filters)
+        case MapRequest(table, columns, filters):
+            return coefficients.map_figure(table, columns, filters)

@@ -20,8 +20,6 @@ from auvid_cli.errors import FileError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from auvid_cli.report.figures.draw import FigureRequest
-
 Submit = Callable[..., Future[Any]]
 
 # More workers would compete for memory, and there are few figures.
@@ -81,47 +79,6 @@ def load_matplotlib() -> None:
     # It first looks for a settings file in the working folder.
     with chdir(Path(package.origin).with_name("mpl-data")):
         import matplotlib  # noqa: F401
-
-
-def draw_and_save(request: "FigureRequest", folder: Path, name: str, formats: Collection[FigureFormat]) -> list[Path]:
-    """Draw the figure of a request and write it; called in a process that may load matplotlib."""
-    load_matplotlib()
-    return save(_draw_figure(request), folder, name, formats)
-
-
-def _draw_figure(request: "FigureRequest") -> "Figure":
-    """Return the figure of a request."""
-    from auvid_cli.report.figures import coefficients, draw, motion, timeline, validation
-
-    match request:
-        case draw.PathRequest(truth, motions):
-            return motion.path_figure(truth, motions)
-        case draw.MotionErrorRequest(truth, motions):
-            return motion.motion_error_figure(truth, motions)
-        case draw.EstimateRequest(plots):
-            return coefficients.estimate_figure(plots)
-        case draw.ConvergenceRequest(plots):
-            return coefficients.convergence_figure(plots)
-        case draw.InnovationRequest(innovations):
-            return validation.innovation_figure(innovations)
-        case draw.FreeRunRequest(sensors, runs):
-            return validation.free_run_figure(sensors, runs)
-        case draw.MotionRequest(quantities, sensors, runs):
-            return motion.motion_figure(quantities, sensors, runs)
-        case draw.HorizonRequest(filter_name, predictions):
-            return validation.horizon_figure(filter_name, predictions)
-        case draw.BoundsRequest(identifiability):
-            return coefficients.bounds_figure(identifiability)
-        case draw.CorrelationRequest(identifiability):
-            return coefficients.correlation_figure(identifiability)
-        case draw.TimelineRequest(sensors, inspection):
-            return timeline.timeline_figure(sensors, inspection)
-        case draw.MissionRequest(time, inputs, band, symbols, percents):
-            return timeline.mission_figure(time, inputs, band, symbols, percents)
-        case draw.SpreadRequest(runs, columns, filters):
-            return coefficients.spread_figure(runs, columns, filters)
-        case draw.MapRequest(table, columns, filters):
-            return coefficients.map_figure(table, columns, filters)
 
 
 def save(figure: "Figure", folder: Path, name: str, formats: Collection[FigureFormat]) -> list[Path]:
