@@ -62,7 +62,8 @@ class KnownSensors(NamedTuple):
 
 
 NONE_KNOWN = KnownSensors()
-ACCELEROMETER, MAGNETOMETER = range(len(KnownSensors._fields))
+ACCELEROMETER = KnownSensors._fields.index("accelerometer")
+MAGNETOMETER = KnownSensors._fields.index("magnetometer")
 # Places counted from the end of the constants: of the known sensors, the decay rates, and the fastest of these.
 _SENSORS = 1 + _N_ROWS + _N_KNOWN * len(KnownSensors._fields)
 _FADING = _SENSORS + len(DISTURBANCE)

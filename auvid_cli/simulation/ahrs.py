@@ -22,7 +22,11 @@ from auvid_cli.numerics import compiled, types
 from auvid_cli.vehicle.rigid_body import GRAVITY
 
 # Order at equal times: the gyroscope first, which propagates the attitude, and the output last.
-_GYROSCOPE, _DVL, _ACCELEROMETER, _MAGNETOMETER, _OUTPUT = range(5)
+_GYROSCOPE = 0
+_DVL = 1
+_ACCELEROMETER = 2
+_MAGNETOMETER = 3
+_OUTPUT = 4
 _INITIAL_TILT = np.deg2rad(3.0)  # standard deviation, rad
 
 

@@ -41,7 +41,10 @@ _FactorRows = namedtuple(
     "_FactorRows", [*(c.identifier for c in COEFFICIENTS), *ActuatorErrors._fields, *Ballast._fields]
 )
 _AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
-_RUDDER, _ELEVATOR, _THRUST, _N = (SIGNALS.index(name) for name in ("rudder", "elevator", "thrust", "n"))
+_RUDDER = SIGNALS.index("rudder")
+_ELEVATOR = SIGNALS.index("elevator")
+_THRUST = SIGNALS.index("thrust")
+_REVOLUTIONS = SIGNALS.index("n")
 _ONE = 2 * len(SIGNALS)
 _TWO_ROWS = 2 * LANES
 _FOUR_ROWS = 4 * LANES
@@ -230,7 +233,7 @@ def _factor(code, motion, coefficients, inputs):
         return _Factor(coefficients[_AT.elevator_trim :], 1.0, inputs[1], sign)
     if which == _THRUST:
         return _Factor(coefficients[_AT.thrust :], inputs[2], 0.0, sign)
-    return _Factor(motion, 0.0, 1.0 if code == _ONE else inputs[4 + which - _N], sign)
+    return _Factor(motion, 0.0, 1.0 if code == _ONE else inputs[4 + which - _REVOLUTIONS], sign)
 
 
 @compiled(inline=True)
@@ -363,7 +366,7 @@ N_COEFFICIENT_BLOCK = N_FACTORS * LANES
 
 # In the next three functions the loop over rows is unrolled, and the loop over lanes vectorises.
 @compiled()
-def _begin(motion, slope, advance, n_lanes, total, stage):
+def _first_stage(motion, slope, advance, n_lanes, total, stage):
     """Set the sum of slopes to the first slope, and the stage to ``motion + advance * slope``."""
     for k in range(n_lanes):
         for row in range(N_MOTION):
@@ -373,7 +376,7 @@ def _begin(motion, slope, advance, n_lanes, total, stage):
 
 
 @compiled()
-def _go_on(motion, slope, advance, n_lanes, total, stage):
+def _inner_stage(motion, slope, advance, n_lanes, total, stage):
     """Add the slope of an inner stage, with weight 2, to the sum, and set the next stage."""
     for k in range(n_lanes):
         for row in range(N_MOTION):
@@ -383,7 +386,7 @@ def _go_on(motion, slope, advance, n_lanes, total, stage):
 
 
 @compiled()
-def _end(total, slope, share, n_lanes, motion):
+def _last_stage(total, slope, share, n_lanes, motion):
     """Add the last slope to the sum, and advance the motion by `share` times the sum."""
     for k in range(n_lanes):
         for row in range(N_MOTION):
@@ -406,10 +409,10 @@ def runge_kutta_step(motion, coefficients, inputs, constants, n_lanes, duration,
     """
     stage, total, slope = work[:N_BLOCK], work[N_BLOCK : 2 * N_BLOCK], work[2 * N_BLOCK :]
     motion_derivative(motion, coefficients, inputs, constants, n_lanes, slope)
-    _begin(motion, slope, 0.5 * duration, n_lanes, total, stage)
+    _first_stage(motion, slope, 0.5 * duration, n_lanes, total, stage)
     motion_derivative(stage, coefficients, inputs, constants, n_lanes, slope)
-    _go_on(motion, slope, 0.5 * duration, n_lanes, total, stage)
+    _inner_stage(motion, slope, 0.5 * duration, n_lanes, total, stage)
     motion_derivative(stage, coefficients, inputs, constants, n_lanes, slope)
-    _go_on(motion, slope, duration, n_lanes, total, stage)
+    _inner_stage(motion, slope, duration, n_lanes, total, stage)
     motion_derivative(stage, coefficients, inputs, constants, n_lanes, slope)
-    _end(total, slope, duration / 6.0, n_lanes, motion)
+    _last_stage(total, slope, duration / 6.0, n_lanes, motion)

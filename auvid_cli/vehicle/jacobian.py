@@ -1,6 +1,5 @@
 """Derivatives of the equations of motion and of a Runge-Kutta step by motion and coefficients."""
 
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -207,9 +206,12 @@ class TransitionWorkspace(NamedTuple):
 
 
 # Ends of the arrays in the scratch whose lengths do not depend on the own terms; the others follow.
-_MATRICES, _START, _STAGE, _BLOCK, _SLOPE, _FOR_JACOBIAN = accumulate(
-    (4 * N_MOTION * N_COLUMNS, N_MOTION, N_MOTION, N_BLOCK, N_SLOPE, N_JACOBIAN_WORK)
-)
+_MATRICES = 4 * N_MOTION * N_COLUMNS
+_START = _MATRICES + N_MOTION
+_STAGE = _START + N_MOTION
+_BLOCK = _STAGE + N_BLOCK
+_SLOPE = _BLOCK + N_SLOPE
+_FOR_JACOBIAN = _SLOPE + N_JACOBIAN_WORK
 
 
 def transition_work(terms: int) -> int:
