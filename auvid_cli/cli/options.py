@@ -337,7 +337,7 @@ def overrides(settings: list[str] | None, seed: int | None = None, use: list[str
 
 
 def fit_command(folder: Path, settings: "RunSettings | None") -> str:
-    """Return the command that finds a model of the data of an estimate, in a folder of its own beside the estimate.
+    """Return the command that finds a model of the data of an estimate, in the folder `fit` next to the estimate.
 
     Parameters
     ----------

@@ -234,7 +234,7 @@ def read_attributes(file: h5py.File, form: type[Form]) -> Form:
         first = error.errors()[0]
         name, reason = str(first["loc"][0]), first["msg"]
         if first["type"] == "string_pattern_mismatch":
-            reason = f"{attributes[name]!r} is not as auvid writes it"
+            reason = f"invalid value {attributes[name]!r}; not written by auvid"
         raise ValueError(f"attribute {name}: {shortened(one_line(reason))}") from None
 
 

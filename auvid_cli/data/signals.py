@@ -142,10 +142,11 @@ def stuck_times(record: SensorRecord) -> Array:
 
 
 def rounded_repeats(record: SensorRecord) -> NDArray[np.bool_]:
-    """Whether each of the `repeats` is due to quantisation of a slowly changing value; none if all are short.
+    """Whether each of the `repeats` is due to quantisation of a slowly changing value.
 
     The values before and after such a run differ from it by one step. A run at an end of the record, or with a
-    second step due to noise on one side, counts only if it is not longer than these.
+    second step due to noise on one side, counts only if it is not longer than these. All are False if no run is longer
+    than `MAX_REPEAT`.
     """
     present, edges = _runs(record)
     time, runs = record.time[present], record.values[present][edges[:-1]]

@@ -246,7 +246,7 @@ Log, with one clock
 - [ ] Attitude and depth at 10 Hz or more.
 - [ ] Measured fin angles, not commands, and propeller speed, at 20 Hz or more.
 
-Sail
+Run
 - [ ] A straight, level run of 30 s one way and back, to measure the current.
 - [ ] The run of inputs.csv.
 - [ ] A coast-down: straight, level, propeller off, for 20 s, to measure the drag without thrust.

@@ -254,7 +254,7 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
             "identified",
             shares_of_value(estimate, truth, bounds.of_data),
             limit=LARGEST_SHARE_OF_VALUE,
-            meaning="as the smallest standard deviation that the data allow / value",
+            meaning="of the value: the larger of standard deviation and bound",
             advice="The data do not determine these; do not use the values. Try a longer or stronger manoeuvre.",
         ),
     ]
@@ -310,7 +310,7 @@ def _sensor_errors(estimate: Estimate) -> list[Check]:
             estimate.filter,
             "sensor errors observed",
             names,
-            threshold="less than half of the prior left",
+            threshold="at most half of the prior standard deviation",
             advice="These errors are not observable in this manoeuvre: do not use their values.",
             fails=False,
         )

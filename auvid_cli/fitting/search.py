@@ -379,7 +379,7 @@ class _Search:
             return "", stopped  # no trajectory follows the first two thirds
 
     def note(self, action: FitAction, what: str, judgement: Judgement | None = None) -> None:
-        """Add a step that is no trial."""
+        """Add a step other than a trial."""
         self.steps.append(self._step(action, what, None, True, "", judgement))
 
     def _set_judged_after(self, judgement: Judgement) -> None:

@@ -1,1 +1,1 @@
-"""Logs of vehicles as they come: what is in them, and the numbers."""
+"""Read logs of vehicles, and convert them to a dataset."""

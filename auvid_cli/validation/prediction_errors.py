@@ -123,7 +123,7 @@ def _better(name: str, other: str, rows: Sequence[Prediction], field: str) -> Ch
 
 
 def _band_checks(name: str, rows: Sequence[Prediction]) -> list[Check]:
-    """Check the stated uncertainty against the errors: not too small, nor, over all horizons, too large."""
+    """Check that the stated uncertainty is not too small at any horizon. Over all horizons it must not be too large."""
     banded = [row for row in rows if row.share_within_band is not None]
     # A model that diverged has no band, so no error is within it.
     expected = [row for row in rows if row.draws or row.share_within_band is not None]

@@ -216,7 +216,7 @@ class Collected(NamedTuple):
 
 
 def evenly_spaced(begin: float, end: float, most: int) -> Array:
-    """Return start times, s, from when the filter has settled to the shortest horizon before the end."""
+    """Return start times, s, between the convergence of the filter and the shortest horizon before the end."""
     first = begin + min(_MAX_SETTLING_TIME, _MAX_SETTLING_SHARE * (end - begin))
     last = end - HORIZONS[0]
     return np.linspace(first, last, most) if last > first else np.zeros(0)

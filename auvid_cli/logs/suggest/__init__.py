@@ -1,1 +1,1 @@
-"""A first map from what logs are seen to hold."""
+"""Suggest a map from the contents of logs."""

@@ -204,7 +204,7 @@ def plain_decades(axis: Axis) -> None:
 
 
 def plain_log_ticks(axis: Axis) -> None:
-    """Write plain numbers at a logarithmic axis: 1, 2 and 5 times powers of ten, or what is between two of them."""
+    """Write plain numbers at a logarithmic axis: 1, 2 and 5 times powers of ten, or round numbers on a short axis."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(lambda value, _: f"{value:g}")
     axis.set_minor_formatter(NullFormatter())
