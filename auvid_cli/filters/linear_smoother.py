@@ -30,8 +30,9 @@ T = TypeVar("T")
 
 # Chunks that threads linearise while another one is filtered.
 _N_AHEAD = 2
-# Fewest chunks of data for which they do. With fewer, they cost more than they save where the other cores are in use.
-_MANY = 24
+# Smallest number of chunks for which threads linearise ahead. With fewer, threads cost more time than they save if
+# other processes use the cores.
+_MIN_CHUNKS = 24
 # Forward passes kept for the backward pass; other chunks are filtered twice.
 CACHE_SIZE = 2**28  # bytes
 # Smallest share of the chunks for which a cache is worth its memory.
@@ -39,7 +40,7 @@ _MIN_CACHED = 0.2
 # Smallest decrease of the cost worth another iteration, in squares of standard deviations: in the last step no
 # parameter moves by more than a tenth of its standard deviation.
 MIN_DECREASE = 1e-2
-# A search without further progress has an answer if the cost can fall by at most this, in squares of standard
+# A search without further progress has converged if the cost can fall by at most this, in squares of standard
 # deviations, and no parameter would move by more than this share of its standard deviation.
 _NEGLIGIBLE_DECREASE = 0.1
 _NEGLIGIBLE_MOVE = 0.05
@@ -51,7 +52,7 @@ def computed_ahead(
     function: Callable[..., T], items: Iterable[tuple[Any, ...]], trajectory: "Trajectory"
 ) -> Iterator[T]:
     """Yield a function of each item, in order; if the trajectory is long, threads compute the next ones meanwhile."""
-    if sum(map(len, trajectory.moving)) < _MANY:
+    if sum(map(len, trajectory.moving)) < _MIN_CHUNKS:
         yield from starmap(function, items)
         return
     waiting = deque[Future[T]]()
@@ -326,7 +327,7 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
     filtered : Filtered
         About the last trajectory.
     converged : bool
-        Also if the rest of the way no longer matters. The result is None if the cost of `start` is not finite.
+        Also if the remaining step is negligible. The result is None if the cost of `start` is not finite.
     """
     current, passes = smoothing.filter(start), 1
     if current is None:
@@ -346,7 +347,7 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
     return current, True
 
 
-def rest_of_the_way(filtered: Filtered) -> ConvergenceStatus:
+def convergence_status(filtered: Filtered) -> ConvergenceStatus:
     """Return how far a trajectory is from the minimum of its linear problem."""
     # No parameter deviates if all are given.
     n_parameters = filtered.final.n - filtered.trajectory.initial[0].size
@@ -356,7 +357,7 @@ def rest_of_the_way(filtered: Filtered) -> ConvergenceStatus:
 
 def _is_close(filtered: Filtered) -> bool:
     """Whether neither the cost nor a parameter would change by an amount that matters."""
-    decrease, step, *_ = rest_of_the_way(filtered)
+    decrease, step, *_ = convergence_status(filtered)
     return decrease <= _NEGLIGIBLE_DECREASE and bool((np.abs(step) <= _NEGLIGIBLE_MOVE).all())
 
 

@@ -155,7 +155,7 @@ class _Likelihood:
         self._count_pass()
         return noise_scores(self.smoothing, filtered, self._present, self._groups)
 
-    def closer(self, filtered: Filtered, is_coarse: bool) -> tuple[Trajectory, float] | None:
+    def one_step(self, filtered: Filtered, is_coarse: bool) -> tuple[Trajectory, float] | None:
         """Return the trajectory one step closer to the marginal estimate, and the gain; None if the motion diverges."""
         # Scores of noise about a known trajectory need no compiled code of the marginal estimate.
         from auvid_cli.filters.marginal import integrate_out_motion
@@ -278,7 +278,7 @@ def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse
         # With a wrong model, noise and trajectory may go round in a circle.
         if converged or number == MAX_TRAJECTORIES or (is_coarse and number - latest == _PATIENCE):
             break
-        following = likelihood.closer(filtered, is_coarse)
+        following = likelihood.one_step(filtered, is_coarse)
         if following is None:
             break
         trajectory, gain = following

@@ -23,8 +23,8 @@ from auvid_cli.filters.linear_smoother import (
     LinearSmoothing,
     Smoothed,
     Trajectory,
+    convergence_status,
     gauss_newton,
-    rest_of_the_way,
 )
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
@@ -109,7 +109,7 @@ def run_smoother(
     if not minima:
         return _failed(problem)
     (best, converged), *others = minima
-    rest = rest_of_the_way(best)
+    rest = convergence_status(best)
     if not converged:
         return _report(problem, smoothing, best, on_chunk)._replace(failure=NOT_CONVERGED, convergence=rest)
     alternatives = [found for other, _ in others if (found := other_minimum(best, other)) is not None]

@@ -245,7 +245,7 @@ def rudder_trim(signals: Signals, motion: LinearMotion | None, time_constant: fl
     """
     turns = moment(signals, _YAW)
     rates = {name: rate for name, rate in rates_by_sensor(signals, _YAW.rate).items() if name != "gyroscope"}
-    if turns is None or not rates or _heels(signals):
+    if turns is None or not rates or _mean_roll_is_large(signals):
         return None
     ((name, rate),) = rates.items()
     window = response_window(signals, _YAW, time_constant)
@@ -263,14 +263,14 @@ def rudder_trim(signals: Signals, motion: LinearMotion | None, time_constant: fl
     return RudderTrim(fitted.gain, fitted.error)
 
 
-def _heels(signals: Signals) -> bool:
+def _mean_roll_is_large(signals: Signals) -> bool:
     roll = signals.values.get("phi", np.zeros(1))
     finite = roll[np.isfinite(roll)]
     return bool(finite.size) and abs(float(finite.mean())) > _MAX_MEAN_ROLL
 
 
 def rudder_trim_checks(trim: RudderTrim | None) -> list[Check]:
-    """Check the trim if the data show it to a degree."""
+    """Check the trim if the data determine it to 1 deg."""
     if trim is None or _TRIM_SIGMAS * trim.error > 2.0 * _MAX_TRIM:
         return []
     angle, error = np.rad2deg(trim)

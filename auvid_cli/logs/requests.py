@@ -147,7 +147,6 @@ class _Finder:
 
     def __init__(self, settings: LogMap, tree: Tree, logs: Mapping[str, Log], errors: MapErrors) -> None:
         self._settings, self._tree, self._logs, self._errors = settings, tree, logs, errors
-        self._error = errors.add
         self._tables = {name: log.tables() for name, log in logs.items()}
 
     def request(
@@ -188,9 +187,9 @@ class _Finder:
         if name in self._logs:
             return name
         if name is None:
-            self._error(path, f"missing key 'log': one of {', '.join(self._logs)}")
+            self._errors.add(path, f"missing key 'log': one of {', '.join(self._logs)}")
         else:
-            self._error((*path, "log"), f"no log named {name!r} in `logs`; expected {', '.join(self._logs)}")
+            self._errors.add((*path, "log"), f"no log named {name!r} in `logs`; expected {', '.join(self._logs)}")
         return None
 
     def _table(self, path: KeyPath, log: str, name: str | None) -> str | None:
@@ -201,9 +200,9 @@ class _Finder:
             return name
         if name is None:
             some = ", ".join(list(tables)[:5]) + (", ..." if len(tables) > 5 else "")
-            self._error(path, f"missing key 'table': one of those in {self._logs[log].path}: {some}")
+            self._errors.add(path, f"missing key 'table': one of those in {self._logs[log].path}: {some}")
         else:
-            self._error((*path, "table"), missing(self._logs[log], "table", name, tables))
+            self._errors.add((*path, "table"), missing(self._logs[log], "table", name, tables))
         return None
 
     def _column(self, path: KeyPath, log: str, table: str, name: str, numbers: bool) -> LogColumn | None:
@@ -212,11 +211,11 @@ class _Finder:
             # The name with its unit, as in the log's header, is accepted too.
             if name in (column.name, f"{column.name} ({column.unit})", f"{column.name} [{column.unit}]"):
                 if numbers and column.is_text:
-                    self._error(path, f"column {name!r} of {self._logs[log].path} has text; expected numbers")
+                    self._errors.add(path, f"column {name!r} of {self._logs[log].path} has text; expected numbers")
                     return None
                 return column
         what = f"column in {table}" if table else "column"
-        self._error(path, missing(self._logs[log], what, name, [column.name for column in columns]))
+        self._errors.add(path, missing(self._logs[log], what, name, [column.name for column in columns]))
         return None
 
     def _factor(self, path: KeyPath, signal: LogSignal, unit: str | None, column: LogColumn) -> float:
@@ -232,7 +231,7 @@ class _Finder:
             return unit_factor(column.unit, si) if column.unit else 1.0
         except ValueError:
             reason = f"the log states the unit {column.unit!r} of {column.name!r}; expected {expected(si)}"
-            self._error(path, f"{reason}: state the right `unit`")
+            self._errors.add(path, f"{reason}: state the right `unit`")
             return 1.0
 
     def _time(self, path: KeyPath, log: str, table: str, sources: list[TimeSource | None]) -> Times | None:
@@ -243,7 +242,7 @@ class _Finder:
         if source is None:
             default = next((name for name in (HEADER_STAMP, LOG_TIME) if name in names), None)
             if default is None:
-                self._error(path, "missing key 'time'; expected the column with the times of the rows")
+                self._errors.add(path, "missing key 'time'; expected the column with the times of the rows")
                 return None
             source = TimeSource(column=default)
         # An input may inherit the time from all inputs, or from the map.

@@ -98,12 +98,12 @@ def accuracy(evaluation: Evaluation) -> list[Table]:
     error = Table(_ERROR, "Steady-state error of the coefficients, % (Table IV)", (), [], notes=(_ERROR_OF,))
     error_averages = (("average", "", "average_steady_state_error_percent", "average"),)
     return [
-        _half(evaluation, rmse, "rmse", rmse_averages),
-        _half(evaluation, error, "sse_percent", error_averages),
+        _accuracy_table(evaluation, rmse, "rmse", rmse_averages),
+        _accuracy_table(evaluation, error, "sse_percent", error_averages),
     ]
 
 
-def _half(
+def _accuracy_table(
     evaluation: Evaluation, table: Table, published_key: str, averages: Sequence[tuple[str, str, str, str]]
 ) -> Table:
     """Return one half of Table IV.

@@ -93,12 +93,12 @@ def _pairs(signals: Signals) -> Iterator[tuple[str, str, list[tuple[Array, Array
         if rate in rates and not {angle, rate} & exchanged:
             yield angle, rate, [(changes[angle], means[rate])]
     if signals.has("down", "u") and "theta" in angles and "theta" not in exchanged:
-        sinking, u, theta = _change(signals, "down"), signals.mean("u"), signals.mean("theta")
+        depth_change, u, theta = _change(signals, "down"), signals.mean("u"), signals.mean("theta")
         climbs = [speed * np.sin(factor * theta) for factor in ANGLE_UNITS for speed in (u, 1.0)]
         # Axes of a DVL to starboard: its second component is the speed; axes of an attitude: its roll is the pitch.
         if "phi" in angles:
             climbs += [np.sin(factor * signals.mean("phi")) for factor in ANGLE_UNITS]
-        yield "down", "theta", [(sinking, climb) for climb in climbs]
+        yield "down", "theta", [(depth_change, climb) for climb in climbs]
 
 
 def _is_clear(signals: Signals, tracks: Mapping[str, Track], symbol: str, change: Array, other: Array) -> bool:

@@ -204,7 +204,7 @@ def innovation_parts(estimates: Sequence[Estimate]) -> list[parts.Part]:
         of_sensor = [(e.filter, e.innovations[sensor]) for e in estimates if sensor in e.innovations]
         for component, quantity in enumerate(SENSORS[sensor]):
             plots += _components(sensor, quantity, component, of_sensor)
-        plots += [*_nis(sensor, of_sensor), *_memory(sensor, of_sensor)]
+        plots += [*_nis(sensor, of_sensor), *_autocorrelation(sensor, of_sensor)]
     if not plots:
         return []
     choice = {estimate.filter: filter_label(estimate.filter) for estimate in estimates if estimate.innovations}
@@ -274,15 +274,15 @@ def _nis(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[part
     return [parts.Plot(f"{sensor}: NIS", says, "per component", [*chance, *lines])]
 
 
-def _memory(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[parts.Plot]:
+def _autocorrelation(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[parts.Plot]:
     """Plot the autocorrelation of the innovations of each component."""
     lines: list[parts.PlotLine] = []
     largest = []
     lags = np.arange(1.0, N_LAGS + 1.0)
     samples = 0.0
     for name, innovations in of_sensor:
-        memory = innovations.autocorrelation
-        rows = zip(SENSORS[sensor], memory.correlation, memory.samples, strict=True)
+        found = innovations.autocorrelation
+        rows = zip(SENSORS[sensor], found.correlation, found.samples, strict=True)
         for component, (quantity, values, n) in enumerate(rows):
             if n:
                 label = f"{filter_label(name)} {quantity.symbol}"
