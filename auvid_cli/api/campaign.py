@@ -19,7 +19,7 @@ from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.data.files import dataset_in, folder_of_run, locked, page_in
 from auvid_cli.data.results import refuse_other_page
 from auvid_cli.errors import FileError
-from auvid_cli.report.campaign_results import campaign_page, write_findings
+from auvid_cli.report.campaign_results import campaign_page, write_summary
 from auvid_cli.report.figures.draw import drawing
 from auvid_cli.report.page.render import write_page
 
@@ -49,7 +49,7 @@ class CampaignOptions(NamedTuple):
 class CampaignResult(NamedTuple):
     """Statistics (None if no run is finished), written files, remarks, and whether all runs are finished."""
 
-    findings: CampaignSummary | None
+    summary: CampaignSummary | None
     files: list[Path]
     page: Path
     remarks: list[str]
@@ -222,16 +222,16 @@ def _report(
     with progress.stage("evaluate"):
         failures = [failure for failure in store.failures if failure.run in labels]
         rows = store.rows(labels).to_pandas()
-    findings, paths = None, []
+    summary, paths = None, []
     if len(rows):
         with progress.stage("statistics"):
-            findings = summarize(in_planned_order(rows, labels), plan.fixed_columns, plan.drawn_columns)
-        paths = write_findings(findings, folder / "tables")
+            summary = summarize(in_planned_order(rows, labels), plan.fixed_columns, plan.drawn_columns)
+        paths = write_summary(summary, folder / "tables")
         filters = {variant.name: variant.filter.value for variant in plan.filters}
         with drawing(folder, options.figure_formats) as figures, progress.bars("figures") as (advance,):
-            figures.add_campaign(findings, filters)
+            figures.add_campaign(summary, filters)
             reasons = list(dict.fromkeys(failure.reason for failure in failures))
-            page = campaign_page(plan.campaign, findings, filters, reasons)
+            page = campaign_page(plan.campaign, summary, filters, reasons)
             paths.append(write_page(page, page_in(folder)))
             paths += figures.finish(advance)
     n_runs = int((rows["kind"] == "run").sum()) - len(failures)
@@ -243,7 +243,7 @@ def _report(
             f"{folder / 'failures.csv'}: {len(failures)} runs failed; first reason: {failures[0].reason}; "
             "--retry repeats them"
         )
-    return CampaignResult(findings, paths, page_in(folder), remarks, n_runs == len(labels))
+    return CampaignResult(summary, paths, page_in(folder), remarks, n_runs == len(labels))
 
 
 def _duration(seconds: float) -> str:

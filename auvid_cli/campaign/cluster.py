@@ -75,7 +75,7 @@ def run_group(group: RunGroup, with_estimates: bool = False) -> list[RunResult]:
         raise ConfigError(f"the worker has auvid {__version__}; expected {group.version}, like the campaign")
     with threadpool_limits(1):
         pairs = zip(group.runs, group.assumed, strict=True)
-        return [_perform(group.simulated, run, assumed, with_estimates) for run, assumed in pairs]
+        return [_run_one(group.simulated, run, assumed, with_estimates) for run, assumed in pairs]
 
 
 def shortened_group(group: RunGroup, duration: float) -> tuple[RunGroup, float]:
@@ -94,7 +94,7 @@ def shortened_group(group: RunGroup, duration: float) -> tuple[RunGroup, float]:
     return shortened, shorter / whole
 
 
-def _perform(simulated: str, run: CampaignRun, assumed_text: str, with_estimates: bool) -> RunResult:
+def _run_one(simulated: str, run: CampaignRun, assumed_text: str, with_estimates: bool) -> RunResult:
     try:
         dataset = _data(simulated)
         assert dataset.truth is not None

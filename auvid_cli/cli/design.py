@@ -242,7 +242,7 @@ def campaign(
     # Compile before the workers start: they load the core from the cache.
     with terminal.compiling():
         from auvid_cli.api.campaign import CampaignOptions, Workers, forecast, plan_campaign, run_campaign
-        from auvid_cli.report.campaign_results import print_findings
+        from auvid_cli.report.campaign_results import print_summary
 
     plan, folder = plan_campaign(file, settings or (), output)
     where = Workers(scheduler, workers or os.cpu_count() or 1)
@@ -251,8 +251,8 @@ def campaign(
         forecast(plan, folder, chosen, terminal)
         return DONE
     result = run_campaign(plan, folder, chosen, terminal)
-    if result.findings is not None:
-        print_findings(terminal.out, result.findings, [file for file in result.files if file != result.page])
+    if result.summary is not None:
+        print_summary(terminal.out, result.summary, [file for file in result.files if file != result.page])
         terminal.print(f"report: {result.page}")
         if figures.show:
             terminal.open_page(result.page)

@@ -47,7 +47,7 @@ _TOP = 12.0
 _MAX_DRAWN = 24  # combinations that are drawn
 
 
-def write_findings(findings: CampaignSummary, folder: Path) -> list[Path]:
+def write_summary(summary: CampaignSummary, folder: Path) -> list[Path]:
     """Write ``runs.csv``, ``filters.csv``, ``coefficients.csv``, ``comparisons.csv`` and ``campaign.md``.
 
     Raises
@@ -56,41 +56,41 @@ def write_findings(findings: CampaignSummary, folder: Path) -> list[Path]:
         If a file cannot be written; an existing file then stays as it was.
     """
     tables = {
-        "runs": findings.runs,
-        "filters": findings.filters,
-        "coefficients": findings.coefficients,
-        "comparisons": findings.comparisons.rename(columns={"conclusion": "verdict"}),
+        "runs": summary.runs,
+        "filters": summary.filters,
+        "coefficients": summary.coefficients,
+        "comparisons": summary.comparisons.rename(columns={"conclusion": "verdict"}),
     }
     paths = [folder / f"{name}.csv" for name in tables]
     for path, table in zip(paths, tables.values(), strict=True):
         write_text(path, table.map(csv_cell).rename(columns=csv_cell).to_csv(index=False))
     markdown = folder / "campaign.md"
-    write_text(markdown, render_markdown([filters_table(findings), *comparison_table(findings)]))
+    write_text(markdown, render_markdown([filters_table(summary), *comparison_table(summary)]))
     return [*paths, markdown]
 
 
-def print_findings(console: Console, findings: CampaignSummary, files: Sequence[Path]) -> None:
+def print_summary(console: Console, summary: CampaignSummary, files: Sequence[Path]) -> None:
     """Print a row for each combination of settings and filter, who is better in how many, and where the files are."""
-    if len(findings.filters) <= _MAX_ROWS:
-        table = filters_table(findings)
-        if not any(findings.filters["failed"]):
+    if len(summary.filters) <= _MAX_ROWS:
+        table = filters_table(summary)
+        if not any(summary.filters["failed"]):
             table = table.without("failed %")
         screen = narrowed(console, table, _DROPPED_COLUMNS, _SCREEN_DIGITS)
         console.print(screen)
         shown = {str(column.header) for column in screen.columns}
         print_texts(console, (text for header, text in _MEANINGS.items() if header in shown))
     else:
-        console.print(Text(f"{len(findings.filters)} combinations of settings and filter: see the tables"))
-    print_texts(console, comparison_sentences(findings))
+        console.print(Text(f"{len(summary.filters)} combinations of settings and filter: see the tables"))
+    print_texts(console, comparison_sentences(summary))
     print_files(console, files)
 
 
-def comparison_sentences(findings: CampaignSummary) -> list[str]:
+def comparison_sentences(summary: CampaignSummary) -> list[str]:
     """Return, for each pair of filters and measure, in how many settings each conclusion holds."""
     sentences = []
-    if not len(findings.comparisons):
+    if not len(summary.comparisons):
         return sentences
-    for (first, second, measure), rows in findings.comparisons.groupby(["first", "second", "measure"], sort=False):
+    for (first, second, measure), rows in summary.comparisons.groupby(["first", "second", "measure"], sort=False):
         counts = rows["conclusion"].value_counts()
         conclusions = ", ".join(f"{conclusion} in {count}" for conclusion, count in counts.items())
         if len(rows) == 1:
@@ -101,9 +101,9 @@ def comparison_sentences(findings: CampaignSummary) -> list[str]:
     return sentences
 
 
-def filters_table(findings: CampaignSummary) -> Table:
+def filters_table(summary: CampaignSummary) -> Table:
     """Lay out the statistics of each combination of settings and filter."""
-    cells = _settings([*findings.columns, "filter"]) | {
+    cells = _settings([*summary.columns, "filter"]) | {
         Column("runs"): lambda row: int(row["runs"]),
         Column("failed %"): lambda row: 100.0 * row["failed"],
         Column("diverged %"): lambda row: 100.0 * row["diverged"],
@@ -118,14 +118,14 @@ def filters_table(findings: CampaignSummary) -> Table:
         Column("by chance"): lambda row: _interval(row, "nees"),
     }
     notes = tuple(text for header, text in _MEANINGS.items() if Column(header) in cells)
-    return tabulated("campaign", "Filters", findings.filters.to_dict("records"), cells, notes)
+    return tabulated("campaign", "Filters", summary.filters.to_dict("records"), cells, notes)
 
 
-def comparison_table(findings: CampaignSummary) -> list[Table]:
+def comparison_table(summary: CampaignSummary) -> list[Table]:
     """Compare the filters in a table; in none if there is but one filter."""
-    if not len(findings.comparisons):
+    if not len(summary.comparisons):
         return []
-    cells = _settings([*findings.columns, "first", "second"]) | {
+    cells = _settings([*summary.columns, "first", "second"]) | {
         text_column("measure"): lambda row: _WHAT[row["measure"]],
         Column("of first %"): lambda row: row["median_first"],
         Column("of second %"): lambda row: row["median_second"],
@@ -136,13 +136,13 @@ def comparison_table(findings: CampaignSummary) -> list[Table]:
         text_column("conclusion"): lambda row: row["conclusion"],
     }
     notes = (
-        *comparison_sentences(findings),
+        *comparison_sentences(summary),
         "On the same data, seed by seed: median of the difference, first minus second, with its 95 % interval; "
         "Wilcoxon's p-value, adjusted for the number of comparisons (Benjamini and Hochberg). A tie: the whole "
         "interval lies within 1 % of the error itself.",
     )
     return [
-        tabulated("comparisons", "Filters against each other", findings.comparisons.to_dict("records"), cells, notes)
+        tabulated("comparisons", "Filters against each other", summary.comparisons.to_dict("records"), cells, notes)
     ]
 
 
@@ -160,7 +160,7 @@ def _interval(row: _Record, name: str) -> str | None:
 
 
 def campaign_page(
-    campaign: Campaign, findings: CampaignSummary, filters: Mapping[str, str], failures: Sequence[str]
+    campaign: Campaign, summary: CampaignSummary, filters: Mapping[str, str], failures: Sequence[str]
 ) -> parts.Page:
     """Lay out the statistics of a campaign.
 
@@ -173,23 +173,23 @@ def campaign_page(
     """
     failed = [parts.Words([f"Failed: {failure}" for failure in failures], listed=True)] if failures else []
     sections = (
-        parts.Section("filters", "Filters", [parts.TablePart(filters_table(findings), sortable=True), *failed]),
-        parts.Section("spread", "Spread of the errors", _spread(findings, filters)),
+        parts.Section("filters", "Filters", [parts.TablePart(filters_table(summary), sortable=True), *failed]),
+        parts.Section("spread", "Spread of the errors", _spread(summary, filters)),
         parts.Section(
             "comparisons",
             "Filters against each other",
-            [parts.TablePart(table, sortable=True) for table in comparison_table(findings)],
+            [parts.TablePart(table, sortable=True) for table in comparison_table(summary)],
         ),
         campaign_provenance(campaign),
     )
-    n_seeds = findings.runs["seed"].nunique()
-    size = f"{len(findings.runs)} run{'s' * (len(findings.runs) > 1)}, {n_seeds} seed{'s' * (n_seeds > 1)}"
+    n_seeds = summary.runs["seed"].nunique()
+    size = f"{len(summary.runs)} run{'s' * (len(summary.runs) > 1)}, {n_seeds} seed{'s' * (n_seeds > 1)}"
     return parts.Page(f"Campaign: {campaign.name}", size, sections)
 
 
-def _spread(findings: CampaignSummary, filters: Mapping[str, str]) -> list[parts.Part]:
+def _spread(summary: CampaignSummary, filters: Mapping[str, str]) -> list[parts.Part]:
     """Draw the error of every run that ended, a row for each combination of settings and filter."""
-    cells = errors_by_cell(findings.runs, findings.columns)
+    cells = errors_by_cell(summary.runs, summary.columns)
     known = np.concatenate([cell.errors for cell in cells])
     known = known[np.isfinite(known) & (known > 0.0)]
     if not known.size:

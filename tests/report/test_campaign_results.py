@@ -9,7 +9,7 @@ from rich.console import Console
 
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.summary import summarize
-from auvid_cli.report.campaign_results import comparison_sentences, print_findings, write_findings
+from auvid_cli.report.campaign_results import comparison_sentences, print_summary, write_summary
 from auvid_cli.report.figures.coefficients import map_figure, spread_figure
 
 SEEDS = 20
@@ -32,7 +32,7 @@ def rows_of(name, factor, rate, error, lost):
 
 
 @pytest.fixture(scope="module")
-def findings():
+def summary():
     parts = [
         rows_of(name, factor, rate, error, lost if factor > 1.0 else 0)
         for rate in ("slow", "fast")
@@ -43,11 +43,11 @@ def findings():
 
 
 @pytest.mark.slow
-def test_files_hold_every_combination(findings, tmp_path):
-    paths = write_findings(findings, tmp_path)
+def test_files_hold_every_combination(summary, tmp_path):
+    paths = write_summary(summary, tmp_path)
     tables = {f"{name}.csv" for name in ("runs", "filters", "coefficients", "comparisons")}
     assert {path.name for path in paths} == tables | {"campaign.md"}
-    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "filters.csv"), findings.filters, check_dtype=False)
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "filters.csv"), summary.filters, check_dtype=False)
     text = (tmp_path / "campaign.md").read_text()
     assert "| fast | 10 | ekf | 20 | 0 | 50.00 |" in text
     # Two rates, two factors, three pairs, two measures, and twelve filters.
@@ -55,8 +55,8 @@ def test_files_hold_every_combination(findings, tmp_path):
 
 
 @pytest.mark.slow
-def test_sentences_count_the_combinations(findings):
-    sentences = comparison_sentences(findings)
+def test_sentences_count_the_combinations(summary):
+    sentences = comparison_sentences(summary)
     assert "ckf and wide, steady-state error: tie in 4 (of 4 settings)" in sentences
     lost = "ckf is better in 2, ekf diverges more often in 2 (of 4 settings)"
     assert f"ckf and ekf, steady-state error: {lost}" in sentences
@@ -64,9 +64,9 @@ def test_sentences_count_the_combinations(findings):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [40, 80, 200])
-def test_the_screen_shows_what_it_has_room_for(findings, width):
+def test_the_screen_shows_what_it_has_room_for(summary, width):
     screen = io.StringIO()
-    print_findings(Console(file=screen, width=width, highlight=False), findings, [])
+    print_summary(Console(file=screen, width=width, highlight=False), summary, [])
     text = screen.getvalue()
     assert "ckf and wide" in text.replace("\n", " ")
     if width >= 80:
@@ -74,11 +74,11 @@ def test_the_screen_shows_what_it_has_room_for(findings, width):
         assert text.count("ekf") >= 4
 
 
-def test_screen_explains_only_columns_that_it_shows(findings):
+def test_screen_explains_only_columns_that_it_shows(summary):
     texts = {}
     for width in (80, 300):
         screen = io.StringIO()
-        print_findings(Console(file=screen, width=width, highlight=False), findings, [])
+        print_summary(Console(file=screen, width=width, highlight=False), summary, [])
         texts[width] = screen.getvalue()
     assert "Inconsistent: share" in texts[80]
     assert "Inconsistent: share" in texts[300]
@@ -86,8 +86,8 @@ def test_screen_explains_only_columns_that_it_shows(findings):
     assert "By chance: range" not in texts[80]
 
 
-def test_boxes_are_drawn_for_every_combination_and_losses_are_written(findings):
-    figure = spread_figure(findings.runs, COLUMNS, FILTERS)
+def test_boxes_are_drawn_for_every_combination_and_losses_are_written(summary):
+    figure = spread_figure(summary.runs, COLUMNS, FILTERS)
     assert [axes.get_title() for axes in figure.axes] == ["rate slow", "rate fast"]
     for axes in figure.axes:
         assert len(axes.patches) == 6
@@ -96,8 +96,8 @@ def test_boxes_are_drawn_for_every_combination_and_losses_are_written(findings):
         assert np.isclose(sorted(medians)[0], 1.0 + 0.01 * (SEEDS - 1) / 2)
 
 
-def test_the_map_writes_error_and_losses_into_each_cell(findings):
-    figure = map_figure(findings.filters, COLUMNS, FILTERS)
+def test_the_map_writes_error_and_losses_into_each_cell(summary):
+    figure = map_figure(summary.filters, COLUMNS, FILTERS)
     panels = {axes.get_title(): [text.get_text() for text in axes.texts] for axes in figure.axes if axes.get_title()}
     assert list(panels) == list(FILTERS)
     assert panels["ckf"] == ["1.1"] * 4
@@ -125,9 +125,9 @@ def test_runs_too_few_for_quartiles_are_drawn_one_by_one():
 
 def test_a_campaign_of_which_all_runs_were_lost_is_told_as_well(tmp_path):
     rows = pd.concat([rows_of(name, 1.0, "slow", 1.0, SEEDS) for name in ("ckf", "ekf")], ignore_index=True)
-    findings = summarize(rows, ["rate", "identification.prior.factor"])
-    write_findings(findings, tmp_path)
-    assert set(findings.filters["diverged"]) == {1.0}
-    assert set(findings.comparisons["conclusion"]) == {"no difference found"}
-    spread_figure(findings.runs, findings.columns, {"ckf": "ckf", "ekf": "ekf"})
-    map_figure(findings.filters, findings.columns, {"ckf": "ckf", "ekf": "ekf"})
+    summary = summarize(rows, ["rate", "identification.prior.factor"])
+    write_summary(summary, tmp_path)
+    assert set(summary.filters["diverged"]) == {1.0}
+    assert set(summary.comparisons["conclusion"]) == {"no difference found"}
+    spread_figure(summary.runs, summary.columns, {"ckf": "ckf", "ekf": "ekf"})
+    map_figure(summary.filters, summary.columns, {"ckf": "ckf", "ekf": "ekf"})

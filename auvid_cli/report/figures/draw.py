@@ -224,11 +224,11 @@ class FigureQueue:
         percents = {name: design.trials[name].percent() for name in shown}
         self._add("mission", MissionRequest(design.truth.time, design.truth.inputs, band, design.symbols, percents))
 
-    def add_campaign(self, findings: "CampaignSummary", filters: dict[str, str]) -> None:
+    def add_campaign(self, summary: "CampaignSummary", filters: dict[str, str]) -> None:
         """Draw the spread of the errors of each filter variant, and a map if two settings vary."""
-        self._add("spread", SpreadRequest(findings.runs, findings.columns, filters))
-        if len(findings.columns) > 1:
-            self._add("map", MapRequest(findings.filters, findings.columns, filters))
+        self._add("spread", SpreadRequest(summary.runs, summary.columns, filters))
+        if len(summary.columns) > 1:
+            self._add("map", MapRequest(summary.filters, summary.columns, filters))
 
     def finish(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Path]:
         """Wait until all are drawn.
