@@ -12,7 +12,7 @@ from auvid_cli.campaign.store import Store
 from auvid_cli.campaign.summary import in_planned_order
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.loading import find_campaign
-from docs.resumable import keep_rows, kept_rows
+from docs.resumable import keep_rows, kept_rows, seed_range
 
 
 class CampaignRows(NamedTuple):
@@ -34,11 +34,8 @@ class CampaignRows(NamedTuple):
 
     def summary(self) -> str:
         """Return a sentence with the number of runs and their seeds."""
-        seeds = self.runs["seed"]
-        return (
-            f"{len(seeds)} of the {self.plan.n_runs} runs of `auvid campaign {self.plan.campaign.name}`, seeds "
-            f"{seeds.min()} to {seeds.max()}."
-        )
+        runs, name = self.runs, self.plan.campaign.name
+        return f"{len(runs)} of the {self.plan.n_runs} runs of `auvid campaign {name}`, {seed_range(runs['seed'])}."
 
 
 def results_option(description: str | None) -> argparse.ArgumentParser:

@@ -26,7 +26,7 @@ from auvid_cli.design.trials import sizes_of
 from auvid_cli.identification.run import identify
 from auvid_cli.report.table import filter_label
 from auvid_cli.simulation.simulate import simulate
-from docs.resumable import EARLIER_SPIRAL, all_rows, asked_seeds
+from docs.resumable import EARLIER_SPIRAL, all_rows, asked_seeds, seed_range
 from docs.section import replace_section
 
 _EXPERIMENTS = "remus100", "lauv", "spiral", "lrauv"
@@ -44,11 +44,12 @@ _DURATION, _DRAWS, _GENERATIONS, _VEHICLES = 120.0, 8, 30, 8
 # Random stream of the vehicles of this study, apart from all of the design's.
 _STREAM = 9
 _TEXT = f"""\
-{_VEHICLES} vehicles that the search has not seen, {{seeds}} seeds each, {_DURATION:g} s. One run is designed for
-each experiment, with an AHRS, seed 1, in {_GENERATIONS} generations ({{evaluations}} manoeuvres) about {_DRAWS} drawn
-vehicles: {{minutes}} minutes each, on a busy machine. Coefficients are drawn 30 % about the vehicle file's. Of each the
-error is its rms over vehicles and seeds; of all the geometric mean stands here. Promised is the gain by the criterion
-on 8 further vehicles. Of a vehicle: the least and the largest gain. Not completed: of the spiral, and of the design.
+{_VEHICLES} vehicles that the search has not used, {{seeds}}, {_DURATION:g} s. One run is designed for
+each experiment, with an AHRS and seed 1, in {_GENERATIONS} generations ({{evaluations}} manoeuvres) for {_DRAWS} drawn
+vehicles: {{minutes}} minutes each, on a busy machine. Coefficients of a drawn vehicle differ from the vehicle file by
+30 % (standard deviation). The columns in % are the geometric mean over coefficients of the RMS error over vehicles and
+seeds. Promised: gain of the criterion, on 8 further vehicles. Of a vehicle: smallest and largest gain. Not completed:
+runs with the spiral / with the designed run.
 """
 _MANOEUVRE: TypeAdapter[AnyManoeuvre] = TypeAdapter(AnyManoeuvre)
 
@@ -161,7 +162,7 @@ def main() -> None:
     rows = all_rows("design", runs, Fleet(designs).errors)
     minutes = designs["minutes"]
     text = _TEXT.format(
-        seeds=rows["seed"].nunique() // _VEHICLES,
+        seeds=seed_range(1 + rows["seed"] // _VEHICLES),
         evaluations=designs["evaluations"].iloc[0],
         minutes=f"{minutes.min():.1f} to {minutes.max():.1f}",
     )

@@ -1,8 +1,8 @@
-"""Whether a disturbance is found as it was simulated, into docs/studies.md: `python -m docs.make_disturbance`.
+"""Study: is a simulated disturbance found? Writes docs/studies.md: `python -m docs.make_disturbance`.
 
-Each seed is tuned with sizes, time constants and sensors stated twice as large as they are; then, with nothing stated,
-it is chosen by likelihood whether there is one, where there is and where there is none. A seed takes a minute.
-Rows are kept; finished seeds are not repeated.
+Each seed is tuned with sizes, time constants and sensor noise stated twice as large as they are. Then, with no
+disturbance stated, `auvid tune` decides by the likelihood whether there is one, in data with a disturbance and without.
+A seed takes a minute. Rows are kept; finished seeds are not repeated.
 """
 
 from math import radians
@@ -48,7 +48,7 @@ _CHOICES = {"none": (), "5 N and 0.2, 2, 2 N m over 3 s": (_LASTS,)}
 
 
 def chosen(settings: tuple[str, ...], seed: int) -> pd.DataFrame:
-    """Simulate one seed and choose whether something pushes."""
+    """Simulate one seed and decide whether there is a disturbance."""
     experiment = auvid.load_experiment("spiral", WIDE_PRIOR, *RUN, *settings, f"seed={seed}")
     choice = auvid.tune(auvid.simulate(experiment), disturbance=True).choice
     assert choice is not None, "that was asked for"
@@ -56,9 +56,9 @@ def chosen(settings: tuple[str, ...], seed: int) -> pd.DataFrame:
 
 
 def choices(rows: pd.DataFrame) -> list[str]:
-    """Return how often a disturbance was kept."""
+    """Return how often a disturbance was found."""
     lines = [
-        "| disturbance | chosen | gain in log-likelihood, least | median | largest | needed |",
+        "| disturbance | found | gain in log-likelihood, smallest | median | largest | needed |",
         "| --- | ---: | ---: | ---: | ---: | ---: |",
     ]
     for case, each in rows.groupby("case", sort=False):

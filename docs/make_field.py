@@ -209,7 +209,7 @@ def _summary(rows: pd.DataFrame) -> str:
     counts = {
         "Better than the vehicle file in sway and yaw rate, in the free run": free,
         "20 s ahead": ahead,
-        "Bands that hold 85 to 99 %": rows["within"].round(2).between(0.85, 0.99).sum(),
+        "Bands that contain 85 to 99 % of the errors": rows["within"].round(2).between(0.85, 0.99).sum(),
         "No coefficient beyond 5 standard deviations": (rows["sigmas"] <= 5.0).sum(),
         "Called sound": (rows["grade"] == "sound").sum(),
     }

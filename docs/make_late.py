@@ -18,8 +18,7 @@ from auvid_cli.errors import DataError
 from docs.resumable import WIDE_PRIOR, all_rows, asked_seeds
 from docs.section import replace_section
 
-# s. Each input of the vehicle's own holds for 10 ms, which straight lines between records do not, so that by these the
-# inputs act 5 ms later than the records are early.
+# s. The vehicle holds each input for 10 ms. Straight lines between records do not, so inputs act 5 ms later by them.
 _LATE, _HELD = 0.05, 0.005
 # Standard deviations beyond which a coefficient is wrong.
 _WRONG = 5.0
@@ -32,9 +31,9 @@ _RUN = (
     "sensors.dvl.rate=5 Hz",
 )
 _WAYS = {
-    "as it is": (),
+    "as recorded": (),
     "straight lines": ("identification.inputs.between=linear",),
-    "straight lines, delay sought": (
+    "straight lines, delay estimated": (
         "identification.inputs.between=linear",
         "identification.estimate.biases=[delay]",
     ),
@@ -89,7 +88,7 @@ def _line(manoeuvre: str, way: str, rows: pd.DataFrame) -> str:
     right, sound = rows["sigmas"] <= _WRONG, rows["grade"] == "sound"
     counts = ", ".join(f"{count} {grade}" for grade, count in rows["grade"].value_counts().sort_index().items())
     errors = (rows["delay"] - 1e3 * (_HELD - _LATE)).abs().dropna()
-    delay = f"{errors.max():.1f} (± {rows['deviation'].median():.1f})" if len(errors) else ""
+    delay = f"{errors.max():.1f} ({rows['deviation'].median():.1f})" if len(errors) else ""
     median = rows["sigmas"].median()
     return f"| {manoeuvre} | {way} | {right.sum()} | {counts} | {(sound & ~right).sum()} | {median:.3g} | {delay} |"
 
@@ -102,8 +101,8 @@ def main() -> None:
     lines = [
         f"Seeds 1 to {rows['seed'].max()}. Right: no coefficient beyond {_WRONG:g} standard deviations.",
         "",
-        "| manoeuvre | inputs | right | judged | wrong, and sound | largest error / sd, median "
-        "| delay off by at most, ms (± sd) |",
+        "| manoeuvre | inputs | right | judged | wrong, but sound | largest error / sd, median "
+        "| largest error of the delay, ms (its sd) |",
         "| --- | --- | ---: | --- | ---: | ---: | --- |",
         *(
             _line(str(case), way, rows[(rows["case"] == case) & (rows["way"] == way)])

@@ -1,8 +1,7 @@
-"""Whether bands hold where the model is wrong, into docs/studies.md: `python -m docs.make_mismatch`, an hour.
+"""Study: prediction bands of a wrong model. Writes docs/studies.md: `python -m docs.make_mismatch`, an hour.
 
-Each seed is identified from a multisine of all inputs by the smoother, with the process noise that its data ask for
-along each axis, and predicts a 10/10 zigzag. Rows are kept; finished seeds are not
-repeated.
+For each seed the smoother identifies from a multisine of all inputs, with process noise estimated for each axis. Its
+model predicts a 10/10 zigzag. Rows are kept; finished seeds are not repeated.
 """
 
 from dataclasses import replace
@@ -40,14 +39,14 @@ class Case(NamedTuple):
 
 
 CASES = {
-    "a moment of |v| r": Case(("vehicle.terms=[{name: N_|v|r, row: N, factors: ['|v|', r], value: -150}]",)),
-    "mass 3 % more": Case(("vehicle.parameters.m=48.98268 kg",)),
-    "buoyancy 10 % less": Case(("vehicle.parameters.B=419.72640264 N",)),
-    "buoyancy 10 % less, `ballast`": Case(
+    "missing moment of |v| r": Case(("vehicle.terms=[{name: N_|v|r, row: N, factors: ['|v|', r], value: -150}]",)),
+    "mass 3 % larger": Case(("vehicle.parameters.m=48.98268 kg",)),
+    "buoyancy 10 % smaller": Case(("vehicle.parameters.B=419.72640264 N",)),
+    "buoyancy 10 % smaller, ballast estimated": Case(
         ("vehicle.parameters.B=419.72640264 N",),
         ("identification.estimate={biases: [ballast], ballast: {buoyancy_spread: 50 N, moment_spread: 5 N*m}}",),
     ),
-    "disturbance, `disturbance`": Case(
+    "disturbance, also estimated": Case(
         (
             "manoeuvre.disturbance={force: {standard_deviation: 5 N, time_constant: 3 s}, "
             "moment: {standard_deviation: [0.2 N*m, 2 N*m, 2 N*m], time_constant: 3 s}}",
@@ -80,9 +79,9 @@ def found(case: Case, seed: int) -> pd.DataFrame:
 
 
 def table(rows: pd.DataFrame) -> list[str]:
-    """Return how often the bands contain the truth, by case, signal and horizon."""
+    """Return the share of errors within the band, by case, signal and horizon."""
     lines = [
-        f"| wrong | seeds | {' | '.join(f'{signal}, {h:g} s' for signal in _SIGNALS for h in _HORIZONS)} |",
+        f"| error of the model | seeds | {' | '.join(f'{signal}, {h:g} s' for signal in _SIGNALS for h in _HORIZONS)} |",
         f"| --- | ---: | {' | '.join(['---:'] * len(_SIGNALS) * len(_HORIZONS))} |",
     ]
     for case, each in rows.groupby("case", sort=False):

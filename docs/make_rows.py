@@ -43,10 +43,10 @@ def line(command: str, name: str) -> str:
     campaign = f"`auvid campaign {name}`, " if command in _CAMPAIGNS else ""
     start, rows = f"| {campaign}`python -m docs.{command}`", kept_rows(name)
     if rows is None:
-        return f"{start} | {name}: not kept | | | |"
+        return f"{start} | none ({name}) | - | - | - |"
     runs = runs_of(rows)
     time = next((column for column in (RUN_TIME, "processor_time") if column in runs), None)
-    per_run = f"{runs[time].mean():.3g}" if time else ""
+    per_run = f"{runs[time].mean():.3g}" if time else "-"
     return f"{start} | `{name}.csv.gz` | {runs['seed'].nunique()} | {len(runs)} | {per_run} |"
 
 

@@ -27,16 +27,16 @@ _BIASED = "sensors=sensors/table_iii_bias.yaml"
 _BIASED_ATTITUDE = (
     "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg, bias_spread: [0.17 deg, 0.17 deg, 1.5 deg]}"
 )
-_BLOCKS = "identification.estimate.biases=[gyro, attitude]"
+_ESTIMATED = "identification.estimate.biases=[gyro, attitude]"
 _SETTINGS: dict[str, tuple[str, tuple[str, ...]]] = {
     "vt690, AHRS": ("spiral", ()),
     "vt690, white attitude": ("spiral", (_WHITE,)),
     "REMUS 100, AHRS": ("remus100", ()),
     "REMUS 100, white attitude": ("remus100", (_WHITE,)),
-    "vt690, biased sensors, AHRS, no blocks": ("spiral", (_BIASED,)),
-    "vt690, biased sensors, AHRS, blocks": ("spiral", (_BIASED, _BLOCKS)),
-    "vt690, biased sensors, biased attitude, no blocks": ("spiral", (_BIASED, _BIASED_ATTITUDE)),
-    "vt690, biased sensors, biased attitude, blocks": ("spiral", (_BIASED, _BIASED_ATTITUDE, _BLOCKS)),
+    "vt690, biased sensors, AHRS, biases not estimated": ("spiral", (_BIASED,)),
+    "vt690, biased sensors, AHRS, biases estimated": ("spiral", (_BIASED, _ESTIMATED)),
+    "vt690, biased sensors, biased attitude, biases not estimated": ("spiral", (_BIASED, _BIASED_ATTITUDE)),
+    "vt690, biased sensors, biased attitude, biases estimated": ("spiral", (_BIASED, _BIASED_ATTITUDE, _ESTIMATED)),
 }
 _VEHICLES = ("spiral", "remus100", "lauv", "lrauv")
 _MANOEUVRES = ("zigzag_20_20", "turning_circle", "multisine", "doublets")

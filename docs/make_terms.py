@@ -1,7 +1,7 @@
-"""Whether terms are found where they are, and nowhere else, into docs/studies.md: `python -m docs.make_terms`, an hour.
+"""Study: are missing terms found? Writes docs/studies.md: `python -m docs.make_terms`, an hour.
 
-Each seed is simulated once as the model has it and once with each of six terms that the model lacks. Rows are kept;
-finished seeds are not repeated.
+Each seed is simulated once with the model's own terms, and once with each of six terms that the model lacks. Rows are
+kept; finished seeds are not repeated.
 """
 
 from dataclasses import replace
@@ -63,7 +63,7 @@ def found(planted: Coefficient | None, share: float, seed: int) -> pd.DataFrame:
 def table(rows: pd.DataFrame) -> list[str]:
     """Return for each planted term how often it was found, alone or with others, and the error of its size."""
     lines = [
-        "| planted | seeds | found | found first, no other | one hardly told from it first | nothing found |",
+        "| missing term | seeds | found | found first, no other | a similar term found first | nothing found |",
         "| --- | ---: | ---: | ---: | ---: | ---: |",
     ]
     for planted, each in rows.fillna({"found": "", "alike": ""}).groupby("case", sort=False):

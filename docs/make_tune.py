@@ -60,7 +60,7 @@ CASES |= {
 
 
 def found(case: Case, seed: int, disturbance: bool = False) -> pd.DataFrame:
-    """Simulate and tune one seed, with how long a disturbance lasts if asked: a row for each noise."""
+    """Simulate and tune one seed, on request with the time constant of a disturbance: a row for each noise."""
     experiment = auvid.load_experiment("spiral", WIDE_PRIOR, *RUN, *case.settings, f"seed={seed}")
     rows = auvid.tune(auvid.simulate(experiment), sensors=True, disturbance=disturbance).to_pandas()
     rows["setting"] = rows["setting"].str.removeprefix("identification.")
@@ -71,8 +71,8 @@ def found(case: Case, seed: int, disturbance: bool = False) -> pd.DataFrame:
 def table(rows: pd.DataFrame) -> list[str]:
     """Return a table of how often the interval of each noise contains the truth."""
     lines = [
-        "| disturbance | noise | unit | true | stated | found, median | half the interval, median | "
-        "intervals that hold the truth |",
+        "| disturbance | noise | unit | true | stated | estimate, median | half width of the interval, median | "
+        "intervals that contain the true value |",
         "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: |",
     ]
     for (case, setting), each in rows.groupby(["case", "setting"], sort=False):
@@ -86,16 +86,16 @@ def table(rows: pd.DataFrame) -> list[str]:
 
 
 def summary(rows: pd.DataFrame) -> str:
-    """Count intervals of what is there and of what is not, for each case."""
-    said = []
+    """Return for each case the share of correct intervals, of noise that is present and of absent noise."""
+    lines = []
     for case, each in rows.groupby("case", sort=False):
-        some, held = each["true"] > 0.0, _held(each)
-        said.append(
-            f"{case}: of {each['seed'].nunique()} seeds (from {each['seed'].min()} to {each['seed'].max()}) "
-            f"{held[some].mean():.1%} of the {some.sum()} intervals of noise that is there hold it, "
-            f"{held[~some].mean():.1%} of the {(~some).sum()} of noise that is not begin at 0"
+        present, held = each["true"] > 0.0, _held(each)
+        lines.append(
+            f"- {case}, seeds {each['seed'].min()} to {each['seed'].max()}: of {present.sum()} intervals of noise that "
+            f"is present, {held[present].mean():.1%} contain the true value; of {(~present).sum()} intervals of absent "
+            f"noise, {held[~present].mean():.1%} begin at 0."
         )
-    return "; ".join(said) + "."
+    return "\n".join(lines)
 
 
 def _held(rows: pd.DataFrame) -> "pd.Series[bool]":

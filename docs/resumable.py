@@ -44,6 +44,12 @@ def all_rows(name: str, runs: Iterable[tuple[str, int]], found: Callable[[str, i
     return kept[pd.MultiIndex.from_frame(kept[["case", "seed"]]).isin(runs)] if runs else kept
 
 
+def seed_range(seeds: "pd.Series[int]") -> str:
+    """Return the seeds as text, such as "seeds 1 to 20"."""
+    first, last = seeds.min(), seeds.max()
+    return f"seed {first}" if first == last else f"seeds {first} to {last}"
+
+
 def kept_rows(name: str) -> pd.DataFrame | None:
     """Return the rows that are kept of a study, or None."""
     file = _FOLDER / f"{name}.csv.gz"
