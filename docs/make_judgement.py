@@ -60,7 +60,7 @@ _FAULTS: dict[str, Callable[[Dataset], Dataset]] = {
 
 
 def planted(manoeuvre: str, seed: int) -> list[str]:
-    """Plant each fault into data of a manoeuvre, and say in a row what the judgement makes of it."""
+    """Plant each fault into data of a manoeuvre: a row for each, with the verdict."""
     overrides = f"seed={seed}", f"manoeuvre=manoeuvres/{manoeuvre}.yaml", "sensors.attitude.source=direct"
     clean, rows = simulate(load_experiment(find_experiment(None), overrides)), []
     for fault, change in _FAULTS.items():
@@ -105,17 +105,17 @@ def main() -> None:
     rows = campaign_rows("judgement", options.results)
     lines = [
         rows.summary(),
-        f"They are of {rows.runs['case'].nunique()} pairs of vehicle and manoeuvre. Right: all coefficients within",
-        f"{_RIGHT:g} standard deviations of the truth; wrong: one beyond {_WRONG:g}. The share within two standard",
-        "deviations and the largest error are of the identified coefficients of sound runs.",
+        f"They have {rows.runs['case'].nunique()} pairs of vehicle and manoeuvre. Right: all coefficients within",
+        f"{_RIGHT:g} standard deviations of the truth; wrong: one beyond {_WRONG:g}. `within 2 sd` and `largest` count",
+        "the identified coefficients of sound runs.",
         "",
-        "| attitude | filter | runs | right | and sound | wrong | and sound | within 2 sd | largest / sd | others |",
+        "| attitude | filter | runs | right | right and sound | wrong | wrong and sound | within 2 sd | largest / sd | not sound |",
         "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |",
         *judged(rows.runs, rows.coefficients),
         "",
-        f"One fault at a time, white angles, seed {options.seed}: what error it makes, the grade, what is named.",
+        f"One planted fault in each run, white angles, seed {options.seed}: its effect, the verdict, and the named fault.",
         "",
-        "| manoeuvre | planted | largest error / sd | grade | named | its z |",
+        "| manoeuvre | planted fault | largest error / sd | verdict | named fault | its z |",
         "| --- | --- | ---: | --- | --- | ---: |",
         *(row for manoeuvre in _MANOEUVRES for row in planted(manoeuvre, options.seed)),
     ]
