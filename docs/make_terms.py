@@ -63,8 +63,9 @@ def found(planted: Coefficient | None, share: float, seed: int) -> pd.DataFrame:
 def table(rows: pd.DataFrame) -> list[str]:
     """Return for each planted term how often it was found, alone or with others, and the error of its size."""
     lines = [
-        "| missing term | seeds | found | found first, no other | a similar term found first | nothing found |",
-        "| --- | ---: | ---: | ---: | ---: | ---: |",
+        "| missing term | seeds | found | found first, no other | a similar term found first | nothing found "
+        "| largest error of the size / sd |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for planted, each in rows.fillna({"found": "", "alike": ""}).groupby("case", sort=False):
         names = each["found"].str.split()
@@ -76,9 +77,11 @@ def table(rows: pd.DataFrame) -> list[str]:
         )
         nothing, shown = sum(not found for found in names), str(planted).replace("|", r"\|")
         if planted == _NONE:
-            lines.append(f"| none | {len(each)} | - | - | - | {nothing} |")
+            lines.append(f"| none | {len(each)} | - | - | - | {nothing} | - |")
         else:
-            lines.append(f"| `{shown}` | {len(each)} | {there} | {alone} | {alike} | {nothing} |")
+            first = each[names.str[0] == planted]
+            error = ((first["size"] - first["true"]).abs() / first["standard_deviation"]).max()
+            lines.append(f"| `{shown}` | {len(each)} | {there} | {alone} | {alike} | {nothing} | {error:.1f} |")
     return lines
 
 
