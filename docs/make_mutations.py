@@ -293,7 +293,7 @@ def _summary(rows: pd.DataFrame) -> str:
     return (
         f"`--suggest` repairs {mutated['restored'].sum()} of {len(mutated)} errors. With the map of the good log "
         f"{len(wrong)} give no estimate or a wrong one. Of these, {(named & ~noted).sum()} are refused or FAIL, "
-        f"{noted.sum()} get a note, and {sound.sum()} are called sound. Neither repaired nor named: {len(unseen)} of all."
+        f"{noted.sum()} get a note, and {sound.sum()} are called sound. Neither repaired nor named: {len(unseen)}."
     )
 
 

@@ -1,6 +1,6 @@
 """Put the result of `auvid campaign paper` into docs/studies.md: `python -m docs.make_paper`.
 
-The rows of the campaign are kept in docs/rows/paper.csv.gz; `--results results/campaigns/paper` reads them anew.
+The rows of the campaign are kept in docs/rows/paper.csv.gz; `--results results/campaigns/paper` reads them again.
 """
 
 import numpy as np
@@ -54,8 +54,8 @@ def difference(runs: pd.DataFrame, first: str, second: str) -> str:
 def table(runs: pd.DataFrame) -> list[str]:
     """Return the lines of the table, a row for each filter."""
     lines = [
-        "| filter | steady-state error %, mean | RMSE / true value, median | rows below the paper, median (least) | "
-        "within 2 sd | farthest, sd | judged sound |",
+        "| filter | steady-state error %, mean | RMSE / true value, median | rows with a smaller RMSE than the paper, "
+        "median (smallest) | within 2 sd | largest error / sd | judged sound |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for name, own in runs.groupby("filter", sort=False):

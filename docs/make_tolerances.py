@@ -171,13 +171,14 @@ def main() -> None:
     seeds = asked_seeds(__doc__, 2)
     rows = all_rows("tolerances", ((case, seed) for seed in range(1, seeds + 1) for case in CASES), result)
     lines = [
-        "Runs of 60 s of vt690, remus100 and lauv. Known quantities are drawn from the usual tolerances; the smoother",
+        "Runs of 60 s of vt690, remus100 and lauv. Known quantities are drawn from the usual tolerances. The smoother",
         "has the nominal ones, and process noise of the size of the misfit: 0.01 for velocity and rates, 0.001 for",
-        "angles. Runs that did not converge are left out. Total / spread: total standard deviation over spread of the",
-        "errors, in the median. Beyond 5 by the data: errors beyond five standard deviations by the data alone.",
+        "angles. Runs that did not converge are left out. Total / spread: median ratio of the total standard deviation",
+        "to the spread of the errors. Beyond 5 sd from data: share of errors beyond five standard deviations that are",
+        "from the data alone.",
         "",
         "| runs of | runs | not converged | sound | within 2 total sd | largest error / total sd | largest, identified "
-        "| total / spread | beyond 5 by the data |",
+        "| total / spread | beyond 5 sd from data |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
         *table(rows),
     ]
