@@ -1,11 +1,11 @@
 """Study: results from field logs over seeds. Writes docs/studies.md: `python -m docs.make_field`, half an hour.
 
-Each seed has a survey, a disturbance and a vehicle file of its own; with each is done what docs/own-log.md does. Rows
+Each seed has a survey, a disturbance and a vehicle file of its own, and goes through the steps of docs/own-log.md. Rows
 are kept; finished seeds are not repeated.
 
-Of some seeds all coefficients are looked for as well, with the noise as it was simulated: of the survey, which an
-autopilot steered by the true motion, and of a run in which the same fins move the same way while the vehicle is pushed
-otherwise, so that nothing makes them answer.
+For some seeds all coefficients are estimated as well, with the simulated noise. The data are those of the survey, which
+an autopilot steered by the true motion, and those of a run with the same fin angles but other disturbances, to which the
+fins therefore do not react.
 """
 
 import json
@@ -31,10 +31,10 @@ from docs.section import replace_section
 TUTORIAL = Path(__file__).with_name("own-log.md")
 _FENCE = re.compile(r"```yaml\n(.*?)```\n", re.DOTALL)
 _TURNS = ("v", "r")
-# Added to a seed for another; and how many surveys are replayed.
-_OTHER_SEED, _REPLAYED = 2000, 3
+_OTHER_SEED = 2000  # added to a seed for other noise
+_REPLAYED = 3  # surveys that are replayed
 
-# What is compared, as a column of the tables of a validation, and what the free run and the prediction ahead are of.
+# Compared models, as columns of the table of a validation, and its rows of the free run and the prediction ahead.
 _COMPARED = {"identified": "rmse", "vehicle_file": "vehicle_file_rmse"}
 _KINDS = {"free": "kind == 'free_run'", "ahead": "kind == 'ahead' and horizon_s == 20"}
 
@@ -54,7 +54,7 @@ def survey_of(experiment: Experiment, folder: Path) -> Dataset:
 
 
 def replayed(experiment: Experiment, folder: Path) -> Experiment:
-    """Return an experiment with the same fins at the same times, with other noise and other pushes."""
+    """Return an experiment with the same fins at the same times, with other noise and other disturbances."""
     fins, manoeuvre = auvid.simulate(experiment).inputs, experiment.manoeuvre
     trim = [manoeuvre.fin_trim.rudder, manoeuvre.fin_trim.elevator, 0.0, 0.0]
     table = pd.DataFrame(fins.values + trim, columns=["rudder", "elevator", "surge_force", "roll_moment"])
@@ -144,7 +144,7 @@ def doubt_table(rows: pd.DataFrame) -> list[str]:
 
 
 def outcome(seed: int, folder: Path) -> dict[str, object]:
-    """Go the tutorial's way with one seed; an estimate that did not complete predicts nothing."""
+    """Go through the steps of the tutorial with one seed; an estimate that did not complete predicts nothing."""
     experiment = auvid.load_experiment("field", f"seed={seed}")
     survey, seen = tuned_survey(experiment, folder)
     estimate = auvid.identify(seen, "smoother")
@@ -217,10 +217,9 @@ def _summary(rows: pd.DataFrame) -> str:
 
 
 def write_doubts(seeds: int) -> None:
-    """Do the seeds that are missing, and write the section on doubted coefficients."""
-    rows = all_rows("field_doubts", [("field", seed) for seed in range(1, seeds + 1)], doubts).sort_values(
-        "seed", kind="stable"
-    )
+    """Do the seeds that are missing, and write the section on doubted coefficients from all kept seeds."""
+    all_rows("field_doubts", [("field", seed) for seed in range(1, seeds + 1)], doubts)
+    rows = all_rows("field_doubts", [], doubts).sort_values("seed", kind="stable")
     off = (rows["estimate"] - rows["true"]).abs() / rows["total"]
     whole = rows.groupby("seed")["trusted"].all()
     lines = [
