@@ -28,9 +28,10 @@ class CampaignRows(NamedTuple):
 
     @property
     def coefficients(self) -> pd.DataFrame:
-        """Return one row per coefficient and run, with its `error` in standard deviations."""
+        """Return one row per coefficient and run, with its `error` in standard deviations from the data."""
         own = self.rows[self.rows["kind"] == "coefficient"]
-        return own.assign(error=(own["estimate"] - own["true"]).abs() / own["standard_deviation"])
+        deviation = own["corrected_standard_deviation"].fillna(own["standard_deviation"])
+        return own.assign(error=(own["estimate"] - own["true"]).abs() / deviation)
 
     def summary(self) -> str:
         """Return a sentence with the number of runs and their seeds."""

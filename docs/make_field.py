@@ -3,9 +3,9 @@
 Each seed has a survey, a disturbance and a vehicle file of its own, and goes through the steps of docs/own-log.md. Rows
 are kept; finished seeds are not repeated.
 
-For some seeds all coefficients are estimated as well, with the simulated noise. The data are those of the survey, which
-an autopilot steered by the true motion, and those of a run with the same fin angles but other disturbances, to which the
-fins therefore do not react.
+For some seeds all coefficients are estimated as well, with the simulated noise: from the survey, which an autopilot
+steered by the true motion, and from a run with the same fin angles but other disturbances, to which the fins do not
+react.
 """
 
 import json

@@ -68,11 +68,8 @@ def planted(manoeuvre: str, seed: int) -> list[str]:
         estimate = identify(dataset, FilterName.SMOOTHER)
         worst = max(estimate.faults, key=lambda test: abs(test.z))
         true = clean.truth.coefficients if clean.truth else {}
-        errors = [
-            abs(estimate.mean[-1, i] - true[symbol]) / estimate.standard_deviation[-1, i]
-            for i, symbol in enumerate(estimate.state)
-            if symbol in true
-        ]
+        found, deviations = estimate.final_coefficients(), estimate.data_deviations()
+        errors = [abs(found[symbol] - true[symbol]) / deviations[symbol] for symbol in found if symbol in true]
         grade = judge([estimate])[estimate.filter].grade
         name = str(worst.fault).replace("|", r"\|")
         rows.append(f"| {manoeuvre} | {fault} | {max(errors):.3g} | {grade} | {name} | {abs(worst.z):.3g} |")
@@ -106,8 +103,9 @@ def main() -> None:
     lines = [
         rows.summary(),
         f"They have {rows.runs['case'].nunique()} pairs of vehicle and manoeuvre. Right: all coefficients within",
-        f"{_RIGHT:g} standard deviations of the truth; wrong: one beyond {_WRONG:g}. `within 2 sd` and `largest` count",
-        "the identified coefficients of sound runs.",
+        f"{_RIGHT:g} standard deviations of the truth; wrong: one beyond {_WRONG:g}, or no result. Standard deviations",
+        "are those from the data, corrected for correlated errors where the estimator does so. `within 2 sd` and",
+        "`largest / sd` count the identified coefficients of sound runs.",
         "",
         "| attitude | filter | runs | right | right and sound | wrong | wrong and sound | within 2 sd | largest / sd "
         "| not sound |",
