@@ -21,6 +21,8 @@ from docs.campaign_rows import campaign_rows, results_option
 from docs.section import replace_section
 
 _MANOEUVRES = ("spiral", "multisine", "doublets", "zigzag_10_10", "zigzag_20_20", "turning_circle")
+_COLUMNS = ["run", "kind", "case", "attitude", "filter", "seed", "name", "grade", "true", "estimate", "identified"]
+_COLUMNS += ["standard_deviation", "corrected_standard_deviation", "total_standard_deviation", "processor_time"]
 # Standard deviations: an estimate all of whose coefficients are nearer to the truth is right, one beyond is wrong.
 _RIGHT, _WRONG = 3.0, 5.0
 
@@ -99,7 +101,7 @@ def main() -> None:
     parser = results_option(__doc__)
     parser.add_argument("--seed", type=int, default=201, help="of the data into which faults are planted")
     options = parser.parse_args()
-    rows = campaign_rows("judgement", options.results)
+    rows = campaign_rows("judgement", options.results, columns=_COLUMNS)
     lines = [
         rows.summary(),
         f"They have {rows.runs['case'].nunique()} pairs of vehicle and manoeuvre. Right: all coefficients within",

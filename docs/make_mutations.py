@@ -1,4 +1,4 @@
-"""Study: are wrongly written logs noticed? Writes docs/studies.md: `python -m docs.make_mutations`, ten minutes a seed.
+"""Study: are wrongly written logs noticed? Writes docs/studies.md: `python -m docs.make_mutations`, 4 minutes a seed.
 
 One good log is written with 67 errors of signs, units, axes and delays. Each row has two results: whether `import
 --suggest` repairs the log; and, with the map of the good log, which checks of `inspect` fail and whether `identify`
@@ -291,9 +291,9 @@ def _summary(rows: pd.DataFrame) -> str:
     sound = (wrong["grade"] == "sound") & wrong["sigmas"].notna()
     unseen = mutated[~mutated["restored"] & (mutated["named"] == "")]
     return (
-        f"`--suggest` repairs {mutated['restored'].sum()} of {len(mutated)} errors. With the map of the good log "
-        f"{len(wrong)} give no estimate or a wrong one. Of these, {(named & ~noted).sum()} are refused or FAIL, "
-        f"{noted.sum()} get a note, and {sound.sum()} are called sound. Neither repaired nor named: {len(unseen)}."
+        f"`--suggest` repairs {mutated['restored'].sum()} of {len(mutated)} errors. With the map of the good log, "
+        f"{len(wrong)} give no estimate or a wrong one. Of these, refused or FAIL: {(named & ~noted).sum()}; only "
+        f"noted: {noted.sum()}; called sound by `identify`: {sound.sum()}. Neither repaired nor named: {len(unseen)}."
     )
 
 
