@@ -10,6 +10,7 @@ from typing import NamedTuple
 import pandas as pd
 
 import auvid_cli as auvid
+from auvid_cli.api.evaluation import judge
 from auvid_cli.data.dataset import Dataset
 from docs.resumable import WIDE_PRIOR, all_rows, asked_seeds
 from docs.section import replace_section
@@ -75,13 +76,14 @@ def found(case: Case, seed: int) -> pd.DataFrame:
     validation = auvid.validate(data(_ZIGZAG, case, _OTHER_SEED + seed), estimate, training=training)
     rows = validation.to_pandas()["validation"].query("kind == 'ahead' and horizon_s in @_HORIZONS")
     kept = ["signal", "horizon_s", "measurements", "noise", "rmse", "expected_rmse", "share_within_band"]
-    return rows[kept].assign(status=estimate.status)
+    grade, reason, *_ = judge(estimate)["smoother"].row()
+    return rows[kept].assign(status=estimate.status, grade=grade, reason=reason)
 
 
 def table(rows: pd.DataFrame) -> list[str]:
     """Return the share of errors within the band, by case, signal and horizon."""
     lines = [
-        f"| error of the model | seeds | {' | '.join(f'{signal}, {h:g} s' for signal in _SIGNALS for h in _HORIZONS)} |",
+        f"| model error | seeds | {' | '.join(f'{signal}, {h:g} s' for signal in _SIGNALS for h in _HORIZONS)} |",
         f"| --- | ---: | {' | '.join(['---:'] * len(_SIGNALS) * len(_HORIZONS))} |",
     ]
     for case, each in rows.groupby("case", sort=False):
@@ -96,12 +98,22 @@ def table(rows: pd.DataFrame) -> list[str]:
     return lines
 
 
+def verdicts(rows: pd.DataFrame) -> list[str]:
+    """Return the verdicts of each case, with the first reason of seed 1."""
+    lines = ["Verdicts on the estimates, with the first reason in seed 1:", ""]
+    for case, each in rows.drop_duplicates(["case", "seed"]).groupby("case", sort=False):
+        counts = ", ".join(f"{count} {grade}" for grade, count in each["grade"].value_counts().items())
+        reason = each["reason"].fillna("").iloc[0]
+        lines.append(f"- {case}: {counts}{reason and f'; {reason}'}".replace("|", r"\|"))
+    return lines
+
+
 def main() -> None:
     """Go through all seeds and write the section."""
     seeds = asked_seeds(__doc__, 20)
     runs = [(name, seed) for seed in range(1, seeds + 1) for name in CASES]
     rows = all_rows("mismatch", runs, lambda name, seed: found(CASES[name], seed))
-    replace_section("mismatch", "\n".join(table(rows)), "studies")
+    replace_section("mismatch", "\n".join([*table(rows), "", *verdicts(rows)]), "studies")
 
 
 if __name__ == "__main__":
