@@ -74,9 +74,12 @@ def unlike_the_vehicle_file(estimate: Estimate, sigmas: float) -> list[str]:
 
 
 def out_of_proportion(estimate: Estimate, sigmas: float) -> dict[str, float]:
-    """Return fin moments that differ significantly from the vehicle file, as multiples of its values."""
+    """Return fin moments that differ significantly from the vehicle file, as multiples of its values.
+
+    The standard deviations are those by the data: the limits already leave room for errors of known quantities.
+    """
     stated = estimate.experiment.vehicle.coefficients.by_symbol()
-    values, deviations = estimate.final_coefficients(), estimate.final_deviations()
+    values, deviations = estimate.final_coefficients(), estimate.data_deviations()
     found = {}
     for symbol in _MOMENTS:
         if symbol in deviations and stated.get(symbol):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from auvid_cli.data.faults import Fault, FaultTest
+from auvid_cli.data.faults import ConsideredErrors, Fault, FaultKind, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.innovations import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import (
@@ -300,3 +300,16 @@ def test_fins_far_stronger_or_weaker_than_the_vehicle_file_states_are_doubtful(t
     if grade is Grade.DOUBTFUL:
         assert judgement.reason == f"N_uudr is {times:.2g} times the value of the vehicle file"
         assert "unit and scale" in judgement.remedy
+
+
+def test_fins_twice_as_strong_are_doubtful_whatever_the_tolerance_of_their_scale(hand_made, rng):
+    stated = hand_made([0, 1], {"N_uudr": [0.0, 1.0]}).experiment.vehicle.all_coefficients()["N_uudr"]
+    estimate = hand_made([0, 1], {"N_uudr": [0.0, 2.0 * stated]}, innovations={"dvl": white(rng)})
+    scale = Fault(FaultKind.FIN_SCALE, "rudder")
+    row = estimate.state.index("N_uudr")
+    effect = np.zeros((row + 1, 1))
+    effect[row] = 2.0 * stated
+    considered = ConsideredErrors((scale,), ("1",), np.full((1, 1), 0.1**2), effect, np.ones(row + 1))
+    judgement = judge([replace(estimate, filter="smoother", considered=considered)])["smoother"]
+    assert judgement.grade is Grade.DOUBTFUL
+    assert judgement.reason == "N_uudr is 2 times the value of the vehicle file"
