@@ -138,23 +138,22 @@ def repeats(record: SensorRecord) -> Array:
 def stuck_times(record: SensorRecord) -> Array:
     """Return the `repeats` that are longer than `MAX_REPEAT` and not due to quantisation."""
     runs = repeats(record)
-    return runs[(runs[:, 1] - runs[:, 0] > MAX_REPEAT) & ~rounded_repeats(record)]
+    return runs[(runs[:, 1] - runs[:, 0] > MAX_REPEAT) & ~rounded_repeats(record, runs)]
 
 
-def rounded_repeats(record: SensorRecord) -> NDArray[np.bool_]:
-    """Whether each of the `repeats` is due to quantisation of a slowly changing value.
+def rounded_repeats(record: SensorRecord, repeated: Array) -> NDArray[np.bool_]:
+    """Whether each of the `repeats` of a record is due to quantisation of a slowly changing value.
 
     The values before and after such a run differ from it by one step. A run at an end of the record, or with a
     second step due to noise on one side, counts only if it is not longer than these. All are False if no run is longer
     than `MAX_REPEAT`.
     """
+    duration = repeated[:, 1] - repeated[:, 0]
+    # Quantisation takes time and memory to find, and is rarely needed.
+    if not (duration > MAX_REPEAT).any() or not (steps := rounding_steps(record)).any():
+        return np.zeros(len(repeated), np.bool_)
     present, edges = _runs(record)
-    time, runs = record.time[present], record.values[present][edges[:-1]]
-    duration = time[edges[1:] - 1] - time[edges[:-1]]
-    # `rounding_steps` sorts all measurements, and is rarely needed.
-    steps = rounding_steps(record) if (duration > MAX_REPEAT).any() else np.zeros(runs.shape[1])
-    if not steps.any():
-        return np.zeros(len(runs), np.bool_)
+    runs = record.values[present][edges[:-1]]
     # Missing components are ignored.
     jumps = np.abs(np.diff(runs, axis=0))
     neighbours, noisy = (

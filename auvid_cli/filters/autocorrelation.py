@@ -70,10 +70,10 @@ RESIDUAL_ROWS = types.NamedTuple(
 
 
 class _CachedRows:
-    """Rows of a segment, kept for further iterations if they take at most `room` bytes."""
+    """Rows of a segment, kept for further iterations if `n_chunks` chunks take at most `room` bytes."""
 
-    def __init__(self, rows: Iterable[ResidualRows], room: int) -> None:
-        self._rows, self._room = rows, room
+    def __init__(self, rows: Iterable[ResidualRows], room: int, n_chunks: int) -> None:
+        self._rows, self._room, self._n_chunks = rows, room, n_chunks
         self._kept: list[ResidualRows] | None = None
 
     def __iter__(self) -> Iterator[ResidualRows]:
@@ -81,22 +81,26 @@ class _CachedRows:
             yield from self._kept
             return
         kept, room = list[ResidualRows](), self._room
-        for chunk in self._rows:
-            room -= sum(array.nbytes for array in chunk)
+        for number, chunk in enumerate(self._rows):
+            size = sum(array.nbytes for array in chunk)
+            room -= size
+            if number == 0 and room < (self._n_chunks - 1) * size:
+                room = -1
             if room >= 0:
                 kept.append(chunk)
             else:
                 # Further iterations do not try again.
                 kept.clear()
-                self._room = 0
+                self._room = -1
             yield chunk
         if room >= 0:
             self._kept = kept
 
 
-def cached(segments: Sequence[Iterable[ResidualRows]]) -> list[Iterable[ResidualRows]]:
-    """Keep the rows of all segments for further iterations if there is room."""
-    return [_CachedRows(segment, CACHE_SIZE // len(segments)) for segment in segments]
+def cached(segments: Sequence[Iterable[ResidualRows]], n_chunks: Sequence[int]) -> list[Iterable[ResidualRows]]:
+    """Keep the rows of all segments, of so many chunks, for further iterations if there is room."""
+    room = CACHE_SIZE // len(segments)
+    return [_CachedRows(segment, room, n) for segment, n in zip(segments, n_chunks, strict=True)]
 
 
 @compiled(inline=True)

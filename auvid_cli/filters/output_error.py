@@ -269,8 +269,9 @@ def _report(problem: JointProblem, sizes: Sequence[int], best: LeastSquaresFit, 
 
 def influence_functions(problem: JointProblem, state: Array, uncertainty: Uncertainty) -> list[Iterable[ResidualRows]]:
     """Return the influence functions of each segment on parameters fitted with a joint state."""
-    segments = range(len(problem.segments))
-    return cached([_SegmentInfluences(problem, uncertainty, state, segment) for segment in segments])
+    segments = [_SegmentInfluences(problem, uncertainty, state, segment) for segment in range(len(problem.segments))]
+    # The number of chunks is not known before they are read.
+    return cached(segments, [1] * len(segments))
 
 
 @dataclass(frozen=True)

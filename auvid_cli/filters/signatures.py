@@ -158,8 +158,8 @@ class Signatures:
         n = problem.n_parameters
         self.covariance = filtered.final.covariance()[:n, :n]
         """Covariance of the parameters."""
-        segments = range(len(problem.segments))
-        self._segments = cached([_SegmentSignatures(problem, smoothing, filtered, faults, k) for k in segments])
+        segments = [_SegmentSignatures(problem, smoothing, filtered, faults, k) for k in range(len(problem.segments))]
+        self._segments = cached(segments, [len(before) for before in filtered.before])
 
     @property
     def labels(self) -> tuple[Any, ...]:

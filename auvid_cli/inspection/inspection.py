@@ -117,7 +117,7 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Ch
     """Return the longest duration of a repeated measurement, s, and its check."""
     runs = repeats(record)
     duration = runs[:, 1] - runs[:, 0]
-    rounded = rounded_repeats(record)
+    rounded = rounded_repeats(record, runs)
     if not (duration[~rounded] > MAX_REPEAT).any() and (duration > MAX_REPEAT).any():
         return _rounded(filter_name, name, record, float(duration.max()))
     duration[rounded] = 0.0

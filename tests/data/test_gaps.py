@@ -56,14 +56,14 @@ def test_dead_sensor_is_stuck_to_the_end():
     values = np.round(np.sin(0.3 * TIME), 2)
     values[800:] = values[799]
     assert stuck_times(record(values))[-1][1] == TIME[-1]
-    assert not rounded_repeats(record(values))[-1]
+    assert not rounded_repeats(record(values), repeats(record(values)))[-1]
 
 
 def test_repeats_without_quantisation_are_stuck(rng):
     values = rng.standard_normal(TIME.size)
     values[500:540] = values[500]
     assert len(stuck_times(record(values))) == 1
-    assert not rounded_repeats(record(values)).any()
+    assert not rounded_repeats(record(values), repeats(record(values))).any()
 
 
 def test_noise_over_two_steps_is_not_a_failure():

@@ -69,7 +69,7 @@ def test_cached_influences_are_computed_once(regression, monkeypatch, room, time
     kept = corrected_deviation(regression.nominal, [influences], CHANNELS)
     monkeypatch.setattr("auvid_cli.filters.autocorrelation.CACHE_SIZE", room)
     counted = Counted(influences)
-    np.testing.assert_array_equal(corrected_deviation(regression.nominal, cached([counted]), CHANNELS), kept)
+    np.testing.assert_array_equal(corrected_deviation(regression.nominal, cached([counted], [3]), CHANNELS), kept)
     assert counted.times == times
 
 
