@@ -1,6 +1,5 @@
 """Identification with one filter, or with several in parallel."""
 
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
@@ -97,18 +96,15 @@ def _record_in_parallel(
     with progress.compiling():
         runs = set_up_filters(prepared, [*paths], raise_if_stopping)
     labels = (name.value for name in paths)
-    with progress.bars(*labels, unit=" s of data") as bars, ThreadPoolExecutor(os.cpu_count()) as threads:
+    with progress.bars(*labels, unit=" s of data") as bars, ThreadPoolExecutor(len(paths)) as threads:
         try:
-            jobs = zip(runs, paths.values(), bars, strict=True)
-            # Batch estimators take longest, so they start first.
-            by_length = sorted(jobs, key=lambda job: not job[0].estimator.in_one_batch)
-            futures = {job[1]: threads.submit(record, *job) for job in by_length}
-            for future in as_completed(futures.values()):
+            futures = [threads.submit(record, *job) for job in zip(runs, paths.values(), bars, strict=True)]
+            for future in as_completed(futures):
                 on_estimate(future.result())
         finally:
             # After an error or an interrupt the other filters stop at their next chunk.
             stopping.set()
-    return [futures[path].result() for path in paths.values()]
+    return [future.result() for future in futures]
 
 
 def estimate_delays_and_noise(prepared: PreparedData, progress: Progress) -> PreparedData:
