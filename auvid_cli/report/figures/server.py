@@ -8,8 +8,9 @@ from auvid_cli.child_processes import end_with_parent
 from auvid_cli.report.figures.workers import load_matplotlib
 
 end_with_parent()
-# The compiler and the filters are needed before the figures.
-os.nice(10)
+if hasattr(os, "nice"):
+    # The compiler and the filters are needed before the figures.
+    os.nice(10)
 # Modules stay loaded: looking for garbage among them is wasted time.
 gc.set_threshold(50_000)
 # Without memory, for example. The worker that draws tries again, and reports the error.
