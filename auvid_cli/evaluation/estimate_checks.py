@@ -254,7 +254,7 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
             "identified",
             shares_of_value(estimate, truth, bounds.of_data),
             limit=LARGEST_SHARE_OF_VALUE,
-            meaning="of the value: the larger of standard deviation and bound",
+            meaning="of the value",
             advice="The data do not determine these; do not use the values. Try a longer or stronger manoeuvre.",
         ),
     ]
