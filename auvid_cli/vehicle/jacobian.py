@@ -50,7 +50,7 @@ _N_SIGNAL = SIGNALS.index("n")
 _OF_ERRORS = _N_ATTITUDE - N_COEFFICIENTS
 # Column of the state or factor that changes each signal; the slopes of revolutions and voltage are zero.
 _COLUMNS = np.array([*range(6), *(_OF_ERRORS + _TRIM + which for which in (6, 7)), _OF_ERRORS + _THRUST, 0, 0])
-_CODES = np.array([regressor_code(c) for c in COEFFICIENTS])
+_CODES = np.array([regressor_code(c) for c in COEFFICIENTS], dtype=np.int64)
 
 
 @compiled(inline=True)
@@ -157,7 +157,7 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
     force[4, _OF_ERRORS + _BALLAST + 1], force[5, _OF_ERRORS + _BALLAST + 1] = down[2], -down[1]
 
     for m in range(N_COEFFICIENTS):
-        row, regressor = int(_CODES[m, 0]), _differentiate_term(_CODES[m], values, slopes, coefficients[m], force)
+        row, regressor = _CODES[m, 0], _differentiate_term(_CODES[m], values, slopes, coefficients[m], force)
         for i in range(6):
             jacobian[i, N_MOTION + m] = inverse[i, row] * regressor
     for t in range(n_terms(constants)):
@@ -168,10 +168,14 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
 
     for i in range(6):
         for k in range(6):
+            share = inverse[i, k]
+            # Most vehicles have no coupling between motions in the plane of symmetry and across it.
+            if share == 0.0:
+                continue
             for j in range(_N_ATTITUDE):
-                jacobian[i, j] += inverse[i, k] * force[k, j]
+                jacobian[i, j] += share * force[k, j]
             for j in range(_N_ATTITUDE, _N_FORCE_COLUMNS):
-                jacobian[i, N_MOTION - _OF_ERRORS + j] += inverse[i, k] * force[k, j]
+                jacobian[i, N_MOTION - _OF_ERRORS + j] += share * force[k, j]
     pitch_rate, yaw_rate = motion[4], motion[5]
     turning = pitch_rate * sin_phi + yaw_rate * cos_phi
     turning_by_roll = pitch_rate * cos_phi - yaw_rate * sin_phi
@@ -197,8 +201,7 @@ class TransitionWorkspace(NamedTuple):
     stage_of_terms: Array  # shape (9, terms); columns of `stage_transition` by own terms
     rate_of_terms: Array  # shape (9, terms); columns of `rate` by own terms
     by_terms: Array  # shape (9, terms); columns of `jacobian` by own terms
-    start: Array  # shape (9,); motion at the start of the step
-    stage: Array  # shape (9,); motion of a stage
+    motion: Array  # shape (3, 9); motion at the start, in the middle and at the end of the step
     block: Array  # shape (N_BLOCK,); motion of a stage in the first lane
     slope: Array  # shape (N_SLOPE,); time derivative of the motion
     coefficient_block: Array  # shape (N_COEFFICIENT_BLOCK + terms * LANES,)
@@ -207,9 +210,8 @@ class TransitionWorkspace(NamedTuple):
 
 # Ends of the arrays in the scratch whose lengths do not depend on the own terms; the others follow.
 _MATRICES = 4 * N_MOTION * N_COLUMNS
-_START = _MATRICES + N_MOTION
-_STAGE = _START + N_MOTION
-_BLOCK = _STAGE + N_BLOCK
+_MOTION = _MATRICES + 3 * N_MOTION
+_BLOCK = _MOTION + N_BLOCK
 _SLOPE = _BLOCK + N_SLOPE
 _FOR_JACOBIAN = _SLOPE + N_JACOBIAN_WORK
 
@@ -233,9 +235,8 @@ def _transition_workspace(scratch, terms):
         stage_of_terms=of_terms[1],
         rate_of_terms=of_terms[2],
         by_terms=of_terms[3],
-        start=scratch[_MATRICES:_START],
-        stage=scratch[_START:_STAGE],
-        block=scratch[_STAGE:_BLOCK],
+        motion=scratch[_MATRICES:_MOTION].reshape(3, N_MOTION),
+        block=scratch[_MOTION:_BLOCK],
         slope=scratch[_BLOCK:_SLOPE],
         coefficient_block=scratch[_FOR_JACOBIAN:lanes],
         for_jacobian=scratch[_SLOPE:_FOR_JACOBIAN],
@@ -272,8 +273,8 @@ def _rate_of_terms(jacobian, by_terms, transition, rate):
 def transition_step(motion, coefficients, inputs, constants, duration, transition, scratch):
     """Advance one motion state and its transition matrix together by one Runge-Kutta step, in place.
 
-    The variational equation ``dPhi/dt = A Phi + [0 B]`` is integrated at the stages of the motion, so that the result
-    is the derivative of the discrete step up to the error of the step.
+    The variational equation ``dPhi/dt = A Phi + [0 B]`` is integrated with the Jacobian at the start, in the middle and
+    at the end, so that the result is the derivative of the discrete step up to the error of the step.
 
     Parameters
     ----------
@@ -291,23 +292,30 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
     columns = N_COLUMNS + n_terms(constants)
     for m in range(columns - N_MOTION):
         work.coefficient_block[m * LANES] = coefficients[m]
+    start, middle, end = work.motion[0], work.motion[1], work.motion[2]
     for i in range(N_MOTION):
-        work.start[i] = work.stage[i] = motion[i]
+        start[i] = middle[i] = end[i] = work.block[i * LANES] = motion[i]
         for j in range(N_COLUMNS):
             work.start_transition[i, j] = work.stage_transition[i, j] = transition[i, j]
         for t in range(columns - N_COLUMNS):
             work.start_of_terms[i, t] = work.stage_of_terms[i, t] = transition[i, N_COLUMNS + t]
-    for weight, advance in ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)):
-        for i in range(N_MOTION):
-            work.block[i * LANES] = work.stage[i]
+    # The middle is the mean of the two inner stages.
+    for weight, advance, share in ((1.0, 0.5, 0.25), (2.0, 0.5, 0.25), (2.0, 1.0, 0.0), (1.0, 0.0, 0.0)):
         motion_derivative(work.block, work.coefficient_block, inputs, constants, 1, work.slope)
-        motion_jacobian(work.stage, coefficients, inputs, constants, work.jacobian, work.by_terms, 0, work.for_jacobian)
+        for i in range(N_MOTION):
+            change = duration * work.slope[i * LANES]
+            end[i] += weight / 6.0 * change
+            middle[i] += share * change
+            work.block[i * LANES] = start[i] + advance * change
+    # The inner stages have the same Jacobian.
+    for stage, place, weight, advance in ((0, 0, 1.0, 0.5), (1, 1, 2.0, 0.5), (2, 1, 2.0, 1.0), (3, 2, 1.0, 0.0)):
+        if stage != 2:
+            motion_jacobian(
+                work.motion[place], coefficients, inputs, constants, work.jacobian, work.by_terms, 0, work.for_jacobian
+            )
         _transition_rate(work.jacobian, work.stage_transition, work.rate)
         _rate_of_terms(work.jacobian, work.by_terms, work.stage_of_terms, work.rate_of_terms)
         for i in range(N_MOTION):
-            slope = work.slope[i * LANES]
-            motion[i] += duration / 6.0 * weight * slope
-            work.stage[i] = work.start[i] + advance * duration * slope
             for j in range(N_COLUMNS):
                 transition[i, j] += duration / 6.0 * weight * work.rate[i, j]
                 work.stage_transition[i, j] = work.start_transition[i, j] + advance * duration * work.rate[i, j]
@@ -315,3 +323,5 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
                 rate = work.rate_of_terms[i, t]
                 transition[i, N_COLUMNS + t] += duration / 6.0 * weight * rate
                 work.stage_of_terms[i, t] = work.start_of_terms[i, t] + advance * duration * rate
+    for i in range(N_MOTION):
+        motion[i] = end[i]

@@ -74,10 +74,10 @@ DURATIONS = np.array([0.01, 0.03, 0.02])
 
 
 def test_the_exact_transition_is_the_derivative_of_the_motion_under_forces(disturbed):
-    _, matrix = disturbed.moved(disturbed.state, DURATIONS)
+    _, matrix = disturbed.moved(disturbed.state, 0.1 * DURATIONS)
     for j in range(matrix.shape[1]):
         step = 1e-5 * np.eye(len(matrix))[j]
-        ahead, behind = (disturbed.moved(disturbed.state + by, DURATIONS)[0] for by in (step, -step))
+        ahead, behind = (disturbed.moved(disturbed.state + by, 0.1 * DURATIONS)[0] for by in (step, -step))
         assert_allclose(matrix[:, j], (ahead - behind) / 2e-5, rtol=1e-6, atol=1e-8)
 
 

@@ -50,11 +50,11 @@ def state_and_flow(request, experiment_with):
 
 def test_the_exact_transition_is_the_derivative_of_the_flow(state_and_flow):
     state, flow = state_and_flow
-    _, matrix = flow(state, 0.04)
+    _, matrix = flow(state, 0.004)
     for j in range(state.size):
         step = np.zeros(state.size)
         step[j] = 1e-5 * max(1.0, abs(state[j]))
-        difference = (flow(state + step, 0.04)[0] - flow(state - step, 0.04)[0]) / (2.0 * step[j])
+        difference = (flow(state + step, 0.004)[0] - flow(state - step, 0.004)[0]) / (2.0 * step[j])
         assert_allclose(matrix[:, j], difference, rtol=1e-6, atol=1e-9)
 
 

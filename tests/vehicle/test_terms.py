@@ -110,7 +110,7 @@ def test_derivatives_of_a_term_are_those_of_its_formula(seed, product, row, rand
 def test_transition_has_the_column_of_a_term(core, random_vehicle, random_state):
     terms = [term("N_|v|r", "|v|", "r"), term("K_up", "u", "p"), term("X_Tu", "thrust", "u")]
     here = Draw(3, terms, random_vehicle, random_state)
-    motion, step = here.motion.copy(), 0.005
+    motion, step = here.motion.copy(), 0.001
     transition = np.hstack([np.eye(N_MOTION), np.zeros((N_MOTION, here.factors.size))])
     values = 0.01 * here.factors
     work = np.full(transition_work(len(terms)), 7.0)
