@@ -118,9 +118,16 @@ class SensorRecord:
         release_memory()
 
     @property
+    def present(self) -> NDArray[np.bool_]:
+        """Whether each value was measured, shape (n, c)."""
+        present = np.isfinite(self.values)
+        release_memory()
+        return present
+
+    @property
     def measured_times(self) -> Array:
         """Return the times with at least one measured component, s."""
-        return self.time[np.isfinite(self.values).any(axis=1)]
+        return self.time[self.present.any(axis=1)]
 
     def between(self, begin: float, end: float) -> "SensorRecord":
         """Return the samples from `begin` to `end`, s, both included."""
@@ -216,8 +223,9 @@ class TruthRecord:
         n, coefficients = self.time.size, real_array("/truth/coefficients", [*self.coefficients.values()], 1)
         check_times("/truth", self.time, increasing=True)
         check_shapes("/truth", *((values, (n, len(table))) for table, values in self.tables))
-        check_finite("/truth", *(values for _, values in self.tables), coefficients)
-        release_memory()
+        for values in (*(values for _, values in self.tables), coefficients):
+            check_finite("/truth", values)
+            release_memory()
         if missing := [symbol for symbol in SYMBOLS if symbol not in self.coefficients]:
             raise InvalidDataError(f"/truth has no coefficient {', '.join(missing)}")
         if unknown := [s for s in self.coefficients if s not in SYMBOLS and not is_name_of_term(str(s))]:

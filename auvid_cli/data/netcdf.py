@@ -240,6 +240,14 @@ def read_attributes(file: h5py.File, form: type[Form]) -> Form:
 
 def read_array(group: h5py.Group, name: str, every: int = 1, ndim: int = 1) -> Array:
     """Read a numeric variable as doubles: every `every`-th row, the last one included."""
+    rows = _rows(group, name, every, ndim)
+    # A large array is mapped to a temporary file.
+    values = zeros(rows.shape)
+    values[...] = rows
+    return values
+
+
+def _rows(group: h5py.Group, name: str, every: int, ndim: int = 1) -> Array:
     data = _variable(group, name, "numbers", ndim)
     rows = data[(data.shape[0] - 1) % every :: every] if every > 1 else data[...]
     return np.asarray(rows, dtype=np.float64)
@@ -266,11 +274,11 @@ def _is_unit(text: Any, unit: str) -> bool:
 
 def read_table(group: h5py.Group, names: Sequence[str], every: int = 1) -> Array:
     """Read variables of equal length as columns, see `read_array`."""
-    first = read_array(group, names[0], every)
+    first = _rows(group, names[0], every)
     table = zeros((len(first), len(names)))
     table[:, 0] = first
     for column, name in enumerate(names[1:], 1):
-        values = read_array(group, name, every)
+        values = _rows(group, name, every)
         if values.size != len(first):
             raise ValueError(f"{group.name}/{name} and {group.name}/{names[0]} differ in length")
         table[:, column] = values

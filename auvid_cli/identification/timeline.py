@@ -45,7 +45,7 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
     unused = dataset.experiment.identification.unused_sensors
     measuring = {}
     for name, record in dataset.sensors.items():
-        if name not in unused and np.isfinite(record.values).any():
+        if name not in unused and record.present.any():
             if not (record.standard_deviation > 0.0).all():
                 raise DataError(f"sensor {name}: the standard deviation must be greater than 0 for a filter")
             factor = dataset.experiment.identification.measurement_noise.get(name, 1.0)
@@ -123,7 +123,7 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     motion : ndarray, shape (9,)
         SI; zero for a state that no sensor measures. Roll and pitch follow from gravity if an accelerometer is used.
     """
-    finite = [np.isfinite(record.values) for record in measuring.values()]
+    finite = [record.present for record in measuring.values()]
     # Components that a sensor never measures are ignored.
     complete = [rows[:, rows.any(axis=0)].all(axis=1) & rows.any(axis=1) for rows in finite]
     firsts = [record.time[rows] for record, rows in zip(measuring.values(), complete, strict=True)]
@@ -131,9 +131,13 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     motion = dict.fromkeys((*MOTION_SYMBOLS, *_FORCES, *_FIELDS), 0.0) | {_FORCES[2]: -GRAVITY}
     for name, record in measuring.items():
         for component, quantity in enumerate(SENSORS[name]):
-            symbol, measured = state_of(quantity), np.isfinite(record.values[:, component]) & (record.time <= start)
-            if measured.any() and symbol in motion:
-                motion[symbol] = float(record.values[measured, component][-1])
+            symbol, values = (
+                state_of(quantity),
+                record.values[: np.searchsorted(record.time, start, side="right"), component],
+            )
+            measured = values[np.isfinite(values)]
+            if measured.size and symbol in motion:
+                motion[symbol] = float(measured[-1])
     values = np.array([motion[symbol] for symbol in MOTION_SYMBOLS])
     if "accelerometer" in measuring:
         values[6:8] = _levelled(np.array([motion[symbol] for symbol in _FORCES]), values)

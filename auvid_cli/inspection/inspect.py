@@ -109,12 +109,15 @@ def contradictions_of_unused(dataset: Dataset) -> list[Check]:
     """
     if "accelerometer" not in dataset.experiment.identification.unused_sensors:
         return []
-    begin, end = span_of(dataset.inputs, _sensors_with_values(dataset))
+    measuring = _sensors_with_values(dataset)
+    begin, end = span_of(dataset.inputs, measuring)
     checks = dict[str, Check]()
     for start in np.arange(begin, end, _PART).tolist():
         span = start, min(start + _PART, end)
-        sensors = _sensors_with_values(dataset.sensors_between(*span))
-        screened = {name: single_sensor.screen(name, record).record for name, record in sensors.items()}
+        records = {name: record.between(*span) for name, record in measuring.items()}
+        screened = {
+            name: single_sensor.screen(name, record).record for name, record in records.items() if record.present.any()
+        }
         signals = signals_of(dataset.inputs.between(*span), screened, span)
         for symbol, force in measured_forces(signals).items():
             if symbol not in checks and (check := against_force(signals, symbol, force)).passed is not None:
@@ -125,7 +128,7 @@ def contradictions_of_unused(dataset: Dataset) -> list[Check]:
 
 
 def _sensors_with_values(dataset: Dataset) -> dict[str, SensorRecord]:
-    return {name: record for name, record in dataset.sensors.items() if np.isfinite(record.values).any()}
+    return {name: record for name, record in dataset.sensors.items() if record.present.any()}
 
 
 def _has_failed_sensor(checks: Sequence[Check], sensors: dict[str, SensorRecord]) -> bool:

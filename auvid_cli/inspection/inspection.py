@@ -102,7 +102,7 @@ def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence
     checks = []
     for name in sensors:
         records = [segment.sensors[name] for segment in segments]
-        measured = [record for record in records if np.isfinite(record.values).any(axis=1).sum() > 1]
+        measured = [record for record in records if record.present.any(axis=1).sum() > 1]
         if measured:
             for check_record in (_stuck, _gap):
                 _, worst = max(

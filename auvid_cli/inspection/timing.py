@@ -27,7 +27,7 @@ def new_measurement_rate(record: SensorRecord) -> float:
     starts = repeats(record)[:, 0]
     if starts.size < 2:
         return 0.0
-    present = np.isfinite(record.values).any(axis=1)
+    present = record.present.any(axis=1)
     if (rounding_steps(record) > 0.0).any():
         return 1.0 / float(np.median(np.diff(starts)))
     return starts.size / int(present.sum()) / float(np.median(np.diff(record.time[present])))
@@ -80,7 +80,7 @@ def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> 
 
 def _times_of_clocks(record: SensorRecord) -> list[Array]:
     """Return the times of all rows, or of each component if most rows have only some of them, of several devices."""
-    present = np.isfinite(record.values)
+    present = record.present
     measured = present[:, present.any(axis=0)]
     if 2 * np.count_nonzero(measured.all(axis=1)) >= np.count_nonzero(measured.any(axis=1)):
         return [record.time]
@@ -190,7 +190,7 @@ def _missing_share(record: SensorRecord) -> float:
     A component with time stamps of its own has no values at the time stamps of others. Therefore its share is at most
     that of the values missing from its own rate.
     """
-    present = np.isfinite(record.values)
+    present = record.present
     of_rows = 1.0 - float(present.any(axis=1).mean())
     shares = []
     for component in present.T[present.any(axis=0)]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, release_memory
 from auvid_cli.config.experiment import ImportedRun
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
@@ -119,6 +119,7 @@ def _coincidence(names: NDArray[np.int64]) -> float:
 def _distinct(record: Array) -> Array:
     """Return the complete measurements that differ from the previous one."""
     whole = record[np.isfinite(record).all(axis=1)]
+    release_memory()
     return whole[np.concatenate([[True], (np.diff(whole, axis=0) != 0.0).any(axis=1)])] if len(whole) else whole
 
 

@@ -80,14 +80,15 @@ def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Data
         actuators = actuators._replace(thrust=AS_STATED.thrust)
     if BiasName.FIN_TRIM in own:
         actuators = AS_STATED._replace(thrust=actuators.thrust)
-    values = actuators.acting(inputs.values)
+    if actuators != AS_STATED:
+        inputs = replace(inputs, values=actuators.acting(inputs.values))
     ballast = NO_BALLAST if BiasName.BALLAST in own else estimate.final_ballast()
     ballasted = ballast.added_to(earlier.vehicle.known_parameters())
     entries = {symbol: VehicleEntry(value=value) for symbol, value in ballasted.items()}
     parameters = earlier.vehicle.parameters.model_copy(update=entries)
     kept = [block for block in identification.estimate.biases if block not in _MODEL_BLOCKS or block in own]
     vehicle = vehicle.model_copy(update={"parameters": parameters})
-    acting = replace(dataset, inputs=replace(inputs, values=values))
+    acting = replace(dataset, inputs=inputs)
     if BiasName.DVL in kept and all(block.walk == 0.0 for block in identification.estimate.blocks_of(BiasName.DVL)):
         # Short data hardly tell the mounting of a DVL from sideslip, and it does not change.
         kept.remove(BiasName.DVL)

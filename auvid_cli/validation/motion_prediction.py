@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.arrays import Array
+from auvid_cli.arrays import Array, release_memory, zeros
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import TURN_RATE_WINDOW, rate_noise, rate_of_change
 from auvid_cli.filters.problem import Timeline
@@ -61,13 +61,17 @@ def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Measure
     for name, record in measuring.items():
         for component, quantity in enumerate(SENSORS[name]):
             values = record.values[:, component]
-            finite = np.isfinite(values)
-            if finite.any():
-                # A view of complete records saves 6 MB for each component and hour at 100 Hz.
-                present = slice(None) if finite.all() else finite
+            rows = np.flatnonzero(np.isfinite(values))
+            if rows.size:
+                # A view of values without gaps saves 6 MB for each component and hour at 100 Hz.
+                has_gaps = rows[-1] - rows[0] >= rows.size
+                present = rows if has_gaps else slice(rows[0], rows[-1] + 1)
                 symbol, time, values = state_of(quantity), record.time[present], values[present]
-                deviation = float(record.standard_deviation[component])
-                signals[symbol] = MeasuredSignal(time, np.unwrap(values) if is_angle(symbol) else values, deviation)
+                if is_angle(symbol):
+                    values = zeros(values.shape)
+                    values[:] = np.unwrap(record.values[present, component])
+                signals[symbol] = MeasuredSignal(time, values, float(record.standard_deviation[component]))
+    release_memory()
     if "r" not in signals and (yaw_rate := _yaw_rate_by_attitude(signals)) is not None:
         signals["r"] = yaw_rate
     return {symbol: signals[symbol] for symbol in MOTION_AND_DEPTH_SYMBOLS if symbol in signals}
