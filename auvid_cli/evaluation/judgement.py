@@ -209,6 +209,10 @@ class Judgement(NamedTuple):
         in_part = self.grade is Grade.DOUBTFUL and self.doubted is not None and symbol not in self.doubted
         return self.grade is Grade.SOUND or in_part
 
+    def status_of(self, estimate: Estimate) -> str:
+        """Return the status of the estimate: as the filter ended, or "inconsistent" and the reason."""
+        return f"{self.grade}: {self.reason}" if self.grade is Grade.INCONSISTENT else estimate.status
+
     def row(self) -> tuple[str, str, str, str]:
         """Return the values as cells of a table: doubted coefficients separated by spaces, or "all"."""
         doubted = "all" if self.doubted is None else " ".join(self.doubted)
