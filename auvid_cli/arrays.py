@@ -72,6 +72,15 @@ def zeros(shape: tuple[int, ...]) -> Array:
     return np.ndarray(shape, np.float64, mapped)
 
 
+def stored(values: Array) -> Array:
+    """Return the same values; many of them in an array that is mapped to a temporary file, see `zeros`."""
+    if values.nbytes <= MAX_IN_MEMORY:
+        return values
+    copy = zeros(values.shape)
+    copy[...] = values
+    return copy
+
+
 def release_memory() -> None:
     """Release the memory of large arrays of `zeros`; the next use reads their values from the files.
 

@@ -1,4 +1,4 @@
-"""Study: value of a designed run. Writes docs/studies.md: `python -m docs.make_design`, 20 minutes and 8 for a seed.
+"""Study: value of a designed run. Writes docs/studies.md: `python -m docs.make_design`, 10 minutes and 10 a seed.
 
 Shown by identification, not by the criterion: vehicles that the search has not seen are simulated with the designed run
 and with the spiral, equally long, and identified with three sets of sensors. One run is designed for each vehicle, with

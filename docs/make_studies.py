@@ -13,8 +13,8 @@ from auvid_cli.errors import SimulationError
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, sensor_error_results
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.identifiability import assess_dataset
-from auvid_cli.evaluation.innovations import sensor_consistency, status_of
-from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.evaluation.innovations import sensor_consistency
+from auvid_cli.evaluation.judgement import Grade, Judgement, status_of
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify
 from auvid_cli.report.table import filter_label

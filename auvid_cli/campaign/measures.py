@@ -14,7 +14,7 @@ from auvid_cli.evaluation.accuracy import (
     coefficient_results,
     normalised_estimation_error,
 )
-from auvid_cli.evaluation.judgement import Judgement
+from auvid_cli.evaluation.judgement import Judgement, status_of
 from auvid_cli.vehicle.parameters import MOTION
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Measure(NamedTuple):
     kind: str  # "run", "coefficient", "motion" (a state) or "sensor"
     name: str  # of a coefficient, motion state or sensor
     unit: str  # SI
-    status: str  # status of the run, see `auvid_cli.evaluation.judgement.Judgement.status_of`
+    status: str  # status of the run, see `auvid_cli.evaluation.judgement.status_of`
     grade: str  # judgement of the estimate, see `auvid_cli.evaluation.judgement`
     reason: str  # of the judgement
     true: float | None = None  # true value of a coefficient
@@ -69,7 +69,7 @@ def measures(
     additions: str | None = None,
 ) -> list[Measure]:
     """Return all rows of a run; `bounds` has the known Cramer-Rao bounds by symbol, SI."""
-    status = judgement.status_of(estimate)
+    status = status_of(estimate, judgement)
 
     def row(kind: str, name: str = "", unit: str = "") -> Measure:
         return Measure(run, filter_name, seed, kind, name, unit, status, judgement.grade, judgement.reason)

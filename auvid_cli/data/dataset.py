@@ -223,7 +223,8 @@ class TruthRecord:
         n, coefficients = self.time.size, real_array("/truth/coefficients", [*self.coefficients.values()], 1)
         check_times("/truth", self.time, increasing=True)
         check_shapes("/truth", *((values, (n, len(table))) for table, values in self.tables))
-        for values in (*(values for _, values in self.tables), coefficients):
+        check_finite("/truth", coefficients)
+        for _, values in self.tables:
             check_finite("/truth", values)
             release_memory()
         if missing := [symbol for symbol in SYMBOLS if symbol not in self.coefficients]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from auvid_cli._version import __version__
-from auvid_cli.arrays import Array, release_memory, zeros
+from auvid_cli.arrays import Array, release_memory, stored, zeros
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.units import parse_quantity
 from auvid_cli.data.files import replacing
@@ -240,11 +240,7 @@ def read_attributes(file: h5py.File, form: type[Form]) -> Form:
 
 def read_array(group: h5py.Group, name: str, every: int = 1, ndim: int = 1) -> Array:
     """Read a numeric variable as doubles: every `every`-th row, the last one included."""
-    rows = _rows(group, name, every, ndim)
-    # A large array is mapped to a temporary file.
-    values = zeros(rows.shape)
-    values[...] = rows
-    return values
+    return stored(_rows(group, name, every, ndim))
 
 
 def _rows(group: h5py.Group, name: str, every: int, ndim: int = 1) -> Array:

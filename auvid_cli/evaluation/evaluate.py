@@ -20,7 +20,7 @@ from auvid_cli.evaluation.accuracy import (
 from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.innovations import SensorConsistency, mean_nis, sensor_consistency
-from auvid_cli.evaluation.judgement import Judgement, judge, reference_among, with_considered_errors
+from auvid_cli.evaluation.judgement import Judgement, judge, reference_among, status_of, with_considered_errors
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.identification.prepared_data import PreparedData
 
@@ -125,7 +125,7 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
                 estimate.cpu_time,
                 steps,
                 estimate.cpu_time / steps * 1e6,
-                judgement.status_of(estimate),
+                status_of(estimate, judgement),
                 judgement,
             )
         )

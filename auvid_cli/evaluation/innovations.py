@@ -60,12 +60,6 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
     return results
 
 
-def status_of(estimate: Estimate) -> str:
-    """Return the status of an estimate: as the filter ended, or "inconsistent" and the reason."""
-    reason = inconsistency_of(estimate)
-    return f"inconsistent: {reason}" if reason else estimate.status
-
-
 def inconsistency_of(estimate: Estimate) -> str:
     """Return why innovations contradict a completed estimate; empty if they do not.
 

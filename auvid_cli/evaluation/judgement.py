@@ -209,10 +209,6 @@ class Judgement(NamedTuple):
         in_part = self.grade is Grade.DOUBTFUL and self.doubted is not None and symbol not in self.doubted
         return self.grade is Grade.SOUND or in_part
 
-    def status_of(self, estimate: Estimate) -> str:
-        """Return the status of the estimate: as the filter ended, or "inconsistent" and the reason."""
-        return f"{self.grade}: {self.reason}" if self.grade is Grade.INCONSISTENT else estimate.status
-
     def row(self) -> tuple[str, str, str, str]:
         """Return the values as cells of a table: doubted coefficients separated by spaces, or "all"."""
         doubted = "all" if self.doubted is None else " ".join(self.doubted)
@@ -231,6 +227,18 @@ class Judgement(NamedTuple):
     def __str__(self) -> str:
         """Return grade, reason and remedy as one sentence without its full stop."""
         return f"{self.grade}: {self.advice}" if self.advice else str(self.grade)
+
+
+def status_of(estimate: Estimate, judgement: Judgement | None = None) -> str:
+    """Return the status of an estimate: as the filter ended, or "inconsistent" and the reason.
+
+    By its own innovations without a `judgement`, which may explain them by those of the smoother.
+    """
+    if judgement is None:
+        reason = inconsistency_of(estimate)
+    else:
+        reason = judgement.reason if judgement.grade is Grade.INCONSISTENT else ""
+    return f"inconsistent: {reason}" if reason else estimate.status
 
 
 def judge(estimates: Sequence[Estimate]) -> dict[str, Judgement]:

@@ -38,8 +38,8 @@ _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 # Step of a state in difference quotients; transitions are nearly polynomials of the state.
 _STATE_STEP = 1e-4  # SI
-# s; interval of the transitions whose derivatives represent all, because the motion changes slowly: coefficients shift
-# by less than a hundredth of their standard deviation, for a field survey and spirals of LAUV and REMUS 100.
+# s; interval of the transitions whose derivatives represent all, because the motion changes slowly. In a field survey
+# and in spirals of LAUV and REMUS 100, coefficients shift by less than a hundredth of their standard deviation.
 _TRANSITION_INTERVAL = 0.5
 # Largest number of these transitions.
 _MOST_TRANSITIONS = 10_000

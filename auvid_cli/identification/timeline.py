@@ -130,11 +130,9 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     start = max([float(dataset.inputs.time[0]), *(float(times[0]) for times in firsts if times.size)])
     motion = dict.fromkeys((*MOTION_SYMBOLS, *_FORCES, *_FIELDS), 0.0) | {_FORCES[2]: -GRAVITY}
     for name, record in measuring.items():
+        past = np.searchsorted(record.time, start, side="right")
         for component, quantity in enumerate(SENSORS[name]):
-            symbol, values = (
-                state_of(quantity),
-                record.values[: np.searchsorted(record.time, start, side="right"), component],
-            )
+            symbol, values = state_of(quantity), record.values[:past, component]
             measured = values[np.isfinite(values)]
             if measured.size and symbol in motion:
                 motion[symbol] = float(measured[-1])

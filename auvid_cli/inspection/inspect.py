@@ -35,7 +35,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     """Check a dataset as recorded, without its truth: sensors, contradictions between them, excitation."""
     experiment, vehicle = dataset.experiment, dataset.experiment.vehicle
     actuators, length = vehicle.actuators.actuators(), vehicle.size.length
-    sensors = _sensors_with_values(dataset)
+    sensors = _with_values(dataset.sensors)
     screened = {name: single_sensor.screen(name, record) for name, record in sensors.items()}
     clean = {name: screening.record for name, screening in screened.items()}
     marks = [mark for screening in screened.values() for mark in screening.marks]
@@ -109,15 +109,13 @@ def contradictions_of_unused(dataset: Dataset) -> list[Check]:
     """
     if "accelerometer" not in dataset.experiment.identification.unused_sensors:
         return []
-    measuring = _sensors_with_values(dataset)
+    measuring = _with_values(dataset.sensors)
     begin, end = span_of(dataset.inputs, measuring)
     checks = dict[str, Check]()
     for start in np.arange(begin, end, _PART).tolist():
         span = start, min(start + _PART, end)
-        records = {name: record.between(*span) for name, record in measuring.items()}
-        screened = {
-            name: single_sensor.screen(name, record).record for name, record in records.items() if record.present.any()
-        }
+        sensors = _with_values({name: record.between(*span) for name, record in measuring.items()})
+        screened = {name: single_sensor.screen(name, record).record for name, record in sensors.items()}
         signals = signals_of(dataset.inputs.between(*span), screened, span)
         for symbol, force in measured_forces(signals).items():
             if symbol not in checks and (check := against_force(signals, symbol, force)).passed is not None:
@@ -127,8 +125,8 @@ def contradictions_of_unused(dataset: Dataset) -> list[Check]:
     return [check for check in checks.values() if check.passed is False]
 
 
-def _sensors_with_values(dataset: Dataset) -> dict[str, SensorRecord]:
-    return {name: record for name, record in dataset.sensors.items() if record.present.any()}
+def _with_values(sensors: dict[str, SensorRecord]) -> dict[str, SensorRecord]:
+    return {name: record for name, record in sensors.items() if record.present.any()}
 
 
 def _has_failed_sensor(checks: Sequence[Check], sensors: dict[str, SensorRecord]) -> bool:

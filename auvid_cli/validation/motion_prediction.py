@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.arrays import Array, release_memory, zeros
+from auvid_cli.arrays import Array, release_memory, stored
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.signals import TURN_RATE_WINDOW, rate_noise, rate_of_change
 from auvid_cli.filters.problem import Timeline
@@ -67,9 +67,7 @@ def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Measure
                 has_gaps = rows[-1] - rows[0] >= rows.size
                 present = rows if has_gaps else slice(rows[0], rows[-1] + 1)
                 symbol, time, values = state_of(quantity), record.time[present], values[present]
-                if is_angle(symbol):
-                    values = zeros(values.shape)
-                    values[:] = np.unwrap(record.values[present, component])
+                values = stored(np.unwrap(values)) if is_angle(symbol) else values
                 signals[symbol] = MeasuredSignal(time, values, float(record.standard_deviation[component]))
     release_memory()
     if "r" not in signals and (yaw_rate := _yaw_rate_by_attitude(signals)) is not None:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from auvid_cli.evaluation.innovations import mean_nis, sensor_consistency, status_of
+from auvid_cli.evaluation.innovations import mean_nis, sensor_consistency
+from auvid_cli.evaluation.judgement import status_of
 from auvid_cli.identification.run import identify
 
 

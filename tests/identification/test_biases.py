@@ -10,8 +10,7 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, sensor_error_results
-from auvid_cli.evaluation.innovations import status_of
-from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.evaluation.judgement import Grade, Judgement, status_of
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.rigid_body import NO_BALLAST, Ballast
 

@@ -12,7 +12,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
-from auvid_cli.evaluation.innovations import status_of
+from auvid_cli.evaluation.judgement import status_of
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.run import identify, set_up_filters

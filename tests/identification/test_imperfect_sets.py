@@ -7,8 +7,7 @@ import pytest
 
 from auvid_cli.config.enums import FilterName
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
-from auvid_cli.evaluation.innovations import status_of
-from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.evaluation.judgement import Grade, Judgement, status_of
 from auvid_cli.identification.run import identify
 
 SOUND = Judgement(Grade.SOUND)

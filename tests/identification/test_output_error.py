@@ -11,7 +11,8 @@ from auvid_cli.config.enums import FilterName
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
-from auvid_cli.evaluation.innovations import sensor_consistency, status_of
+from auvid_cli.evaluation.innovations import sensor_consistency
+from auvid_cli.evaluation.judgement import status_of
 from auvid_cli.identification.information import information_at
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process

@@ -7,7 +7,8 @@ import pytest
 
 from auvid_cli.config.enums import FilterName
 from auvid_cli.data.estimate_file import read_estimate, write_estimate
-from auvid_cli.evaluation.innovations import innovation_checks, sensor_consistency, status_of
+from auvid_cli.evaluation.innovations import innovation_checks, sensor_consistency
+from auvid_cli.evaluation.judgement import status_of
 from auvid_cli.identification.run import identify
 from auvid_cli.vehicle.coefficients import SYMBOLS
 

@@ -11,8 +11,7 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
 from auvid_cli.evaluation.free_run import free_run
-from auvid_cli.evaluation.innovations import status_of
-from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.evaluation.judgement import Grade, Judgement, status_of
 from auvid_cli.identification.prepared_data import prepare, used_data, used_spans
 from auvid_cli.identification.run import identify
 from auvid_cli.identification.timeline import measuring_sensors

@@ -19,8 +19,7 @@ from auvid_cli.data.dataset import Dataset, InputRecord
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.estimate_checks import check_estimate
-from auvid_cli.evaluation.innovations import status_of
-from auvid_cli.evaluation.judgement import judge_one
+from auvid_cli.evaluation.judgement import judge_one, status_of
 from auvid_cli.fitting.search import FitLimits, fit_model
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.run import identify

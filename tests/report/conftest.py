@@ -13,8 +13,8 @@ from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, relative_rmse
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.evaluation.free_run import VelocityError
-from auvid_cli.evaluation.innovations import mean_nis, sensor_consistency, status_of
-from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
+from auvid_cli.evaluation.innovations import mean_nis, sensor_consistency
+from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one, status_of
 from auvid_cli.evaluation.results import FreeRun
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, SENSORS

@@ -91,7 +91,7 @@ def test_transition_is_the_derivative_of_the_runge_kutta_step(seed, core, random
     motion, coefficients, inputs = random_state(rng, vehicle["m"])
     coefficients = np.concatenate([coefficients, [0.8, 0.03, -0.05], vehicle["m"] * rng.uniform(-1.0, 1.0, 2)])
     # Gentle enough that no velocity changes its sign, which is a kink, within the step.
-    motion, coefficients, step = 0.5 * motion + 0.3 * np.sign(motion), 0.05 * coefficients, 0.0005
+    motion, coefficients, step = 0.5 * motion + 0.3 * np.sign(motion), 0.05 * coefficients, 0.0001
     moved, transition = one_transition(motion, coefficients, inputs, constants, 1, step)
 
     def after(x):
@@ -105,8 +105,7 @@ def test_transition_is_the_derivative_of_the_runge_kutta_step(seed, core, random
     scaled = np.concatenate([motion, coefficients / vehicle["m"]])
     expected = differences(after_scaled, scaled, 1e-3)
     transition[:, N_MOTION:] *= vehicle["m"]
-    # Roll decays fast in some of these vehicles.
-    assert_allclose(transition, expected, rtol=1e-5, atol=1e-10)
+    assert_allclose(transition, expected, rtol=1e-7, atol=1e-10)
 
 
 def test_transition_over_a_second_solves_the_variational_equation(core, experiment_with):
