@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
@@ -167,7 +166,7 @@ def tune_into(
             files = write_csv_tables({"tuning": tuning.rows()}, folder / "tables")
             write_text(folder / "tuned.yaml", tuning.settings())
             label("fits with the noise of the settings, and with the tuned noise")
-            datasets = dataset, replace(dataset, experiment=tuning.experiment)
+            datasets = dataset, dataset.with_settings(tuning.experiment)
             with ThreadPoolExecutor(len(datasets)) as threads:
                 # Both start from the tuned motion, without a search for other minima.
                 estimates = [*threads.map(lambda data: identify(data, JUDGE, motion), datasets)]

@@ -126,7 +126,7 @@ def run(
     with locked(folder):
         refuse_other_page(page_in(folder))
         check_no_overlap(products(folder), inputs)
-        with drawing(folder, formats) as figures:
+        with drawing(folder, formats, experiment.manoeuvre.duration) as figures:
             dataset = simulate_into(folder, source, overwrite, progress, chosen)
             prepared = estimate_delays_and_noise(prepare(dataset), progress)
             evaluator = Evaluator(prepared)
@@ -140,7 +140,8 @@ def report(folder: Path, figure_formats: Collection[FigureFormat], progress: Pro
     with locked(folder):
         refuse_other_page(page_in(folder))
         dataset, estimates = read_results(folder)
-        with drawing(folder, figure_formats) as figures:
+        duration = dataset.inputs.time[-1] - dataset.inputs.time[0]
+        with drawing(folder, figure_formats, duration) as figures:
             return _report(folder, Evaluator(prepare(dataset)), estimates, figures, progress)
 
 

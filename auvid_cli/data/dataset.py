@@ -1,6 +1,7 @@
 """Dataset of one run: inputs, measurements, settings and, of a simulation, the truth."""
 
 from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
@@ -314,6 +315,12 @@ class Dataset:
         """Return the SI units of the true coefficients; empty for a term that the vehicle does not have."""
         units = self.experiment.vehicle.coefficient_set.units
         return [] if self.truth is None else [units.get(symbol, "") for symbol in self.truth.coefficients]
+
+    def with_settings(self, experiment: RunSettings) -> "Dataset":
+        """Return the dataset with other settings; its arrays, which may be long, are not checked again."""
+        changed = copy(self)
+        object.__setattr__(changed, "experiment", experiment)
+        return changed
 
     def without_truth(self) -> "Dataset":
         """Return the dataset as a vehicle would have logged it."""

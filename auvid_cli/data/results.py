@@ -2,7 +2,6 @@
 
 import shutil
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import replace
 from pathlib import Path
 
 from auvid_cli._version import __version__
@@ -163,7 +162,7 @@ def read_simulated(folder: Path, experiment: RunSettings) -> Dataset:
                 f"{path}: was simulated with other settings of `{part}`; run `auvid simulate` again, give the same "
                 "--set here, or name the dataset file to identify it as it is"
             )
-    return replace(dataset, experiment=experiment)
+    return dataset.with_settings(experiment)
 
 
 def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:

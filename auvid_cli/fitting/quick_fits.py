@@ -45,7 +45,7 @@ def joint_answer(dataset: Dataset) -> Dataset:
         "noise": "stated",
         "integration_step": max(identification.integration_step, _STEP),
     }
-    return replace(dataset, experiment=dataset.experiment.with_identification(**changes))
+    return dataset.with_settings(dataset.experiment.with_identification(**changes))
 
 
 def smoothed(prepared: PreparedData, start: Motion | None = None) -> Estimate:

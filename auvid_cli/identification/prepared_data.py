@@ -181,9 +181,9 @@ class PreparedData:
     def with_settings(self, experiment: RunSettings) -> "PreparedData":
         """Return the data prepared for other settings; segments and events are kept if these settings permit."""
         if _preparation_settings(experiment) != _preparation_settings(self.experiment):
-            return prepare(replace(self.dataset, experiment=experiment))
-        segments = (s._replace(dataset=replace(s.dataset, experiment=experiment)) for s in self.segments)
-        return replace(self, dataset=replace(self.dataset, experiment=experiment), segments=tuple(segments))
+            return prepare(self.dataset.with_settings(experiment))
+        segments = tuple(s._replace(dataset=s.dataset.with_settings(experiment)) for s in self.segments)
+        return replace(self, dataset=self.dataset.with_settings(experiment), segments=segments)
 
     def with_identification(self, **changes: object) -> "PreparedData":
         """Return the data prepared for other settings below `identification`."""

@@ -1,7 +1,7 @@
 """Requests for figures, and the queue that draws them in other processes."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from concurrent.futures import Future, as_completed
+from concurrent.futures import Future, as_completed, wait
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from auvid_cli.validation.results import Prediction, Validation
 
 _MAX_SAMPLES = 100_000  # samples of one sensor, as many as any figure can show
+# Duration, s, above which one figure after the other is drawn, and nothing meanwhile: each takes 100 MB.
+_LONG_DATA = 7200.0
 
 
 class PathRequest(NamedTuple):
@@ -164,12 +166,15 @@ class FigureQueue:
         process.
     formats : collection of FigureFormat
         PNG has 150 dots per inch.
+    duration : float
+        Of the data, s; `add_...` waits for the figures of long data, to save memory.
     """
 
-    def __init__(self, folder: Path, submit: Submit, formats: Collection[FigureFormat]) -> None:
+    def __init__(self, folder: Path, submit: Submit, formats: Collection[FigureFormat], duration: float = 0.0) -> None:
         self._folder = folder
         self._submit = submit
         self._formats = tuple(formats)
+        self._duration = duration
         self._drawn: dict[str, Future[list[Path]]] = {}
 
     def add_estimates(self, dataset: Dataset, estimates: Sequence[Estimate]) -> None:
@@ -249,13 +254,18 @@ class FigureQueue:
 
     def _add(self, name: str, request: FigureRequest) -> None:
         self._drawn[name] = self._submit(draw_and_save, request, self._folder, name, self._formats)
+        if self._duration > _LONG_DATA:
+            wait([self._drawn[name]])
 
 
 @contextmanager
-def drawing(folder: Path, formats: Collection[FigureFormat] | None) -> Iterator[FigureQueue]:
-    """Yield the figure queue of a results folder, with processes that draw; the default format is PNG."""
+def drawing(folder: Path, formats: Collection[FigureFormat] | None, duration: float = 0.0) -> Iterator[FigureQueue]:
+    """Yield the figure queue of a results folder, with processes that draw; the default format is PNG.
+
+    `duration` is that of the data, see `FigureQueue`.
+    """
     with workers.figure_workers() as submit:
-        yield FigureQueue(folder / "figures", submit, formats or (FigureFormat.PNG,))
+        yield FigureQueue(folder / "figures", submit, formats or (FigureFormat.PNG,), duration)
 
 
 def _records_of(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord]) -> dict[str, SensorRecord]:
