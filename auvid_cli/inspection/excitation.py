@@ -33,6 +33,8 @@ _USUAL_RATIO = (3e-3, 10.0)
 _POSSIBLE_RATIO = (1e-4, 100.0)
 _REACHED_QUANTILE = 0.9
 _MIN_SPEED = 0.05  # m/s
+_MIN_DRIVEN_SPEED = 0.3  # m/s; a slower vehicle may drift
+_KEPT_SPEED = 0.5  # ratio of the mean speeds of both halves; a vehicle without thrust is slower in the second
 _MAX_THRUST_CORRELATION = 0.95  # with n |n|; a higher one means that thrust was computed from revolutions
 _MAX_FIN = 0.5 * np.pi
 _MAX_LIMITED_TIME = 0.01  # share of the time
@@ -169,6 +171,29 @@ def force_checks(signals: Signals, vehicle: VehicleSettings) -> list[Check]:
     weight = 0.5 * parameters["W"] * size.diameter
     checks.append(_size(signals, "roll_moment", "N m", weight, "weight times radius", 0.0))
     return [check for check in checks if check is not None]
+
+
+def missing_thrust_check(signals: Signals, coefficients: CoefficientSet) -> list[Check]:
+    """Check that a vehicle without thrust slows down, unless terms of its own drive it."""
+    if _largest(signals, "surge_force") or not signals.has("u") or any(t.row == 0 for t in coefficients.of_propulsion):
+        return []
+    u = np.abs(signals.values["u"])
+    u = u[np.isfinite(u)]
+    first, second = (float(half.mean()) for half in np.array_split(u, 2)) if u.size > 1 else (0.0, 0.0)
+    if first < _MIN_DRIVEN_SPEED:
+        return []
+    return [
+        judged(
+            "surge_force",
+            "thrust",
+            statistic=f"always zero, but {first:.3g} m/s in the first half and {second:.3g} m/s in the second",
+            threshold=f"not zero, or at most {_KEPT_SPEED:.0%} of the speed in the second half",
+            passed=second <= _KEPT_SPEED * first,
+            advice="No thrust is recorded, but the vehicle keeps its speed: the drag would be wrong. State the thrust, "
+            "even a guess, in the map (`inputs: {surge_force: {constant: 10 N}}`), and estimate its error "
+            "(`identification: {estimate: {biases: [thrust]}}`). Ignore this for a vehicle that has no propeller.",
+        )
+    ]
 
 
 def doubled_thrust_check(inputs: InputRecord, coefficients: CoefficientSet) -> list[Check]:

@@ -65,6 +65,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     checks += alignment_checks(alignment)
     checks += excitation.actuator_checks(dataset.inputs, actuators)
     checks += excitation.doubled_thrust_check(dataset.inputs, vehicle.coefficient_set)
+    checks += excitation.missing_thrust_check(in_water, vehicle.coefficient_set)
     checks += excitation.force_checks(signals, vehicle)
 
     # Sensors against each other

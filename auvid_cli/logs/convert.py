@@ -274,6 +274,8 @@ def _fill_inputs(
     ):
         if symbols:
             remarks.append(f"{', '.join(symbols)}: {reason}")
+    if "surge_force" in zero and "surge_force" not in mapped:
+        remarks.append("surge_force: state the thrust, even a constant guess; without it the drag will be wrong")
     return tuple(remarks)
 
 

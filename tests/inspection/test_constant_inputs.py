@@ -36,6 +36,7 @@ def test_constant_inputs_do_not_fail(rudder, thrust, verdicts_of):
 
 
 def test_coast_down_shows_drag(verdicts_of):
+    assert verdicts_of(0.0, 0.0)["surge_force", "thrust"].passed
     advice = verdicts_of(0.0, 0.0)["surge_force", "excitation"].advice
     assert "X_u|u| only from the free change of u" in advice
     assert "may not determine K_p|p|" in verdicts_of(0.0, 0.0)["roll_moment", "excitation"].advice

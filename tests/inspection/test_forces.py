@@ -30,6 +30,14 @@ def test_simulated_forces_pass(judged):
     assert {verdict.passed for verdict in verdicts.values()} == {True}
 
 
+def test_missing_thrust_fails_if_the_vehicle_keeps_its_speed(sound_run):
+    run = sound_run()
+    without = replace(run.inputs, values=run.inputs.values * [1.0, 1.0, 0.0, 1.0])
+    for inputs, verdicts in ((run.inputs, []), (without, [False])):
+        checks = inspect_dataset(replace(run, inputs=inputs)).checks
+        assert [check.passed for check in checks if check.check == "thrust"] == verdicts
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("symbol", "factor", "passed"),
