@@ -1,6 +1,7 @@
 """Complete steps in a results folder: run, report, check, identifiability, validation."""
 
 from collections.abc import Collection, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
@@ -135,9 +136,14 @@ def run(
             return _report(folder, evaluator, estimates, figures, progress)
 
 
+def _existing(folder: Path) -> AbstractContextManager[None]:
+    """Lock a results folder; one that is missing is not created, and reading its dataset fails."""
+    return locked(folder) if folder.is_dir() else nullcontext()
+
+
 def report(folder: Path, figure_formats: Collection[FigureFormat], progress: Progress) -> RunResult:
     """Evaluate a results folder, and write its tables, figures and page."""
-    with locked(folder):
+    with _existing(folder):
         refuse_other_page(page_in(folder))
         dataset, estimates = read_results(folder)
         duration = dataset.inputs.time[-1] - dataset.inputs.time[0]
@@ -169,7 +175,7 @@ def _report(
 
 def check_into(folder: Path, progress: Progress) -> tuple[Checks, Path]:
     """Check every estimate of a results folder; returns the verdicts and the written table."""
-    with locked(folder):
+    with _existing(folder):
         dataset, estimates = read_results(folder)
         with progress.stage("check"):
             checks = check(dataset, *estimates)

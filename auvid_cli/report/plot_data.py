@@ -223,8 +223,8 @@ def estimate_plot(
 ) -> CoefficientPlot:
     """Describe the plot of a coefficient's estimates, SI, over the logarithm of time.
 
-    The limits contain the true value, the start, the end and `SHOWN_PERCENT` of the estimates of each filter; they are
-    None without a finite estimate. Each line has at most `points` points.
+    The limits contain the true value, the start, the end and `SHOWN_PERCENT` of the estimates of each filter that
+    completed, or of all if none did; they are None without a finite estimate. Each line has at most `points` points.
     """
     span = time_span(estimates)
     begin = max(span[1] * _FIRST_SHARE, _SHORTEST)
@@ -239,7 +239,8 @@ def estimate_plot(
             )
         )
     end = max(span[1], 10.0 * begin)
-    return CoefficientPlot(symbol, lines, true, _estimate_limits(means, true), begin, end)
+    completed = [mean for estimate, mean in zip(shown, means, strict=True) if estimate.completed]
+    return CoefficientPlot(symbol, lines, true, _estimate_limits(completed or means, true), begin, end)
 
 
 def _estimate_limits(means: Sequence[Array], true: float | None) -> tuple[float, float] | None:

@@ -406,8 +406,10 @@ def test_check_prints_advice_and_exit_code(results, tmp_path):
     assert all(bool(row["advice"]) == (row["passed"] != "True") for row in rows)
 
 
-def test_check_of_missing_folder_is_one_error(tmp_path):
-    assert_one_clear_complaint(auvid("check", "results/spiral", cwd=tmp_path), "results/spiral/dataset.h5")
+@pytest.mark.parametrize("command", ["check", "report"])
+def test_missing_folder_is_one_error_and_is_not_made(command, tmp_path):
+    assert_one_clear_complaint(auvid(command, "results/spiral", cwd=tmp_path), "results/spiral/dataset.h5")
+    assert [*tmp_path.iterdir()] == []
 
 
 def test_as_log_writes_logs_and_keeps_existing_files(tmp_path):

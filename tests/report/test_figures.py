@@ -460,5 +460,7 @@ def test_limits_of_estimates_contain_truth_start_and_end_without_brief_excursion
     time = np.arange(1000.0)
     history = EstimateHistory(time, mean, np.ones_like(mean), {}, "ekf", ("X_u|u|",), True)
     assert estimate_plot("X_u|u|", [history], -3.5, 300).limits == with_margin(-3.5, 0.0)
+    diverged = replace(history, mean=np.full_like(mean, 1e6), completed=False)
+    assert estimate_plot("X_u|u|", [history, diverged], -3.5, 300).limits == with_margin(-3.5, 0.0)
     unknown = replace(history, mean=np.full_like(mean, np.nan))
     assert estimate_plot("X_u|u|", [unknown], None, 300).limits is None
