@@ -216,7 +216,7 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
         panels[0].set_ylim(low / room, high * room)
     most = max(cell.ended for cell in cells)
     words = ["a mark for each run" if most < _MIN_RUNS else "box: quartiles, mark: median, whiskers: 5 to 95 %"]
-    words += ["upright numbers: share of runs that failed"] * any(cell.lost for cell in cells)
+    words += ["vertical numbers: share of runs that diverged or failed"] * any(cell.lost for cell in cells)
     words += [f"{len(keys) - len(shown)} more combinations: see the tables"] * (len(keys) > len(shown))
     handles: list[Artist] = [Patch(label=style.plain(name), **look) for name, look in looks.items()]
     if most < _MIN_RUNS:
