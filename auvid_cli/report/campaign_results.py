@@ -205,7 +205,7 @@ def _spread(summary: CampaignSummary, filters: Mapping[str, str]) -> list[parts.
     shapes.append(
         parts.TextLabel(0.5 * (across.begin + across.end), bottom + 36.0, "mean steady-state error (%)", "middle")
     )
-    says = "A mark for each completed run, a long stroke at their median; at the right the share that diverged or failed."
+    says = "A mark for each completed run, a long stroke at their median; right: the share that diverged or failed."
     if len(cells) > len(drawn):
         says += f" {len(cells) - len(drawn)} more combinations: see the table."
     return [parts.Picture("Errors", says, _WIDTH, bottom + 46.0, shapes)]
