@@ -55,7 +55,7 @@ def tune(
     -------
     Tuning
         ``noises`` with 95 % intervals, the ``gain`` in log-likelihood, the ``choice`` of a disturbance if tried,
-        and the ``experiment`` with the tuned noise, for a dataset with `dataclasses.replace`; ``to_pandas()``
+        and the ``experiment`` with the tuned noise, for `Dataset.with_settings`; ``to_pandas()``
         makes a table.
 
     Raises

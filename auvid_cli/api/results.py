@@ -146,8 +146,7 @@ def report(folder: Path, figure_formats: Collection[FigureFormat], progress: Pro
     with _existing(folder):
         refuse_other_page(page_in(folder))
         dataset, estimates = read_results(folder)
-        duration = dataset.inputs.time[-1] - dataset.inputs.time[0]
-        with drawing(folder, figure_formats, duration) as figures:
+        with drawing(folder, figure_formats, dataset.duration) as figures:
             return _report(folder, Evaluator(prepare(dataset)), estimates, figures, progress)
 
 

@@ -179,7 +179,7 @@ def _bounds(simulated: str, identification: str, assumed_vehicle: str) -> Mappin
     vehicle = vehicle.model_copy(update={"terms": (*vehicle.terms, *additional), "actuators": actuators})
     settings = Identification.model_validate_json(identification, context=vehicle.coefficient_set)
     changes = {"identification": settings, "vehicle": vehicle}
-    data = replace(dataset, experiment=dataset.experiment.model_copy(update=changes))
+    data = dataset.with_settings(dataset.experiment.model_copy(update=changes))
     return bounds_at(prepare(data), data.known_coefficients()).of_data
 
 

@@ -295,9 +295,14 @@ class Dataset:
         return core_schema.is_instance_schema(cls)
 
     def __repr__(self) -> str:
-        duration, sensors = self.inputs.time[-1] - self.inputs.time[0], ", ".join(self.sensors)
+        sensors = ", ".join(self.sensors)
         truth = "known" if self.truth is not None else "unknown"
-        return f"<Dataset of {self.experiment.name!r}: {duration:g} s, sensors {sensors}, truth {truth}>"
+        return f"<Dataset of {self.experiment.name!r}: {self.duration:g} s, sensors {sensors}, truth {truth}>"
+
+    @property
+    def duration(self) -> float:
+        """Return the duration of the inputs, s."""
+        return float(self.inputs.time[-1] - self.inputs.time[0])
 
     def simulated_with(self, coefficients: Mapping[str, float]) -> list[str]:
         """Return the symbols of `coefficients`, SI, that equal the true ones: an identification must not use them."""
@@ -318,6 +323,7 @@ class Dataset:
 
     def with_settings(self, experiment: RunSettings) -> "Dataset":
         """Return the dataset with other settings; its arrays, which may be long, are not checked again."""
+        check_type("experiment", experiment, RunSettings)
         changed = copy(self)
         object.__setattr__(changed, "experiment", experiment)
         return changed

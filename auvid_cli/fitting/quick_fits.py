@@ -62,7 +62,7 @@ def training_part(dataset: Dataset, settings: RunSettings) -> PreparedData:
     training, held_out = split(prepare(dataset))
     if _is_long_enough(held_out):
         stated = stated.with_identification(use=Use(spans=training))
-    return prepare(replace(dataset, experiment=stated))
+    return prepare(dataset.with_settings(stated))
 
 
 def try_on_held_out(dataset: Dataset, fitted: Estimate) -> tuple[Score, ...]:

@@ -7,7 +7,6 @@ less half the logarithm of the number of measurements for each number without a 
 
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from time import process_time, thread_time
 from typing import NamedTuple
 
@@ -93,7 +92,7 @@ def fit_model(dataset: Dataset, limits: FitLimits, on_step: Callable[[str], None
         on_step("inspect the data")
         refuse_contradictions(dataset)
     settings, still = with_still_planes_held(dataset)
-    dataset = replace(dataset, experiment=settings)
+    dataset = dataset.with_settings(settings)
     search = _Search(dataset, limits, on_step)
     for motion in still:
         search.note("hold", f"coefficients of {motion}")
@@ -358,7 +357,7 @@ class _Search:
         """Return the estimate from all data, or if interrupted from thinned data, and the reason of an early end."""
         try:
             self._on_step("fit of the model to all data")
-            return identify(replace(self._dataset, experiment=settings), JUDGE), ""
+            return identify(self._dataset.with_settings(settings), JUDGE), ""
         except KeyboardInterrupt:
             quick = smoothed(self._prepared) if self.model is None else self._maker.estimate(self.model)
             return quick, _INTERRUPTED_FIT

@@ -1,7 +1,5 @@
 """Whether data are independent of an estimate, and of the same vehicle."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +25,7 @@ def unseen_segments(dataset: Dataset, estimate: Estimate, training: Dataset | No
     `training` is the complete dataset that the estimate was made from, see `check_unseen`.
     """
     if training is not None:
-        training = used_data(replace(training, experiment=estimate.experiment))
+        training = used_data(training.with_settings(estimate.experiment))
     segments = used_segments(dataset, measuring_sensors(dataset))
     for segment in segments:
         check_unseen(segment, estimate, training)

@@ -1,7 +1,6 @@
 """Validate an estimate: predict data that it was not made from."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from math import ceil
 from typing import NamedTuple
 
@@ -205,7 +204,7 @@ def _growth(
     training: Dataset, estimate: Estimate, bundle: Bundle, starts: int, rng: np.random.Generator, anew: bool
 ) -> ErrorGrowth:
     """Return the excess errors of predictions of the estimate's own data."""
-    own = replace(training, experiment=estimate.experiment)
+    own = training.with_settings(estimate.experiment)
     filtered, _ = _filter(_with_model(used_segments(own, measuring_sensors(own)), estimate, anew), starts)
     sizes = signal_sizes([segment.signals for segment in filtered])
     plain, noisy = (_predict(filtered, bundle, rng, noise).samples for noise in (False, True))

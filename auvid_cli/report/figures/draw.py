@@ -167,7 +167,7 @@ class FigureQueue:
     formats : collection of FigureFormat
         PNG has 150 dots per inch.
     duration : float
-        Of the data, s; `add_...` waits for the figures of long data, to save memory.
+        Duration of the data, s. If it is long, `add_...` waits for each figure, to save memory.
     """
 
     def __init__(self, folder: Path, submit: Submit, formats: Collection[FigureFormat], duration: float = 0.0) -> None:
