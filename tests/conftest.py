@@ -203,14 +203,14 @@ def leave_figures_out() -> Callable[[pytest.MonkeyPatch], None]:
         return paths
 
     @contextmanager
-    def one_thread() -> Iterator[workers.Submit]:
+    def one_thread(duration: float) -> Iterator[workers.Submit]:
         with ThreadPoolExecutor(1) as executor:
             yield executor.submit
 
     def leave_out(patch: pytest.MonkeyPatch) -> None:
         patch.setattr(draw, "draw_and_save", save_name)
         patch.setattr(workers, "figure_workers", one_thread)
-        patch.setattr(workers, "load_ahead", lambda: None)
+        patch.setattr(workers, "load_ahead", lambda duration=0.0: None)
 
     return leave_out
 

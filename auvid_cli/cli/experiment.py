@@ -40,13 +40,12 @@ def run(
         raise ConfigError("--fit and --filter: expected one of them; a search uses the smoother")
     if with_fit and not dry_run:
         return _run_with_fit(experiment.load(), output, console.terminal())
-    if not dry_run:
-        from auvid_cli.report.figures.workers import load_ahead
-
-        load_ahead()
     source = experiment.load()
     if dry_run:
         return _print_settings(source.experiment)
+    from auvid_cli.report.figures.workers import load_ahead
+
+    load_ahead(source.experiment.manoeuvre.duration)
     terminal = console.terminal()
     terminal.load_core()
     with terminal.compiling():

@@ -1,4 +1,4 @@
-"""Time and memory of whole commands: `python -m benchmarks.commands`, an hour and 10 GB of disk.
+"""Time and memory of whole commands: `python -m benchmarks.commands`, two hours and 10 GB of disk.
 
 How `auvid run` starts cold, with nothing compiled, and warm, what its steps take, how fast help comes, and how each
 command grows with the duration of the data: simulation, import, inspection, tuning, each filter, validation, report,
@@ -26,7 +26,7 @@ from docs.make_field import settings
 from docs.section import replace_section
 
 _DURATIONS = (300, 3000, 36000)
-# Longest data with all commands, s; beyond, only those of at most a few minutes, and one whole run.
+# Longest data with all commands, s; beyond, only those of at most a few minutes, and whole runs.
 _MAX_ALL = 3600
 _LONG_FILTERS = FilterName.CKF, FilterName.TUKF
 _NO_JUDGE = "--set", "identification.judge=false"
@@ -146,8 +146,7 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
     for duration in durations:
         length, whole = ("--set", f"manoeuvre.duration={duration} s"), folder / "whole"
         add("run", "run", *length, "--output", str(whole))
-        if duration <= _MAX_ALL:
-            add("run, without the judge", "run", *length, *_NO_JUDGE, "--output", str(whole), "--overwrite")
+        add("run, without the judge", "run", *length, *_NO_JUDGE, "--output", str(whole), "--overwrite")
         shutil.rmtree(whole)
     lateral = folder / "lateral.yaml"
     lateral.write_text(settings()[0], encoding="utf-8")

@@ -14,7 +14,7 @@ from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import Estimate, EstimateHistory
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.report.figures import workers
-from auvid_cli.report.figures.workers import Submit, load_matplotlib, save
+from auvid_cli.report.figures.workers import LONG_DATA, Submit, load_matplotlib, save
 from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
 
 if TYPE_CHECKING:
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from auvid_cli.validation.results import Prediction, Validation
 
 _MAX_SAMPLES = 100_000  # samples of one sensor, as many as any figure can show
-# Duration, s, above which one figure after the other is drawn, and nothing meanwhile: each takes 100 MB.
-_LONG_DATA = 7200.0
 
 
 class PathRequest(NamedTuple):
@@ -254,7 +252,7 @@ class FigureQueue:
 
     def _add(self, name: str, request: FigureRequest) -> None:
         self._drawn[name] = self._submit(draw_and_save, request, self._folder, name, self._formats)
-        if self._duration > _LONG_DATA:
+        if self._duration > LONG_DATA:
             wait([self._drawn[name]])
 
 
@@ -264,7 +262,7 @@ def drawing(folder: Path, formats: Collection[FigureFormat] | None, duration: fl
 
     `duration` is that of the data, see `FigureQueue`.
     """
-    with workers.figure_workers() as submit:
+    with workers.figure_workers(duration) as submit:
         yield FigureQueue(folder / "figures", submit, formats or (FigureFormat.PNG,), duration)
 
 

@@ -22,16 +22,22 @@ if TYPE_CHECKING:
 
 Submit = Callable[..., Future[Any]]
 
+# Duration, s, above which memory matters more than time: the server and each process that draws take 100 MB.
+LONG_DATA = 7200.0
 # More workers would compete for memory, and there are few figures.
 _MAX_WORKERS = 4
 
 
-def load_ahead() -> None:
-    """Start to load matplotlib in the fork server, in parallel with this process."""
+def load_ahead(duration: float = 0.0) -> None:
+    """Start to load matplotlib in the fork server, in parallel with this process.
+
+    `duration` is that of the data, s. If they are long, the server starts with the first figure instead.
+    """
     if _start_method() == "forkserver":
         multiprocessing.get_context("forkserver").set_forkserver_preload(["auvid_cli.report.figures.server"])
-        with starting_children():
-            forkserver.ensure_running()
+        if duration <= LONG_DATA:
+            with starting_children():
+                forkserver.ensure_running()
 
 
 def _start_method() -> str:
@@ -40,10 +46,15 @@ def _start_method() -> str:
 
 
 @contextmanager
-def figure_workers() -> Iterator[Submit]:
+def figure_workers(duration: float = 0.0) -> Iterator[Submit]:
     """Start worker processes with the first figure and stop them at the end of the block.
 
     Figures that are not started by then are dropped.
+
+    Parameters
+    ----------
+    duration : float
+        Duration of the data, s; see `load_ahead`.
 
     Yields
     ------
@@ -55,7 +66,7 @@ def figure_workers() -> Iterator[Submit]:
     FileError
         If a worker was killed.
     """
-    load_ahead()
+    load_ahead(duration)
     try:
         # A process keeps some 60 MB after a figure. A fork server starts a new one in 10 ms, with matplotlib loaded.
         method = _start_method()
