@@ -133,14 +133,15 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=_RUNS)
     parser.add_argument("--rounds", type=int, default=_ROUNDS)
     parser.add_argument("--many", type=int, default=_MANY)
-    parser.add_argument("--large", action="store_true", help="measure only the whole commands with many short runs")
+    parser.add_argument("--only", choices=("large", "comparison"), help="whole commands with many short runs, or the rest")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        text = "\n".join(large_campaigns(folder))
-        print(text)
-        replace_section("large", text)
-        if options.large:
+        if options.only != "comparison":
+            text = "\n".join(large_campaigns(folder))
+            print(text)
+            replace_section("large", text)
+        if options.only == "large":
             return
         plan = planned(folder, f"{_UNJUDGED}seeds: {-(-options.runs // 3)}\n")
         groups = list(plan.groups())
