@@ -2,8 +2,7 @@
 
 The default experiment over seeds, with all its filters: one after the other in this process, on one worker, on two, and
 on two processes alone, which is what the machine allows; all of them in each round. Then on one worker so many
-runs that its memory would show any leak. Finally whole commands with up to 10 000 short runs; `--large` measures only
-these.
+runs that its memory would show any leak. Before all this whole commands with up to 10 000 short runs.
 """
 
 import argparse
@@ -133,7 +132,9 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=_RUNS)
     parser.add_argument("--rounds", type=int, default=_ROUNDS)
     parser.add_argument("--many", type=int, default=_MANY)
-    parser.add_argument("--only", choices=("large", "comparison"), help="whole commands with many short runs, or the rest")
+    parser.add_argument(
+        "--only", choices=("large", "comparison"), help="whole commands with many short runs, or the rest"
+    )
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
