@@ -6,6 +6,7 @@ runs that its memory would show any leak. Before all this whole commands with up
 """
 
 import argparse
+import os
 import sys
 import tempfile
 import time
@@ -95,11 +96,9 @@ def memory_over(groups: Iterator[RunGroup], n_runs: int) -> list[tuple[int, floa
 
 
 def _memory(cluster: Cluster) -> float:
-    return cluster.executor.submit(_resident_size).result() / 1024.0**2
-
-
-def _resident_size() -> int:
-    return psutil.Process().memory_info().rss
+    # The worker can call only functions that it can import, not those of this script.
+    worker = cluster.executor.submit(os.getpid).result()
+    return psutil.Process(worker).memory_info().rss / 1024.0**2
 
 
 def large_campaigns(folder: Path) -> list[str]:
