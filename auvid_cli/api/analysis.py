@@ -1,7 +1,7 @@
 """Noise levels, model terms and a whole model, found from the data."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
@@ -144,17 +144,21 @@ def tune_into(
     """Tune the noise of a dataset file, and write tuned.yaml and a table into its results folder."""
     dataset = read_dataset(path, *overrides, "identification.noise=stated")
     with results_folder(place, RecordedData(path, dataset), new=["tuned.yaml"]) as folder:
-        with place.progress.stage("tune") as label:
+        with place.progress.stage("tune") as label, ThreadPoolExecutor(2) as threads:
             latest: TuningProgress | None = None
+            as_stated: Future[Estimate] | None = None
             begin = monotonic()
 
             def show(progress: TuningProgress) -> None:
-                nonlocal latest
+                nonlocal latest, as_stated
                 is_next = latest is None or progress.search.trajectories > latest.search.trajectories
                 latest, text = progress, f"tune: {progress}{_time_left(progress.search.share, monotonic() - begin)}"
                 label(text)
                 if is_next:
                     place.progress.message(text)
+                if as_stated is None and progress.search.trajectories:
+                    # The fit with the noise of the settings needs a start, but not the end of the search.
+                    as_stated = threads.submit(identify, dataset, JUDGE, progress.so_far()[1])
 
             try:
                 tuning, motion = _tune(dataset, sensors, disturbance, show)
@@ -166,10 +170,10 @@ def tune_into(
             files = write_csv_tables({"tuning": tuning.rows()}, folder / "tables")
             write_text(folder / "tuned.yaml", tuning.settings())
             label("fits with the noise of the settings, and with the tuned noise")
-            datasets = dataset, dataset.with_settings(tuning.experiment)
-            with ThreadPoolExecutor(len(datasets)) as threads:
-                # Both start from the tuned motion, without a search for other minima.
-                estimates = [*threads.map(lambda data: identify(data, JUDGE, motion), datasets)]
+            tuned = threads.submit(identify, dataset.with_settings(tuning.experiment), JUDGE, motion)
+            # An interrupt may come before the first of the two.
+            as_stated = as_stated or threads.submit(identify, dataset, JUDGE, motion)
+            estimates = [as_stated.result(), tuned.result()]
         fits = [(estimate, judge_one(estimate, None)) for estimate in estimates]
         return TunedResults(tuning, fits, files, folder / "tuned.yaml")
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.signal import savgol_filter
 
 from auvid_cli.data.signals import rate_of_change, response_to_rates
 from auvid_cli.inspection.inspect import inspect_dataset
@@ -63,6 +64,13 @@ def test_strength_needs_moving_fin_and_coefficients(sound_run):
     told = replace(dataset, experiment=dataset.experiment.model_copy(update={"vehicle": empty}))
     assert not {RUDDER, ELEVATOR} & {*verdicts(told)}
     assert ELEVATOR not in verdicts(sound_run("zigzag_20_20"))
+
+
+@pytest.mark.parametrize("half", [2, 5, 40])
+def test_rate_of_change_is_savitzky_golay_filter_of_scipy(half, rng):
+    values, inner = rng.standard_normal(200), slice(half, 200 - half)
+    expected = savgol_filter(values, 2 * half + 1, 3, deriv=1, delta=0.1)
+    assert_allclose(rate_of_change(values, 0.1, half)[inner], expected[inner], rtol=1e-10, atol=1e-12)
 
 
 def test_rates_are_smoothed_like_derivative_of_angle(rng):
