@@ -1,7 +1,7 @@
 """Noise levels, model terms and a whole model, found from the data."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
@@ -9,6 +9,7 @@ from typing import NamedTuple
 import auvid_cli.identification.sensors  # noqa: F401  compiled at import, not while the smoother runs
 from auvid_cli.api import Destination
 from auvid_cli.api.files import RecordedData, checked, read_dataset, results_folder
+from auvid_cli.api.identification import stoppable_threads
 from auvid_cli.config.enums import JUDGE
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
@@ -30,6 +31,9 @@ from auvid_cli.identification.terms import search_terms
 from auvid_cli.report.page.pages import fit_page
 from auvid_cli.report.page.render import write_page
 from auvid_cli.report.text_tables import write_csv_tables
+
+# Longest time between two lines of progress of a tuning, s.
+_BETWEEN_MESSAGES = 30.0
 
 
 @checked
@@ -143,36 +147,44 @@ def tune_into(
 ) -> TunedResults:
     """Tune the noise of a dataset file, and write tuned.yaml and a table into its results folder."""
     dataset = read_dataset(path, *overrides, "identification.noise=stated")
+    progress = place.progress
     with results_folder(place, RecordedData(path, dataset), new=["tuned.yaml"]) as folder:
-        with place.progress.stage("tune") as label, ThreadPoolExecutor(2) as threads:
+        with progress.stage("tune") as label, stoppable_threads(2) as (threads, raise_if_stopping):
             latest: TuningProgress | None = None
             as_stated: Future[Estimate] | None = None
-            begin = monotonic()
+            begin = printed = monotonic()
 
-            def show(progress: TuningProgress) -> None:
-                nonlocal latest, as_stated
-                is_next = latest is None or progress.search.trajectories > latest.search.trajectories
-                latest, text = progress, f"tune: {progress}{_time_left(progress.search.share, monotonic() - begin)}"
-                label(text)
-                if is_next:
-                    place.progress.message(text)
-                if as_stated is None and progress.search.trajectories:
+            def fit(data: Dataset, start: Motion) -> Future[Estimate]:
+                return threads.submit(identify, data, JUDGE, start, raise_if_stopping)
+
+            def show(now: TuningProgress) -> None:
+                nonlocal latest, as_stated, begin, printed
+                before, latest, time = latest, now, monotonic()
+                if before is not None and now.search.passes < before.search.passes:
+                    begin = time
+                label(text := f"tune: {now}{_time_left(now.search.share, time - begin)}")
+                is_next = before is None or now.search.trajectories != before.search.trajectories
+                if is_next or time - printed > _BETWEEN_MESSAGES:
+                    printed = time
+                    progress.message(text)
+                if as_stated is None and now.so_far is not None:
                     # The fit with the noise of the settings needs a start, but not the end of the search.
-                    as_stated = threads.submit(identify, dataset, JUDGE, progress.so_far()[1])
+                    as_stated = fit(dataset, now.so_far()[1])
 
             try:
                 tuning, motion = _tune(dataset, sensors, disturbance, show)
             except KeyboardInterrupt:
-                if latest is None or not latest.search.trajectories:
+                if latest is None or latest.so_far is None:
                     raise
                 tuning, motion = latest.so_far()
-                place.progress.message("interrupted: the best noise so far is kept, without intervals")
+                progress.message("interrupted: the best noise so far is kept, without intervals")
             files = write_csv_tables({"tuning": tuning.rows()}, folder / "tables")
             write_text(folder / "tuned.yaml", tuning.settings())
-            label("fits with the noise of the settings, and with the tuned noise")
-            tuned = threads.submit(identify, dataset.with_settings(tuning.experiment), JUDGE, motion)
-            # An interrupt may come before the first of the two.
-            as_stated = as_stated or threads.submit(identify, dataset, JUDGE, motion)
+            label(text := "tune: fits with the noise of the settings, and with the tuned noise")
+            progress.message(text)
+            tuned = fit(dataset.with_settings(tuning.experiment), motion)
+            # It has not begun if the interrupt came before.
+            as_stated = as_stated or fit(dataset, motion)
             estimates = [as_stated.result(), tuned.result()]
         fits = [(estimate, judge_one(estimate, None)) for estimate in estimates]
         return TunedResults(tuning, fits, files, folder / "tuned.yaml")

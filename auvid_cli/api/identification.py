@@ -1,7 +1,8 @@
 """Identification with one filter, or with several in parallel."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
 from typing import NamedTuple
@@ -71,6 +72,29 @@ class _StoppedError(Exception):
     """A filter was stopped because another one failed, or the user interrupted."""
 
 
+@contextmanager
+def stoppable_threads(n_threads: int) -> Iterator[tuple[ThreadPoolExecutor, Callable[[], None]]]:
+    """Start threads for filters.
+
+    Yields
+    ------
+    threads : ThreadPoolExecutor
+    before_each : callable
+        For `set_up_filters`: after an error or an interrupt in the block, filters stop at their next chunk.
+    """
+    stopping = Event()
+
+    def raise_if_stopping() -> None:
+        if stopping.is_set():
+            raise _StoppedError
+
+    with ThreadPoolExecutor(n_threads) as threads:
+        try:
+            yield threads, raise_if_stopping
+        finally:
+            stopping.set()
+
+
 def _record_in_parallel(
     prepared: PreparedData,
     paths: Mapping[FilterName, Path],
@@ -78,11 +102,6 @@ def _record_in_parallel(
     on_estimate: Callable[[Estimate], None],
 ) -> list[Estimate]:
     """Run filters, one thread per filter, and write their estimates into files; if one fails, all end."""
-    stopping = Event()
-
-    def raise_if_stopping() -> None:
-        if stopping.is_set():
-            raise _StoppedError
 
     def record(filter_run: FilterRun, path: Path, advance: Advance) -> Estimate:
         begin, end = filter_run.span
@@ -93,17 +112,14 @@ def _record_in_parallel(
 
         return record_estimate(path, filter_run.header, filter_run.run, update_bar)
 
-    with progress.compiling():
-        runs = set_up_filters(prepared, [*paths], raise_if_stopping)
     labels = (name.value for name in paths)
-    with progress.bars(*labels, unit=" s of data") as bars, ThreadPoolExecutor(len(paths)) as threads:
-        try:
+    with stoppable_threads(len(paths)) as (threads, raise_if_stopping):
+        with progress.compiling():
+            runs = set_up_filters(prepared, [*paths], raise_if_stopping)
+        with progress.bars(*labels, unit=" s of data") as bars:
             futures = [threads.submit(record, *job) for job in zip(runs, paths.values(), bars, strict=True)]
             for future in as_completed(futures):
                 on_estimate(future.result())
-        finally:
-            # After an error or an interrupt the other filters stop at their next chunk.
-            stopping.set()
     return [future.result() for future in futures]
 
 

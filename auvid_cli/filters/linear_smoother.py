@@ -40,10 +40,6 @@ _MIN_CACHED = 0.2
 # Smallest decrease of the cost worth another iteration, in squares of standard deviations: in the last step no
 # parameter moves by more than a tenth of its standard deviation.
 MIN_DECREASE = 1e-2
-# A search without further progress has converged if the cost can fall by at most this, in squares of standard
-# deviations, and no parameter would move by more than this share of its standard deviation.
-_NEGLIGIBLE_DECREASE = 0.1
-_NEGLIGIBLE_MOVE = 0.05
 # Smallest fraction of a step in the line search.
 _MIN_FRACTION = 2.0**-10
 
@@ -340,10 +336,10 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
                 lower = trial
             fraction, passes = fraction / 2.0, passes + 1
         if lower is None:
-            return current, _is_close(current)
-        if current.cost - lower.cost < MIN_DECREASE:
-            return lower, True
-        current = lower
+            return current, convergence_status(current).is_close
+        is_flat, current = current.cost - lower.cost < MIN_DECREASE, lower
+        if is_flat and convergence_status(current).is_close:
+            break
     return current, True
 
 
@@ -353,12 +349,6 @@ def convergence_status(filtered: Filtered) -> ConvergenceStatus:
     n_parameters = filtered.final.n - filtered.trajectory.initial[0].size
     deviation = np.sqrt(np.diagonal(filtered.final.covariance())[:n_parameters])
     return ConvergenceStatus(filtered.cost - filtered.least, filtered.final.mean[:n_parameters] / deviation)
-
-
-def _is_close(filtered: Filtered) -> bool:
-    """Whether neither the cost nor a parameter would change by an amount that matters."""
-    decrease, step, *_ = convergence_status(filtered)
-    return decrease <= _NEGLIGIBLE_DECREASE and bool((np.abs(step) <= _NEGLIGIBLE_MOVE).all())
 
 
 class ConditionalChunk(NamedTuple):

@@ -23,8 +23,6 @@ _MEMORY = 3
 # Maximum number of passes in which the motion adapts to new parameters, and that of a rough step.
 _MOTION_PASSES = 5
 _ROUGH_PASSES = 2
-# Predicted decrease of the objective below which it is at its minimum if no step lowers it.
-_NEGLIGIBLE_DECREASE = 0.1
 # Largest error of the objective, because the motion has not converged, for which a rough step may raise it.
 _MAX_ERROR = 5.0
 # Largest number of halvings of a step that raises the objective.
@@ -88,7 +86,8 @@ def integrate_out_motion(
     filtered : Filtered
         Its trajectory is the estimate.
     convergence : ConvergenceStatus or None
-        None if it converged within `max_steps`; negligible if no step lowers the objective although little is left.
+        None if the last step was small. Negligible if the rest no longer matters, although no step lowers the
+        objective, or `max_steps` are done.
     gain : float
         Increase of the log of the marginal posterior.
     """
@@ -112,9 +111,6 @@ def integrate_out_motion(
             problem, of_motion, at, deviation, (_accelerated(moves, steps), steps[-1]), limit, is_rough
         )
         if found is None:
-            # Where the motion hardly converges, the objective is rounded too.
-            is_negligible = convergence.cost_decrease < _NEGLIGIBLE_DECREASE
-            convergence = convergence._replace(is_negligible=is_negligible)
             break
         at, move = found
         moves.append(move)
@@ -123,6 +119,9 @@ def integrate_out_motion(
         if is_small and at.converged:
             convergence = None
             break
+    if convergence is not None:
+        # Where the motion hardly converges, the objective is rounded too.
+        convergence = convergence._replace(is_negligible=convergence.is_close)
     return filtered, convergence, 0.5 * (objective - at.least(is_rough))
 
 

@@ -192,6 +192,10 @@ OnChunk = Callable[[Timeline, Records], None]
 OK = -1
 PREDICTION = -2
 NOT_CONVERGED = -3
+# An iteration without further progress has converged if the cost can fall by at most this, in squares of standard
+# deviations, and no parameter would move by more than this share of its standard deviation.
+_NEGLIGIBLE_DECREASE = 0.1
+_NEGLIGIBLE_STEP = 0.05
 
 
 class FaultScores(NamedTuple):
@@ -256,6 +260,11 @@ class ConvergenceStatus(NamedTuple):
     step: Array  # shape (n_parameters,); next step of the parameters, in standard deviations
     fraction: float = 1.0  # fraction of the data that was fitted
     is_negligible: bool = False  # whether the rest of the way no longer matters, so that the estimate is an answer
+
+    @property
+    def is_close(self) -> bool:
+        """Whether neither the cost nor a parameter would change by an amount that matters."""
+        return self.cost_decrease <= _NEGLIGIBLE_DECREASE and bool((np.abs(self.step) <= _NEGLIGIBLE_STEP).all())
 
 
 class FilterOutcome(NamedTuple):

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from math import log
 from typing import NamedTuple, TypeVar
 
@@ -45,6 +44,7 @@ _LEAST_SENSOR_FACTOR = 0.1
 _LONG_DATA = 600.0  # s
 _PART = 300.0  # s; length of the part
 _WINDOW = 60.0  # s; length of the windows of which it consists
+_STILL = 1e-9  # SI; standard deviation of an input that does not move
 # Factor on the shortest time constant and the smallest level that settings accept: a rounded estimate is accepted too.
 _MARGIN = 1.01
 
@@ -62,7 +62,8 @@ class TuningProgress(NamedTuple):
     """How far a tuning has come."""
 
     search: NoiseProgress
-    so_far: Callable[[], tuple[Tuning, Motion]]  # best noise so far, without intervals, and its motion
+    # Returns the best noise so far, without intervals, and its motion; none before the first trajectory of all data
+    so_far: Callable[[], tuple[Tuning, Motion]] | None
     data: str = "the data"  # which it passes through
 
     def __str__(self) -> str:
@@ -70,7 +71,7 @@ class TuningProgress(NamedTuple):
         search = self.search
         where = f"trajectory {min(search.trajectories + 1, MAX_TRAJECTORIES)} of at most {MAX_TRAJECTORIES}"
         count = f"{search.passes} pass{'' if search.passes == 1 else 'es'}"
-        return f"{count} through {self.data}, {where}, log-likelihood {search.gain:+.4g}"
+        return f"{count} through {self.data}, {where}, gain in log-likelihood {search.gain:.4g}"
 
 
 OnProgress = Callable[[TuningProgress], None]
@@ -115,11 +116,14 @@ def tune_noise(
             best = NoiseFactors(factor, unknown, unknown, level, search.gain, False, trajectory)
             return _tuning(experiment, noises, best), Motion.of_trajectory(augmented, search.trajectory)
 
-        on_progress(TuningProgress(search, so_far))
+        on_progress(TuningProgress(search, so_far if search.trajectories else None))
+
+    def on_part(search: NoiseProgress) -> None:
+        on_progress(TuningProgress(search._replace(trajectories=0, share=0.0), None, "a part of the data"))
 
     groups, max_passes, first = _groups(noises), settings.smoother.max_passes, None
     if (part := _part(prepared)) is not None:
-        joint, on_part = augmented_problem(part).joint, partial(_report_part, on_progress)
+        joint = augmented_problem(part).joint
         start = follow_measurements(joint)
         first = most_likely_noise(joint, groups, max_passes, on_part, is_coarse=True, start=start)
     likeliest = most_likely_noise(augmented.joint, groups, max_passes, report, first=first)
@@ -132,25 +136,22 @@ def tune_noise(
 
 
 def _part(prepared: PreparedData) -> PreparedData | None:
-    """Return evenly spaced windows of long data; None if the data are not long."""
+    """Return windows of long data, in each fifth that with most movement of the inputs; None if there are too few."""
     spans = [segment.timelines.span for segment in prepared.segments]
-    if sum(end - begin for begin, end in spans) <= _LONG_DATA:
-        return None
     starts = np.concatenate([np.arange(begin, end - _WINDOW, _WINDOW) for begin, end in spans])
-    chosen = starts[np.linspace(0, starts.size - 1, round(_PART / _WINDOW)).astype(np.int64)]
+    n_windows = round(_PART / _WINDOW)
+    if sum(end - begin for begin, end in spans) <= _LONG_DATA or starts.size < n_windows:
+        return None
+    inputs = prepared.dataset.inputs
+    first, last = (np.searchsorted(inputs.time, times) for times in (starts, starts + _WINDOW))
+    deviation = np.array([inputs.values[a : max(b, a + 1)].std(axis=0) for a, b in zip(first, last, strict=True)])
+    movement = (deviation / np.maximum(deviation.max(axis=0), _STILL)).sum(axis=1)
+    fifths = np.array_split(np.arange(starts.size), n_windows)
+    chosen = [starts[fifth[movement[fifth].argmax()]] for fifth in fifths]
     # A little shorter than their distance, so that they remain separate.
     windows = tuple((float(start), float(start + 0.99 * _WINDOW)) for start in chosen)
     use = prepared.experiment.identification.use
     return prepared.with_identification(use=use.model_copy(update={"spans": windows}))
-
-
-def _report_part(on_progress: OnProgress, search: NoiseProgress) -> None:
-    """Report the progress of a search on a part of the data, which leaves no result if it is interrupted."""
-
-    def so_far() -> tuple[Tuning, Motion]:
-        raise AssertionError("no trajectory of all data was found")
-
-    on_progress(TuningProgress(search._replace(trajectories=0, share=0.0), so_far, "a part of the data"))
 
 
 def tune_coarsely(

@@ -404,8 +404,13 @@ def _with_tuned_noise(prepared: PreparedData) -> PreparedData:
     return prepared.with_settings(tune_noise(prepared)[0].experiment)
 
 
-def identify(dataset: Dataset, filter_name: FilterName, start: Motion | None = None) -> Estimate:
+def identify(
+    dataset: Dataset,
+    filter_name: FilterName,
+    start: Motion | None = None,
+    before_each: Callable[[], None] = lambda: None,
+) -> Estimate:
     """Estimate coefficients and motion from a dataset in memory; see `set_up_filters` and `FilterRun`."""
-    (run,), chunks = set_up_filters(resolve_settings(prepare(dataset)), [filter_name], start=start), []
+    (run,), chunks = set_up_filters(resolve_settings(prepare(dataset)), [filter_name], before_each, start), []
     outcome = run.run(chunks.append)
     return Estimate.of(run.header, chunks, outcome)

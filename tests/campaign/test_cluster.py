@@ -63,7 +63,7 @@ def test_killed_worker_loses_and_repeats_no_run_and_none_listens(planned):
 
 @pytest.mark.slow
 def test_workers_with_own_folders_killed_in_turn_give_the_same_runs(planned, tmp_path):
-    plan, performed, started = planned(MANY, "seeds=4"), [], []
+    plan, performed, started = planned(MANY, "seeds=8"), [], []
     dask = LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address="127.0.0.1:0")
 
     def worker(number):
@@ -75,16 +75,18 @@ def test_workers_with_own_folders_killed_in_turn_give_the_same_runs(planned, tmp
         started.append(subprocess.Popen(command, cwd=folder, **quiet))
 
     try:
-        worker(0)
-        worker(1)
+        for number in range(3):
+            worker(number)
+        dask.wait_for_workers(3, timeout=60)
         with dask, dask_cluster(dask.scheduler_address) as cluster:
             for number, group in enumerate(run_groups(cluster, plan.groups(), False)):
                 performed += group
-                if number < 2:
-                    # Replaced once, as by a queue of jobs, so in the end none of the first two is left.
+                if number < 3:
+                    assert started[number].poll() is None, "the worker is alive until it is killed"
                     started[number].kill()
                 if number == 0:
-                    worker(2)
+                    # Replaced once, as by a queue of jobs: in the end none of the first three is left.
+                    worker(3)
     finally:
         for process in started:
             process.kill()
@@ -98,6 +100,7 @@ def test_workers_with_own_folders_killed_in_turn_give_the_same_runs(planned, tmp
         return row._replace(processor_time=None, wall_time=None)
 
     assert len(performed) == len(expected)
+    assert {done.failure for done in performed} == {""}
     assert measured(performed) == measured(expected)
 
 

@@ -1,5 +1,6 @@
 """Noise of a simulated run, of which the truth is known."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -8,13 +9,21 @@ import yaml
 
 from auvid_cli.config.enums import FilterName
 from auvid_cli.config.loading import dump_experiment, parse_run
-from auvid_cli.identification.noise import choose_disturbance, process_noises, tune_coarsely, tune_noise
+from auvid_cli.identification.noise import _part, choose_disturbance, process_noises, tune_coarsely, tune_noise
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.problem_setup import augmented_problem
 from auvid_cli.identification.run import identify
 
 FEW = "identification.coefficients=[X_u|u|, N_url, N_uudr]"
 SLOW = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz", "manoeuvre.input_rate=20 Hz"
+LONG = (
+    "manoeuvre.duration=640 s",
+    "manoeuvre.input_rate=2 Hz",
+    "identification.integration_step=0.1 s",
+    "sensors.gyroscope.rate=2 Hz",
+    "sensors.dvl.rate=2 Hz",
+    "sensors.attitude={source: direct, rate: 2 Hz}",
+)
 
 
 @pytest.fixture(scope="module")
@@ -210,10 +219,7 @@ def test_settings_accept_a_level_that_is_tuned_to_nothing(simulated_with):
 
 @pytest.mark.slow
 def test_search_on_long_data_begins_on_a_part_and_finds_the_same_noise(simulated_with):
-    rates = "sensors.gyroscope.rate=2 Hz", "sensors.dvl.rate=2 Hz", "sensors.attitude={source: direct, rate: 2 Hz}"
-    dataset = simulated_with(
-        "manoeuvre.duration=640 s", "manoeuvre.input_rate=2 Hz", "identification.integration_step=0.1 s", *rates, FEW
-    )
+    dataset = simulated_with(*LONG, FEW)
     dvl = dataset.sensors["dvl"]
     stated = replace(dvl, standard_deviation=3.0 * dvl.standard_deviation)
     wrong = prepare(replace(dataset, sensors=dataset.sensors | {"dvl": stated}))
@@ -226,3 +232,29 @@ def test_search_on_long_data_begins_on_a_part_and_finds_the_same_noise(simulated
     (noise,) = [noise for noise in tuned.noises if noise.setting.endswith("measurement_noise.dvl")]
     width = np.log(noise.high / noise.low) / 4.0
     assert abs(np.log(3.0 * noise.tuned)) < 3.0 * width
+
+
+def test_part_of_long_data_has_the_turns(simulated_with):
+    dataset = simulated_with(*LONG)
+    time, values = dataset.inputs.time, dataset.inputs.values.copy()
+    # Two windows in each fifth; the inputs move in the second one.
+    values[(time % 120.0 < 65.0) | (time % 120.0 > 115.0)] = 0.0
+    part = _part(prepare(replace(dataset, inputs=replace(dataset.inputs, values=values))))
+    begins = [segment.timelines.span[0] for segment in part.segments]
+    assert begins == pytest.approx([60.0, 180.0, 300.0, 420.0, 540.0], abs=1.0)
+
+
+def test_long_data_of_short_segments_have_no_part(simulated_with):
+    spans = [f"[{10 * k} s, {10 * k + 9.9} s]" for k in range(63)]
+    assert _part(prepare(simulated_with(*LONG, f"identification.use.spans=[{', '.join(spans)}]"))) is None
+
+
+def test_interrupt_before_the_first_trajectory_of_the_second_search_keeps_the_first(simulated_with):
+    """With a choice of disturbance, all progress of the second search refers to the finished first one."""
+    dataset, seen = simulated_with("manoeuvre.duration=4 s", FEW), []
+    choose_disturbance(prepare(dataset), on_progress=seen.append)
+    second = [now for before, now in itertools.pairwise(seen) if now.search.passes < before.search.passes]
+    assert second[0].search.trajectories == 0
+    tuning, _ = second[0].so_far()
+    assert all(np.isfinite(noise.high) for noise in tuning.noises if noise.low > 0.0)
+    assert seen[0].so_far is None
