@@ -211,13 +211,17 @@ def summary(model: type[BaseModel]) -> str:
 
 
 def meaning(field) -> str:
-    """Return the description of a key, or that of its only section."""
+    """Return the description of a key, or that of its only section, as a sentence."""
     inner = classes(field.annotation)
-    if field.description or not inner:
-        return field.description or ""
-    first = summary(inner[0]).split(". ")[0].removesuffix(".") if len(inner) == 1 else "one of the types below"
-    word = first.split()[0]
-    return first[0].lower() + first[1:] if len(word) == 1 or word[1:].islower() else first
+    text = field.description or ""
+    if inner and not text:
+        text = summary(inner[0]).split(". ")[0] if len(inner) == 1 else "one of the types below"
+    if not text:
+        return ""
+    # A symbol at the beginning stays as it is.
+    first = text.split()[0].rstrip(",;:")
+    begin = text[0].upper() if first == "a" or (len(first) > 1 and first.isalpha() and first.islower()) else text[0]
+    return f"{begin}{text[1:].removesuffix('.')}."
 
 
 def example(path: str, kind: str, model: type[BaseModel], name: str, field) -> str:

@@ -34,6 +34,8 @@ from auvid_cli.report.text_tables import write_csv_tables
 
 # Longest time between two lines of progress of a tuning, s.
 _BETWEEN_MESSAGES = 30.0
+# Duration, s, above which the search itself keeps several cores busy.
+_LONG_DATA = 600.0
 
 
 @checked
@@ -167,7 +169,7 @@ def tune_into(
                 if is_next or time - printed > _BETWEEN_MESSAGES:
                     printed = time
                     progress.message(text)
-                if as_stated is None and now.so_far is not None:
+                if as_stated is None and now.so_far is not None and dataset.duration <= _LONG_DATA:
                     # The fit with the noise of the settings needs a start, but not the end of the search.
                     as_stated = fit(dataset, now.so_far()[1])
 
@@ -183,7 +185,7 @@ def tune_into(
             label(text := "tune: fits with the noise of the settings, and with the tuned noise")
             progress.message(text)
             tuned = fit(dataset.with_settings(tuning.experiment), motion)
-            # It has not begun if the interrupt came before.
+            # It has not begun if the data are long, or if an interrupt came before.
             as_stated = as_stated or fit(dataset, motion)
             estimates = [as_stated.result(), tuned.result()]
         fits = [(estimate, judge_one(estimate, None)) for estimate in estimates]

@@ -187,9 +187,9 @@ def _bias(sensor: str, spread: float, additive: bool = True) -> ErrorBlock:
     return ErrorBlock(f"{sensor}_bias", _components(sensor, "bias", "bias"), sensor, spread, additive=additive)
 
 
-_SPREAD = Field(gt=0, description="prior standard deviation")
+_SPREAD = Field(gt=0, description="standard deviation of the error before any data")
 _WALK = Field(ge=0, description="random walk: growth per square root of a second; 0: constant")
-_Share = Annotated[float, Field(ge=1e-9, le=1e3, description="prior standard deviation")]
+_Share = Annotated[float, Field(ge=1e-9, le=1e3, description="standard deviation of the error before any data")]
 
 
 class ErrorSettings(Settings):
@@ -257,7 +257,9 @@ class DelayError(Settings):
         tuple[DelayedName, ...],
         Field(min_length=1, description="delays to estimate, on top of those that `identification.delays` states"),
     ] = ("inputs",)
-    spread: Annotated[float, Amount("s"), Field(gt=0, le=10, description="prior standard deviation")] = 0.1
+    spread: Annotated[
+        float, Amount("s"), Field(gt=0, le=10, description="standard deviation of the error before any data")
+    ] = 0.1
 
     def blocks(self) -> tuple[ErrorBlock, ...]:
         """Return one block for each delay."""

@@ -67,7 +67,7 @@ def check_unit(name: str | None, unit: str) -> str | None:
 class NamedColumn(Settings):
     """A column of a log; the bare name is enough."""
 
-    column: Annotated[str, Field(min_length=1, description="name in the log")]
+    column: Annotated[str, Field(min_length=1, description="name of the column in the log")]
 
     @model_validator(mode="before")
     @classmethod
@@ -164,7 +164,7 @@ class TimeSource(NamedColumn):
 class RowChoice(Settings):
     """Column that selects rows, and its values in the rows to use."""
 
-    column: Annotated[str, Field(min_length=1, description="name in the log")]
+    column: Annotated[str, Field(min_length=1, description="name of the column in the log")]
     values: Annotated[tuple[bool | int | float | str, ...], Field(min_length=1, description="values of valid rows")] = (
         True,
         1,
@@ -206,7 +206,7 @@ LOG_SIGNALS: dict[str, type[PlacedSignal]] = {
 class InputSignal(PlacedSignal):
     """A signal of an input, or a constant; a bare number is a constant in SI units."""
 
-    column: Annotated[str, Field(description="name in the log")] = ""
+    column: Annotated[str, Field(description="name of the column in the log")] = ""
     constant: Annotated[float | None, Field(description="constant value such as 10.9 N, instead of a column")] = None
 
     @model_validator(mode="before")

@@ -337,9 +337,9 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
             fraction, passes = fraction / 2.0, passes + 1
         if lower is None:
             return current, convergence_status(current).is_close
-        is_flat, current = current.cost - lower.cost < MIN_DECREASE, lower
-        if is_flat and convergence_status(current).is_close:
-            break
+        if current.cost - lower.cost < MIN_DECREASE:
+            return lower, True
+        current = lower
     return current, True
 
 

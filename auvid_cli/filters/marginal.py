@@ -13,7 +13,7 @@ import numpy as np
 from auvid_cli.arrays import Array
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, gauss_newton
 from auvid_cli.filters.marginal_gradient import marginal_step
-from auvid_cli.filters.problem import ConvergenceStatus, JointProblem
+from auvid_cli.filters.problem import NEGLIGIBLE_DECREASE, ConvergenceStatus, JointProblem
 from auvid_cli.filters.process_noise import with_process_memory
 
 # Largest last step of the parameters, in standard deviations.
@@ -111,6 +111,8 @@ def integrate_out_motion(
             problem, of_motion, at, deviation, (_accelerated(moves, steps), steps[-1]), limit, is_rough
         )
         if found is None:
+            # Where the motion hardly converges, the objective is rounded too.
+            convergence = convergence._replace(is_negligible=convergence.cost_decrease < NEGLIGIBLE_DECREASE)
             break
         at, move = found
         moves.append(move)
@@ -119,9 +121,9 @@ def integrate_out_motion(
         if is_small and at.converged:
             convergence = None
             break
-    if convergence is not None:
-        # Where the motion hardly converges, the objective is rounded too.
-        convergence = convergence._replace(is_negligible=convergence.is_close)
+    else:
+        if convergence is not None:
+            convergence = convergence._replace(is_negligible=convergence.is_close)
     return filtered, convergence, 0.5 * (objective - at.least(is_rough))
 
 

@@ -194,7 +194,7 @@ PREDICTION = -2
 NOT_CONVERGED = -3
 # An iteration without further progress has converged if the cost can fall by at most this, in squares of standard
 # deviations, and no parameter would move by more than this share of its standard deviation.
-_NEGLIGIBLE_DECREASE = 0.1
+NEGLIGIBLE_DECREASE = 0.1
 _NEGLIGIBLE_STEP = 0.05
 
 
@@ -264,7 +264,7 @@ class ConvergenceStatus(NamedTuple):
     @property
     def is_close(self) -> bool:
         """Whether neither the cost nor a parameter would change by an amount that matters."""
-        return self.cost_decrease <= _NEGLIGIBLE_DECREASE and bool((np.abs(self.step) <= _NEGLIGIBLE_STEP).all())
+        return self.cost_decrease <= NEGLIGIBLE_DECREASE and bool((np.abs(self.step) <= _NEGLIGIBLE_STEP).all())
 
 
 class FilterOutcome(NamedTuple):

@@ -44,7 +44,6 @@ _LEAST_SENSOR_FACTOR = 0.1
 _LONG_DATA = 600.0  # s
 _PART = 300.0  # s; length of the part
 _WINDOW = 60.0  # s; length of the windows of which it consists
-_STILL = 1e-9  # SI; standard deviation of an input that does not move
 # Factor on the shortest time constant and the smallest level that settings accept: a rounded estimate is accepted too.
 _MARGIN = 1.01
 
@@ -136,18 +135,13 @@ def tune_noise(
 
 
 def _part(prepared: PreparedData) -> PreparedData | None:
-    """Return windows of long data, in each fifth that with most movement of the inputs; None if there are too few."""
+    """Return evenly spaced windows of long data; None if the data are not long, or the segments too short."""
     spans = [segment.timelines.span for segment in prepared.segments]
     starts = np.concatenate([np.arange(begin, end - _WINDOW, _WINDOW) for begin, end in spans])
     n_windows = round(_PART / _WINDOW)
     if sum(end - begin for begin, end in spans) <= _LONG_DATA or starts.size < n_windows:
         return None
-    inputs = prepared.dataset.inputs
-    first, last = (np.searchsorted(inputs.time, times) for times in (starts, starts + _WINDOW))
-    deviation = np.array([inputs.values[a : max(b, a + 1)].std(axis=0) for a, b in zip(first, last, strict=True)])
-    movement = (deviation / np.maximum(deviation.max(axis=0), _STILL)).sum(axis=1)
-    fifths = np.array_split(np.arange(starts.size), n_windows)
-    chosen = [starts[fifth[movement[fifth].argmax()]] for fifth in fifths]
+    chosen = starts[np.linspace(0, starts.size - 1, n_windows).astype(np.int64)]
     # A little shorter than their distance, so that they remain separate.
     windows = tuple((float(start), float(start + 0.99 * _WINDOW)) for start in chosen)
     use = prepared.experiment.identification.use

@@ -199,7 +199,7 @@ def consistency(evaluation: Evaluation) -> Table:
     ]
     return Table(
         "consistency",
-        "Consistency: mean normalised innovation squared per component",
+        "Mean NIS: prediction error squared / expected variance",
         (text_column("sensor"), Column("normal range (99 %)"), *_columns("Mean NIS", filters)),
         rows,
         notes=(NIS_MEANS, *rejections(evaluation)),

@@ -148,31 +148,22 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
         add("run", "run", *length, "--output", str(whole))
         add("run, without the judge", "run", *length, *_NO_JUDGE, "--output", str(whole), "--overwrite")
         shutil.rmtree(whole)
-    for duration in durations:
-        if duration <= _MAX_ALL:
-            add("tune, field log", *_tune(folder, _survey(folder, duration)))
-    return rows
-
-
-def _tuning(folder: Path, durations: list[int]) -> list[str]:
-    """Measure the tuning of a field log of each duration alone, with its wall time."""
-    rows = ["| data (s) | wall (s) | processor (s) | memory (MB) |", "| ---: | ---: | ---: | ---: |"]
-    for duration in durations:
-        log, survey = folder / f"log-{duration}", _survey(folder, duration)
-        length = "--set", f"manoeuvre.duration={duration} s"
-        cost_of("simulate", "field", *length, "--as-log", "--output", str(log), "--quiet")
-        cost_of("import", "--map", str(log / "map.yaml"), "--output", str(survey), "--quiet")
-        cost = cost_of(*_tune(folder, survey), "--quiet", watched=True, sound=False)
-        rows.append(f"| {duration} | {cost.wall:.1f} | {cost.processor:.1f} | {cost.memory:.0f} |")
-        print(rows[-1], flush=True)
-    return rows
-
-
-def _tune(folder: Path, survey: Path) -> tuple[str, ...]:
-    """Return the command that tunes the noise of a survey."""
     lateral = folder / "lateral.yaml"
     lateral.write_text(settings()[0], encoding="utf-8")
-    return "tune", str(survey), "--set", str(lateral), "--output", str(folder / "tuned"), "--overwrite"
+    for duration in durations:
+        if duration <= _MAX_ALL:
+            survey = str(_survey(folder, duration))
+            add(
+                "tune, field log",
+                "tune",
+                survey,
+                "--set",
+                str(lateral),
+                "--output",
+                str(folder / "tuned"),
+                "--overwrite",
+            )
+    return rows
 
 
 def _survey(folder: Path, duration: int) -> Path:
@@ -190,18 +181,15 @@ def _write(section: str, *tables: list[str]) -> None:
 def main() -> None:
     """Run everything, or one part, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", choices=("start", "growth", "tune"), help="one of the three parts")
+    parser.add_argument("--only", choices=("start", "growth"), help="one of the two parts")
     parser.add_argument("--durations", type=int, nargs="+", default=_DURATIONS, help="of the data, s")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        durations = sorted(options.durations)
-        if options.only in {None, "start"}:
+        if options.only != "growth":
             _write("start", _start_up(folder), stages(folder, _ROUNDS))
-        if options.only in {None, "growth"}:
-            _write("growth", _growth(folder, durations))
-        if options.only in {None, "tune"}:
-            _write("tune", _tuning(folder, [duration for duration in durations if duration <= _MAX_ALL]))
+        if options.only != "start":
+            _write("growth", _growth(folder, sorted(options.durations)))
 
 
 if __name__ == "__main__":

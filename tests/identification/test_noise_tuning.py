@@ -234,16 +234,6 @@ def test_search_on_long_data_begins_on_a_part_and_finds_the_same_noise(simulated
     assert abs(np.log(3.0 * noise.tuned)) < 3.0 * width
 
 
-def test_part_of_long_data_has_the_turns(simulated_with):
-    dataset = simulated_with(*LONG)
-    time, values = dataset.inputs.time, dataset.inputs.values.copy()
-    # Two windows in each fifth; the inputs move in the second one.
-    values[(time % 120.0 < 65.0) | (time % 120.0 > 115.0)] = 0.0
-    part = _part(prepare(replace(dataset, inputs=replace(dataset.inputs, values=values))))
-    begins = [segment.timelines.span[0] for segment in part.segments]
-    assert begins == pytest.approx([60.0, 180.0, 300.0, 420.0, 540.0], abs=1.0)
-
-
 def test_long_data_of_short_segments_have_no_part(simulated_with):
     spans = [f"[{10 * k} s, {10 * k + 9.9} s]" for k in range(63)]
     assert _part(prepare(simulated_with(*LONG, f"identification.use.spans=[{', '.join(spans)}]"))) is None

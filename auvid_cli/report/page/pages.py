@@ -145,9 +145,10 @@ def _recorded(dataset: Dataset, inspection: Inspection) -> list[parts.Part]:
 def fit_page(dataset: Dataset, fit: Fit) -> parts.Page:
     """Lay out a found model: its judgement, the steps that led to it, and what it leaves unexplained."""
     words = (
-        "Each look starts from one model. The tests of that model rank candidates; the best are fitted, and the one "
-        "with the largest gain in evidence is kept if it is worth it. The gain is that of the log marginal likelihood, "
-        "less half the logarithm of the number of measurements for each number without a prior."
+        "Each look starts from one model. Its tests rank the candidates for an addition. The best candidates are "
+        "fitted. The one with the largest gain is kept if the gain is clearly more than chance. The gain is the "
+        "increase of the log-likelihood with the coefficients integrated out. For each added number without a prior, "
+        "half the logarithm of the number of measurements is subtracted, because more numbers always fit better."
     )
     steps = [parts.TablePart(table, folded=k > 0) for k, table in enumerate(steps_tables(fit))]
     remains = [*unexplained_sentences(fit), *measure_next_time(fit)]
