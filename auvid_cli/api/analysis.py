@@ -34,8 +34,6 @@ from auvid_cli.report.text_tables import write_csv_tables
 
 # Longest time between two lines of progress of a tuning, s.
 _BETWEEN_MESSAGES = 30.0
-# Duration, s, above which the search itself keeps several cores busy.
-_LONG_DATA = 600.0
 
 
 @checked
@@ -169,7 +167,7 @@ def tune_into(
                 if is_next or time - printed > _BETWEEN_MESSAGES:
                     printed = time
                     progress.message(text)
-                if as_stated is None and now.so_far is not None and dataset.duration <= _LONG_DATA:
+                if as_stated is None and now.so_far is not None and not now.data_are_long:
                     # The fit with the noise of the settings needs a start, but not the end of the search.
                     as_stated = fit(dataset, now.so_far()[1])
 

@@ -30,7 +30,9 @@ _MAX_LOG_FACTOR = 14.0
 # Relative tolerance of the decrease of the log-likelihood at the end of an interval.
 _DECREASE_TOLERANCE = 0.1
 # Maximum number of evaluations to find that end.
-_MAX_EVALUATIONS = 12
+_MAX_EVALUATIONS = 16
+# Smallest share of that decrease from which the next evaluation is extrapolated.
+_MIN_SHARE = 1e-6
 MAX_TRAJECTORIES = 10
 # Maximum number of passes for the first motion given the parameters of a part of the data.
 _FIRST_PASSES = 5
@@ -387,5 +389,5 @@ def _end_of_interval(decrease: Callable[[float], float], information: float, lim
             break
         else:
             near = change
-        growth /= np.sqrt(max(share, _DECREASE_TOLERANCE))
+        growth /= np.sqrt(max(share, _MIN_SHARE))
     return change if np.isfinite(far) else np.inf

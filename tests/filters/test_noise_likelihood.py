@@ -201,6 +201,15 @@ def test_end_of_an_interval_of_a_quadratic_in_the_variance_is_found(growth):
     assert len(evaluated) <= 5
 
 
+@pytest.mark.parametrize("power", [1, 2, 3])
+@pytest.mark.parametrize("end", [9.0, 15.0, 20.0])
+def test_end_of_an_interval_of_noise_that_is_far_too_small_to_be_seen_is_found(end, power):
+    def decrease(change):
+        return 1.92 * (np.expm1(2.0 * change) / np.expm1(2.0 * end)) ** power
+
+    assert _end_of_interval(decrease, 0.0, 28.0) == pytest.approx(end, abs=0.1)
+
+
 def test_interval_without_an_end_is_infinite():
     assert _end_of_interval(lambda change: 0.5, 4.0, 14.0) == np.inf
     assert _end_of_interval(lambda change: 5.0, 4.0, 0.0) == np.inf
