@@ -9,7 +9,7 @@ from itertools import starmap
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import cho_solve, solve_triangular
 
 from auvid_cli.arrays import Array, ArrayStore
 from auvid_cli.filters.problem import ConvergenceStatus, Gaussian, JointProblem, ModelData, Timeline
@@ -97,6 +97,10 @@ class Filtered:
     by_parameters: list[Array]
     final: State  # deviation at the end; its parameters are the estimate
 
+    def estimate(self, n_parameters: int) -> Gaussian:
+        """Return the estimate of the parameters, as a deviation from the trajectory."""
+        return Gaussian(self.final.mean[:n_parameters], self.final.columns[:n_parameters, :n_parameters].T)
+
 
 class Smoothed(NamedTuple):
     """Smoothed chunk of a linear problem."""
@@ -179,13 +183,22 @@ class LinearSmoothing:
         self._linearised_trajectory = trajectory
         return Filtered(trajectory, cost, least, log_determinant, before, by_parameters, state)
 
-    def step(self, filtered: Filtered) -> Trajectory:
-        """Return the step from the trajectory to the minimum of the linear problem."""
-        n, parameters = self._n_parameters, np.zeros_like(filtered.trajectory.parameters)
-        parameters[:n] = filtered.final.mean[:n]
+    def step(self, filtered: Filtered, parameters: Array | None = None) -> Trajectory:
+        """Return the step from the trajectory to the minimum of the linear problem.
+
+        If a step of the `parameters` is given, it is the minimum over all motions with it.
+        """
+        n, adjoint = self._n_parameters, Adjoint.zeros(self._n, with_variance=False)
+        if parameters is None:
+            parameters = np.zeros_like(filtered.trajectory.parameters)
+            parameters[:n] = filtered.final.mean[:n]
+        else:
+            # Like a measurement of the parameters after the last event, without noise.
+            estimate = filtered.estimate(n)
+            adjoint.mean[:n] = cho_solve((estimate.factor, True), parameters - estimate.mean)
         initial: list[Array] = [np.zeros(0)] * len(self._segments)
         moving = [ArrayStore() for _ in self._segments]
-        for chunk in self.smooth(filtered, with_variance=False):
+        for chunk in self._smooth(filtered, adjoint):
             moving[chunk.segment].append(chunk.step)
             before = filtered.before[chunk.segment][0]
             factor = before.columns[: self._n, : self._n].T
@@ -196,9 +209,11 @@ class LinearSmoothing:
             chunks.reverse()
         return Trajectory(parameters, initial, moving)
 
-    def smooth(self, filtered: Filtered, with_variance: bool) -> Iterator[Smoothed]:
-        """Smooth chunk by chunk, from the last to the first."""
-        adjoint = Adjoint.zeros(self._n, with_variance)
+    def smooth(self, filtered: Filtered) -> Iterator[Smoothed]:
+        """Smooth chunk by chunk, from the last to the first, with variances."""
+        return self._smooth(filtered, Adjoint.zeros(self._n, with_variance=True))
+
+    def _smooth(self, filtered: Filtered, adjoint: Adjoint) -> Iterator[Smoothed]:
         for segment, timeline, about, forward_pass in self.forward_passes_back(filtered, adjoint):
             step, variance = (np.zeros(about.moving.shape) for _ in range(2))
             backward(timeline, about, forward_pass, adjoint, step, variance)
@@ -308,7 +323,9 @@ class LinearSmoothing:
         return forward(self._data.sensors, noise, timeline, about, state, forward_pass, self._workspace(self._n))
 
 
-def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> tuple[Filtered, bool] | None:
+def gauss_newton(
+    smoothing: LinearSmoothing, start: Trajectory, max_passes: int, min_decrease: float = MIN_DECREASE
+) -> tuple[Filtered, bool] | None:
     """Minimise the cost of a trajectory by Gauss-Newton steps with a line search.
 
     Parameters
@@ -317,6 +334,8 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
     start : Trajectory
     max_passes : int
         Maximum number of forward passes.
+    min_decrease : float
+        Smallest decrease of the cost worth another iteration, in squares of standard deviations.
 
     Returns
     -------
@@ -328,7 +347,7 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
     current, passes = smoothing.filter(start), 1
     if current is None:
         return None
-    while current.cost - current.least > MIN_DECREASE:
+    while current.cost - current.least > min_decrease:
         step, fraction, lower = smoothing.step(current), 1.0, None
         while lower is None and fraction >= _MIN_FRACTION and passes < max_passes:
             trial = smoothing.filter(current.trajectory.stepped(step, fraction))
@@ -337,7 +356,7 @@ def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int)
             fraction, passes = fraction / 2.0, passes + 1
         if lower is None:
             return current, convergence_status(current).is_close
-        if current.cost - lower.cost < MIN_DECREASE:
+        if current.cost - lower.cost < min_decrease:
             return lower, True
         current = lower
     return current, True

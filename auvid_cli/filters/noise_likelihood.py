@@ -21,8 +21,9 @@ from auvid_cli.filters.problem import JointProblem
 from auvid_cli.filters.process_noise import with_process_memory
 from auvid_cli.filters.smoother import follow_measurements, most_probable
 
-# Largest change of log factors between two trajectories at convergence, in standard deviations.
-_MAX_CHANGE = 0.2
+# Largest change of log factors between two trajectories at convergence, in standard deviations: a tenth of the width of
+# a 95 % interval.
+_MAX_CHANGE = 0.4
 # Approximate maximum step of log factors.
 _MAX_STEP = 2.0
 # Largest log factor.
@@ -42,6 +43,8 @@ _CACHES = 2
 _SEARCH_SHARE = 0.75
 # Share of that search that remains after each trajectory.
 _REMAINING = 0.5
+# First trajectory from which the noise may be extrapolated; the changes before it are due to the start.
+_FIRST_DAMPED = 4
 # Maximum number of steps of one climb.
 _MAX_STEPS = 40
 # Negligible information, which keeps matrices invertible.
@@ -158,18 +161,23 @@ class _Likelihood:
         return noise_scores(self.smoothing, filtered, self._present, self._groups)
 
     def one_step(self, filtered: Filtered, is_coarse: bool) -> tuple[Trajectory, float] | None:
-        """Return the trajectory one step closer to the marginal estimate, and the gain; None if the motion diverges."""
+        """Return the trajectory one step closer to the marginal estimate, and the gain.
+
+        None if the motion diverges, or if no step raises the posterior although the estimate is far.
+        """
         # Scores of noise about a known trajectory need no compiled code of the marginal estimate.
         from auvid_cli.filters.marginal import integrate_out_motion
 
         found = integrate_out_motion(self._present, self.smoothing, filtered, max_steps=1, is_rough=not is_coarse)
         if found is None:
             return None
-        filtered, convergence, gain = found
+        stepped, convergence, gain = found
+        if stepped is filtered and convergence is not None and not convergence.is_negligible:
+            return None
         if not is_coarse:
             # A rough objective can show no gain while the parameters still move.
             gain = 0.0 if convergence is None else 0.5 * convergence.cost_decrease
-        return filtered.trajectory, gain
+        return stepped.trajectory, gain
 
     def set_process_memory(self, trajectory: Trajectory) -> None:
         """Set the memory of the process noise from the motion along a trajectory."""
@@ -249,7 +257,8 @@ def most_likely_noise(
         likelihood.set_share(_SEARCH_SHARE + (1.0 - _SEARCH_SHARE) * i / x.size)
         others = np.arange(x.size) != i
         start = np.where(others, x, groups[i].min_log_factor if value is None else value)
-        return decrease(_climb(likelihood, start, trajectory, others, enough=level - _INTERVAL_DECREASE))
+        highest = _climb(likelihood, start, trajectory, others, enough=level - _INTERVAL_DECREASE)
+        return np.inf if highest is None else level - log_likelihood(highest.filtered)
 
     low, high = _intervals(decrease, profile, x, information, [bool(group.rates) for group in groups])
     return NoiseFactors(np.exp(x), low, high, level, level - stated, converged, trajectory)
@@ -260,20 +269,27 @@ def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse
     gain, converged = np.inf, False
     likelihood.set_process_memory(trajectory)
     stated = level = likelihood.at(np.zeros(x.size), trajectory)
-    best, latest = -np.inf, 0
+    best, latest, change = -np.inf, 0, np.zeros(x.size)
     information, increase = np.eye(x.size), _COARSE_INCREASE if is_coarse else _MIN_INCREASE
     for number in range(1, MAX_TRAJECTORIES + 1):
-        before, last, x = x, level, _climb(likelihood, x, trajectory, min_increase=increase)
-        filtered = likelihood.filter(x, trajectory)
-        if filtered is None:
+        highest = _climb(likelihood, x, trajectory, min_increase=increase)
+        if highest is None:
             return None
-        level = log_likelihood(filtered)
+        before, (x, filtered, information) = x, highest
+        last_change, change = change, x - before
+        ratio = _ratio(change, last_change, information)
+        if not is_coarse and number >= _FIRST_DAMPED and -1.0 < ratio < 0.0:
+            # Noise and trajectory alternate about the estimate (Aitken's extrapolation).
+            change = change / (1.0 - ratio)
+            x, filtered = before + change, likelihood.filter(before + change, trajectory)
+            if filtered is None:
+                return None
+        last, level = level, log_likelihood(filtered)
         likelihood.progress = likelihood.progress._replace(
             trajectories=number, log_factor=x, log_likelihood=level, gain=level - stated, trajectory=trajectory
         )
         likelihood.set_share(_SEARCH_SHARE * (1.0 - _REMAINING**number))
-        information = likelihood.scores(filtered).information
-        is_same = bool((np.abs(x - before) < _MAX_CHANGE * _deviations(information)).all())
+        is_same = bool((np.abs(change) < _MAX_CHANGE * _deviations(information)).all())
         # The first trajectory is not yet a marginal estimate.
         converged = gain < _MAX_GAIN and (is_same or (is_coarse and abs(level - last) < _MAX_GAIN))
         best, latest = (level, number) if level > best + _MAX_GAIN else (best, latest)
@@ -298,6 +314,20 @@ def noise_scores_about(
     return None if filtered is None else likelihood.scores(filtered)
 
 
+def _ratio(change: Array, last: Array, information: Array) -> float:
+    """Return the ratio of successive changes of log factors; zero without a last one."""
+    square = float(last @ information @ last)
+    return float(change @ information @ last) / square if square > 0.0 else 0.0
+
+
+class _Highest(NamedTuple):
+    """Highest log-likelihood about a trajectory."""
+
+    log_factor: Array  # shape (k,)
+    filtered: Filtered  # with these factors
+    information: Array  # shape (k, k)
+
+
 def _climb(
     likelihood: _Likelihood,
     x: Array,
@@ -305,16 +335,17 @@ def _climb(
     free: NDArray[np.bool_] | None = None,
     min_increase: float = _MIN_INCREASE,
     enough: float = np.inf,
-) -> Array:
+) -> _Highest | None:
     """Maximise the log-likelihood about a trajectory by scoring; only the `free` log factors if given.
 
-    It ends where the likelihood is flat or higher than `enough`.
+    It ends where the likelihood is flat or higher than `enough`. None if the cost is not finite.
     """
-    current, minimum = likelihood.filter(x, trajectory), likelihood.minimum
+    current, minimum, average = likelihood.filter(x, trajectory), likelihood.minimum, np.eye(x.size)
     for _ in range(_MAX_STEPS):
         if current is None or log_likelihood(current) > enough:
             break
         scores = likelihood.scores(current)
+        average = scores.information
         # Noise at its minimum, or negligible noise, is not reduced: smaller noise slows the smoother.
         moves = (scores.slope > 0.0) | (x > minimum) & (scores.slope < -_MIN_INCREASE)
         moves = moves if free is None else moves & free
@@ -325,14 +356,15 @@ def _climb(
         step = np.clip(x + np.linalg.solve(limited, scores.slope), minimum, _MAX_LOG_FACTOR) - x
         if scores.slope @ step < min_increase:
             break
-        level, trial = log_likelihood(current), likelihood.filter(x + step, trajectory)
-        while trial is None or log_likelihood(trial) < level:
+        level = log_likelihood(current)
+        while (trial := likelihood.filter(x + step, trajectory)) is None or log_likelihood(trial) < level:
             step /= 2.0
             if scores.slope @ step < min_increase:
-                return x
-            trial = likelihood.filter(x + step, trajectory)
+                # The problem has the noise of the trial.
+                current = likelihood.filter(x, trajectory)
+                return None if current is None else _Highest(x, current, average)
         x, current = x + step, trial
-    return x
+    return None if current is None else _Highest(x, current, average)
 
 
 def _deviations(information: Array) -> Array:

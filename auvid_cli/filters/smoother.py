@@ -304,7 +304,7 @@ def _report(
     nominal = (moving for segment in filtered.trajectory.moving for moving in segment)
     # Chunks come from the last to the first.
     smoothed, weights = [ArrayStore() for _ in Records._fields[:-1]], ArrayStore()
-    for chunk in smoothing.smooth(filtered, with_variance=True):
+    for chunk in smoothing.smooth(filtered):
         *rows, weight = _records(chunk, problem.sensors)
         for store, array in zip(smoothed, rows, strict=True):
             store.append(array)

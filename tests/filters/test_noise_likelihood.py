@@ -1,5 +1,7 @@
 """The likelihood of noise against one big Gaussian, and what is found of noise that was simulated."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -8,14 +10,17 @@ from scipy.stats import multivariate_normal
 
 from auvid_cli.filters.linear_smoother import LinearSmoothing, Trajectory, gauss_newton
 from auvid_cli.filters.noise_likelihood import (
+    NoiseProgress,
     _climb,
     _end_of_interval,
     _intervals,
     _Likelihood,
+    _search,
+    log_likelihood,
     most_likely_noise,
     scaled,
 )
-from auvid_cli.filters.noise_scores import NoiseGroup
+from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores
 from auvid_cli.filters.problem import (
     PROCESS_SIGNATURE,
     TRANSITION_SIGNATURE,
@@ -27,6 +32,7 @@ from auvid_cli.filters.problem import (
 )
 from tests.filters.compile_later import compile_later
 
+INFORMATION = 100.0
 GROUPS = (NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3)), NoiseGroup(sensor=0))
 
 
@@ -160,13 +166,49 @@ def test_fixed_factor_stays_and_others_are_optimised(linear_problem):
     events = linear_problem.timeline.time.size
     nowhere = Trajectory(np.zeros(n - n_moving), [np.zeros(n_moving)], [[np.zeros((events, n_moving))]])
     start = np.array([0.0, -1.0, 0.0])
-    found = _climb(likelihood, start, nowhere, np.array([True, False, True]))
+    found = _climb(likelihood, start, nowhere, np.array([True, False, True])).log_factor
     assert found[1] == -1.0
     assert (found[[0, 2]] != 0.0).all()
     best = likelihood.at(found, nowhere)
     for change in (0.3, -0.3):
         for group in (0, 2):
             assert likelihood.at(found + change * np.eye(3)[group], nowhere) < best + 0.02
+
+
+class AlternatingLikelihood:
+    """Its maximum falls by `slope` if the trajectory, a number, rises by one; one step makes it the log factor."""
+
+    def __init__(self, slope):
+        self.slope, self.minimum, self.x = slope, np.array([-14.0]), 0.0
+        self.progress = NoiseProgress(0, 0, np.zeros(1), -np.inf, 0.0, None, 0.0)
+
+    def filter(self, logarithms, trajectory):
+        self.x, self.maximum = logarithms[0], 1.0 - self.slope * trajectory
+        return SimpleNamespace(least=INFORMATION * (self.x - self.maximum) ** 2, log_determinant=0.0)
+
+    def at(self, logarithms, trajectory):
+        return log_likelihood(self.filter(logarithms, trajectory))
+
+    def scores(self, filtered):
+        return NoiseScores(np.array([INFORMATION * (self.maximum - self.x)]), np.array([[INFORMATION]]))
+
+    def one_step(self, filtered, is_coarse):
+        return self.x, 0.0
+
+    def set_share(self, share):
+        pass
+
+    set_process_memory = set_share
+
+
+@pytest.mark.parametrize("slope", [0.3, 0.6, 0.9])
+def test_noise_that_alternates_with_the_trajectory_is_extrapolated(slope):
+    likelihood = AlternatingLikelihood(slope)
+    found = _search(likelihood, np.zeros(1), 0.0, is_coarse=False)
+    assert found.converged
+    assert likelihood.progress.trajectories <= 6
+    # The log factor whose trajectory has its maximum there.
+    assert found.log_factor[0] == pytest.approx(1.0 / (1.0 + slope), abs=0.4 / np.sqrt(INFORMATION))
 
 
 @pytest.mark.parametrize(("excess", "is_answer"), [(0.05, True), (0.5, False)])

@@ -12,6 +12,7 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.bounds import true_initial_motions
 from auvid_cli.filters.linear_smoother import LinearSmoothing
+from auvid_cli.filters.problem import Gaussian
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.filters.smoother import follow_measurements
 from auvid_cli.identification.information import information_at
@@ -49,6 +50,23 @@ def test_given_parameters_are_like_parameters_with_a_narrow_prior(spans, raw_run
     for chunk, expected_chunk in zip(chain(*step.moving), chain(*expected_step.moving), strict=True):
         assert_allclose(chunk, expected_chunk, rtol=1e-4, atol=1e-7)
     assert_allclose(step.initial, expected_step.initial, rtol=1e-4, atol=1e-7)
+
+
+@pytest.mark.parametrize("spans", ["[[0, 20]]", "[[0, 8], [10, 20]]"])
+def test_step_of_given_parameters_is_like_a_narrow_prior_there(spans, raw_run, with_settings):
+    problem = augmented_problem(prepare(with_settings(raw_run, f"identification.use.spans={spans}"))).joint
+    start, n, factor = follow_measurements(problem), problem.n_parameters, problem.prior.factor.copy()
+    asked = 0.1 * np.diagonal(factor)[:n] * np.array([1.0, -1.0, 0.5])
+    factor[:, :n] *= 1e-11
+    mean = np.concatenate([start.parameters + asked, problem.prior.mean[n:]])
+    narrow = LinearSmoothing(problem._replace(prior=Gaussian(mean, factor)))
+    smoothing = LinearSmoothing(problem)
+    step, expected = smoothing.step(smoothing.filter(start), asked), narrow.step(narrow.filter(start))
+    assert_allclose(step.parameters, asked, rtol=1e-12)
+    assert_allclose(expected.parameters, asked, rtol=1e-6)
+    for chunk, expected_chunk in zip(chain(*step.moving), chain(*expected.moving), strict=True):
+        assert_allclose(chunk, expected_chunk, rtol=1e-4, atol=1e-7)
+    assert_allclose(step.initial, expected.initial, rtol=1e-4, atol=1e-7)
 
 
 def test_raw_sensors_replace_the_attitude(short_run, with_settings):
