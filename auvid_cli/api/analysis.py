@@ -32,7 +32,7 @@ from auvid_cli.report.page.pages import fit_page
 from auvid_cli.report.page.render import write_page
 from auvid_cli.report.text_tables import write_csv_tables
 
-# Longest time between two lines of progress of a tuning, s.
+# Time after which the next pass of a tuning prints a line of progress, s.
 _BETWEEN_MESSAGES = 30.0
 
 
@@ -167,7 +167,7 @@ def tune_into(
                 if is_next or time - printed > _BETWEEN_MESSAGES:
                     printed = time
                     progress.message(text)
-                if as_stated is None and now.so_far is not None and not now.data_are_long:
+                if as_stated is None and now.so_far is not None and not now.begins_with_part:
                     # The fit with the noise of the settings needs a start, but not the end of the search.
                     as_stated = fit(dataset, now.so_far()[1])
 

@@ -98,7 +98,7 @@ class Filtered:
     final: State  # deviation at the end; its parameters are the estimate
 
     def estimate(self, n_parameters: int) -> Gaussian:
-        """Return the estimate of the parameters, as a deviation from the trajectory."""
+        """Return the estimate of the parameters, as a deviation from those of the trajectory."""
         return Gaussian(self.final.mean[:n_parameters], self.final.columns[:n_parameters, :n_parameters].T)
 
 
@@ -183,19 +183,19 @@ class LinearSmoothing:
         self._linearised_trajectory = trajectory
         return Filtered(trajectory, cost, least, log_determinant, before, by_parameters, state)
 
-    def step(self, filtered: Filtered, parameters: Array | None = None) -> Trajectory:
+    def step(self, filtered: Filtered, parameter_step: Array | None = None) -> Trajectory:
         """Return the step from the trajectory to the minimum of the linear problem.
 
-        If a step of the `parameters` is given, it is the minimum over all motions with it.
+        If a step of the parameters is given, it is fixed, and only the motion goes to its minimum.
         """
         n, adjoint = self._n_parameters, Adjoint.zeros(self._n, with_variance=False)
-        if parameters is None:
-            parameters = np.zeros_like(filtered.trajectory.parameters)
-            parameters[:n] = filtered.final.mean[:n]
+        if parameter_step is None:
+            parameter_step = np.zeros_like(filtered.trajectory.parameters)
+            parameter_step[:n] = filtered.final.mean[:n]
         else:
             # Like a measurement of the parameters after the last event, without noise.
             estimate = filtered.estimate(n)
-            adjoint.mean[:n] = cho_solve((estimate.factor, True), parameters - estimate.mean)
+            adjoint.mean[:n] = cho_solve((estimate.factor, True), parameter_step - estimate.mean)
         initial: list[Array] = [np.zeros(0)] * len(self._segments)
         moving = [ArrayStore() for _ in self._segments]
         for chunk in self._smooth(filtered, adjoint):
@@ -207,7 +207,7 @@ class LinearSmoothing:
             initial[chunk.segment] = smoothed if chunk.timeline.has_initial_substep else chunk.step[0]
         for chunks in moving:
             chunks.reverse()
-        return Trajectory(parameters, initial, moving)
+        return Trajectory(parameter_step, initial, moving)
 
     def smooth(self, filtered: Filtered) -> Iterator[Smoothed]:
         """Smooth chunk by chunk, from the last to the first, with variances."""

@@ -24,8 +24,8 @@ _MEMORY = 3
 # Maximum number of passes in which the motion adapts to new parameters, and that of a rough step.
 _MOTION_PASSES = 5
 _ROUGH_PASSES = 4
-# Smallest decrease of the cost worth another of these passes. The cost changes by the square of the rest of the motion,
-# but the sum of logarithms in proportion to it: with 0.005 left, the objective had an error of 0.05.
+# Smallest decrease of the cost worth another of these passes. The error of the cost is quadratic in the error of the
+# motion, that of the sum of logarithms linear: with a remaining decrease of 0.005, the objective was wrong by 0.05.
 _MOTION_DECREASE = 1e-3
 # Largest error of the objective, because the motion has not converged, for which a rough step may raise it.
 _MAX_ERROR = 5.0
@@ -56,15 +56,15 @@ def marginal_estimate(
 
 
 class _GivenParameters(NamedTuple):
-    """Most probable motion given the parameters."""
+    """Motion given the parameters, with the objective of the problem that was solved for it."""
 
     trajectory: Trajectory
     objective: float  # minus twice the log of the marginal posterior of the parameters, up to a constant
-    remaining: float  # decrease of the cost that is left to the motion
+    remaining: float  # decrease of the cost to the minimum over all motions, in the linear problem
     converged: bool
 
     def least(self, is_rough: bool) -> float:
-        """Return the objective at the minimum of the linear problem, if that is close or a rough one is enough."""
+        """Return the objective less `remaining` if the motion has converged or the step is rough."""
         return self.objective - (self.remaining if is_rough or self.converged else 0.0)
 
 
@@ -113,8 +113,8 @@ def integrate_out_motion(
         steps.append(step / deviation)
         convergence = ConvergenceStatus(float(step @ np.linalg.solve(covariance, step)), steps[-1])
         is_small = bool((np.abs(steps[-1]) <= _MAX_LAST_STEP).all())
-        # The objective has an error of this order, as the motion has not quite converged, and the gradient is that of a
-        # sample. A small step changes it by less.
+        # The objective has an error of about this size, because the motion has not quite converged. A small step is
+        # always accepted: it changes the objective by less than that.
         limit = np.inf if is_small else at.least(is_rough) + NEGLIGIBLE_DECREASE
         for move in _possible_moves(moves, steps):
             # The motion changes with the parameters as in the linear problem, and then to its minimum.
@@ -187,12 +187,12 @@ def _given_parameters(
 
 
 def _given_linear_problem(problem: JointProblem, filtered: Filtered) -> _GivenParameters:
-    """Return a trajectory with its objective from the linear problem about it."""
+    """Return the trajectory of a linear problem, with the objective of that problem given the parameters."""
     n = problem.n_parameters
     estimate, prior = filtered.estimate(n), problem.prior.factor
     distance = solve_triangular(estimate.factor, estimate.mean, lower=True)
-    # The motion alone has innovations of smaller variance than motion and parameters together.
-    parameters = 2.0 * float(np.log(np.abs(np.diagonal(estimate.factor) / np.diagonal(prior)[:n])).sum())
-    objective = filtered.cost + filtered.log_determinant + parameters
+    # Given the parameters, the log determinant is less: by that of their prior covariance, minus that of the estimate.
+    less = 2.0 * float(np.log(np.abs(np.diagonal(prior)[:n] / np.diagonal(estimate.factor))).sum())
+    objective = filtered.cost + filtered.log_determinant - less
     remaining = filtered.cost - filtered.least - float(distance @ distance)
     return _GivenParameters(filtered.trajectory, objective, remaining, remaining <= MIN_DECREASE)

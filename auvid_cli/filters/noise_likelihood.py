@@ -32,7 +32,8 @@ _MAX_LOG_FACTOR = 14.0
 _DECREASE_TOLERANCE = 0.1
 # Maximum number of evaluations to find that end.
 _MAX_EVALUATIONS = 16
-# Smallest share of that decrease from which the next evaluation is extrapolated.
+# Lower limit of the share of that decrease in an extrapolation: one evaluation raises the added variance at most 1000
+# times.
 _MIN_SHARE = 1e-6
 MAX_TRAJECTORIES = 10
 # Maximum number of passes for the first motion given the parameters of a part of the data.
@@ -43,8 +44,8 @@ _CACHES = 2
 _SEARCH_SHARE = 0.75
 # Share of that search that remains after each trajectory.
 _REMAINING = 0.5
-# First trajectory from which the noise may be extrapolated; the changes before it are due to the start.
-_FIRST_DAMPED = 4
+# First trajectory whose noise may be extrapolated; the first changes are due to the start.
+_FIRST_EXTRAPOLATED = 4
 # Maximum number of steps of one climb.
 _MAX_STEPS = 40
 # Negligible information, which keeps matrices invertible.
@@ -163,7 +164,8 @@ class _Likelihood:
     def one_step(self, filtered: Filtered, is_coarse: bool) -> tuple[Trajectory, float] | None:
         """Return the trajectory one step closer to the marginal estimate, and the gain.
 
-        None if the motion diverges, or if no step raises the posterior although the estimate is far.
+        None if the motion diverges. In a search that is not coarse, also if no step is accepted although the predicted
+        decrease of the cost matters.
         """
         # Scores of noise about a known trajectory need no compiled code of the marginal estimate.
         from auvid_cli.filters.marginal import integrate_out_motion
@@ -198,7 +200,7 @@ def log_likelihood(filtered: Filtered) -> float:
 
 
 class _Optimum(NamedTuple):
-    """Most likely log factors about a trajectory."""
+    """Log factors at the end of a search; extrapolated if noise and trajectory alternate."""
 
     log_factor: Array  # shape (k,)
     trajectory: Trajectory
@@ -278,7 +280,7 @@ def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse
         before, (x, filtered, information) = x, highest
         last_change, change = change, x - before
         ratio = _ratio(change, last_change, information)
-        if not is_coarse and number >= _FIRST_DAMPED and -1.0 < ratio < 0.0:
+        if not is_coarse and number >= _FIRST_EXTRAPOLATED and -1.0 < ratio < 0.0:
             # Noise and trajectory alternate about the estimate (Aitken's extrapolation).
             change = change / (1.0 - ratio)
             x, filtered = before + change, likelihood.filter(before + change, trajectory)
@@ -315,17 +317,17 @@ def noise_scores_about(
 
 
 def _ratio(change: Array, last: Array, information: Array) -> float:
-    """Return the ratio of successive changes of log factors; zero without a last one."""
+    """Return the projection of a change on the last one, weighted with the information; 0 if the last one is 0."""
     square = float(last @ information @ last)
     return float(change @ information @ last) / square if square > 0.0 else 0.0
 
 
-class _Highest(NamedTuple):
-    """Highest log-likelihood about a trajectory."""
+class _ClimbResult(NamedTuple):
+    """Log factors at the end of a climb."""
 
     log_factor: Array  # shape (k,)
     filtered: Filtered  # with these factors
-    information: Array  # shape (k, k)
+    information: Array  # shape (k, k); of the last step, or the identity if there was none
 
 
 def _climb(
@@ -335,17 +337,17 @@ def _climb(
     free: NDArray[np.bool_] | None = None,
     min_increase: float = _MIN_INCREASE,
     enough: float = np.inf,
-) -> _Highest | None:
+) -> _ClimbResult | None:
     """Maximise the log-likelihood about a trajectory by scoring; only the `free` log factors if given.
 
     It ends where the likelihood is flat or higher than `enough`. None if the cost is not finite.
     """
-    current, minimum, average = likelihood.filter(x, trajectory), likelihood.minimum, np.eye(x.size)
+    current, minimum, whole = likelihood.filter(x, trajectory), likelihood.minimum, np.eye(x.size)
     for _ in range(_MAX_STEPS):
         if current is None or log_likelihood(current) > enough:
             break
         scores = likelihood.scores(current)
-        average = scores.information
+        whole = scores.information
         # Noise at its minimum, or negligible noise, is not reduced: smaller noise slows the smoother.
         moves = (scores.slope > 0.0) | (x > minimum) & (scores.slope < -_MIN_INCREASE)
         moves = moves if free is None else moves & free
@@ -360,11 +362,11 @@ def _climb(
         while (trial := likelihood.filter(x + step, trajectory)) is None or log_likelihood(trial) < level:
             step /= 2.0
             if scores.slope @ step < min_increase:
-                # The problem has the noise of the trial.
+                # Restore the noise of x: the rejected trial has changed it.
                 current = likelihood.filter(x, trajectory)
-                return None if current is None else _Highest(x, current, average)
+                return None if current is None else _ClimbResult(x, current, whole)
         x, current = x + step, trial
-    return None if current is None else _Highest(x, current, average)
+    return None if current is None else _ClimbResult(x, current, whole)
 
 
 def _deviations(information: Array) -> Array:

@@ -63,7 +63,7 @@ class TuningProgress(NamedTuple):
     search: NoiseProgress
     # Returns the best noise so far, without intervals, and its motion; none before the first trajectory of all data
     so_far: Callable[[], tuple[Tuning, Motion]] | None
-    data_are_long: bool  # so that the search begins with a part of them, and itself keeps several cores busy
+    begins_with_part: bool  # whether a search on windows of long data comes first
     data: str = "the data"  # which it passes through
 
     def __str__(self) -> str:
@@ -108,7 +108,7 @@ def tune_noise(
     if with_sensors:
         noises += _sensor_noises(augmented, settings)
     part = _part(prepared)
-    is_long = part is not None
+    begins_with_part = part is not None
 
     def report(search: NoiseProgress) -> None:
         def so_far() -> tuple[Tuning, Motion]:
@@ -118,10 +118,10 @@ def tune_noise(
             best = NoiseFactors(factor, unknown, unknown, level, search.gain, False, trajectory)
             return _tuning(experiment, noises, best), Motion.of_trajectory(augmented, search.trajectory)
 
-        on_progress(TuningProgress(search, so_far if search.trajectories else None, is_long))
+        on_progress(TuningProgress(search, so_far if search.trajectories else None, begins_with_part))
 
     def on_part(search: NoiseProgress) -> None:
-        on_progress(TuningProgress(search._replace(trajectories=0, share=0.0), None, is_long, "a part of the data"))
+        on_progress(TuningProgress(search._replace(trajectories=0, share=0.0), None, True, "a part of the data"))
 
     groups, max_passes, first = _groups(noises), settings.smoother.max_passes, None
     if part is not None:

@@ -176,14 +176,17 @@ def test_fixed_factor_stays_and_others_are_optimised(linear_problem):
 
 
 class AlternatingLikelihood:
-    """Its maximum falls by `slope` if the trajectory, a number, rises by one; one step makes it the log factor."""
+    """Log-likelihood of a log factor with its maximum at 1 - feedback * trajectory; the trajectory is a number.
 
-    def __init__(self, slope):
-        self.slope, self.minimum, self.x = slope, np.array([-14.0]), 0.0
+    One step sets the trajectory to the log factor.
+    """
+
+    def __init__(self, feedback):
+        self.feedback, self.minimum, self.x = feedback, np.array([-14.0]), 0.0
         self.progress = NoiseProgress(0, 0, np.zeros(1), -np.inf, 0.0, None, 0.0)
 
     def filter(self, logarithms, trajectory):
-        self.x, self.maximum = logarithms[0], 1.0 - self.slope * trajectory
+        self.x, self.maximum = logarithms[0], 1.0 - self.feedback * trajectory
         return SimpleNamespace(least=INFORMATION * (self.x - self.maximum) ** 2, log_determinant=0.0)
 
     def at(self, logarithms, trajectory):
@@ -198,17 +201,18 @@ class AlternatingLikelihood:
     def set_share(self, share):
         pass
 
-    set_process_memory = set_share
+    def set_process_memory(self, trajectory):
+        pass
 
 
-@pytest.mark.parametrize("slope", [0.3, 0.6, 0.9])
-def test_noise_that_alternates_with_the_trajectory_is_extrapolated(slope):
-    likelihood = AlternatingLikelihood(slope)
+@pytest.mark.parametrize("feedback", [0.3, 0.6, 0.9])
+def test_noise_that_alternates_with_the_trajectory_is_extrapolated(feedback):
+    likelihood = AlternatingLikelihood(feedback)
     found = _search(likelihood, np.zeros(1), 0.0, is_coarse=False)
     assert found.converged
     assert likelihood.progress.trajectories <= 6
-    # The log factor whose trajectory has its maximum there.
-    assert found.log_factor[0] == pytest.approx(1.0 / (1.0 + slope), abs=0.4 / np.sqrt(INFORMATION))
+    # Fixed point of x = 1 - feedback * x.
+    assert found.log_factor[0] == pytest.approx(1.0 / (1.0 + feedback), abs=0.4 / np.sqrt(INFORMATION))
 
 
 @pytest.mark.parametrize(("excess", "is_answer"), [(0.05, True), (0.5, False)])
@@ -245,7 +249,7 @@ def test_end_of_an_interval_of_a_quadratic_in_the_variance_is_found(growth):
 
 @pytest.mark.parametrize("power", [1, 2, 3])
 @pytest.mark.parametrize("end", [9.0, 15.0, 20.0])
-def test_end_of_an_interval_of_noise_that_is_far_too_small_to_be_seen_is_found(end, power):
+def test_end_of_an_interval_far_above_the_estimate_is_found(end, power):
     def decrease(change):
         return 1.92 * (np.expm1(2.0 * change) / np.expm1(2.0 * end)) ** power
 

@@ -53,17 +53,17 @@ def test_given_parameters_are_like_parameters_with_a_narrow_prior(spans, raw_run
 
 
 @pytest.mark.parametrize("spans", ["[[0, 20]]", "[[0, 8], [10, 20]]"])
-def test_step_of_given_parameters_is_like_a_narrow_prior_there(spans, raw_run, with_settings):
+def test_step_with_given_parameters_equals_that_with_a_narrow_prior(spans, raw_run, with_settings):
     problem = augmented_problem(prepare(with_settings(raw_run, f"identification.use.spans={spans}"))).joint
     start, n, factor = follow_measurements(problem), problem.n_parameters, problem.prior.factor.copy()
-    asked = 0.1 * np.diagonal(factor)[:n] * np.array([1.0, -1.0, 0.5])
+    parameter_step = 0.1 * np.diagonal(factor)[:n] * np.array([1.0, -1.0, 0.5])
     factor[:, :n] *= 1e-11
-    mean = np.concatenate([start.parameters + asked, problem.prior.mean[n:]])
+    mean = np.concatenate([start.parameters + parameter_step, problem.prior.mean[n:]])
     narrow = LinearSmoothing(problem._replace(prior=Gaussian(mean, factor)))
     smoothing = LinearSmoothing(problem)
-    step, expected = smoothing.step(smoothing.filter(start), asked), narrow.step(narrow.filter(start))
-    assert_allclose(step.parameters, asked, rtol=1e-12)
-    assert_allclose(expected.parameters, asked, rtol=1e-6)
+    step, expected = smoothing.step(smoothing.filter(start), parameter_step), narrow.step(narrow.filter(start))
+    assert_allclose(step.parameters, parameter_step, rtol=1e-12)
+    assert_allclose(expected.parameters, parameter_step, rtol=1e-6)
     for chunk, expected_chunk in zip(chain(*step.moving), chain(*expected.moving), strict=True):
         assert_allclose(chunk, expected_chunk, rtol=1e-4, atol=1e-7)
     assert_allclose(step.initial, expected.initial, rtol=1e-4, atol=1e-7)
