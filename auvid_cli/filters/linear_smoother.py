@@ -324,7 +324,7 @@ class LinearSmoothing:
 
 
 def gauss_newton(
-    smoothing: LinearSmoothing, start: Trajectory, max_passes: int, min_decrease: float = MIN_DECREASE
+    smoothing: LinearSmoothing, start: Trajectory, max_passes: int, min_decrease: float | None = None
 ) -> tuple[Filtered, bool] | None:
     """Minimise the cost of a trajectory by Gauss-Newton steps with a line search.
 
@@ -334,8 +334,9 @@ def gauss_newton(
     start : Trajectory
     max_passes : int
         Maximum number of forward passes.
-    min_decrease : float
-        Smallest decrease of the cost worth another iteration, in squares of standard deviations.
+    min_decrease : float, optional
+        Smallest decrease of the cost worth another iteration, in squares of standard deviations; `MIN_DECREASE` by
+        default.
 
     Returns
     -------
@@ -345,9 +346,10 @@ def gauss_newton(
         Also if the remaining step is negligible. The result is None if the cost of `start` is not finite.
     """
     current, passes = smoothing.filter(start), 1
+    least_decrease = MIN_DECREASE if min_decrease is None else min_decrease
     if current is None:
         return None
-    while current.cost - current.least > min_decrease:
+    while current.cost - current.least > least_decrease:
         step, fraction, lower = smoothing.step(current), 1.0, None
         while lower is None and fraction >= _MIN_FRACTION and passes < max_passes:
             trial = smoothing.filter(current.trajectory.stepped(step, fraction))
@@ -356,7 +358,7 @@ def gauss_newton(
             fraction, passes = fraction / 2.0, passes + 1
         if lower is None:
             return current, convergence_status(current).is_close
-        if current.cost - lower.cost < min_decrease:
+        if current.cost - lower.cost < least_decrease:
             return lower, True
         current = lower
     return current, True
