@@ -98,7 +98,7 @@ class Filtered:
     final: State  # deviation at the end; its parameters are the estimate
 
     def estimate(self, n_parameters: int) -> Gaussian:
-        """Return the estimate of the parameters, as a deviation from those of the trajectory."""
+        """Return the estimate of the deviation of the parameters from those of the trajectory."""
         return Gaussian(self.final.mean[:n_parameters], self.final.columns[:n_parameters, :n_parameters].T)
 
 
@@ -214,6 +214,7 @@ class LinearSmoothing:
         return self._smooth(filtered, Adjoint.zeros(self._n, with_variance=True))
 
     def _smooth(self, filtered: Filtered, adjoint: Adjoint) -> Iterator[Smoothed]:
+        """Smooth chunk by chunk, from the last to the first, given the adjoint after the last event."""
         for segment, timeline, about, forward_pass in self.forward_passes_back(filtered, adjoint):
             step, variance = (np.zeros(about.moving.shape) for _ in range(2))
             backward(timeline, about, forward_pass, adjoint, step, variance)
@@ -346,10 +347,10 @@ def gauss_newton(
         Also if the remaining step is negligible. The result is None if the cost of `start` is not finite.
     """
     current, passes = smoothing.filter(start), 1
-    least_decrease = MIN_DECREASE if min_decrease is None else min_decrease
+    min_decrease = MIN_DECREASE if min_decrease is None else min_decrease
     if current is None:
         return None
-    while current.cost - current.least > least_decrease:
+    while current.cost - current.least > min_decrease:
         step, fraction, lower = smoothing.step(current), 1.0, None
         while lower is None and fraction >= _MIN_FRACTION and passes < max_passes:
             trial = smoothing.filter(current.trajectory.stepped(step, fraction))
@@ -358,7 +359,7 @@ def gauss_newton(
             fraction, passes = fraction / 2.0, passes + 1
         if lower is None:
             return current, convergence_status(current).is_close
-        if current.cost - lower.cost < least_decrease:
+        if current.cost - lower.cost < min_decrease:
             return lower, True
         current = lower
     return current, True

@@ -5,14 +5,14 @@ logarithms of the innovations' variances given the parameters. Its minimum is fo
 the gradient of that sum, from `auvid_cli.filters.marginal_gradient`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from auvid_cli.arrays import Array
-from auvid_cli.filters.linear_smoother import MIN_DECREASE, Filtered, LinearSmoothing, Trajectory, gauss_newton
+from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, gauss_newton
 from auvid_cli.filters.marginal_gradient import marginal_step
 from auvid_cli.filters.problem import NEGLIGIBLE_DECREASE, ConvergenceStatus, JointProblem
 from auvid_cli.filters.process_noise import with_process_memory
@@ -99,13 +99,11 @@ def integrate_out_motion(
     covariance = start.final.covariance()[:n, :n]
     deviation, moves, steps = np.sqrt(np.diagonal(covariance)), list[Array](), list[Array]()
     of_motion = LinearSmoothing(problem, parameters_are_given=True)
-    if is_rough:
-        at = _given_linear_problem(problem, filtered)
-    else:
-        found = _given_parameters(problem, of_motion, filtered.trajectory, is_rough)
-        if found is None or (filtered := smoothing.filter(found.trajectory)) is None:
+    at = _given_linear_problem(problem, filtered)
+    if not is_rough:
+        at = _given_parameters(problem, of_motion, filtered.trajectory, is_rough)
+        if at is None or (filtered := smoothing.filter(at.trajectory)) is None:
             return None
-        at = found
     objective = at.least(is_rough)
     for _ in range(max_steps):
         # To the joint minimum of the linear problem, and from there to the marginal one.
@@ -116,20 +114,17 @@ def integrate_out_motion(
         # The objective has an error of about this size, because the motion has not quite converged. A small step is
         # always accepted: it changes the objective by less than that.
         limit = np.inf if is_small else at.least(is_rough) + NEGLIGIBLE_DECREASE
-        for move in _possible_moves(moves, steps):
-            # The motion changes with the parameters as in the linear problem, and then to its minimum.
-            moved = filtered.trajectory.stepped(smoothing.step(filtered, deviation * move), 1.0)
-            after = _given_parameters(problem, of_motion, moved, is_rough)
-            if after is None:
-                continue
-            error = min(at.remaining + after.remaining, _MAX_ERROR) if is_rough else 0.0
-            if after.least(is_rough) < limit + error:
-                break
-        else:
+        # The motion changes with the parameters as in the linear problem, and then goes to its minimum.
+        trials = (
+            (move, filtered.trajectory.stepped(smoothing.step(filtered, deviation * move), 1.0))
+            for move in _possible_moves(moves, steps)
+        )
+        found = _line_search(problem, of_motion, at, trials, limit, is_rough)
+        if found is None:
             # Where the motion hardly converges, the objective has a larger error.
             convergence = convergence._replace(is_negligible=convergence.cost_decrease < NEGLIGIBLE_DECREASE)
             break
-        at = after
+        at, move = found
         moves.append(move)
         if (filtered := smoothing.filter(at.trajectory)) is None:
             return None
@@ -140,6 +135,28 @@ def integrate_out_motion(
         if convergence is not None:
             convergence = convergence._replace(is_negligible=convergence.is_close)
     return filtered, convergence, 0.5 * (objective - at.least(is_rough))
+
+
+def _line_search(
+    problem: JointProblem,
+    of_motion: LinearSmoothing,
+    at: _GivenParameters,
+    trials: Iterable[tuple[Array, Trajectory]],
+    limit: float,
+    is_rough: bool,
+) -> tuple[_GivenParameters, Array] | None:
+    """Return the motion after the first move with an objective below a limit, and this move; None if none has one.
+
+    The trials are moves, each with the trajectory from which its motion goes to the minimum.
+    """
+    for move, start in trials:
+        after = _given_parameters(problem, of_motion, start, is_rough)
+        if after is None:
+            continue
+        error = min(at.remaining + after.remaining, _MAX_ERROR) if is_rough else 0.0
+        if after.least(is_rough) < limit + error:
+            return after, move
+    return None
 
 
 def _possible_moves(moves: list[Array], steps: list[Array]) -> Iterator[Array]:
@@ -195,4 +212,4 @@ def _given_linear_problem(problem: JointProblem, filtered: Filtered) -> _GivenPa
     less = 2.0 * float(np.log(np.abs(np.diagonal(prior)[:n] / np.diagonal(estimate.factor))).sum())
     objective = filtered.cost + filtered.log_determinant - less
     remaining = filtered.cost - filtered.least - float(distance @ distance)
-    return _GivenParameters(filtered.trajectory, objective, remaining, remaining <= MIN_DECREASE)
+    return _GivenParameters(filtered.trajectory, objective, remaining, remaining <= _MOTION_DECREASE)

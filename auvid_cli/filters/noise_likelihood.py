@@ -283,7 +283,8 @@ def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse
         if not is_coarse and number >= _FIRST_EXTRAPOLATED and -1.0 < ratio < 0.0:
             # Noise and trajectory alternate about the estimate (Aitken's extrapolation).
             change = change / (1.0 - ratio)
-            x, filtered = before + change, likelihood.filter(before + change, trajectory)
+            x = before + change
+            filtered = likelihood.filter(x, trajectory)
             if filtered is None:
                 return None
         last, level = level, log_likelihood(filtered)
@@ -342,17 +343,17 @@ def _climb(
 
     It ends where the likelihood is flat or higher than `enough`. None if the cost is not finite.
     """
-    current, minimum, whole = likelihood.filter(x, trajectory), likelihood.minimum, np.eye(x.size)
+    current, minimum, information = likelihood.filter(x, trajectory), likelihood.minimum, np.eye(x.size)
     for _ in range(_MAX_STEPS):
         if current is None or log_likelihood(current) > enough:
             break
         scores = likelihood.scores(current)
-        whole = scores.information
+        information = scores.information
         # Noise at its minimum, or negligible noise, is not reduced: smaller noise slows the smoother.
         moves = (scores.slope > 0.0) | (x > minimum) & (scores.slope < -_MIN_INCREASE)
         moves = moves if free is None else moves & free
-        information = scores.information * np.outer(moves, moves) + np.diag(~moves)
-        scores = scores._replace(slope=scores.slope * moves, information=information)
+        restricted = scores.information * np.outer(moves, moves) + np.diag(~moves)
+        scores = scores._replace(slope=scores.slope * moves, information=restricted)
         # The added diagonal limits the step, also for noise that is too small to be observable.
         limited = scores.information + np.diag(np.abs(scores.slope) / _MAX_STEP + _MIN_INFORMATION)
         step = np.clip(x + np.linalg.solve(limited, scores.slope), minimum, _MAX_LOG_FACTOR) - x
@@ -364,9 +365,9 @@ def _climb(
             if scores.slope @ step < min_increase:
                 # Restore the noise of x: the rejected trial has changed it.
                 current = likelihood.filter(x, trajectory)
-                return None if current is None else _ClimbResult(x, current, whole)
+                return None if current is None else _ClimbResult(x, current, information)
         x, current = x + step, trial
-    return None if current is None else _ClimbResult(x, current, whole)
+    return None if current is None else _ClimbResult(x, current, information)
 
 
 def _deviations(information: Array) -> Array:
