@@ -70,7 +70,7 @@ class _GivenParameters(NamedTuple):
 
 def integrate_out_motion(
     problem: JointProblem, smoothing: LinearSmoothing, start: Filtered, max_steps: int, is_rough: bool = False
-) -> tuple[Filtered, ConvergenceStatus | None, float] | None:
+) -> tuple[Filtered, ConvergenceStatus | None, float, float] | None:
     """Maximise the marginal posterior of the parameters; None if the motion diverges for them.
 
     Parameters
@@ -94,6 +94,8 @@ def integrate_out_motion(
         objective, or `max_steps` are done.
     gain : float
         Increase of the log of the marginal posterior.
+    objective : float
+        Minus twice that log, up to a constant of the data.
     """
     n, filtered, convergence = problem.n_parameters, start, None
     covariance = start.final.covariance()[:n, :n]
@@ -134,7 +136,8 @@ def integrate_out_motion(
     else:
         if convergence is not None:
             convergence = convergence._replace(is_negligible=convergence.is_close)
-    return filtered, convergence, 0.5 * (objective - at.least(is_rough))
+    after = at.least(is_rough)
+    return filtered, convergence, 0.5 * (objective - after), after
 
 
 def _line_search(

@@ -57,6 +57,11 @@ _COARSE_INCREASE = 0.3
 # Largest gain in the log of the marginal posterior by the last step of the trajectory at convergence, and largest last
 # change of the log-likelihood of a coarse search.
 _MAX_GAIN = 1.0
+# Largest increase of minus twice the log of the marginal posterior from one trajectory to the next: its error, because
+# the motion has not converged, is smaller.
+_MAX_INCREASE = 10.0
+# Number of times after which a search ends because new log factors increase it more.
+_MAX_REJECTED = 2
 # Number of trajectories without a larger likelihood after which a coarse search ends.
 _PATIENCE = 2
 # Decrease of the log-likelihood at the ends of a 95 % interval.
@@ -116,6 +121,14 @@ def scaled(problem: JointProblem, groups: Sequence[NoiseGroup], factors: Array) 
 OnPass = Callable[[NoiseProgress], None]
 
 
+class _Step(NamedTuple):
+    """Step of the trajectory towards the marginal estimate."""
+
+    trajectory: Trajectory
+    gain: float  # increase of the log of the marginal posterior
+    objective: float  # minus twice the log of the marginal posterior after the step, up to a constant of the data
+
+
 class _Likelihood:
     """Log-likelihood as a function of log factors, about a trajectory."""
 
@@ -161,8 +174,8 @@ class _Likelihood:
         self._count_pass()
         return noise_scores(self.smoothing, filtered, self._present, self._groups)
 
-    def one_step(self, filtered: Filtered, is_coarse: bool) -> tuple[Trajectory, float] | None:
-        """Return the trajectory one step closer to the marginal estimate, and the gain.
+    def one_step(self, filtered: Filtered, is_coarse: bool) -> _Step | None:
+        """Go one step closer to the marginal estimate.
 
         None if the motion diverges. In a search that is not coarse, also if no step is accepted although the predicted
         decrease of the cost matters.
@@ -173,13 +186,13 @@ class _Likelihood:
         found = integrate_out_motion(self._present, self.smoothing, filtered, max_steps=1, is_rough=not is_coarse)
         if found is None:
             return None
-        stepped, convergence, gain = found
+        stepped, convergence, gain, objective = found
         if stepped is filtered and convergence is not None and not convergence.is_negligible:
             return None
         if not is_coarse:
             # A rough objective can show no gain while the parameters still move.
             gain = 0.0 if convergence is None else 0.5 * convergence.cost_decrease
-        return stepped.trajectory, gain
+        return _Step(stepped.trajectory, gain, objective)
 
     def set_process_memory(self, trajectory: Trajectory) -> None:
         """Set the memory of the process noise from the motion along a trajectory."""
@@ -268,7 +281,7 @@ def most_likely_noise(
 
 def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse: bool) -> _Optimum | None:
     """Climb from log factors x about one trajectory after another; None if one has no finite cost."""
-    gain, converged = np.inf, False
+    gain, objective, converged, rejected = np.inf, np.inf, False, 0
     likelihood.set_process_memory(trajectory)
     stated = level = likelihood.at(np.zeros(x.size), trajectory)
     best, latest, change = -np.inf, 0, np.zeros(x.size)
@@ -277,7 +290,7 @@ def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse
         highest = _climb(likelihood, x, trajectory, min_increase=increase)
         if highest is None:
             return None
-        before, (x, filtered, information) = x, highest
+        before, known, (x, filtered, information) = x, information, highest
         last_change, change = change, x - before
         ratio = _ratio(change, last_change, information)
         if not is_coarse and number >= _FIRST_EXTRAPOLATED and -1.0 < ratio < 0.0:
@@ -299,10 +312,19 @@ def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse
         # With a wrong model, noise and trajectory may go round in a circle.
         if converged or number == MAX_TRAJECTORIES or (is_coarse and number - latest == _PATIENCE):
             break
-        following = likelihood.one_step(filtered, is_coarse)
-        if following is None:
+        step = likelihood.one_step(filtered, is_coarse)
+        if not is_coarse and step is not None and step.objective > objective + _MAX_INCREASE:
+            # A linear problem does not hold for noise so different from that of its trajectory: the noise goes back.
+            x, information, change, rejected = before, known, np.zeros(x.size), rejected + 1
+            filtered = likelihood.filter(x, trajectory)
+            if filtered is None:
+                return None
+            level = log_likelihood(filtered)
+            likelihood.progress = likelihood.progress._replace(log_factor=x, log_likelihood=level, gain=level - stated)
+            step = likelihood.one_step(filtered, is_coarse) if rejected < _MAX_REJECTED else None
+        if step is None:
             break
-        trajectory, gain = following
+        trajectory, gain, objective = step
         likelihood.set_process_memory(trajectory)
     return _Optimum(x, trajectory, information, level, stated, converged)
 

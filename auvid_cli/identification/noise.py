@@ -29,7 +29,6 @@ from auvid_cli.filters.noise_likelihood import (
     most_likely_noise,
 )
 from auvid_cli.filters.noise_scores import NoiseGroup
-from auvid_cli.filters.smoother import follow_measurements
 from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.problem_setup import AugmentedProblem, Motion, augmented_problem, shortest_interval
@@ -125,9 +124,7 @@ def tune_noise(
 
     groups, max_passes, first = _groups(noises), settings.smoother.max_passes, None
     if part is not None:
-        joint = augmented_problem(part).joint
-        start = follow_measurements(joint)
-        first = most_likely_noise(joint, groups, max_passes, on_part, is_coarse=True, start=start)
+        first = most_likely_noise(augmented_problem(part).joint, groups, max_passes, on_part, is_coarse=True)
     likeliest = most_likely_noise(augmented.joint, groups, max_passes, report, first=first)
     if likeliest is None:
         raise DataError(
@@ -138,15 +135,29 @@ def tune_noise(
 
 
 def _part(prepared: PreparedData) -> PreparedData | None:
-    """Return evenly spaced windows of long data; None if the data are not long, or the segments too short."""
+    """Return the windows of long data in which the inputs differ most from their mean, one of each fifth.
+
+    Such windows have turns, and straight motion tells little about coefficients. None if the data are not long, or the
+    segments too short.
+    """
     spans = [segment.timelines.span for segment in prepared.segments]
     starts = np.concatenate([np.arange(begin, end - _WINDOW, _WINDOW) for begin, end in spans])
     n_windows = round(_PART / _WINDOW)
     if sum(end - begin for begin, end in spans) <= _LONG_DATA or starts.size < n_windows:
         return None
-    chosen = starts[np.linspace(0, starts.size - 1, n_windows).astype(np.int64)]
+    inputs = prepared.dataset.inputs
+    mean, of_all = inputs.values.mean(axis=0), inputs.values.std(axis=0)
+    moving = of_all > 0.0
+
+    def movement(start: float) -> float:
+        deviation = inputs.between(start, start + _WINDOW).values - mean
+        return float((np.sqrt(np.mean(deviation**2, axis=0))[moving] / of_all[moving]).sum())
+
     # A little shorter than their distance, so that they remain separate.
-    windows = tuple((float(start), float(start + 0.99 * _WINDOW)) for start in chosen)
+    windows = tuple(
+        (start, start + 0.99 * _WINDOW)
+        for start in (max(part.tolist(), key=movement) for part in np.array_split(starts, n_windows))
+    )
     use = prepared.experiment.identification.use
     return prepared.with_identification(use=use.model_copy(update={"spans": windows}))
 

@@ -160,7 +160,7 @@ def test_too_few_steps_report_convergence_status(rng):
     found, few = integrate_out_motion(problem, smoothing, joint, 50), integrate_out_motion(problem, smoothing, joint, 1)
     assert found is not None
     assert few is not None
-    (late, settled, _), (early, convergence, _) = found, few
+    (late, settled, *_), (early, convergence, *_) = found, few
     assert settled is None
     assert convergence is not None
     deviation = np.sqrt(np.diagonal(joint.final.covariance())[:2])
@@ -183,7 +183,7 @@ def test_no_step_lowers_the_likelihood_far_from_the_estimate(start, is_rough, rn
         was_at_minimum = at.cost - at.least < 0.01
         found = integrate_out_motion(problem, smoothing, at, 1, is_rough)
         assert found is not None
-        at, convergence, gain = found
+        at, convergence, gain, _ = found
         before, objective = objective, minus_twice_log_posterior(at.trajectory.parameters, measured, ())
         # Once the parameters are known the model is linear, and the approximation is exact.
         assert gain == pytest.approx(0.5 * (before - objective), abs=0.01)

@@ -16,6 +16,7 @@ from auvid_cli.filters.noise_likelihood import (
     _intervals,
     _Likelihood,
     _search,
+    _Step,
     log_likelihood,
     most_likely_noise,
     scaled,
@@ -196,7 +197,7 @@ class AlternatingLikelihood:
         return NoiseScores(np.array([INFORMATION * (self.maximum - self.x)]), np.array([[INFORMATION]]))
 
     def one_step(self, filtered, is_coarse):
-        return self.x, 0.0
+        return _Step(self.x, gain=0.0, objective=0.0)
 
     def set_share(self, share):
         pass
@@ -213,6 +214,37 @@ def test_noise_that_alternates_with_the_trajectory_is_extrapolated(feedback):
     assert likelihood.progress.trajectories <= 6
     # Fixed point of x = 1 - feedback * x.
     assert found.log_factor[0] == pytest.approx(1.0 / (1.0 + feedback), abs=0.4 / np.sqrt(INFORMATION))
+
+
+class MisleadingLikelihood(AlternatingLikelihood):
+    """The next trajectory is most probable with log factors of 1; about later ones the likelihood prefers others."""
+
+    def __init__(self, preferred):
+        super().__init__(0.0)
+        self.preferred, self.n_steps = preferred, 0
+
+    def filter(self, logarithms, trajectory):
+        found = super().filter(logarithms, trajectory)
+        if self.n_steps:
+            self.maximum = self.preferred
+            found.least = INFORMATION * (self.x - self.preferred) ** 2 - 1000.0
+        return found
+
+    def one_step(self, filtered, is_coarse):
+        self.n_steps += 1
+        return _Step(self.x, gain=0.0, objective=INFORMATION * (self.x - 1.0) ** 2)
+
+
+@pytest.mark.parametrize("preferred", [-8.0, 8.0])
+def test_search_ends_with_the_noise_before_changes_that_make_the_motion_improbable(preferred):
+    likelihood = MisleadingLikelihood(preferred)
+    found = _search(likelihood, np.zeros(1), 0.0, is_coarse=False)
+    assert not found.converged
+    assert found.log_factor[0] == pytest.approx(1.0, abs=0.1)
+    assert found.level == likelihood.at(found.log_factor, found.trajectory)
+    # An interrupt later keeps the same noise.
+    assert likelihood.progress.log_factor[0] == found.log_factor[0]
+    assert likelihood.progress.log_likelihood == found.level
 
 
 @pytest.mark.parametrize(("excess", "is_answer"), [(0.05, True), (0.5, False)])

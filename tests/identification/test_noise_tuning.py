@@ -239,6 +239,19 @@ def test_long_data_of_short_segments_have_no_part(simulated_with):
     assert _part(prepare(simulated_with(*LONG, f"identification.use.spans=[{', '.join(spans)}]"))) is None
 
 
+def test_part_of_long_data_has_the_windows_with_turns(simulated_with):
+    dataset = simulated_with(*LONG)
+    time = dataset.inputs.time
+    turns = [60.0, 120.0, 300.0, 420.0, 540.0]
+    # A rudder that is hard over for a whole window, and trembles a little in all of them.
+    values = np.zeros_like(dataset.inputs.values)
+    values[:, 0] = 0.01 * np.sin(time)
+    values[np.isin(time // 60.0 * 60.0, turns), 0] += 0.2
+    part = _part(prepare(replace(dataset, inputs=replace(dataset.inputs, values=values))))
+    assert part is not None
+    assert [begin for begin, _ in part.experiment.identification.use.spans] == pytest.approx(turns, abs=1.0)
+
+
 def test_interrupt_before_the_first_trajectory_of_the_second_search_keeps_the_first(simulated_with):
     """With a choice of disturbance, all progress of the second search refers to the finished first one."""
     dataset, seen = simulated_with("manoeuvre.duration=4 s", FEW), []
