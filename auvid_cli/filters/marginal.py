@@ -95,7 +95,7 @@ def integrate_out_motion(
     gain : float
         Increase of the log of the marginal posterior.
     objective : float
-        Minus twice that log, up to a constant of the data.
+        Minus twice the log of the marginal posterior at the estimate, up to a constant of the data.
     """
     n, filtered, convergence = problem.n_parameters, start, None
     covariance = start.final.covariance()[:n, :n]

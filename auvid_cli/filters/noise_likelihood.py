@@ -57,11 +57,11 @@ _COARSE_INCREASE = 0.3
 # Largest gain in the log of the marginal posterior by the last step of the trajectory at convergence, and largest last
 # change of the log-likelihood of a coarse search.
 _MAX_GAIN = 1.0
-# Largest increase of minus twice the log of the marginal posterior from one trajectory to the next: its error, because
-# the motion has not converged, is smaller.
+# Largest increase of minus twice the log of the marginal posterior between two trajectories. Incomplete convergence of
+# the motion causes smaller increases.
 _MAX_INCREASE = 10.0
-# Number of times after which a search ends because new log factors increase it more.
-_MAX_REJECTED = 2
+# Number of rejections of new noise at which a search ends.
+_MAX_REJECTIONS = 2
 # Number of trajectories without a larger likelihood after which a coarse search ends.
 _PATIENCE = 2
 # Decrease of the log-likelihood at the ends of a 95 % interval.
@@ -125,7 +125,7 @@ class _Step(NamedTuple):
     """Step of the trajectory towards the marginal estimate."""
 
     trajectory: Trajectory
-    gain: float  # increase of the log of the marginal posterior
+    gain: float  # increase of the log of the marginal posterior; the predicted one unless the search is coarse
     objective: float  # minus twice the log of the marginal posterior after the step, up to a constant of the data
 
 
@@ -175,7 +175,7 @@ class _Likelihood:
         return noise_scores(self.smoothing, filtered, self._present, self._groups)
 
     def one_step(self, filtered: Filtered, is_coarse: bool) -> _Step | None:
-        """Go one step closer to the marginal estimate.
+        """Return the next trajectory, one step closer to the marginal estimate.
 
         None if the motion diverges. In a search that is not coarse, also if no step is accepted although the predicted
         decrease of the cost matters.
@@ -221,6 +221,7 @@ class _Optimum(NamedTuple):
     level: float  # log-likelihood
     stated: float  # log-likelihood of factors of 1
     converged: bool
+    has_intervals: bool
 
 
 def most_likely_noise(
@@ -259,8 +260,8 @@ def most_likely_noise(
     found = None if trajectory is None else _search(likelihood, x, trajectory, is_coarse)
     if found is None:
         return None
-    x, trajectory, information, level, stated, converged = found
-    if is_coarse:
+    x, trajectory, information, level, stated, converged, has_intervals = found
+    if not has_intervals:
         unknown = np.full(x.size, np.nan)
         return NoiseFactors(np.exp(x), unknown, unknown, level, level - stated, converged, trajectory)
 
@@ -281,7 +282,7 @@ def most_likely_noise(
 
 def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse: bool) -> _Optimum | None:
     """Climb from log factors x about one trajectory after another; None if one has no finite cost."""
-    gain, objective, converged, rejected = np.inf, np.inf, False, 0
+    gain, objective, converged, n_rejections = np.inf, np.inf, False, 0
     likelihood.set_process_memory(trajectory)
     stated = level = likelihood.at(np.zeros(x.size), trajectory)
     best, latest, change = -np.inf, 0, np.zeros(x.size)
@@ -290,7 +291,8 @@ def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse
         highest = _climb(likelihood, x, trajectory, min_increase=increase)
         if highest is None:
             return None
-        before, known, (x, filtered, information) = x, information, highest
+        before, last_information, last_progress = x, information, likelihood.progress
+        x, filtered, information = highest
         last_change, change = change, x - before
         ratio = _ratio(change, last_change, information)
         if not is_coarse and number >= _FIRST_EXTRAPOLATED and -1.0 < ratio < 0.0:
@@ -313,20 +315,27 @@ def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse
         if converged or number == MAX_TRAJECTORIES or (is_coarse and number - latest == _PATIENCE):
             break
         step = likelihood.one_step(filtered, is_coarse)
-        if not is_coarse and step is not None and step.objective > objective + _MAX_INCREASE:
-            # A linear problem does not hold for noise so different from that of its trajectory: the noise goes back.
-            x, information, change, rejected = before, known, np.zeros(x.size), rejected + 1
+        is_worse = step is None or step.objective > objective + _MAX_INCREASE
+        if not is_coarse and number > 1 and is_worse:
+            # With such different noise the linear problem about this trajectory is a bad approximation.
+            n_rejections += 1
+            x, information, change = before, last_information, np.zeros(x.size)
+            passes, share = likelihood.progress.passes, likelihood.progress.share
+            likelihood.progress = last_progress._replace(passes=passes, trajectories=number, share=share)
             filtered = likelihood.filter(x, trajectory)
             if filtered is None:
                 return None
             level = log_likelihood(filtered)
-            likelihood.progress = likelihood.progress._replace(log_factor=x, log_likelihood=level, gain=level - stated)
-            step = likelihood.one_step(filtered, is_coarse) if rejected < _MAX_REJECTED else None
+            if n_rejections == _MAX_REJECTIONS:
+                break
+            step = likelihood.one_step(filtered, is_coarse)
         if step is None:
             break
         trajectory, gain, objective = step
         likelihood.set_process_memory(trajectory)
-    return _Optimum(x, trajectory, information, level, stated, converged)
+    # After two rejections x is no maximum of the likelihood about the trajectory.
+    has_intervals = not is_coarse and n_rejections < _MAX_REJECTIONS
+    return _Optimum(x, trajectory, information, level, stated, converged, has_intervals)
 
 
 def noise_scores_about(

@@ -43,6 +43,8 @@ _LEAST_SENSOR_FACTOR = 0.1
 _LONG_DATA = 600.0  # s
 _PART = 300.0  # s; length of the part
 _WINDOW = 60.0  # s; length of the windows of which it consists
+# Mean change of an input below which it is constant apart from rounding.
+_NEGLIGIBLE_CHANGE = 1e-9  # SI
 # Factor on the shortest time constant and the smallest level that settings accept: a rounded estimate is accepted too.
 _MARGIN = 1.01
 
@@ -135,10 +137,10 @@ def tune_noise(
 
 
 def _part(prepared: PreparedData) -> PreparedData | None:
-    """Return the windows of long data in which the inputs differ most from their mean, one of each fifth.
+    """Return one window of each fifth of long data: that in which fin angles and thrust change most.
 
-    Such windows have turns, and straight motion tells little about coefficients. None if the data are not long, or the
-    segments too short.
+    Turns determine the coefficients; straight motion contains little information about them. None if the data are not
+    long, or the segments too short.
     """
     spans = [segment.timelines.span for segment in prepared.segments]
     starts = np.concatenate([np.arange(begin, end - _WINDOW, _WINDOW) for begin, end in spans])
@@ -146,20 +148,14 @@ def _part(prepared: PreparedData) -> PreparedData | None:
     if sum(end - begin for begin, end in spans) <= _LONG_DATA or starts.size < n_windows:
         return None
     inputs = prepared.dataset.inputs
-    mean, of_all = inputs.values.mean(axis=0), inputs.values.std(axis=0)
-    moving = of_all > 0.0
-
-    def movement(start: float) -> float:
-        deviation = inputs.between(start, start + _WINDOW).values - mean
-        return float((np.sqrt(np.mean(deviation**2, axis=0))[moving] / of_all[moving]).sum())
-
-    # A little shorter than their distance, so that they remain separate.
-    windows = tuple(
-        (start, start + 0.99 * _WINDOW)
-        for start in (max(part.tolist(), key=movement) for part in np.array_split(starts, n_windows))
-    )
+    deviation = np.array([inputs.between(start, start + _WINDOW).values[:, :4].std(axis=0) for start in starts])
+    # Relative to their mean over all windows; zero for inputs that are constant.
+    change = (deviation / np.maximum(deviation.mean(axis=0), _NEGLIGIBLE_CHANGE)).sum(axis=1)
+    chosen = [part[change[part].argmax()] for part in np.array_split(np.arange(starts.size), n_windows)]
+    # Slightly shorter than `_WINDOW`, so that neighbouring windows remain separate segments.
+    windows = tuple((start, start + 0.99 * _WINDOW) for start in starts[chosen].tolist())
     use = prepared.experiment.identification.use
-    return prepared.with_identification(use=use.model_copy(update={"spans": windows}))
+    return prepared.with_identification(use=use.model_copy(update={"spans": windows, "shortest": 0.0}))
 
 
 def tune_coarsely(

@@ -180,7 +180,8 @@ def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged
     console.print(screen_table(console, _estimates(before, after), _TUNING_DIGITS))
     print_texts(console, (_BEFORE_AND_AFTER, *([_OF_AHRS] if is_from_ahrs(after[0]) else [])))
     if not tuning.converged:
-        console.print(Text("The search has not converged: start `auvid tune` again from these values."))
+        advice = "start `auvid tune` again from these values, or use data with more turns"
+        console.print(Text(f"The search has not converged: {advice}."))
 
 
 def objection_to_tuning(before: Judgement, after: Judgement) -> str:

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from functools import partial
 from itertools import islice
 
@@ -13,7 +14,7 @@ import psutil
 import pytest
 from distributed import LocalCluster
 
-from auvid_cli.campaign.cluster import Cluster, dask_cluster, local_cluster, run_group, run_groups
+from auvid_cli.campaign.cluster import Cluster, dask_cluster, local_cluster, run_groups
 from auvid_cli.child_processes import Workers
 from auvid_cli.errors import ClusterError
 
@@ -61,47 +62,56 @@ def test_killed_worker_loses_and_repeats_no_run_and_none_listens(planned):
     assert {done.failure for done in performed} == {""}
 
 
+def campaign_into(folder, campaign, *options):
+    command = [sys.executable, "-m", "auvid_cli", "campaign", str(campaign), "--output", str(folder), *options]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def wait_for(condition):
+    deadline = time.monotonic() + 120.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
 @pytest.mark.slow
-def test_workers_with_own_folders_killed_in_turn_give_the_same_runs(planned, tmp_path):
-    plan, performed, started = planned(MANY, "seeds=8"), [], []
+def test_command_gives_the_same_results_if_workers_with_own_folders_are_killed_in_turn(tmp_path):
+    campaign, killed, alone = tmp_path / "many.yaml", tmp_path / "killed", tmp_path / "alone"
+    campaign.write_text(MANY, encoding="utf-8")
+    started = []
     dask = LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address="127.0.0.1:0")
 
     def worker(number):
         folder = tmp_path / f"worker {number}"
         folder.mkdir()
-        alone = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder)]
-        command = [sys.executable, "-m", "dask", "worker", dask.scheduler_address, *alone]
+        own = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder)]
+        command = [sys.executable, "-m", "dask", "worker", dask.scheduler_address, *own]
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         started.append(subprocess.Popen(command, cwd=folder, **quiet))
 
     try:
         for number in range(3):
             worker(number)
-        dask.wait_for_workers(3, timeout=60)
-        with dask, dask_cluster(dask.scheduler_address) as cluster:
-            for number, group in enumerate(run_groups(cluster, plan.groups(), False)):
-                performed += group
-                if number < 3:
-                    assert started[number].poll() is None, "the worker is alive until it is killed"
-                    started[number].kill()
+        with dask:
+            dask.wait_for_workers(3, timeout=60)
+            command = campaign_into(killed, campaign, "--scheduler", dask.scheduler_address)
+            for number in range(3):
+                wait_for(lambda number=number: len(list(killed.glob("incoming/*"))) > number)
+                assert command.poll() is None, "runs remain when the worker is killed"
+                assert started[number].poll() is None, "the worker is alive until it is killed"
+                started[number].kill()
                 if number == 0:
                     # Replaced once, as by a queue of jobs: in the end none of the first three is left.
                     worker(3)
+            assert command.wait(timeout=120) == 0
     finally:
         for process in started:
             process.kill()
             process.wait()
-    expected = [done for group in plan.groups() for done in run_group(group)]
-
-    def measured(runs):
-        return {done.run.identity: [without_time(row) for row in done.rows] for done in runs}
-
-    def without_time(row):
-        return row._replace(processor_time=None, wall_time=None)
-
-    assert len(performed) == len(expected)
-    assert {done.failure for done in performed} == {""}
-    assert measured(performed) == measured(expected)
+    assert campaign_into(alone, campaign, "--workers", "1").wait(timeout=120) == 0
+    for name in ("coefficients.csv", "comparisons.csv"):
+        assert (killed / "tables" / name).read_bytes() == (alone / "tables" / name).read_bytes()
+    assert len((killed / "tables" / "runs.csv").read_text(encoding="utf-8").splitlines()) == 1 + 2 * 16
 
 
 class Deadly:

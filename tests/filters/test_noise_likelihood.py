@@ -217,14 +217,19 @@ def test_noise_that_alternates_with_the_trajectory_is_extrapolated(feedback):
 
 
 class MisleadingLikelihood(AlternatingLikelihood):
-    """The next trajectory is most probable with log factors of 1; about later ones the likelihood prefers others."""
+    """The objective is least at log factors of 1. About later trajectories the likelihood has its maximum elsewhere.
 
-    def __init__(self, preferred):
+    Far from 1 a step does not even exist if `diverges`.
+    """
+
+    def __init__(self, preferred, diverges):
         super().__init__(0.0)
-        self.preferred, self.n_steps = preferred, 0
+        self.preferred, self.diverges, self.n_steps, self.kept = preferred, diverges, 0, []
 
     def filter(self, logarithms, trajectory):
         found = super().filter(logarithms, trajectory)
+        # An interrupt in this pass keeps this noise.
+        self.kept.append(self.progress.log_factor[0])
         if self.n_steps:
             self.maximum = self.preferred
             found.least = INFORMATION * (self.x - self.preferred) ** 2 - 1000.0
@@ -232,19 +237,24 @@ class MisleadingLikelihood(AlternatingLikelihood):
 
     def one_step(self, filtered, is_coarse):
         self.n_steps += 1
+        if self.diverges and abs(self.x - 1.0) > 1.0:
+            return None
         return _Step(self.x, gain=0.0, objective=INFORMATION * (self.x - 1.0) ** 2)
 
 
+@pytest.mark.parametrize("diverges", [False, True])
 @pytest.mark.parametrize("preferred", [-8.0, 8.0])
-def test_search_ends_with_the_noise_before_changes_that_make_the_motion_improbable(preferred):
-    likelihood = MisleadingLikelihood(preferred)
+def test_noise_that_lowers_the_posterior_is_rejected(preferred, diverges):
+    likelihood = MisleadingLikelihood(preferred, diverges)
     found = _search(likelihood, np.zeros(1), 0.0, is_coarse=False)
     assert not found.converged
     assert found.log_factor[0] == pytest.approx(1.0, abs=0.1)
     assert found.level == likelihood.at(found.log_factor, found.trajectory)
-    # An interrupt later keeps the same noise.
+    assert not found.has_intervals
+    # Also after the first rejection the search went on: two steps with the noise before, and two with that rejected.
+    assert likelihood.n_steps == 4
     assert likelihood.progress.log_factor[0] == found.log_factor[0]
-    assert likelihood.progress.log_likelihood == found.level
+    assert max(abs(kept) for kept in likelihood.kept) < 2.0
 
 
 @pytest.mark.parametrize(("excess", "is_answer"), [(0.05, True), (0.5, False)])
