@@ -333,7 +333,7 @@ def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse
             break
         trajectory, gain, objective = step
         likelihood.set_process_memory(trajectory)
-    # After two rejections x is no maximum of the likelihood about the trajectory.
+    # After the last rejection, the likelihood about the trajectory has its maximum elsewhere.
     has_intervals = not is_coarse and n_rejections < _MAX_REJECTIONS
     return _Optimum(x, trajectory, information, level, stated, converged, has_intervals)
 

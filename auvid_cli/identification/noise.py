@@ -32,7 +32,7 @@ from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.problem_setup import AugmentedProblem, Motion, augmented_problem, shortest_interval
-from auvid_cli.vehicle.parameters import DISTURBANCE
+from auvid_cli.vehicle.parameters import DISTURBANCE, INPUTS
 from auvid_cli.vehicle.rigid_body import mass_matrix
 
 SettingsClass = TypeVar("SettingsClass", bound=Settings)
@@ -148,7 +148,9 @@ def _part(prepared: PreparedData) -> PreparedData | None:
     if sum(end - begin for begin, end in spans) <= _LONG_DATA or starts.size < n_windows:
         return None
     inputs = prepared.dataset.inputs
-    deviation = np.array([inputs.between(start, start + _WINDOW).values[:, :4].std(axis=0) for start in starts])
+    deviation = np.array(
+        [inputs.between(start, start + _WINDOW).values[:, : len(INPUTS)].std(axis=0) for start in starts]
+    )
     # Relative to their mean over all windows; zero for inputs that are constant.
     change = (deviation / np.maximum(deviation.mean(axis=0), _NEGLIGIBLE_CHANGE)).sum(axis=1)
     chosen = [part[change[part].argmax()] for part in np.array_split(np.arange(starts.size), n_windows)]
