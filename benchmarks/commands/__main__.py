@@ -1,8 +1,9 @@
-"""Time and memory of whole commands: `python -m benchmarks.commands`, two hours and 10 GB of disk.
+"""Time and memory of whole commands: `python -m benchmarks.commands`, some four hours and 20 GB of disk.
 
 How `auvid run` starts cold, with nothing compiled, and warm, what its steps take, how fast help comes, and how each
 command grows with the duration of the data: simulation, import, inspection, tuning, each filter, validation, report,
-and all in one run. Needs Linux, which says what processes share of their memory.
+and all in one run. With `--folder`, what has been measured on the same day is not repeated. Needs Linux, which says
+what processes share of their memory.
 """
 
 import argparse
@@ -13,6 +14,8 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
@@ -26,9 +29,6 @@ from docs.make_field import settings
 from docs.section import replace_section
 
 _DURATIONS = (300, 3000, 36000)
-# Longest data with all commands, s; beyond, only those of at most a few minutes, and whole runs.
-_MAX_ALL = 3600
-_LONG_FILTERS = FilterName.CKF, FilterName.TUKF
 _NO_JUDGE = "--set", "identification.judge=false"
 _ROUNDS = 5
 _COLD_ROUNDS = 3
@@ -116,54 +116,63 @@ def _start_up(folder: Path) -> list[str]:
     ]
 
 
+Add = Callable[..., None]  # measures a command and adds its row; takes the label and the arguments
+
+
 def _growth(folder: Path, durations: list[int]) -> list[str]:
     """Measure each command on data of each duration: a simulated run, and a log with the sensors of a field survey.
 
-    Processor time and memory, which hardly depend on other processes.
+    Processor time and memory, which hardly depend on other processes. Rows measured on this day are kept in the folder.
     """
-    rows = ["| command | data (s) | processor (s) | memory (MB) |", "| --- | ---: | ---: | ---: |"]
+    rows, today = ["| command | data (s) | processor (s) | memory (MB) |", "| --- | ---: | ---: | ---: |"], date.today()
+    for measure in (_alone, _in_one, _tuning):
+        for duration in durations:
+            kept, measured = folder / f"{today}{measure.__name__}_{duration}.txt", list[str]()
 
-    def add(label: str, *arguments: str) -> None:
-        cost = cost_of(*arguments, "--quiet", watched=True, sound=False)
-        rows.append(f"| {label} | {duration} | {cost.processor:.1f} | {cost.memory:.0f} |")
-        print(rows[-1], flush=True)
+            def add(label: str, *arguments: str, duration: int = duration, measured: list[str] = measured) -> None:
+                cost = cost_of(*arguments, "--quiet", watched=True, sound=False)
+                measured.append(f"| {label} | {duration} | {cost.processor:.1f} | {cost.memory:.0f} |")
+                print(measured[-1], f"{cost.wall:.0f} s of wall time", flush=True)
 
-    for duration in durations:
-        home, length = folder / str(duration), ("--set", f"manoeuvre.duration={duration} s")
-        dataset, other, log = str(home / "dataset.h5"), str(home / "other"), home / "log"
-        add("simulate", "simulate", *length, "--output", str(home))
-        cost_of("simulate", *length, "--seed", "2", "--output", other, "--quiet")
-        for name in FilterName:
-            if duration <= _MAX_ALL or name in _LONG_FILTERS:
-                add(f"identify, {name.value}", "identify", dataset, "--filter", name.value, *_NO_JUDGE)
-        add("validate", "validate", str(home / "estimates/tukf.h5"), f"{other}/dataset.h5", "--output", other)
-        add("report", "report", str(home))
-        cost_of("simulate", "field", *length, "--as-log", "--output", str(log), "--quiet")
-        survey = str(_survey(folder, duration))
-        add("import, field log", "import", "--map", str(log / "map.yaml"), "--output", survey)
-        add("inspect, field log", "inspect", survey, "--output", str(folder / "inspection"), "--overwrite")
-        shutil.rmtree(home)
-    for duration in durations:
-        length, whole = ("--set", f"manoeuvre.duration={duration} s"), folder / "whole"
-        add("run", "run", *length, "--output", str(whole))
-        add("run, without the judge", "run", *length, *_NO_JUDGE, "--output", str(whole), "--overwrite")
-        shutil.rmtree(whole)
-    lateral = folder / "lateral.yaml"
-    lateral.write_text(settings()[0], encoding="utf-8")
-    for duration in durations:
-        if duration <= _MAX_ALL:
-            survey = str(_survey(folder, duration))
-            add(
-                "tune, field log",
-                "tune",
-                survey,
-                "--set",
-                str(lateral),
-                "--output",
-                str(folder / "tuned"),
-                "--overwrite",
-            )
+            if not kept.exists():
+                measure(add, folder, duration)
+                kept.write_text("\n".join(measured), encoding="utf-8")
+            rows += kept.read_text(encoding="utf-8").splitlines()
     return rows
+
+
+def _alone(add: Add, folder: Path, duration: int) -> None:
+    """Measure the commands that `auvid run` contains, and those for a log."""
+    home, length = folder / str(duration), ("--set", f"manoeuvre.duration={duration} s")
+    dataset, other, log = str(home / "dataset.h5"), str(home / "other"), home / "log"
+    shutil.rmtree(home, ignore_errors=True)  # of an interrupted measurement
+    add("simulate", "simulate", *length, "--output", str(home))
+    cost_of("simulate", *length, "--seed", "2", "--output", other, "--quiet")
+    for name in FilterName:
+        add(f"identify, {name.value}", "identify", dataset, "--filter", name.value, *_NO_JUDGE)
+    add("validate", "validate", str(home / "estimates/tukf.h5"), f"{other}/dataset.h5", "--output", other)
+    add("report", "report", str(home))
+    cost_of("simulate", "field", *length, "--as-log", "--output", str(log), "--quiet")
+    survey = str(_survey(folder, duration))
+    add("import, field log", "import", "--map", str(log / "map.yaml"), "--output", survey, "--overwrite")
+    add("inspect, field log", "inspect", survey, "--output", str(folder / "inspection"), "--overwrite")
+    shutil.rmtree(home)
+
+
+def _in_one(add: Add, folder: Path, duration: int) -> None:
+    """Measure whole runs."""
+    length, whole = ("--set", f"manoeuvre.duration={duration} s"), folder / "whole"
+    add("run", "run", *length, "--output", str(whole), "--overwrite")
+    add("run, without the judge", "run", *length, *_NO_JUDGE, "--output", str(whole), "--overwrite")
+    shutil.rmtree(whole)
+
+
+def _tuning(add: Add, folder: Path, duration: int) -> None:
+    """Measure the tuning of the imported log."""
+    lateral, tuned = folder / "lateral.yaml", folder / "tuned"
+    lateral.write_text(settings()[0], encoding="utf-8")
+    survey = str(_survey(folder, duration))
+    add("tune, field log", "tune", survey, "--set", str(lateral), "--output", str(tuned), "--overwrite")
 
 
 def _survey(folder: Path, duration: int) -> Path:
@@ -183,9 +192,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=("start", "growth"), help="one of the two parts")
     parser.add_argument("--durations", type=int, nargs="+", default=_DURATIONS, help="of the data, s")
+    parser.add_argument("--folder", type=Path, help="for data and finished rows; by default a temporary one")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+        folder = options.folder or Path(name)
+        folder.mkdir(parents=True, exist_ok=True)
         if options.only != "growth":
             _write("start", _start_up(folder), stages(folder, _ROUNDS))
         if options.only != "start":
