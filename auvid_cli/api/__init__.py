@@ -80,7 +80,7 @@ COMPILED_FILTERS = (
     "auvid_cli.filters.square_root",
     "auvid_cli.filters.least_squares",
     "auvid_cli.filters.smoother",
-    "auvid_cli.filters.noise_likelihood",
+    "auvid_cli.filters.noise_search",
 )
 
 

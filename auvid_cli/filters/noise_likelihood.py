@@ -1,10 +1,8 @@
-"""Maximum-likelihood estimates of process and measurement noise.
+"""Likelihood of process and measurement noise.
 
 In the linear problem about a trajectory, minus twice the log-likelihood of the measurements, with trajectory and
 parameters integrated out, is ``sum(log S + e^2 / S)`` over the innovations e of variance S (Schweppe, IEEE Trans.
-Autom. Control 11(1), 1965). It is maximised over the logarithms of noise factors by scoring, with the derivatives from
-`auvid_cli.filters.noise_scores`; then the trajectory takes a step towards the marginal estimate, and so on. About the
-most probable trajectory the likelihood is lower: that trajectory ignores the variances S, so its parameters are biased.
+Autom. Control 11(1), 1965). `auvid_cli.filters.noise_search` maximises it.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,7 +10,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.arrays import Array
 from auvid_cli.filters.linear_smoother import Filtered, LinearSmoothing, Trajectory, gauss_newton
@@ -21,77 +18,17 @@ from auvid_cli.filters.problem import JointProblem
 from auvid_cli.filters.process_noise import with_process_memory
 from auvid_cli.filters.smoother import follow_measurements, most_probable
 
-# Largest change of log factors between two trajectories at convergence, in standard deviations: a tenth of the width of
-# a 95 % interval.
-_MAX_CHANGE = 0.4
-# Approximate maximum step of log factors.
-_MAX_STEP = 2.0
-# Largest log factor.
-_MAX_LOG_FACTOR = 14.0
-# Relative tolerance of the decrease of the log-likelihood at the end of an interval.
-_DECREASE_TOLERANCE = 0.1
-# Maximum number of evaluations to find that end.
-_MAX_EVALUATIONS = 16
-# Lower limit of the share of that decrease in an extrapolation: one evaluation raises the added variance at most 1000
-# times.
-_MIN_SHARE = 1e-6
-MAX_TRAJECTORIES = 10
 # Maximum number of passes for the first motion given the parameters of a part of the data.
 _FIRST_PASSES = 5
 # Size of the cache, as a multiple of the default. A cache of 1 repeats a third of the passes over 47 minutes.
 _CACHES = 2
-# Approximate share of the whole search that precedes the intervals.
-_SEARCH_SHARE = 0.75
-# Share of that search that remains after each trajectory.
-_REMAINING = 0.5
-# First trajectory whose noise may be extrapolated; the first changes are due to the start.
-_FIRST_EXTRAPOLATED = 4
-# Maximum number of steps of one climb.
-_MAX_STEPS = 40
-# Negligible information, which keeps matrices invertible.
-_MIN_INFORMATION = 1e-9
-# Smallest increase of the log-likelihood that is worth another step.
-_MIN_INCREASE = 0.01
-# The same in a coarse search.
-_COARSE_INCREASE = 0.3
-# Largest gain in the log of the marginal posterior by the last step of the trajectory at convergence, and largest last
-# change of the log-likelihood of a coarse search.
-_MAX_GAIN = 1.0
-# Largest increase of minus twice the log of the marginal posterior between two trajectories. Incomplete convergence of
-# the motion causes smaller increases.
-_MAX_INCREASE = 10.0
-# Number of rejections of new noise at which a search ends.
-_MAX_REJECTIONS = 2
-# Number of trajectories without a larger likelihood after which a coarse search ends.
-_PATIENCE = 2
-# Decrease of the log-likelihood at the ends of a 95 % interval.
-_INTERVAL_DECREASE = 1.92
-# Half width of a 95 % interval, in standard deviations.
-_INTERVAL_DEVIATIONS = 1.96
-# Half width, in log factors, from which on an interval may reach zero noise.
-_WIDE = 0.5
-# Increase of the log of a time constant that makes it practically infinite.
-_LONG = 5.0
-
-
-class NoiseFactors(NamedTuple):
-    """Maximum-likelihood factors of groups of noise."""
-
-    factor: Array  # shape (k,)
-    # Ends of the 95 % intervals; NaN if they were not computed
-    low: Array  # shape (k,); 0 if the interval includes no noise
-    high: Array  # shape (k,); infinite if it includes any larger factor
-    log_likelihood: float  # up to a constant of the data
-    gain: float  # increase of the log-likelihood over that of factors of 1
-    converged: bool
-    trajectory: Trajectory  # about which the likelihood is that of the factors
 
 
 class NoiseProgress(NamedTuple):
     """How far a search for the most likely noise has come."""
 
     passes: int  # through the data
-    trajectories: int  # found so far, of at most `MAX_TRAJECTORIES`
+    trajectories: int  # about which the noise has been found so far
     log_factor: Array  # shape (k,); the best so far
     log_likelihood: float  # with these, up to a constant of the data
     gain: float  # increase of the log-likelihood over that of factors of 1
@@ -121,7 +58,7 @@ def scaled(problem: JointProblem, groups: Sequence[NoiseGroup], factors: Array) 
 OnPass = Callable[[NoiseProgress], None]
 
 
-class _Step(NamedTuple):
+class TrajectoryStep(NamedTuple):
     """Step of the trajectory towards the marginal estimate."""
 
     trajectory: Trajectory
@@ -129,7 +66,7 @@ class _Step(NamedTuple):
     objective: float  # minus twice the log of the marginal posterior after the step, up to a constant of the data
 
 
-class _Likelihood:
+class NoiseLikelihood:
     """Log-likelihood as a function of log factors, about a trajectory."""
 
     def __init__(self, problem: JointProblem, groups: Sequence[NoiseGroup], on_pass: OnPass) -> None:
@@ -174,7 +111,25 @@ class _Likelihood:
         self._count_pass()
         return noise_scores(self.smoothing, filtered, self._present, self._groups)
 
-    def one_step(self, filtered: Filtered, is_coarse: bool) -> _Step | None:
+    def start_from_innovations(self, filtered: Filtered) -> Array:
+        """Return log factors for a start, from the mean NIS in a forward pass with factors of 1.
+
+        A sensor has the factor with which its own mean NIS would be 1, if all noise had this factor. Process noise has
+        the factor that follows from the mean over the sensors. Time constants have a factor of 1.
+        """
+        n_sensors = self._problem.sensors.variance.shape[0]
+        squares, counts = np.zeros(n_sensors), np.zeros(n_sensors)
+        for _, timeline, about, forward_pass in self.smoothing.forward_passes(filtered):
+            measured = np.isfinite(about.residual)
+            sensor = np.broadcast_to(timeline.measurement_sensor[:, None], measured.shape)[measured]
+            squares += np.bincount(sensor, forward_pass.error[measured] ** 2 / forward_pass.total[measured], n_sensors)
+            counts += np.bincount(sensor, minlength=n_sensors)
+        nis = np.divide(squares, counts, out=np.ones(n_sensors), where=counts > 0)
+        mean = nis[counts > 0].mean()
+        of_group = [1.0 if group.rates else nis[group.sensor] if group.sensor >= 0 else mean for group in self._groups]
+        return 0.5 * np.log(np.maximum(of_group, np.exp(2.0 * self.minimum)))
+
+    def one_step(self, filtered: Filtered, is_coarse: bool) -> TrajectoryStep | None:
         """Return the next trajectory, one step closer to the marginal estimate.
 
         None if the motion diverges. In a search that is not coarse, also if no step is accepted although the predicted
@@ -192,7 +147,7 @@ class _Likelihood:
         if not is_coarse:
             # A rough objective can show no gain while the parameters still move.
             gain = 0.0 if convergence is None else 0.5 * convergence.cost_decrease
-        return _Step(stepped.trajectory, gain, objective)
+        return TrajectoryStep(stepped.trajectory, gain, objective)
 
     def set_process_memory(self, trajectory: Trajectory) -> None:
         """Set the memory of the process noise from the motion along a trajectory."""
@@ -212,248 +167,11 @@ def log_likelihood(filtered: Filtered) -> float:
     return -0.5 * (filtered.least + filtered.log_determinant)
 
 
-class _Optimum(NamedTuple):
-    """Log factors at the end of a search; extrapolated if noise and trajectory alternate."""
-
-    log_factor: Array  # shape (k,)
-    trajectory: Trajectory
-    information: Array  # shape (k, k)
-    level: float  # log-likelihood
-    stated: float  # log-likelihood of factors of 1
-    converged: bool
-    has_intervals: bool
-
-
-def most_likely_noise(
-    problem: JointProblem,
-    groups: Sequence[NoiseGroup],
-    max_passes: int,
-    on_pass: OnPass = lambda progress: None,
-    is_coarse: bool = False,
-    start: Trajectory | None = None,
-    first: NoiseFactors | None = None,
-) -> NoiseFactors | None:
-    """Estimate the factors of groups of noise; None if no trajectory has a finite cost.
-
-    Parameters
-    ----------
-    problem : JointProblem
-    groups : sequence of NoiseGroup
-    max_passes : int
-        Maximum number of forward passes for the first trajectory.
-    on_pass : callable
-        Receives a `NoiseProgress` before each forward or backward pass; an exception that it raises ends the search.
-    is_coarse : bool
-        Whether to end where the log-likelihood hardly changes, and to leave out the intervals, which are then NaN.
-        This serves to compare models.
-    start : Trajectory, optional
-        First trajectory, near that of the marginal estimate; by default the most probable one.
-    first : NoiseFactors, optional
-        Result of a search on a part of the data. This search begins with its factors and parameters.
-    """
-    likelihood, x, trajectory = _Likelihood(problem, groups, on_pass), np.zeros(len(groups)), start
-    if first is not None:
-        x = np.log(first.factor)
-        trajectory = likelihood.motion_given(x, first.trajectory.parameters)
-    if trajectory is None or likelihood.filter(x, trajectory) is None:
-        trajectory = likelihood.most_probable(x, max_passes)
-    found = None if trajectory is None else _search(likelihood, x, trajectory, is_coarse)
-    if found is None:
-        return None
-    x, trajectory, information, level, stated, converged, has_intervals = found
-    if not has_intervals:
-        unknown = np.full(x.size, np.nan)
-        return NoiseFactors(np.exp(x), unknown, unknown, level, level - stated, converged, trajectory)
-
-    def decrease(logarithms: Array) -> float:
-        return level - likelihood.at(logarithms, trajectory)
-
-    def profile(i: int, value: float | None = None) -> float:
-        # The decrease with one log factor fixed, by default to its minimum, and all others optimised.
-        likelihood.set_share(_SEARCH_SHARE + (1.0 - _SEARCH_SHARE) * i / x.size)
-        others = np.arange(x.size) != i
-        start = np.where(others, x, groups[i].min_log_factor if value is None else value)
-        highest = _climb(likelihood, start, trajectory, others, enough=level - _INTERVAL_DECREASE)
-        return np.inf if highest is None else level - log_likelihood(highest.filtered)
-
-    low, high = _intervals(decrease, profile, x, information, [bool(group.rates) for group in groups])
-    return NoiseFactors(np.exp(x), low, high, level, level - stated, converged, trajectory)
-
-
-def _search(likelihood: _Likelihood, x: Array, trajectory: Trajectory, is_coarse: bool) -> _Optimum | None:
-    """Climb from log factors x about one trajectory after another; None if one has no finite cost."""
-    gain, objective, converged, n_rejections = np.inf, np.inf, False, 0
-    likelihood.set_process_memory(trajectory)
-    stated = level = likelihood.at(np.zeros(x.size), trajectory)
-    best, latest, change = -np.inf, 0, np.zeros(x.size)
-    information, increase = np.eye(x.size), _COARSE_INCREASE if is_coarse else _MIN_INCREASE
-    for number in range(1, MAX_TRAJECTORIES + 1):
-        highest = _climb(likelihood, x, trajectory, min_increase=increase)
-        if highest is None:
-            return None
-        before, last_information, last_progress = x, information, likelihood.progress
-        x, filtered, information = highest
-        last_change, change = change, x - before
-        ratio = _ratio(change, last_change, information)
-        if not is_coarse and number >= _FIRST_EXTRAPOLATED and -1.0 < ratio < 0.0:
-            # Noise and trajectory alternate about the estimate (Aitken's extrapolation).
-            change = change / (1.0 - ratio)
-            x = before + change
-            filtered = likelihood.filter(x, trajectory)
-            if filtered is None:
-                return None
-        last, level = level, log_likelihood(filtered)
-        likelihood.progress = likelihood.progress._replace(
-            trajectories=number, log_factor=x, log_likelihood=level, gain=level - stated, trajectory=trajectory
-        )
-        likelihood.set_share(_SEARCH_SHARE * (1.0 - _REMAINING**number))
-        is_same = bool((np.abs(change) < _MAX_CHANGE * _deviations(information)).all())
-        # The first trajectory is not yet a marginal estimate.
-        converged = gain < _MAX_GAIN and (is_same or (is_coarse and abs(level - last) < _MAX_GAIN))
-        best, latest = (level, number) if level > best + _MAX_GAIN else (best, latest)
-        # With a wrong model, noise and trajectory may go round in a circle.
-        if converged or number == MAX_TRAJECTORIES or (is_coarse and number - latest == _PATIENCE):
-            break
-        step = likelihood.one_step(filtered, is_coarse)
-        is_worse = step is None or step.objective > objective + _MAX_INCREASE
-        if not is_coarse and number > 1 and is_worse:
-            # With such different noise the linear problem about this trajectory is a bad approximation.
-            n_rejections += 1
-            x, information, change = before, last_information, np.zeros(x.size)
-            passes, share = likelihood.progress.passes, likelihood.progress.share
-            likelihood.progress = last_progress._replace(passes=passes, trajectories=number, share=share)
-            filtered = likelihood.filter(x, trajectory)
-            if filtered is None:
-                return None
-            level = log_likelihood(filtered)
-            if n_rejections == _MAX_REJECTIONS:
-                break
-            step = likelihood.one_step(filtered, is_coarse)
-        if step is None:
-            break
-        trajectory, gain, objective = step
-        likelihood.set_process_memory(trajectory)
-    # After the last rejection, the likelihood about the trajectory has its maximum elsewhere.
-    has_intervals = not is_coarse and n_rejections < _MAX_REJECTIONS
-    return _Optimum(x, trajectory, information, level, stated, converged, has_intervals)
-
-
 def noise_scores_about(
     problem: JointProblem, groups: Sequence[NoiseGroup], trajectory: Trajectory
 ) -> NoiseScores | None:
     """Return the derivatives at factors of 1 about a trajectory; None if its cost is not finite."""
-    likelihood = _Likelihood(problem, groups, lambda progress: None)
+    likelihood = NoiseLikelihood(problem, groups, lambda progress: None)
     likelihood.set_process_memory(trajectory)
     filtered = likelihood.filter(np.zeros(len(groups)), trajectory)
     return None if filtered is None else likelihood.scores(filtered)
-
-
-def _ratio(change: Array, last: Array, information: Array) -> float:
-    """Return the projection of a change on the last one, weighted with the information; 0 if the last one is 0."""
-    square = float(last @ information @ last)
-    return float(change @ information @ last) / square if square > 0.0 else 0.0
-
-
-class _ClimbResult(NamedTuple):
-    """Log factors at the end of a climb."""
-
-    log_factor: Array  # shape (k,)
-    filtered: Filtered  # with these factors
-    information: Array  # shape (k, k); of the last step, or the identity if there was none
-
-
-def _climb(
-    likelihood: _Likelihood,
-    x: Array,
-    trajectory: Trajectory,
-    free: NDArray[np.bool_] | None = None,
-    min_increase: float = _MIN_INCREASE,
-    enough: float = np.inf,
-) -> _ClimbResult | None:
-    """Maximise the log-likelihood about a trajectory by scoring; only the `free` log factors if given.
-
-    It ends where the likelihood is flat or higher than `enough`. None if the cost is not finite.
-    """
-    current, minimum, information = likelihood.filter(x, trajectory), likelihood.minimum, np.eye(x.size)
-    for _ in range(_MAX_STEPS):
-        if current is None or log_likelihood(current) > enough:
-            break
-        scores = likelihood.scores(current)
-        information = scores.information
-        # Noise at its minimum, or negligible noise, is not reduced: smaller noise slows the smoother.
-        moves = (scores.slope > 0.0) | (x > minimum) & (scores.slope < -_MIN_INCREASE)
-        moves = moves if free is None else moves & free
-        restricted = scores.information * np.outer(moves, moves) + np.diag(~moves)
-        scores = scores._replace(slope=scores.slope * moves, information=restricted)
-        # The added diagonal limits the step, also for noise that is too small to be observable.
-        limited = scores.information + np.diag(np.abs(scores.slope) / _MAX_STEP + _MIN_INFORMATION)
-        step = np.clip(x + np.linalg.solve(limited, scores.slope), minimum, _MAX_LOG_FACTOR) - x
-        if scores.slope @ step < min_increase:
-            break
-        level = log_likelihood(current)
-        while (trial := likelihood.filter(x + step, trajectory)) is None or log_likelihood(trial) < level:
-            step /= 2.0
-            if scores.slope @ step < min_increase:
-                # Restore the noise of x: the rejected trial has changed it.
-                current = likelihood.filter(x, trajectory)
-                return None if current is None else _ClimbResult(x, current, information)
-        x, current = x + step, trial
-    return None if current is None else _ClimbResult(x, current, information)
-
-
-def _deviations(information: Array) -> Array:
-    """Return the standard deviations of log factors."""
-    return np.sqrt(np.diagonal(np.linalg.inv(information + _MIN_INFORMATION * np.eye(len(information)))))
-
-
-def _intervals(
-    decrease: Callable[[Array], float],
-    profile: Callable[..., float],
-    x: Array,
-    information: Array,
-    is_time_constant: Sequence[bool] | None = None,
-) -> tuple[Array, Array]:
-    """Return 95 % intervals of the factors: from the curvature, and for wide ones from the likelihood itself."""
-    width = np.minimum(_INTERVAL_DEVIATIONS * _deviations(information), _MAX_LOG_FACTOR)
-    finite = width < _MAX_LOG_FACTOR
-    low, high = np.where(finite, np.exp(x - width), 0.0), np.where(finite, np.exp(x + width), np.inf)
-    for i in np.flatnonzero(width > _WIDE).tolist():
-        unit = np.eye(x.size)[i]
-        if is_time_constant is not None and is_time_constant[i]:
-            low[i] = 0.0 if profile(i) < _INTERVAL_DECREASE else low[i]
-            high[i] = np.inf if profile(i, x[i] + _LONG) < _INTERVAL_DECREASE else high[i]
-        elif decrease(x - (_MAX_LOG_FACTOR + x[i]) * unit) < _INTERVAL_DECREASE or profile(i) < _INTERVAL_DECREASE:
-            low[i] = 0.0
-
-            def decrease_by(change: float, unit: Array = unit) -> float:
-                return decrease(x + change * unit)
-
-            high[i] = np.exp(x[i] + _end_of_interval(decrease_by, information[i, i], _MAX_LOG_FACTOR - x[i]))
-    return low, high
-
-
-def _end_of_interval(decrease: Callable[[float], float], information: float, limit: float) -> float:
-    """Return the increase of a log factor that ends its 95 % interval; infinite if that is above `limit`.
-
-    The decrease of the log-likelihood is about quadratic in the variance of the noise.
-    """
-    if limit <= 0.0:
-        return np.inf
-    growth = 2.0 * _INTERVAL_DEVIATIONS / np.sqrt(information + _MIN_INFORMATION)
-    near, far, change = 0.0, np.inf, 0.0
-    for _ in range(_MAX_EVALUATIONS):
-        change = min(0.5 * np.log1p(growth), limit)
-        if not near < change < far:
-            change = 0.5 * (near + far)
-            growth = np.expm1(2.0 * change)
-        share = decrease(change) / _INTERVAL_DECREASE
-        if abs(share - 1.0) < _DECREASE_TOLERANCE:
-            return change
-        if share > 1.0:
-            far = change
-        elif change >= limit:
-            break
-        else:
-            near = change
-        growth /= np.sqrt(max(share, _MIN_SHARE))
-    return change if np.isfinite(far) else np.inf

@@ -21,14 +21,9 @@ from auvid_cli.config.settings import Settings, three
 from auvid_cli.config.units import Unit, magnitude_of
 from auvid_cli.data.findings import DisturbanceChoice, TunedNoise, Tuning
 from auvid_cli.errors import DataError
-from auvid_cli.filters.noise_likelihood import (
-    MAX_TRAJECTORIES,
-    NoiseFactors,
-    NoiseProgress,
-    OnPass,
-    most_likely_noise,
-)
+from auvid_cli.filters.noise_likelihood import NoiseProgress, OnPass
 from auvid_cli.filters.noise_scores import NoiseGroup
+from auvid_cli.filters.noise_search import MAX_TRAJECTORIES, NoiseFactors, most_likely_noise
 from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.problem_setup import AugmentedProblem, Motion, augmented_problem, shortest_interval

@@ -5,23 +5,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.linalg import solve_triangular
 from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal
 
 from auvid_cli.filters.linear_smoother import LinearSmoothing, Trajectory, gauss_newton
 from auvid_cli.filters.noise_likelihood import (
+    NoiseLikelihood,
     NoiseProgress,
-    _climb,
-    _end_of_interval,
-    _intervals,
-    _Likelihood,
-    _search,
-    _Step,
+    TrajectoryStep,
     log_likelihood,
-    most_likely_noise,
     scaled,
 )
 from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores
+from auvid_cli.filters.noise_search import _climb, _end_of_interval, _intervals, _search, most_likely_noise
 from auvid_cli.filters.problem import (
     PROCESS_SIGNATURE,
     TRANSITION_SIGNATURE,
@@ -55,6 +52,25 @@ def test_likelihood_is_that_of_one_joint_gaussian(linear_problem, moments_of_mea
     measured, mean, covariance = moments_of_measurements(problem)
     expected = -2.0 * multivariate_normal(mean, covariance).logpdf(measured) - measured.size * np.log(2.0 * np.pi)
     assert_allclose(filtered.least + filtered.log_determinant, expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("least", [-14.0, 1.0])
+def test_start_follows_from_the_nis_of_each_sensor(linear_problem, moments_of_measurements, least):
+    problem, n = joint(linear_problem), linear_problem.prior.mean.size
+    n_moving, timeline = problem.n_moving, linear_problem.timeline
+    nowhere = Trajectory(np.zeros(n - n_moving), [np.zeros(n_moving)], [[np.zeros((timeline.time.size, n_moving))]])
+    sensors = np.unique(timeline.measurement_sensor)
+    groups = [NoiseGroup(sensor=sensor, min_log_factor=least) for sensor in sensors]
+    likelihood = NoiseLikelihood(problem, [*groups, NoiseGroup(moving=(0, 1))], lambda progress: None)
+    found = likelihood.start_from_innovations(likelihood.filter(np.zeros(sensors.size + 1), nowhere))
+    measured, mean, covariance = moments_of_measurements(problem)
+    # The factor of the covariance makes each measurement independent of those before, which gives the innovations.
+    squares = solve_triangular(np.linalg.cholesky(covariance), measured - mean, lower=True) ** 2
+    component = np.isfinite(timeline.measurement)
+    of = np.broadcast_to(timeline.measurement_sensor[:, None], component.shape)[component]
+    nis = np.array([squares[of == sensor].mean() for sensor in sensors])
+    assert_allclose(found[:-1], np.maximum(0.5 * np.log(nis), least), atol=1e-8)
+    assert_allclose(found[-1], 0.5 * np.log(nis.mean()), atol=1e-8)
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
@@ -162,7 +178,7 @@ def test_interval_begins_at_zero_if_others_compensate(left, begins_at_none):
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
 def test_fixed_factor_stays_and_others_are_optimised(linear_problem):
-    likelihood = _Likelihood(joint(linear_problem), GROUPS, lambda progress: None)
+    likelihood = NoiseLikelihood(joint(linear_problem), GROUPS, lambda progress: None)
     n, n_moving = linear_problem.prior.mean.size, joint(linear_problem).n_moving
     events = linear_problem.timeline.time.size
     nowhere = Trajectory(np.zeros(n - n_moving), [np.zeros(n_moving)], [[np.zeros((events, n_moving))]])
@@ -188,7 +204,8 @@ class AlternatingLikelihood:
 
     def filter(self, logarithms, trajectory):
         self.x, self.maximum = logarithms[0], 1.0 - self.feedback * trajectory
-        return SimpleNamespace(least=INFORMATION * (self.x - self.maximum) ** 2, log_determinant=0.0)
+        least = INFORMATION * (self.x - self.maximum) ** 2
+        return SimpleNamespace(trajectory=trajectory, least=least, log_determinant=0.0)
 
     def at(self, logarithms, trajectory):
         return log_likelihood(self.filter(logarithms, trajectory))
@@ -197,7 +214,7 @@ class AlternatingLikelihood:
         return NoiseScores(np.array([INFORMATION * (self.maximum - self.x)]), np.array([[INFORMATION]]))
 
     def one_step(self, filtered, is_coarse):
-        return _Step(self.x, gain=0.0, objective=0.0)
+        return TrajectoryStep(self.x, gain=0.0, objective=0.0)
 
     def set_share(self, share):
         pass
@@ -239,7 +256,7 @@ class MisleadingLikelihood(AlternatingLikelihood):
         self.n_steps += 1
         if self.diverges and abs(self.x - 1.0) > 1.0:
             return None
-        return _Step(self.x, gain=0.0, objective=INFORMATION * (self.x - 1.0) ** 2)
+        return TrajectoryStep(self.x, gain=0.0, objective=INFORMATION * (self.x - 1.0) ** 2)
 
 
 @pytest.mark.parametrize("diverges", [False, True])
