@@ -129,7 +129,7 @@ class TunedResults(NamedTuple):
     """Tuned noise, smoother estimates before and after, written tables, and the settings file for `identify`."""
 
     tuning: Tuning
-    fits: list[tuple[Estimate, Judgement]]
+    fits: list[tuple[Estimate, Judgement]]  # empty after an interrupt
     files: list[Path]
     settings: Path
 
@@ -184,15 +184,18 @@ def tune_into(
             progress.message(text)
             tuned = fit(dataset.with_settings(tuning.experiment), motion)
             # It has not begun if the data are long, or if an interrupt came before.
-            as_stated = as_stated or fit(dataset, motion)
-            estimates = [as_stated.result(), tuned.result()]
+            as_stated, estimates = as_stated or fit(dataset, motion), list[Estimate]()
+            try:
+                estimates = [as_stated.result(), tuned.result()]
+            except KeyboardInterrupt:
+                progress.message("interrupted: the noise is kept, but not compared with that of the settings")
         fits = [(estimate, judge_one(estimate, None)) for estimate in estimates]
         return TunedResults(tuning, fits, files, folder / "tuned.yaml")
 
 
 def _time_left(share: float, elapsed: float) -> str:
     """Return about how long a search still takes, after a share of it; empty at the start."""
-    return f", about {elapsed * (1.0 - share) / share:.0f} s left" if share > 0.0 else ""
+    return f", about {elapsed * (1.0 - share) / share:.0f} s until the fits" if share > 0.0 else ""
 
 
 def find_terms_into(

@@ -185,13 +185,13 @@ def tune(
         from auvid_cli.report.screens import choice_text, objection_to_tuning, print_tuning
 
     result = tune_into(output.destination(terminal), dataset, changes, sensors, disturbance)
-    print_tuning(terminal.out, result.tuning, *result.fits)
+    print_tuning(terminal.out, result.tuning, result.fits)
     level, gain = result.tuning.log_likelihood, result.tuning.gain
     terminal.print(f"log-likelihood: {level:.1f}, with the noise of the settings {gain:.4g} less")
     if result.tuning.choice is not None:
         terminal.print(choice_text(result.tuning.choice))
     terminal.print_lines(result.files)
-    if objection := objection_to_tuning(*(judgement for _, judgement in result.fits)):
+    if objection := objection_to_tuning([judgement for _, judgement in result.fits]):
         terminal.print(objection)
     else:
         _print_next(terminal, dataset, settings, output, result.settings)

@@ -63,13 +63,13 @@ class _GivenParameters(NamedTuple):
     remaining: float  # decrease of the cost to the minimum over all motions, in the linear problem
     converged: bool
 
-    def least(self, is_rough: bool) -> float:
+    def least(self, rough_motion: bool) -> float:
         """Return the objective less `remaining` if the motion has converged or the step is rough."""
-        return self.objective - (self.remaining if is_rough or self.converged else 0.0)
+        return self.objective - (self.remaining if rough_motion or self.converged else 0.0)
 
 
 def integrate_out_motion(
-    problem: JointProblem, smoothing: LinearSmoothing, start: Filtered, max_steps: int, is_rough: bool = False
+    problem: JointProblem, smoothing: LinearSmoothing, start: Filtered, max_steps: int, rough_motion: bool = False
 ) -> tuple[Filtered, ConvergenceStatus | None, float, float] | None:
     """Maximise the marginal posterior of the parameters; None if the motion diverges for them.
 
@@ -81,7 +81,7 @@ def integrate_out_motion(
     start : Filtered
         About the first parameters, for example those of the joint minimum, and a motion.
     max_steps : int
-    is_rough : bool
+    rough_motion : bool
         Whether the motion need not converge. On long data it hardly does: a step that the small process noise does
         not allow raises the cost at first. The objective of the linear problem hardly depends on it.
 
@@ -102,11 +102,11 @@ def integrate_out_motion(
     deviation, moves, steps = np.sqrt(np.diagonal(covariance)), list[Array](), list[Array]()
     of_motion = LinearSmoothing(problem, parameters_are_given=True)
     at = _given_linear_problem(problem, filtered)
-    if not is_rough:
-        at = _given_parameters(problem, of_motion, filtered.trajectory, is_rough)
+    if not rough_motion:
+        at = _given_parameters(problem, of_motion, filtered.trajectory, rough_motion)
         if at is None or (filtered := smoothing.filter(at.trajectory)) is None:
             return None
-    objective = at.least(is_rough)
+    objective = at.least(rough_motion)
     for _ in range(max_steps):
         # To the joint minimum of the linear problem, and from there to the marginal one.
         step = filtered.final.mean[:n] + marginal_step(problem, smoothing, filtered)
@@ -115,13 +115,13 @@ def integrate_out_motion(
         is_small = bool((np.abs(steps[-1]) <= _MAX_LAST_STEP).all())
         # The objective has an error of about this size, because the motion has not quite converged. A small step is
         # always accepted: it changes the objective by less than that.
-        limit = np.inf if is_small else at.least(is_rough) + NEGLIGIBLE_DECREASE
+        limit = np.inf if is_small else at.least(rough_motion) + NEGLIGIBLE_DECREASE
         # The motion changes with the parameters as in the linear problem, and then goes to its minimum.
         trials = (
             (move, filtered.trajectory.stepped(smoothing.step(filtered, deviation * move), 1.0))
             for move in _possible_moves(moves, steps)
         )
-        found = _line_search(problem, of_motion, at, trials, limit, is_rough)
+        found = _line_search(problem, of_motion, at, trials, limit, rough_motion)
         if found is None:
             # Where the motion hardly converges, the objective has a larger error.
             convergence = convergence._replace(is_negligible=convergence.cost_decrease < NEGLIGIBLE_DECREASE)
@@ -136,7 +136,7 @@ def integrate_out_motion(
     else:
         if convergence is not None:
             convergence = convergence._replace(is_negligible=convergence.is_close)
-    after = at.least(is_rough)
+    after = at.least(rough_motion)
     return filtered, convergence, 0.5 * (objective - after), after
 
 
@@ -146,18 +146,18 @@ def _line_search(
     at: _GivenParameters,
     trials: Iterable[tuple[Array, Trajectory]],
     limit: float,
-    is_rough: bool,
+    rough_motion: bool,
 ) -> tuple[_GivenParameters, Array] | None:
     """Return the motion after the first move with an objective below a limit, and this move; None if none has one.
 
     The trials are moves, each with the trajectory from which its motion goes to the minimum.
     """
     for move, start in trials:
-        after = _given_parameters(problem, of_motion, start, is_rough)
+        after = _given_parameters(problem, of_motion, start, rough_motion)
         if after is None:
             continue
-        error = min(at.remaining + after.remaining, _MAX_ERROR) if is_rough else 0.0
-        if after.least(is_rough) < limit + error:
+        error = min(at.remaining + after.remaining, _MAX_ERROR) if rough_motion else 0.0
+        if after.least(rough_motion) < limit + error:
             return after, move
     return None
 
@@ -190,12 +190,12 @@ def _accelerated(moves: list[Array], steps: list[Array]) -> Array:
 
 
 def _given_parameters(
-    problem: JointProblem, of_motion: LinearSmoothing, start: Trajectory, is_rough: bool
+    problem: JointProblem, of_motion: LinearSmoothing, start: Trajectory, rough_motion: bool
 ) -> _GivenParameters | None:
     """Return the most probable motion given the parameters of a start; None if its cost is not finite."""
     n, prior = problem.n_parameters, problem.prior
     from_prior = np.linalg.solve(prior.factor[:n, :n], start.parameters - prior.mean[:n])
-    max_passes = _ROUGH_PASSES if is_rough else _MOTION_PASSES
+    max_passes = _ROUGH_PASSES if rough_motion else _MOTION_PASSES
     found = gauss_newton(of_motion, start, max_passes, _MOTION_DECREASE)
     if found is None:
         return None

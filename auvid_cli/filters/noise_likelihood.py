@@ -34,6 +34,7 @@ class NoiseProgress(NamedTuple):
     gain: float  # increase of the log-likelihood over that of factors of 1
     trajectory: Trajectory | None  # about which the likelihood is that of the factors; none before the first
     share: float  # approximate share of the whole search that is done
+    converged: bool = False
 
 
 def scaled(problem: JointProblem, groups: Sequence[NoiseGroup], factors: Array) -> JointProblem:
@@ -138,7 +139,7 @@ class NoiseLikelihood:
         # Scores of noise about a known trajectory need no compiled code of the marginal estimate.
         from auvid_cli.filters.marginal import integrate_out_motion
 
-        found = integrate_out_motion(self._present, self.smoothing, filtered, max_steps=1, is_rough=not is_coarse)
+        found = integrate_out_motion(self._present, self.smoothing, filtered, max_steps=1, rough_motion=not is_coarse)
         if found is None:
             return None
         stepped, convergence, gain, objective = found

@@ -172,13 +172,13 @@ def _search(likelihood: NoiseLikelihood, x: Array | None, trajectory: Trajectory
             return None
         x, filtered, information = highest
         change, last, level = x - before, level, log_likelihood(filtered)
-        share = _SEARCH_SHARE * (1.0 - _REMAINING**number)
-        likelihood.progress = NoiseProgress(
-            likelihood.progress.passes, number, x, level, level - stated, trajectory, share
-        )
         is_same = bool((np.abs(change) < _MAX_CHANGE * _deviations(information)).all())
         # The first trajectory is not yet a marginal estimate.
         converged = gain < _MAX_GAIN and (is_same or (is_coarse and abs(level - last) < _MAX_GAIN))
+        share = _SEARCH_SHARE * (1.0 - _REMAINING**number)
+        likelihood.progress = NoiseProgress(
+            likelihood.progress.passes, number, x, level, level - stated, trajectory, share, converged
+        )
         best, latest = (level, number) if level > best + _MAX_GAIN else (best, latest)
         # With a wrong model, noise and trajectory may go round in a circle.
         if converged or number == MAX_TRAJECTORIES or (is_coarse and number - latest == _PATIENCE):

@@ -111,13 +111,13 @@ def tune_noise(
             assert search.trajectory is not None, "asked for only after the first trajectory"
             factor, unknown = np.exp(search.log_factor), np.full(len(noises), np.nan)
             level, trajectory = search.log_likelihood, search.trajectory
-            best = NoiseFactors(factor, unknown, unknown, level, search.gain, False, trajectory)
+            best = NoiseFactors(factor, unknown, unknown, level, search.gain, search.converged, trajectory)
             return _tuning(experiment, noises, best), Motion.of_trajectory(augmented, search.trajectory)
 
         on_progress(TuningProgress(search, so_far if search.trajectories else None, begins_with_part))
 
     def on_part(search: NoiseProgress) -> None:
-        on_progress(TuningProgress(search._replace(trajectories=0, share=0.0), None, True, "a part of the data"))
+        on_progress(TuningProgress(search._replace(trajectories=0, share=0.0), None, True, "the windows with turns"))
 
     groups, max_passes, first = _groups(noises), settings.smoother.max_passes, None
     if part is not None:

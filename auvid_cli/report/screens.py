@@ -171,21 +171,25 @@ def _conclusion(findings: TermFindings) -> str:
     return "No term is proposed: no candidate improves the fit."
 
 
-def print_tuning(console: Console, tuning: Tuning, before: Judged, after: Judged) -> None:
-    """Print the tuned noise, and the innovations of the smoother before and after."""
+def print_tuning(console: Console, tuning: Tuning, fits: Sequence[Judged]) -> None:
+    """Print the tuned noise, and the innovations of the smoother before and after if it was fitted."""
     console.print(screen_table(console, tabulated("noise", "Noise", tuning.noises, _NOISE_CELLS), _TUNING_DIGITS))
     for finding, applies, consequence in _FINDINGS:
         if names := [noise.setting.removeprefix(_PREFIX) for noise in tuning.noises if applies(noise)]:
             console.print(Text(f"The data {finding} {', '.join(names)}: {consequence}."))
-    console.print(screen_table(console, _estimates(before, after), _TUNING_DIGITS))
-    print_texts(console, (_BEFORE_AND_AFTER, *([_OF_AHRS] if is_from_ahrs(after[0]) else [])))
+    if fits:
+        console.print(screen_table(console, _estimates(*fits), _TUNING_DIGITS))
+        print_texts(console, (_BEFORE_AND_AFTER, *([_OF_AHRS] if is_from_ahrs(fits[0][0]) else [])))
     if not tuning.converged:
         advice = "start `auvid tune` again from these values, or use data with more turns"
         console.print(Text(f"The search has not converged: {advice}."))
 
 
-def objection_to_tuning(before: Judgement, after: Judgement) -> str:
-    """Return why the tuned noise is not recommended, by the judgements before and after; empty if it is."""
+def objection_to_tuning(judgements: Sequence[Judgement]) -> str:
+    """Return why the tuned noise is not recommended, by the judgements before and after; otherwise empty."""
+    if not judgements:
+        return ""
+    before, after = judgements
     grades = [*Grade]
     if not after.is_against or grades.index(after.grade) <= max(map(grades.index, (before.grade, Grade.DOUBTFUL))):
         return ""

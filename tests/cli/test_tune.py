@@ -2,6 +2,7 @@
 
 import csv
 import math
+from concurrent.futures import Future
 from dataclasses import replace
 from typing import ClassVar
 
@@ -73,13 +74,30 @@ def test_interrupted_tuning_keeps_best_noise_so_far(simulated_with, tmp_path, ca
     assert tuning.gain > 0.0
     assert not tuning.converged
     assert all(math.isnan(noise.low) and math.isnan(noise.high) for noise in tuning.noises)
-    print_tuning(Console(), tuning, *fits)
+    print_tuning(Console(), tuning, fits)
     printed = " ".join(capsys.readouterr().out.split())
     assert "process_noise.rate" in printed
     assert "any smaller value fits as well" not in printed
     assert "no limit" not in printed
     read_dataset(tmp_path / "dataset.h5", str(tmp_path / "tuned.yaml"))
     assert any(sentence.startswith("interrupted") for sentence in Interrupting.sentences)
+
+
+@pytest.mark.slow
+def test_interrupt_of_the_fits_prints_the_noise(simulated_with, tmp_path, run, monkeypatch):
+    def interrupted(self, timeout=None):
+        raise KeyboardInterrupt
+
+    write_dataset(tmp_path / "dataset.h5", simulated_with("manoeuvre.duration=4 s", *SLOW, FEW))
+    monkeypatch.setattr(Future, "result", interrupted)
+    result = run(tmp_path / "dataset.h5")
+    assert result.exit_code == 0, result.output
+    printed = " ".join(result.output.split())
+    assert "interrupted: the noise is kept, but not compared with that of the settings" in printed
+    assert "process_noise.rate" in printed
+    assert "Before and after" not in printed
+    assert "mean NIS" not in printed
+    assert read_dataset(tmp_path / "dataset.h5", str(tmp_path / "tuned.yaml"))
 
 
 @pytest.mark.slow

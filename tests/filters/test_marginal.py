@@ -169,9 +169,9 @@ def test_too_few_steps_report_convergence_status(rng):
     assert (np.abs(to_go) < np.abs(convergence.step * deviation)).all()
 
 
-@pytest.mark.parametrize("is_rough", [False, True], ids=["exact", "rough"])
+@pytest.mark.parametrize("rough_motion", [False, True], ids=["exact", "rough"])
 @pytest.mark.parametrize("start", [(0.01, 0.0), (1.5, -0.5), (0.3, 2.0), (3.0, 1.0)])
-def test_no_step_lowers_the_likelihood_far_from_the_estimate(start, is_rough, rng):
+def test_no_step_lowers_the_likelihood_far_from_the_estimate(start, rough_motion, rng):
     measured = simulated(rng)
     problem = problem_of(measured, ())
     smoothing = LinearSmoothing(problem)
@@ -182,7 +182,7 @@ def test_no_step_lowers_the_likelihood_far_from_the_estimate(start, is_rough, rn
     constants = list[float]()
     for _ in range(20):
         was_at_minimum = at.cost - at.least < 0.01
-        found = integrate_out_motion(problem, smoothing, at, 1, is_rough)
+        found = integrate_out_motion(problem, smoothing, at, 1, rough_motion)
         assert found is not None
         at, convergence, gain, minus_twice_log = found
         before, objective = objective, minus_twice_log_posterior(at.trajectory.parameters, measured, ())
@@ -190,7 +190,7 @@ def test_no_step_lowers_the_likelihood_far_from_the_estimate(start, is_rough, rn
         # Once the parameters are known the model is linear, and the approximation is exact.
         assert gain == pytest.approx(0.5 * (before - objective), abs=0.01)
         # A rough step trusts the objective less if it starts far from the minimum of the linear problem.
-        assert gain > -0.01 or (is_rough and not was_at_minimum)
+        assert gain > -0.01 or (rough_motion and not was_at_minimum)
         if convergence is None or convergence.is_negligible:
             break
     assert convergence is None or convergence.is_negligible

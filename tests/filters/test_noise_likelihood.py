@@ -228,6 +228,7 @@ def test_noise_that_alternates_with_the_trajectory_is_extrapolated(feedback):
     likelihood = AlternatingLikelihood(feedback)
     found = _search(likelihood, np.zeros(1), 0.0, is_coarse=False)
     assert found.converged
+    assert likelihood.progress.converged
     assert likelihood.progress.trajectories <= 6
     # Fixed point of x = 1 - feedback * x.
     assert found.log_factor[0] == pytest.approx(1.0 / (1.0 + feedback), abs=0.4 / np.sqrt(INFORMATION))

@@ -23,7 +23,7 @@ from auvid_cli.report.screens import objection_to_tuning, print_tuning
     ],
 )
 def test_noise_with_a_worse_judgement_is_not_recommended(before, after, is_recommended):
-    objection = objection_to_tuning(Judgement(before), Judgement(after, "why", "raise max_passes"))
+    objection = objection_to_tuning([Judgement(before), Judgement(after, "why", "raise max_passes")])
     assert (objection == "") is is_recommended
     assert is_recommended or objection.endswith("raise max_passes")
 
@@ -33,5 +33,5 @@ def test_errors_of_an_ahrs_are_explained(estimates, experiment_with, source, is_
     experiment = experiment_with(f"sensors.attitude={{source: {source}}}")
     judged = replace(estimates[0], experiment=experiment), Judgement(Grade.SOUND)
     screen = io.StringIO()
-    print_tuning(Console(file=screen, width=80), Tuning((), 0.0, 0.0, True, experiment), judged, judged)
+    print_tuning(Console(file=screen, width=80), Tuning((), 0.0, 0.0, True, experiment), [judged, judged])
     assert ("AHRS" in screen.getvalue()) is is_explained
