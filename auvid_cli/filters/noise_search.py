@@ -125,8 +125,9 @@ def most_likely_noise(
         trajectory = likelihood.motion_given(x, first.trajectory.parameters)
     if trajectory is None or likelihood.filter(x, trajectory) is None:
         trajectory = likelihood.most_probable(x, max_passes)
-    tunes_sensors = any(group.sensor >= 0 for group in groups)
-    start_at = None if first is None and tunes_sensors else x
+    # A coarse search begins near its end, from the motion of a similar model.
+    is_unknown = first is None and not is_coarse and any(group.sensor >= 0 for group in groups)
+    start_at = None if is_unknown else x
     found = None if trajectory is None else _search(likelihood, start_at, trajectory, is_coarse)
     if found is None:
         return None
