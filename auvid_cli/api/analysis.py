@@ -129,7 +129,7 @@ class TunedResults(NamedTuple):
     """Tuned noise, smoother estimates before and after, written tables, and the settings file for `identify`."""
 
     tuning: Tuning
-    fits: list[tuple[Estimate, Judgement]]  # empty after an interrupt
+    fits: list[tuple[Estimate, Judgement]]  # empty if they were interrupted
     files: list[Path]
     settings: Path
 
@@ -177,14 +177,17 @@ def tune_into(
                 if latest is None or latest.so_far is None:
                     raise
                 tuning, motion = latest.so_far()
-                progress.message("interrupted: the best noise so far is kept, without intervals")
+                progress.message(
+                    "interrupted: the latest noise is kept, without intervals; Ctrl-C again leaves out the fits"
+                )
             files = write_csv_tables({"tuning": tuning.rows()}, folder / "tables")
             write_text(folder / "tuned.yaml", tuning.settings())
             label(text := "tune: fits with the noise of the settings, and with the tuned noise")
             progress.message(text)
             tuned = fit(dataset.with_settings(tuning.experiment), motion)
             # It has not begun if the data are long, or if an interrupt came before.
-            as_stated, estimates = as_stated or fit(dataset, motion), list[Estimate]()
+            as_stated = as_stated or fit(dataset, motion)
+            estimates: list[Estimate] = []
             try:
                 estimates = [as_stated.result(), tuned.result()]
             except KeyboardInterrupt:
@@ -195,7 +198,7 @@ def tune_into(
 
 def _time_left(share: float, elapsed: float) -> str:
     """Return about how long a search still takes, after a share of it; empty at the start."""
-    return f", about {elapsed * (1.0 - share) / share:.0f} s until the fits" if share > 0.0 else ""
+    return f", about {elapsed * (1.0 - share) / share:.0f} s left in this search" if share > 0.0 else ""
 
 
 def find_terms_into(

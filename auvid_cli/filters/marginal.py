@@ -69,7 +69,12 @@ class _GivenParameters(NamedTuple):
 
 
 def integrate_out_motion(
-    problem: JointProblem, smoothing: LinearSmoothing, start: Filtered, max_steps: int, rough_motion: bool = False
+    problem: JointProblem,
+    smoothing: LinearSmoothing,
+    start: Filtered,
+    max_steps: int,
+    rough_motion: bool = False,
+    history: list[tuple[Array, Array]] | None = None,
 ) -> tuple[Filtered, ConvergenceStatus | None, float, float] | None:
     """Maximise the marginal posterior of the parameters; None if the motion diverges for them.
 
@@ -84,6 +89,9 @@ def integrate_out_motion(
     rough_motion : bool
         Whether the motion need not converge. On long data it hardly does: a step that the small process noise does
         not allow raises the cost at first. The objective of the linear problem hardly depends on it.
+    history : list of tuple, optional
+        Plain step of the parameters and move made instead, for each step of earlier calls with a similar problem. They
+        accelerate the next steps, which are added.
 
     Returns
     -------
@@ -99,7 +107,7 @@ def integrate_out_motion(
     """
     n, filtered, convergence = problem.n_parameters, start, None
     covariance = start.final.covariance()[:n, :n]
-    deviation, moves, steps = np.sqrt(np.diagonal(covariance)), list[Array](), list[Array]()
+    deviation, made = np.sqrt(np.diagonal(covariance)), [] if history is None else history
     of_motion = LinearSmoothing(problem, parameters_are_given=True)
     at = _given_linear_problem(problem, filtered)
     if not rough_motion:
@@ -110,16 +118,15 @@ def integrate_out_motion(
     for _ in range(max_steps):
         # To the joint minimum of the linear problem, and from there to the marginal one.
         step = filtered.final.mean[:n] + marginal_step(problem, smoothing, filtered)
-        steps.append(step / deviation)
-        convergence = ConvergenceStatus(float(step @ np.linalg.solve(covariance, step)), steps[-1])
-        is_small = bool((np.abs(steps[-1]) <= _MAX_LAST_STEP).all())
+        convergence = ConvergenceStatus(float(step @ np.linalg.solve(covariance, step)), step / deviation)
+        is_small = bool((np.abs(step / deviation) <= _MAX_LAST_STEP).all())
         # The objective has an error of about this size, because the motion has not quite converged. A small step is
         # always accepted: it changes the objective by less than that.
         limit = np.inf if is_small else at.least(rough_motion) + NEGLIGIBLE_DECREASE
         # The motion changes with the parameters as in the linear problem, and then goes to its minimum.
         trials = (
-            (move, filtered.trajectory.stepped(smoothing.step(filtered, deviation * move), 1.0))
-            for move in _possible_moves(moves, steps)
+            (move, filtered.trajectory.stepped(smoothing.step(filtered, move), 1.0))
+            for move in _possible_moves(made, step, deviation)
         )
         found = _line_search(problem, of_motion, at, trials, limit, rough_motion)
         if found is None:
@@ -127,7 +134,7 @@ def integrate_out_motion(
             convergence = convergence._replace(is_negligible=convergence.cost_decrease < NEGLIGIBLE_DECREASE)
             break
         at, move = found
-        moves.append(move)
+        made.append((step, move))
         if (filtered := smoothing.filter(at.trajectory)) is None:
             return None
         if is_small and at.converged:
@@ -162,31 +169,33 @@ def _line_search(
     return None
 
 
-def _possible_moves(moves: list[Array], steps: list[Array]) -> Iterator[Array]:
-    """Yield the accelerated step, and then the plain one and parts of it, in units of the deviation.
+def _possible_moves(made: list[tuple[Array, Array]], step: Array, deviation: Array) -> Iterator[Array]:
+    """Yield the accelerated step, and then the plain one and parts of it.
 
     Where the data hardly tell the parameters, the plain step can be ten times too long.
     """
-    if moves:
-        yield _accelerated(moves, steps)
+    if made:
+        yield _accelerated(made, step, deviation)
     for halvings in range(_MAX_HALVINGS):
-        yield 0.5**halvings * steps[-1]
+        yield 0.5**halvings * step
 
 
-def _accelerated(moves: list[Array], steps: list[Array]) -> Array:
+def _accelerated(made: list[tuple[Array, Array]], step: Array, deviation: Array) -> Array:
     """Return the next move of a fixed-point iteration by Anderson's method (SIAM J. Numer. Anal. 49(4), 2011).
 
     Parameters
     ----------
-    moves : list of ndarray, shape (n,)
-        Moves so far.
-    steps : list of ndarray, shape (n,)
-        Steps of the plain iteration before each move and now.
+    made : list of tuple
+        Plain step and move made instead, so far.
+    step : ndarray, shape (n,)
+        Plain step now.
+    deviation : ndarray, shape (n,)
+        Standard deviations, by which the components are weighted.
     """
-    first = max(len(moves) - _MEMORY, 0)
-    changes = np.diff(np.stack(steps[first:], axis=1), axis=1)
-    share = np.linalg.lstsq(changes, steps[-1])[0]
-    return steps[-1] - (np.stack(moves[first:], axis=1) + changes) @ share
+    steps, moves = zip(*made[-_MEMORY:], strict=True)
+    changes = np.diff(np.stack([*steps, step], axis=1), axis=1)
+    share = np.linalg.lstsq(changes / deviation[:, None], step / deviation)[0]
+    return step - (np.stack(moves, axis=1) + changes) @ share
 
 
 def _given_parameters(

@@ -22,17 +22,19 @@ from auvid_cli.filters.smoother import follow_measurements, most_probable
 _FIRST_PASSES = 5
 # Size of the cache, as a multiple of the default. A cache of 1 repeats a third of the passes over 47 minutes.
 _CACHES = 2
+# Smallest mean NIS of a sensor for the start of a search; without noise it would be 0.
+_MIN_NIS = 1e-12
 
 
 class NoiseProgress(NamedTuple):
-    """How far a search for the most likely noise has come."""
+    """Progress of a search for the most likely noise."""
 
-    passes: int  # through the data
-    trajectories: int  # about which the noise has been found so far
+    passes: int  # through the data, for likelihoods and their slopes
+    trajectories: int  # number of completed ones
     log_factor: Array  # shape (k,); the best so far
     log_likelihood: float  # with these, up to a constant of the data
     gain: float  # increase of the log-likelihood over that of factors of 1
-    trajectory: Trajectory | None  # about which the likelihood is that of the factors; none before the first
+    trajectory: Trajectory | None  # about which the likelihood is computed; none before the first is complete
     share: float  # approximate share of the whole search that is done
     converged: bool = False
 
@@ -63,7 +65,7 @@ class TrajectoryStep(NamedTuple):
     """Step of the trajectory towards the marginal estimate."""
 
     trajectory: Trajectory
-    gain: float  # increase of the log of the marginal posterior; the predicted one unless the search is coarse
+    gain: float  # increase of the log of the marginal posterior; computed in a coarse search, otherwise predicted
     objective: float  # minus twice the log of the marginal posterior after the step, up to a constant of the data
 
 
@@ -98,7 +100,7 @@ class NoiseLikelihood:
         return minima[0][0].trajectory if minima else None
 
     def motion_given(self, logarithms: Array, parameters: Array) -> Trajectory | None:
-        """Return about the most probable motion given parameters, with scaled noise; None if there is none."""
+        """Return a motion near the most probable one given parameters, with scaled noise; None if there is none."""
         self._scale(logarithms)
         followed = follow_measurements(self._present)
         if followed is None:
@@ -115,8 +117,8 @@ class NoiseLikelihood:
     def start_from_innovations(self, filtered: Filtered) -> Array:
         """Return log factors for a start, from the mean NIS in a forward pass with factors of 1.
 
-        A sensor has the factor with which its own mean NIS would be 1, if all noise had this factor. Process noise has
-        the factor that follows from the mean over the sensors. Time constants have a factor of 1.
+        The factor of a sensor is the root of its mean NIS. That of process noise is the geometric mean over the
+        sensors, that of a time constant is 1.
         """
         n_sensors = self._problem.sensors.variance.shape[0]
         squares, counts = np.zeros(n_sensors), np.zeros(n_sensors)
@@ -126,20 +128,27 @@ class NoiseLikelihood:
             squares += np.bincount(sensor, forward_pass.error[measured] ** 2 / forward_pass.total[measured], n_sensors)
             counts += np.bincount(sensor, minlength=n_sensors)
         nis = np.divide(squares, counts, out=np.ones(n_sensors), where=counts > 0)
-        mean = nis[counts > 0].mean()
-        of_group = [1.0 if group.rates else nis[group.sensor] if group.sensor >= 0 else mean for group in self._groups]
-        return 0.5 * np.log(np.maximum(of_group, np.exp(2.0 * self.minimum)))
+        of_sensor = 0.5 * np.log(np.maximum(nis, _MIN_NIS))
+        mean = of_sensor[counts > 0].mean()
+        of_group = [
+            0.0 if group.rates else of_sensor[group.sensor] if group.sensor >= 0 else mean for group in self._groups
+        ]
+        return np.maximum(of_group, self.minimum)
 
-    def one_step(self, filtered: Filtered, is_coarse: bool) -> TrajectoryStep | None:
-        """Return the next trajectory, one step closer to the marginal estimate.
+    def one_step(
+        self, filtered: Filtered, is_coarse: bool, history: list[tuple[Array, Array]] | None
+    ) -> TrajectoryStep | None:
+        """Return the next trajectory, one step closer to the marginal estimate; `history` as `integrate_out_motion`.
 
         None if the motion diverges. In a search that is not coarse, also if no step is accepted although the predicted
         decrease of the cost matters.
         """
-        # Scores of noise about a known trajectory need no compiled code of the marginal estimate.
+        # Imported here, because `noise_scores_about` does not need this compiled code.
         from auvid_cli.filters.marginal import integrate_out_motion
 
-        found = integrate_out_motion(self._present, self.smoothing, filtered, max_steps=1, rough_motion=not is_coarse)
+        found = integrate_out_motion(
+            self._present, self.smoothing, filtered, max_steps=1, rough_motion=not is_coarse, history=history
+        )
         if found is None:
             return None
         stepped, convergence, gain, objective = found

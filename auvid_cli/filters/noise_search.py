@@ -1,9 +1,8 @@
 """Search for the most likely process and measurement noise.
 
-The likelihood about a trajectory is maximised over the logarithms of noise factors by scoring, with the derivatives
-from `auvid_cli.filters.noise_scores`; then the trajectory takes a step towards the marginal estimate, and so on. About
-the most probable trajectory the likelihood is lower: that trajectory ignores the variances of the innovations, so its
-parameters are biased.
+Noise and trajectory are improved in turn. The likelihood about a trajectory is maximised over the logarithms of noise
+factors by scoring, with the derivatives from `auvid_cli.filters.noise_scores`. Then the trajectory takes a step towards
+the marginal estimate. The parameters of the most probable trajectory are biased, because its cost lacks ``log S``.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,34 +24,32 @@ _MAX_CHANGE = 0.4
 _MAX_STEP = 2.0
 # Largest log factor.
 _MAX_LOG_FACTOR = 14.0
-# Relative tolerance of the decrease of the log-likelihood at the end of an interval.
+# Relative tolerance with which the log-likelihood decreases by `_INTERVAL_DECREASE` at the end of an interval.
 _DECREASE_TOLERANCE = 0.1
 # Maximum number of evaluations to find that end.
 _MAX_EVALUATIONS = 16
-# Lower limit of the share of that decrease in an extrapolation: one evaluation raises the added variance at most 1000
-# times.
+# Smallest share of that decrease in one extrapolation; the added variance then grows at most 1000 times.
 _MIN_SHARE = 1e-6
-MAX_TRAJECTORIES = 10
+# Maximum number of trajectories of one search.
+MAX_TRAJECTORIES = 15
 # Approximate share of the whole search that precedes the intervals.
 _SEARCH_SHARE = 0.75
-# Share of that search that remains after each trajectory.
+# Ratio of the remaining shares after and before a trajectory.
 _REMAINING = 0.5
-# First trajectory whose noise may be extrapolated; the first changes are due to the start.
-_FIRST_EXTRAPOLATED = 4
 # Maximum number of steps of one climb.
 _MAX_STEPS = 40
 # Negligible information, which keeps matrices invertible.
 _MIN_INFORMATION = 1e-9
-# Smallest increase of the log-likelihood that is worth another step.
+# Smallest product of slope and step that is worth another step; the log-likelihood increases by about half of it.
 _MIN_INCREASE = 0.01
-# The same in a coarse search.
+# Smallest such product in a coarse search.
 _COARSE_INCREASE = 0.3
 # Largest gain in the log of the marginal posterior by the last step of the trajectory at convergence, and largest last
 # change of the log-likelihood of a coarse search.
 _MAX_GAIN = 1.0
 # Largest increase of minus twice the log of the marginal posterior between two trajectories. Incomplete convergence of
 # the motion causes smaller increases.
-_MAX_INCREASE = 10.0
+_MAX_INCREASE = 30.0
 # Number of rejections of new noise at which a search ends.
 _MAX_REJECTIONS = 2
 # Number of trajectories without a larger likelihood after which a coarse search ends.
@@ -73,15 +70,15 @@ class NoiseFactors(NamedTuple):
     factor: Array  # shape (k,)
     # Ends of the 95 % intervals; NaN if they were not computed
     low: Array  # shape (k,); 0 if the interval includes no noise
-    high: Array  # shape (k,); infinite if it includes any larger factor
+    high: Array  # shape (k,); infinite if the data give no upper limit
     log_likelihood: float  # up to a constant of the data
     gain: float  # increase of the log-likelihood over that of factors of 1
     converged: bool
-    trajectory: Trajectory  # about which the likelihood is that of the factors
+    trajectory: Trajectory  # about which the likelihood is computed
 
 
 class _Optimum(NamedTuple):
-    """Log factors at the end of a search; extrapolated if noise and trajectory alternate."""
+    """Log factors at the end of a search."""
 
     log_factor: Array  # shape (k,)
     trajectory: Trajectory
@@ -110,10 +107,10 @@ def most_likely_noise(
     max_passes : int
         Maximum number of forward passes for the first trajectory.
     on_pass : callable
-        Receives a `NoiseProgress` before each forward or backward pass; an exception that it raises ends the search.
+        Receives a `NoiseProgress` before each likelihood and before its slopes. An exception from it ends the search.
     is_coarse : bool
         Whether to end where the log-likelihood hardly changes, and to leave out the intervals, which are then NaN.
-        This serves to compare models.
+        This serves to compare models, and to find a start for a long search.
     start : Trajectory, optional
         First trajectory, near that of the marginal estimate; by default the most probable one.
     first : NoiseFactors, optional
@@ -125,10 +122,10 @@ def most_likely_noise(
         trajectory = likelihood.motion_given(x, first.trajectory.parameters)
     if trajectory is None or likelihood.filter(x, trajectory) is None:
         trajectory = likelihood.most_probable(x, max_passes)
-    # A coarse search begins near its end, from the motion of a similar model.
-    is_unknown = first is None and not is_coarse and any(group.sensor >= 0 for group in groups)
-    start_at = None if is_unknown else x
-    found = None if trajectory is None else _search(likelihood, start_at, trajectory, is_coarse)
+    # With the motion of a similar model the search begins near its end.
+    if start is None and first is None and any(group.sensor >= 0 for group in groups):
+        x = None
+    found = None if trajectory is None else _search(likelihood, x, trajectory, is_coarse)
     if found is None:
         return None
     x, trajectory, information, level, stated, converged, has_intervals = found
@@ -152,23 +149,25 @@ def most_likely_noise(
 
 
 def _search(likelihood: NoiseLikelihood, x: Array | None, trajectory: Trajectory, is_coarse: bool) -> _Optimum | None:
-    """Climb from log factors x about one trajectory after another; None if one has no finite cost.
+    """Return the optimum of log factors and trajectory; None if the cost of a trajectory is not finite.
 
-    If x is None, it follows from the innovations with the stated noise.
+    It starts from log factors x, or if None from the innovations with factors of 1.
     """
-    gain, objective, converged, n_rejections, zeros = np.inf, np.inf, False, 0, np.zeros(likelihood.minimum.size)
+    gain, objective, converged, n_rejections = np.inf, np.inf, False, 0
+    zeros = np.zeros(likelihood.minimum.size)
     likelihood.set_process_memory(trajectory)
     with_stated = likelihood.filter(zeros, trajectory)
     stated = level = -np.inf if with_stated is None else log_likelihood(with_stated)
     if x is None:
         x = zeros if with_stated is None else likelihood.start_from_innovations(with_stated)
-    best, latest, change = -np.inf, 0, np.zeros(x.size)
+    best, latest = -np.inf, 0
     information, increase = np.eye(x.size), _COARSE_INCREASE if is_coarse else _MIN_INCREASE
+    steps = list[tuple[Array, Array]]()
     for number in range(1, MAX_TRAJECTORIES + 1):
         before, last_information, last_progress = x, information, likelihood.progress
         highest = _climb(likelihood, x, trajectory, min_increase=increase)
-        if highest is not None and not is_coarse and number >= _FIRST_EXTRAPOLATED:
-            highest = _extrapolated(likelihood, highest, before, change)
+        if highest is None and number == 1:
+            highest = _climb(likelihood, zeros, trajectory, min_increase=increase)
         if highest is None:
             return None
         x, filtered, information = highest
@@ -178,25 +177,35 @@ def _search(likelihood: NoiseLikelihood, x: Array | None, trajectory: Trajectory
         converged = gain < _MAX_GAIN and (is_same or (is_coarse and abs(level - last) < _MAX_GAIN))
         share = _SEARCH_SHARE * (1.0 - _REMAINING**number)
         likelihood.progress = NoiseProgress(
-            likelihood.progress.passes, number, x, level, level - stated, trajectory, share, converged
+            passes=likelihood.progress.passes,
+            trajectories=number,
+            log_factor=x,
+            log_likelihood=level,
+            gain=level - stated,
+            trajectory=trajectory,
+            share=share,
+            converged=converged,
         )
         best, latest = (level, number) if level > best + _MAX_GAIN else (best, latest)
         # With a wrong model, noise and trajectory may go round in a circle.
         if converged or number == MAX_TRAJECTORIES or (is_coarse and number - latest == _PATIENCE):
             break
-        step = likelihood.one_step(filtered, is_coarse)
+        # The first step is made with very different noise.
+        history = None if is_coarse or number == 1 else steps
+        step = likelihood.one_step(filtered, is_coarse, history)
         is_worse = step is None or step.objective > objective + _MAX_INCREASE
         if not is_coarse and number > 1 and is_worse:
             # With such different noise the linear problem about this trajectory is a bad approximation.
             n_rejections += 1
-            x, information, change = before, last_information, np.zeros(x.size)
+            steps.clear()  # the last one is not made
+            x, information = before, last_information
             passes = likelihood.progress.passes
             likelihood.progress = last_progress._replace(passes=passes, trajectories=number, share=share)
             filtered = likelihood.filter(x, trajectory)
             if filtered is None:
                 return None
             level = log_likelihood(filtered)
-            step = None if n_rejections == _MAX_REJECTIONS else likelihood.one_step(filtered, is_coarse)
+            step = None if n_rejections == _MAX_REJECTIONS else likelihood.one_step(filtered, is_coarse, history)
         if step is None:
             break
         trajectory, gain, objective = step
@@ -204,23 +213,6 @@ def _search(likelihood: NoiseLikelihood, x: Array | None, trajectory: Trajectory
     # After the last rejection, the likelihood about the trajectory has its maximum elsewhere.
     has_intervals = not is_coarse and n_rejections < _MAX_REJECTIONS
     return _Optimum(x, trajectory, information, level, stated, converged, has_intervals)
-
-
-def _extrapolated(
-    likelihood: NoiseLikelihood, highest: "_ClimbResult", before: Array, last_change: Array
-) -> "_ClimbResult | None":
-    """Return the noise to which an alternation of noise and trajectory converges (Aitken's extrapolation).
-
-    Without an alternation it is that of the climb. None if its cost is not finite.
-    """
-    change, information = highest.log_factor - before, highest.information
-    square = float(last_change @ information @ last_change)
-    ratio = float(change @ information @ last_change) / square if square > 0.0 else 0.0
-    if not -1.0 < ratio < 0.0:
-        return highest
-    x = before + change / (1.0 - ratio)
-    filtered = likelihood.filter(x, highest.filtered.trajectory)
-    return None if filtered is None else _ClimbResult(x, filtered, information)
 
 
 class _ClimbResult(NamedTuple):

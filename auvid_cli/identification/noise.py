@@ -117,7 +117,7 @@ def tune_noise(
         on_progress(TuningProgress(search, so_far if search.trajectories else None, begins_with_part))
 
     def on_part(search: NoiseProgress) -> None:
-        on_progress(TuningProgress(search._replace(trajectories=0, share=0.0), None, True, "the windows with turns"))
+        on_progress(TuningProgress(search._replace(share=0.0), None, True, "the windows"))
 
     groups, max_passes, first = _groups(noises), settings.smoother.max_passes, None
     if part is not None:

@@ -181,7 +181,7 @@ def print_tuning(console: Console, tuning: Tuning, fits: Sequence[Judged]) -> No
         console.print(screen_table(console, _estimates(*fits), _TUNING_DIGITS))
         print_texts(console, (_BEFORE_AND_AFTER, *([_OF_AHRS] if is_from_ahrs(fits[0][0]) else [])))
     if not tuning.converged:
-        advice = "start `auvid tune` again from these values, or use data with more turns"
+        advice = "run `auvid tune` again with --set and the new tuned.yaml, or use data with more turns"
         console.print(Text(f"The search has not converged: {advice}."))
 
 

@@ -2,8 +2,8 @@
 
 How `auvid run` starts cold, with nothing compiled, and warm, what its steps take, how fast help comes, and how each
 command grows with the duration of the data: simulation, import, inspection, tuning, each filter, validation, report,
-and all in one run. With `--folder`, what has been measured on the same day is not repeated. Needs Linux, which says
-what processes share of their memory.
+and all in one run. With `--folder`, rows of growth that were measured there on the same day are kept; empty it
+after a change of the code. Needs Linux, which says what processes share of their memory.
 """
 
 import argparse
@@ -192,15 +192,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=("start", "growth"), help="one of the two parts")
     parser.add_argument("--durations", type=int, nargs="+", default=_DURATIONS, help="of the data, s")
-    parser.add_argument("--folder", type=Path, help="for data and finished rows; by default a temporary one")
+    parser.add_argument("--folder", type=Path, help="for data and finished rows of growth; by default a temporary one")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        folder = options.folder or Path(name)
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = Path(name)
         if options.only != "growth":
             _write("start", _start_up(folder), stages(folder, _ROUNDS))
         if options.only != "start":
-            _write("growth", _growth(folder, sorted(options.durations)))
+            kept = options.folder or folder
+            kept.mkdir(parents=True, exist_ok=True)
+            _write("growth", _growth(kept, sorted(options.durations)))
 
 
 if __name__ == "__main__":

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
 from auvid_cli.filters.linear_smoother import LinearSmoothing
-from auvid_cli.filters.marginal import integrate_out_motion
+from auvid_cli.filters.marginal import _accelerated, integrate_out_motion
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     OBSERVATION_SIGNATURE,
@@ -167,6 +168,16 @@ def test_too_few_steps_report_convergence_status(rng):
     to_go = late.trajectory.parameters - early.trajectory.parameters
     # The remaining distance is less than the last step, because steps become shorter.
     assert (np.abs(to_go) < np.abs(convergence.step * deviation)).all()
+
+
+def test_acceleration_ends_an_iteration_that_is_linear(rng):
+    """With as many steps as parameters, Anderson's method finds the fixed point, even if plain steps lead away."""
+    rate, fixed = -1.5 * np.eye(3) + 0.3 * rng.standard_normal((3, 3)), rng.standard_normal(3)
+    made, x = [], np.zeros(3)
+    for move in rng.standard_normal((3, 3)):
+        made.append((rate @ (x - fixed), move))
+        x = x + move
+    assert_allclose(x + _accelerated(made, rate @ (x - fixed), np.array([1.0, 10.0, 0.1])), fixed, atol=1e-9)
 
 
 @pytest.mark.parametrize("rough_motion", [False, True], ids=["exact", "rough"])

@@ -70,7 +70,7 @@ def test_start_follows_from_the_nis_of_each_sensor(linear_problem, moments_of_me
     of = np.broadcast_to(timeline.measurement_sensor[:, None], component.shape)[component]
     nis = np.array([squares[of == sensor].mean() for sensor in sensors])
     assert_allclose(found[:-1], np.maximum(0.5 * np.log(nis), least), atol=1e-8)
-    assert_allclose(found[-1], 0.5 * np.log(nis.mean()), atol=1e-8)
+    assert_allclose(found[-1], 0.5 * np.log(nis).mean(), atol=1e-8)
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
@@ -199,7 +199,7 @@ class AlternatingLikelihood:
     """
 
     def __init__(self, feedback):
-        self.feedback, self.minimum, self.x = feedback, np.array([-14.0]), 0.0
+        self.feedback, self.minimum, self.x, self.histories = feedback, np.array([-14.0]), 0.0, []
         self.progress = NoiseProgress(0, 0, np.zeros(1), -np.inf, 0.0, None, 0.0)
 
     def filter(self, logarithms, trajectory):
@@ -213,7 +213,8 @@ class AlternatingLikelihood:
     def scores(self, filtered):
         return NoiseScores(np.array([INFORMATION * (self.maximum - self.x)]), np.array([[INFORMATION]]))
 
-    def one_step(self, filtered, is_coarse):
+    def one_step(self, filtered, is_coarse, history):
+        self.histories.append(history)
         return TrajectoryStep(self.x, gain=0.0, objective=0.0)
 
     def set_share(self, share):
@@ -223,15 +224,37 @@ class AlternatingLikelihood:
         pass
 
 
-@pytest.mark.parametrize("feedback", [0.3, 0.6, 0.9])
-def test_noise_that_alternates_with_the_trajectory_is_extrapolated(feedback):
+@pytest.mark.parametrize(("feedback", "converges"), [(0.0, True), (0.5, True), (0.95, False)])
+def test_search_ends_where_noise_and_trajectory_agree(feedback, converges):
     likelihood = AlternatingLikelihood(feedback)
     found = _search(likelihood, np.zeros(1), 0.0, is_coarse=False)
-    assert found.converged
-    assert likelihood.progress.converged
-    assert likelihood.progress.trajectories <= 6
+    assert found.converged == likelihood.progress.converged == converges
     # Fixed point of x = 1 - feedback * x.
-    assert found.log_factor[0] == pytest.approx(1.0 / (1.0 + feedback), abs=0.4 / np.sqrt(INFORMATION))
+    fixed = 1.0 / (1.0 + feedback)
+    assert (found.log_factor[0] == pytest.approx(fixed, abs=0.4 / np.sqrt(INFORMATION))) == converges
+
+
+def test_steps_but_the_first_are_accelerated_by_those_before():
+    likelihood = AlternatingLikelihood(0.95)
+    _search(likelihood, np.zeros(1), 0.0, is_coarse=False)
+    first, second, *later = likelihood.histories
+    assert first is None
+    assert second == []
+    assert all(history is second for history in later)
+    likelihood.histories.clear()
+    _search(likelihood, np.zeros(1), 0.0, is_coarse=True)
+    assert set(likelihood.histories) == {None}
+
+
+def test_search_starts_from_the_stated_noise_if_that_from_innovations_has_no_finite_cost():
+    class Bounded(AlternatingLikelihood):
+        def start_from_innovations(self, filtered):
+            return np.array([5.0])
+
+        def filter(self, logarithms, trajectory):
+            return None if logarithms[0] > 4.0 else super().filter(logarithms, trajectory)
+
+    assert _search(Bounded(0.0), None, 0.0, is_coarse=False).log_factor[0] == pytest.approx(1.0, abs=0.01)
 
 
 class MisleadingLikelihood(AlternatingLikelihood):
@@ -253,7 +276,7 @@ class MisleadingLikelihood(AlternatingLikelihood):
             found.least = INFORMATION * (self.x - self.preferred) ** 2 - 1000.0
         return found
 
-    def one_step(self, filtered, is_coarse):
+    def one_step(self, filtered, is_coarse, history):
         self.n_steps += 1
         if self.diverges and abs(self.x - 1.0) > 1.0:
             return None
