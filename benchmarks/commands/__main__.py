@@ -125,7 +125,7 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
     Processor time and memory, which hardly depend on other processes. Rows measured on this day are kept in the folder.
     """
     rows, today = ["| command | data (s) | processor (s) | memory (MB) |", "| --- | ---: | ---: | ---: |"], date.today()
-    for measure in (_alone, _in_one, _tuning):
+    for measure in (_alone, _judged, _unjudged, _tuning):
         for duration in durations:
             kept, measured = folder / f"{today}{measure.__name__}_{duration}.txt", list[str]()
 
@@ -159,12 +159,20 @@ def _alone(add: Add, folder: Path, duration: int) -> None:
     shutil.rmtree(home)
 
 
-def _in_one(add: Add, folder: Path, duration: int) -> None:
-    """Measure whole runs."""
-    length, whole = ("--set", f"manoeuvre.duration={duration} s"), folder / "whole"
-    add("run", "run", *length, "--output", str(whole), "--overwrite")
-    add("run, without the judge", "run", *length, *_NO_JUDGE, "--output", str(whole), "--overwrite")
-    shutil.rmtree(whole)
+def _judged(add: Add, folder: Path, duration: int) -> None:
+    """Measure a whole run."""
+    add("run", "run", *_whole(folder, duration))
+    shutil.rmtree(folder / "whole")
+
+
+def _unjudged(add: Add, folder: Path, duration: int) -> None:
+    """Measure a whole run without the judge."""
+    add("run, without the judge", "run", *_whole(folder, duration), *_NO_JUDGE)
+    shutil.rmtree(folder / "whole")
+
+
+def _whole(folder: Path, duration: int) -> tuple[str, ...]:
+    return "--set", f"manoeuvre.duration={duration} s", "--output", str(folder / "whole"), "--overwrite"
 
 
 def _tuning(add: Add, folder: Path, duration: int) -> None:
