@@ -171,6 +171,7 @@ def tune_into(
                     # The fit with the noise of the settings needs a start, but not the end of the search.
                     as_stated = fit(dataset, now.so_far()[1])
 
+            progress.message("tune: finding a motion that follows the data")
             try:
                 tuning, motion = _tune(dataset, sensors, disturbance, show)
             except KeyboardInterrupt:
