@@ -178,9 +178,7 @@ def tune_into(
                 if latest is None or latest.so_far is None:
                     raise
                 tuning, motion = latest.so_far()
-                progress.message(
-                    "interrupted: the latest noise is kept, without intervals; Ctrl-C again leaves out the fits"
-                )
+                progress.message("interrupted: the noise found so far is kept; Ctrl-C again leaves out the fits")
             files = write_csv_tables({"tuning": tuning.rows()}, folder / "tables")
             write_text(folder / "tuned.yaml", tuning.settings())
             label(text := "tune: fits with the noise of the settings, and with the tuned noise")
