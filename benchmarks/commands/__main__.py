@@ -1,4 +1,4 @@
-"""Time and memory of whole commands: `python -m benchmarks.commands`, some four hours and 20 GB of disk.
+"""Time and memory of whole commands: `python -m benchmarks.commands`, one to five hours and 20 GB of disk.
 
 How `auvid run` starts cold, with nothing compiled, and warm, what its steps take, how fast help comes, and how each
 command grows with the duration of the data: simulation, import, inspection, tuning, each filter, validation, report,
